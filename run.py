@@ -1,8 +1,8 @@
-"""Run the project on a computer that has only git and Python 3.11: ``python3 run.py demo`` or ``test``.
+"""Runs the project with nothing but git and Python 3.11: ``python3 run.py demo``, ``test`` or ``docs``.
 
-Installs what uv.lock pins into ``.venv`` (with uv, which it gets for itself when there is none), then hands
-over to ``fleet demo`` or to the tests, whose other programs it fetches too (tests/programs.py). Needs nothing
-but the standard library, from any folder.
+Installs what uv.lock pins into ``.venv`` with uv, which it installs locally if missing. Then it runs ``fleet
+demo``, the documentation's build, or the tests. For the tests it also fetches programs outside Python
+(tests/programs.py). It needs only the standard library, and works from any folder.
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ ENVIRONMENT = ROOT / ".venv"
 OWN_UV = ROOT / ".venv-uv"
 OLDEST_PYTHON = (3, 11)
 OLDEST_UV = (0, 5)
-TO_FOLDER = ("--root-user-action=ignore", "--target")  # pip may be root's: the system is not changed
+TO_FOLDER = ("--root-user-action=ignore", "--target")  # pip may run as root; it changes only that folder
 VENV = "on Debian and Ubuntu: sudo apt-get install -y python3-venv"
 USAGE = """usage: python3 run.py demo [options of fleet demo]
        python3 run.py test [--fast | --soak] [options of pytest]
        python3 run.py docs
 
---fast: only what waits for nothing, a minute. --soak: many times as many examples, hours."""
-# What each word installs, besides the locked runtime packages. The demo leaves the tests' packages alone.
+--fast: only tests that do not wait, about a minute. --soak: many times as many examples, hours."""
+# Packages to install for each command, besides the locked runtime packages. The demo keeps installed test
+# packages.
 PACKAGES = {
     "demo": ["--no-default-groups", "--extra", "all", "--inexact"],
     "test": ["--all-extras"],
@@ -41,20 +42,20 @@ PROGRAMS = {
 
 
 TIERS = {"--soak": ["--soak", "--timeout", "0"]}
-"""What a word of ours means to pytest; ``--fast`` is its own, in tests/tiers.py."""
+"""pytest options for each option of this script. ``--fast`` is pytest's own, from tests/tiers.py."""
 
 
 class Impossible(Exception):
-    """It cannot be run; the message says what to do."""
+    """The command cannot run. The message says what to do."""
 
 
 def say(text: str) -> None:
-    """Tell the user what is being done."""
+    """Report progress to the user on standard error."""
     print(f"run.py: {text}", file=sys.stderr, flush=True)
 
 
 def works(uv: str | Path) -> bool:
-    """Return True for a uv that runs and is new enough for uv.lock."""
+    """Return whether a uv program runs and is new enough for uv.lock."""
     try:
         told = subprocess.run([str(uv), "--version"], capture_output=True, text=True, check=False)
     except OSError:
@@ -64,31 +65,31 @@ def works(uv: str | Path) -> bool:
 
 
 def find_uv() -> Path:
-    """Return uv: the user's own, or one in a folder of ours, made with venv and pip, or with pip alone."""
+    """Return uv: the user's own, or one in ``.venv-uv``, installed with venv and pip or with pip alone."""
     users = shutil.which("uv")
     if users and works(users):
         return Path(users)
     own = OWN_UV / "bin" / "uv"
     if works(own):
         return own
-    say("there is no uv: making one in .venv-uv, for this folder only")
+    say("uv is missing: installing it in .venv-uv, for this folder only")
     if importlib.util.find_spec("ensurepip"):
         run(
             [sys.executable, "-m", "venv", "--clear", str(OWN_UV)], f"Python cannot make environments; {VENV}"
         )
         pip = [str(OWN_UV / "bin" / "python"), "-m", "pip", "install"]
-    else:  # Debian keeps it in a package of its own
+    else:  # Debian has ensurepip in a package of its own
         shutil.rmtree(OWN_UV, ignore_errors=True)
         pip = [sys.executable, str(fetch_pip() / "pip"), "install", *TO_FOLDER, str(OWN_UV)]
     OWN_UV.mkdir(exist_ok=True)
     (OWN_UV / ".gitignore").write_text("*\n")
-    run([*pip, "--quiet", "uv"], "pip could not install uv; look at the lines above, or install uv yourself")
+    run([*pip, "--quiet", "uv"], "pip could not install uv; see the lines above, or install uv yourself")
     return own
 
 
 def fetch_pip() -> Path:
-    """Return a pip that need not be installed; raises Impossible."""
-    from tests import programs  # noqa: PLC0415 - most have a pip
+    """Return the folder of a pip that runs without installation; raises Impossible."""
+    from tests import programs  # noqa: PLC0415 - rarely needed
 
     say("this Python has no pip: fetching the distribution's into .venv-programs; nothing is installed")
     try:
@@ -98,10 +99,10 @@ def fetch_pip() -> Path:
 
 
 def run(command: list[str], advice: str) -> None:
-    """Run a step; raises Impossible with the advice when it fails."""
+    """Run a command; raises Impossible with ``advice`` if it fails."""
     environment = os.environ | {
         "UV_PROJECT_ENVIRONMENT": str(ENVIRONMENT),
-        "UV_COMPILE_BYTECODE": "1",  # once here, instead of at every start
+        "UV_COMPILE_BYTECODE": "1",  # once here instead of at every start
     }
     environment.pop("VIRTUAL_ENV", None)
     if subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode != 0:
@@ -109,7 +110,7 @@ def run(command: list[str], advice: str) -> None:
 
 
 def install(word: str) -> None:
-    """Bring ``.venv`` to what uv.lock pins; talks only when there is something to wait for."""
+    """Sync ``.venv`` with uv.lock. Prints only if packages have changed and the user may have to wait."""
     uv = find_uv()
     stamp = ENVIRONMENT / f".ready-for-{word}"
     newest = max((ROOT / name).stat().st_mtime for name in ("uv.lock", "pyproject.toml"))
@@ -117,13 +118,16 @@ def install(word: str) -> None:
     if not ready:
         say("installing the packages that uv.lock pins into .venv")
     command = [str(uv), "sync", "--frozen", "--python", sys.executable, *PACKAGES[word]]
-    run(command + ["--quiet"] * ready, "uv could not install the packages; look at the lines above")
+    run(command + ["--quiet"] * ready, "uv could not install the packages; see the lines above")
     stamp.touch()
 
 
 def fetch_programs() -> None:
-    """Fetch what the tests need outside Python; what cannot be had is told, and its tests do not run."""
-    from tests import programs  # noqa: PLC0415 - the demo needs none
+    """Fetch the programs that the tests need outside Python.
+
+    If one is unavailable, the reason is printed, and its tests are skipped.
+    """
+    from tests import programs  # noqa: PLC0415 - the demo does not need it
 
     why = programs.fetch(say)
     if why:
@@ -132,7 +136,7 @@ def fetch_programs() -> None:
 
 
 def start(arguments: list[str]) -> None:
-    """Install, then become the program that was asked for, or show the usage; raises Impossible."""
+    """Install, then replace this process with the program, or print the usage; raises Impossible."""
     if sys.version_info < OLDEST_PYTHON:
         raise Impossible(
             f"this is Python {sys.version.split()[0]}; at least 3.11 is needed: python3.11 run.py ..."
@@ -141,7 +145,7 @@ def start(arguments: list[str]) -> None:
         print(USAGE)
         return
     if not arguments or arguments[0] not in PROGRAMS:
-        raise Impossible(f"what shall be run?\n{USAGE}")
+        raise Impossible(f"the command is missing or unknown\n{USAGE}")
     word, *options = arguments
     install(word)
     if word == "test":

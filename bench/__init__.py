@@ -1,1 +1,1 @@
-"""Benchmarks; see README.md."""
+"""Benchmarks, described in ``README.md``."""

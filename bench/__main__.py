@@ -1,4 +1,4 @@
-"""``python -m bench [NAME[:ROW,...] ...]``; only some benchmarks have rows."""
+"""Command line of the benchmarks, some of which have rows: ``python -m bench [NAME[:ROW,...] ...]``."""
 
 import importlib
 import signal
@@ -22,11 +22,12 @@ NAMES = (
     "soak",
     "dog_picture",
 )
-AT_ONCE = NAMES[:-2]  # a soak takes as long as it is told to, and the picture is written into docs/
+AT_ONCE = NAMES[:-2]  # the soak runs for as long as it is given, and the picture is written into docs/
 
 
 def main():
-    # A shell has its background jobs ignore interrupts, and so would the programs that are ended by one.
+    # Shells start background jobs with SIGINT ignored, and child processes inherit that, although the
+    # benchmarks end them with SIGINT.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for asked in sys.argv[1:] or AT_ONCE:
         name, _, rows = asked.partition(":")

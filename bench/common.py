@@ -1,4 +1,4 @@
-"""What the benchmarks share: a broker, a fleet process, simulated vehicles, and figures."""
+"""Helpers of the benchmarks: broker, fleet process, simulated vehicles, measurements and output."""
 
 import contextlib
 import json
@@ -37,7 +37,7 @@ def twin_of(name):
 
 @contextlib.contextmanager
 def process(*command, stdout=subprocess.DEVNULL, **options):
-    """Run a program for as long as the block lasts; it is interrupted, and killed if that does not help."""
+    """Run a program for the duration of the block, then interrupt it, and kill it after 20 s."""
     running = subprocess.Popen(command, stdout=stdout, stderr=subprocess.DEVNULL, **options)
     try:
         yield running
@@ -52,7 +52,7 @@ def process(*command, stdout=subprocess.DEVNULL, **options):
 
 @contextlib.contextmanager
 def mosquitto(port=0):
-    """A Mosquitto on a port, a free one where none is given; it keeps nothing when it ends."""
+    """Run Mosquitto on ``port``, or on a free port if it is 0, without persistence."""
     program = find("mosquitto")
     if program is None:
         sys.exit("mosquitto is missing: python3 run.py test fetches it")
@@ -68,32 +68,32 @@ def mosquitto(port=0):
             yield port
 
 
-def at_once(pid=0):
-    """Let a process of one thread, or this thread alone, have the processor whenever it wants it.
+def set_realtime(pid=0):
+    """Give a single-threaded process, or with 0 this thread alone, real-time priority (SCHED_RR).
 
-    Who measures, and the broker, are no part of what is measured: their waiting for it would hide it. Where
-    that is not permitted they wait.
+    The measuring process and the broker are not part of what is measured, and time that they wait for a
+    processor would mask it. Without the permission, the priority stays as it is.
     """
     with contextlib.suppress(PermissionError):
         os.sched_setscheduler(pid, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(10))
 
 
 @contextlib.contextmanager
-def awake():
-    """Keep idle processors from sleeping, as cyclictest does; where that is not permitted they sleep.
+def without_deep_sleep():
+    """Keep idle processors out of deep sleep states, as cyclictest does, if permitted.
 
-    A processor that sleeps takes a quarter of a millisecond to wake up on some machines, and the less the
-    others do, the deeper it sleeps: who costs least would wait longest.
+    Waking from one takes a quarter of a millisecond on some machines, and the less load there is, the deeper
+    the processor sleeps: the cheapest candidate would show the longest latency.
     """
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):
             held = stack.enter_context(Path("/dev/cpu_dma_latency").open("wb", buffering=0))
-            held.write(struct.pack("i", 0))  # microseconds that a wake-up may take
+            held.write(struct.pack("i", 0))  # maximum wake-up latency, microseconds
         yield
 
 
 def listener(port):
-    """Return the process of ours that listens on a port."""
+    """Return the child process that listens on ``port``."""
     for each in psutil.Process().children():
         if any(one.laddr.port == port and one.status == "LISTEN" for one in each.net_connections()):
             return each
@@ -101,7 +101,7 @@ def listener(port):
 
 
 def bare_client(port, name):
-    """Return a socket on which an MQTT session was opened, and nothing more: it reads only when asked."""
+    """Return a socket with an open MQTT session. Nothing is read from it in the background."""
     opened = socket.create_connection(("127.0.0.1", port))
     opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     opened.sendall(mqtt5.ConnectPacket(name, clean_start=True, keep_alive=0).write())
@@ -110,38 +110,39 @@ def bare_client(port, name):
 
 
 class Fleet:
-    """A running ``fleet run``: when each robot was first told to be well; ``pid`` is the edge's own."""
+    """A running ``fleet run``, with the times at which each robot was first reported healthy."""
 
     def __init__(self, running, runtime):
         self.runtime = runtime
         self.began = time.monotonic()
         self._supervisor = psutil.Process(running.pid)
-        self.well = {}
+        self.healthy_at = {}
         threading.Thread(target=self._read, args=(running.stdout,), daemon=True).start()
 
     def _read(self, lines):
         for text in lines:
             state = json.loads(text)
             if state["health"] == "ok":
-                self.well.setdefault(state["name"], time.monotonic() - self.began)
+                self.healthy_at.setdefault(state["name"], time.monotonic() - self.began)
 
     @property
     def pid(self):
-        """The edge's process, which its supervisor starts again when it dies."""
+        """Process ID of the edge, which its supervisor restarts when it dies."""
         wait_for(self._supervisor.children)
         return self._supervisor.children()[0].pid
 
-    def all_well(self, number):
-        """Wait until so many robots are well; return the seconds that the first took."""
-        wait_for(lambda: len(self.well) >= number)
-        return min(self.well.values())
+    def all_healthy(self, number):
+        """Wait until ``number`` robots are healthy, and return the seconds that the first of them took."""
+        wait_for(lambda: len(self.healthy_at) >= number)
+        return min(self.healthy_at.values())
 
 
 @contextlib.contextmanager
 def fleet(robots, broker, folder=None, **sections):
-    """A ``fleet run`` of these robots; ``folder`` keeps what it leaves, for another run. No broker, no cloud.
+    """Run ``fleet run`` with these robots. Without a broker there is no cloud connection.
 
-    Its sockets, and what it has begun, are in memory, as they are by themselves.
+    ``folder`` holds the fleet file and the edge's state, for another run. The sockets and the records of
+    started commands are in a memory file system, as they are by default.
     """
     with contextlib.ExitStack() as stack:
         runtime = stack.enter_context(tempfile.TemporaryDirectory(prefix="fb", dir=MEMORY))
@@ -158,7 +159,7 @@ def fleet(robots, broker, folder=None, **sections):
 
 
 def puppets(number, **options):
-    """Robots that cost next to nothing (``tests/tools/plugins/puppet.py``), in the edge's own process."""
+    """Return robots of negligible cost (``tests/tools/plugins/puppet.py``) in the edge's own process."""
     names = [f"puppet-{each}" for each in range(number)]
     return [
         {"name": name, "twin": twin_of(name), "adapter": "puppet", "worker": "main", **options}
@@ -167,7 +168,7 @@ def puppets(number, **options):
 
 
 def robot(number, port):
-    """One drone of the fleet file; all share one UDP port, as on a radio."""
+    """Return the fleet file's entry of one drone. All share one UDP port, as on a radio link."""
     return {
         "name": f"drone-{number}",
         "twin": twin_of(f"drone-{number}"),
@@ -180,10 +181,10 @@ def robot(number, port):
 
 @contextlib.contextmanager
 def vehicles(number, *, to, flavour="px4", first_id=1, prompt=False):
-    """Simulated vehicles in a process of their own, speaking to HOST:PORT.
+    """Run simulated vehicles in a separate process that sends to HOST:PORT.
 
-    They stand for a world that has processors of its own, so they have what is left of the last one here, but
-    for those that are to be ``prompt`` with their answers.
+    They represent a world with processors of its own, so they run at idle priority on the last processor,
+    except for those whose answers must be ``prompt``.
     """
     last = str(max(os.sched_getaffinity(0)))
     aside = [] if prompt else ["taskset", "-c", last, "chrt", "--idle", "0"]
@@ -194,7 +195,7 @@ def vehicles(number, *, to, flavour="px4", first_id=1, prompt=False):
 
 
 def wait_for(holds, ignored=(), within=60.0):
-    """Return the first true value of ``holds``."""
+    """Wait until ``holds`` returns a true value, and return it."""
     end = time.monotonic() + within
     while time.monotonic() < end:
         with contextlib.suppress(*ignored):
@@ -206,17 +207,17 @@ def wait_for(holds, ignored=(), within=60.0):
 
 
 def cpu_seconds(pid):
-    """Return the processor time that a process has used."""
+    """Return the processor time that a process has used, in seconds."""
     times = psutil.Process(pid).cpu_times()
     return times.user + times.system
 
 
 def quantiles(samples):
-    """Return (p50, p99)."""
+    """Return the 50th and the 99th percentile."""
     cuts = statistics.quantiles(samples, n=100)
     return cuts[49], cuts[98]
 
 
 def line(name, figure, aim=""):
-    """Print one figure."""
+    """Print one measurement."""
     print(f"  {name:<58} {figure:>18}   {aim}", flush=True)

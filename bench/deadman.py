@@ -1,4 +1,4 @@
-"""How late the dead-man is, on an edge that is busy: all robots that are driven fall silent at once."""
+"""Lateness of the dead-man stop on a loaded edge, when all driven robots fall silent at once."""
 
 import json
 import sys
@@ -24,14 +24,14 @@ while True:
         worst = late
         print(worst, flush=True)
 """
-"""What the computer itself does to a timer, in a process that has nothing else to do."""
+"""Timer lateness of the machine itself, measured in an otherwise idle process."""
 
 
 def run():
     with tempfile.NamedTemporaryFile() as journal, tempfile.TemporaryFile() as timer, mosquitto() as broker:
         robots = puppets(ROBOTS, journal=journal.name)
         with fleet(robots, broker) as edge, Mqtt(broker, "operator") as operator:
-            edge.all_well(ROBOTS)
+            edge.all_healthy(ROBOTS)
             with process(sys.executable, "-c", BARE, stdout=timer):
                 for _ in range(ROUNDS):
                     drive(operator, robots[:DRIVEN])
@@ -51,7 +51,7 @@ def run():
 
 
 def drive(operator, robots):
-    """Drive robots for a second, at 10 Hz."""
+    """Send robots velocities for one second at 10 Hz."""
     for _ in range(10):
         message = {"command": "move_forward", "source_type": "tele", "data": {"linear_x": 1.0}}
         payload = json.dumps(message | {"timestamp": time.time()}).encode()
@@ -62,7 +62,7 @@ def drive(operator, robots):
 
 
 def lateness(journal):
-    """Return, for every halt, how long after the end of the last velocity's lease it came."""
+    """Return, for every halt, its delay after the lease of the last velocity expired."""
     driven, late = {}, []
     for text in journal.read_text().splitlines():
         event = json.loads(text)

@@ -1,6 +1,7 @@
-"""The body controller in real time, against a dog in another process: cycle times, processor, a kill.
+"""Body controller in real time against a simulated quadruped in another process.
 
-``python -m bench.dog_loop URL SECONDS`` is one controller that stands up, walks, and prints its cycle times.
+Measures cycle times, processor time, and what follows when the controller is killed. ``python -m
+bench.dog_loop URL SECONDS`` runs one controller that stands up and walks, and prints its cycle times.
 """
 
 from __future__ import annotations
@@ -36,13 +37,13 @@ from fleet_quadruped.robot.description import EXAMPLE, load_description
 
 HOGS, HOG_SECONDS = 4, 20
 STAND, WALK = 4.0, 10.0  # s
-STARTED = 30.0  # s in which a controller must have enabled its drives
+STARTED = 30.0  # s within which a controller must have enabled its drives
 DOG = load_description(EXAMPLE)
 JOINTS = {TPDO1 + joint.id: (joint, Units(joint)) for joint in DOG.all_joints}
 
 
 class Timed(Controller):
-    """A controller that notes when its cycles begin."""
+    """A controller that records when its cycles begin."""
 
     began = 0.0
 
@@ -52,7 +53,7 @@ class Timed(Controller):
 
 
 class Script:
-    """Stand up, walk, leave; the cycle times of the walk."""
+    """Orders to stand up, walk and leave the loop, and the cycle times measured while walking."""
 
     def __init__(self, seconds: float) -> None:
         self.begun = time.monotonic()
@@ -64,7 +65,7 @@ class Script:
     def order(self) -> Order:
         now = time.monotonic()
         walking = STAND < now - self.begun < self.seconds
-        order = Order(until=now + 1.0, alive=now, errand=Activity(1, BodyRequest.STAND), x=0.4 * walking)
+        order = Order(until=now + 1.0, alive=now, activity=Activity(1, BodyRequest.STAND), x=0.4 * walking)
         return order if now - self.begun < self.seconds else Order(alive=now, leave=True)
 
     def put(self, state: DogState) -> None:
@@ -95,7 +96,7 @@ def controller(url: str, seconds: float) -> None:
 
 @contextlib.contextmanager
 def dog() -> Iterator[tuple[str, int]]:
-    """A simulated dog in a process of its own: its bus and its process."""
+    """Run a simulated quadruped in a separate process; yields the URL of its bus and its process ID."""
     group = ".".join(str(random.randint(1, 254)) for _ in range(3))
     url = f"can:udp_multicast:239.{group}?port={random.randint(43000, 60000)}"
     command = [sys.executable, "-m", "fleet_quadruped.sim", "--bus", f"a={url}"]
@@ -109,7 +110,7 @@ def dog() -> Iterator[tuple[str, int]]:
 
 @contextlib.contextmanager
 def hogs(number: int) -> Iterator[None]:
-    """Processes that want all of the processor; each ends by itself, too."""
+    """Run processes that use as much processor time as they get. Each ends on its own after a while."""
     code = f"import time\nend = time.monotonic() + {HOG_SECONDS}\nwhile time.monotonic() < end: pass"
     running = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(number)]
     try:
@@ -126,7 +127,7 @@ def start(url: str, seconds: float) -> subprocess.Popen[bytes]:
 
 
 def cycles(number: int) -> None:
-    """Print how long a cycle takes while ``number`` others want the processor."""
+    """Print the cycle times while ``number`` other processes compete for the processor."""
     with dog() as (url, sim), hogs(number), start(url, STAND + WALK) as running:
         time.sleep(STAND + 1)
         before = cpu_seconds(running.pid), cpu_seconds(sim)
@@ -151,7 +152,7 @@ def cycles(number: int) -> None:
 
 
 def kill() -> None:
-    """Print what the drives do when the controller is killed in mid-trot."""
+    """Print how the drives react when the controller is killed in mid-trot."""
     with dog() as (url, _), start(url, 60.0) as running:
         _, _, group, port = url.replace("?port=", ":").split(":")
         with can.Bus(interface="udp_multicast", channel=group, port=int(port), fd=False, hop_limit=0) as bus:
@@ -169,20 +170,20 @@ def kill() -> None:
 
 
 def walks(bus: can.BusABC) -> None:
-    """Wait until the dog has trotted for a second: it begins to stand up when its drives are enabled."""
+    """Wait until the robot has trotted for a second. It starts to stand up once its drives are enabled."""
     end = time.monotonic() + STARTED
     while time.monotonic() < end:
         message = bus.recv(0.1)
         if message is not None and enabled(message):
             time.sleep(STAND + 1)
             while bus.recv(0) is not None:
-                pass  # what it has said meanwhile
+                pass  # drop what was received meanwhile
             return
     sys.exit("the dog's drives were never enabled")
 
 
 def enabled(message: can.Message) -> bool:
-    """Tell whether it is the feedback of a drive that is enabled."""
+    """Return whether a message is the feedback of an enabled drive."""
     if message.arbitration_id not in JOINTS:
         return False
     _, units = JOINTS[message.arbitration_id]
@@ -190,7 +191,10 @@ def enabled(message: can.Message) -> bool:
 
 
 def watch(bus: can.BusABC, killed: float) -> tuple[float, float]:
-    """Ask the drives for 2 s; return when the last was seen enabled, and how far joints left their limits."""
+    """Poll the drives for 2 s after the kill.
+
+    Returns when the last drive was seen enabled, and how far joints exceeded their limits.
+    """
     last, beyond, asked = 0.0, -1.0, 0.0
     while (passed := time.monotonic() - killed) < 2.0:
         if passed - asked > 0.01:
@@ -208,7 +212,7 @@ def watch(bus: can.BusABC, killed: float) -> tuple[float, float]:
 
 
 class Live(RecordingRobot):
-    """A robot whose wheel turns in real time; it keeps nothing."""
+    """A robot whose scheduled calls run in real time and whose reports are discarded."""
 
     def __init__(self) -> None:
         super().__init__("dog")
@@ -229,7 +233,7 @@ class Live(RecordingRobot):
 
 
 async def stack(world: str) -> None:
-    """Print what a walking dog costs: the adapter, and the process with the loop and the physics."""
+    """Print the processor use of a walking robot: adapter, and process with control loop and physics."""
     config = QuadrupedConfig(name="dog", twin=twin_of("dog"), adapter="quadruped", link=f"sim:{world}")
     robot = Live()
     adapter = QuadrupedAdapter(config, robot)

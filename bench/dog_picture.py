@@ -1,4 +1,4 @@
-"""A picture for the docs: the path that the simulated dog really walked round a square, and its joints.
+"""Picture for the documentation: the true path of a simulated quadruped around a square, and its joints.
 
 uv run --group bench python -m bench dog_picture      writes docs/how-to/dog-walk.png
 """
@@ -22,7 +22,7 @@ TRACED = ("FL_abad", "FL_hip", "FL_knee")
 
 
 class Walk:
-    """What was seen of a walk: true places, places by odometry, joint angles by time."""
+    """Recording of a walk: true positions, odometry positions, and joint angles over time."""
 
     def __init__(self):
         dog = load_description(EXAMPLE)
@@ -38,7 +38,7 @@ class Walk:
         self.joints.append((self.rig.sim.time, *state.angles))
 
     def square(self):
-        """Stand up, walk round a square, sit down."""
+        """Stand up, walk around a square, and sit down."""
         self.rig.go(0.5)
         self.rig.ask(BodyRequest.STAND)
         self.rig.go(2.5)
@@ -61,7 +61,7 @@ class Walk:
 
 
 class Panel:
-    """A frame with axes; ``points`` of the world become pixels."""
+    """A plot with axes, which maps data points to pixels."""
 
     def __init__(self, draw, box, low, high, title):
         self.draw, self.box, self.low, self.high = draw, box, low, high

@@ -1,9 +1,10 @@
-"""What it costs to see 500 edges of twenty robots at once, and how soon a fault is seen.
+"""Cost of a fleet view of 500 edges with twenty robots each, and the time until it shows a fault.
 
-The edges are puppets (``bench/summary_puppets.py``): each has a token of its own, and the code of an edge
-makes and sends its summary. Ten share a Zenoh session, as a site behind its router, and join one router over
-TCP. ``fleet top`` runs on a terminal of 120 columns and 40 lines, as a person runs it. A fault is seen when
-its words are written there; that takes the look of the edge at its robots, the way, and the drawing.
+The edges are puppets (``bench/summary_puppets.py``). Each declares its own token, and its summaries are made
+and sent by the code of a real edge. Ten edges share a Zenoh session, as a site behind its router does, and
+join one router over TCP. ``fleet top`` runs on a terminal of 120 columns and 40 lines, as for a user. A fault
+counts as seen when its text is written to that terminal. The time includes the edge's poll of its robots, the
+transport, and the drawing.
 """
 
 import fcntl
@@ -25,15 +26,15 @@ import psutil
 from bench.common import cpu_seconds, free_port, line
 
 EDGES = 500
-TOGETHER = 50  # edges in a process
+TOGETHER = 50  # edges per process
 ROUNDS = 20
-SETTLE = 8.0  # s until all have been drawn
+SETTLE = 8.0  # s until all edges have been drawn
 MEASURED = 30.0  # s
 WORDS = "abcdefghijklmnopqrstuvwxyz"
 
 
 class Screen:
-    """``fleet top`` on a terminal; notes when words were written there first."""
+    """``fleet top`` on a pseudo-terminal, with its recent output."""
 
     def __init__(self, command, environment):
         self._ours, theirs = pty.openpty()
@@ -57,7 +58,7 @@ class Screen:
                 self._changed.notify_all()
 
     def seen(self, words, within=30.0):
-        """Return the monotonic second at which words are there that are awaited."""
+        """Wait until ``words`` appear in the output, and return the monotonic time."""
         with self._changed:
             if not self._changed.wait_for(lambda: words in self.last, within):
                 sys.exit(f"{words!r} was not shown: {self.last[-3000:]}")
@@ -65,7 +66,7 @@ class Screen:
 
 
 class Puppets:
-    """A process of puppets, or the router."""
+    """A process of puppet edges, or the router."""
 
     def __init__(self, *arguments):
         command = [sys.executable, "-m", "bench.summary_puppets", *map(str, arguments)]
@@ -78,7 +79,7 @@ class Puppets:
         return self
 
     def fault(self, edge, word):
-        """Give a robot of an edge a fault, or end it; return the monotonic second."""
+        """Set the fault of an edge's first robot, or clear it with an empty word; return the time."""
         self.process.stdin.write(f"edge-{edge} {word}\n")
         self.process.stdin.flush()
         return float(self.process.stdout.readline())
@@ -89,12 +90,12 @@ class Puppets:
 
 
 def run():
-    """Measure the view of a fleet that is well, then faults, then edges whose computers die."""
+    """Measure the view of a healthy fleet, then robot faults, then the loss of a computer with many edges."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     running = [Puppets("router", endpoint).up()]
     with tempfile.TemporaryDirectory(prefix="fv") as folder:
         try:
-            for first in range(0, EDGES, TOGETHER):  # at once, the router would be late with its answers
+            for first in range(0, EDGES, TOGETHER):  # all at once would delay the router's replies
                 running.append(Puppets(first, TOGETHER, endpoint).up())
             _measure(Path(folder), endpoint, running[0], running[1:])
         finally:
@@ -122,7 +123,7 @@ def _measure(folder, endpoint, router, puppets):
 
 
 def _cost(pid, router):
-    """Print processor time and memory while nothing happens."""
+    """Print processor time and memory of the view at rest."""
     time.sleep(SETTLE)
     memory = psutil.Process(pid).memory_info
     before, cpu, routed, began = memory().rss, cpu_seconds(pid), cpu_seconds(router), time.monotonic()
@@ -139,7 +140,7 @@ def _cost(pid, router):
 
 
 def _faults(screen, puppets):
-    """Print how long after a robot's fault its cause is on the screen."""
+    """Print the time from a robot's fault until its cause is on the screen."""
     waits = []
     for number in range(ROUNDS):
         edge = number * 37 % EDGES
@@ -153,7 +154,7 @@ def _faults(screen, puppets):
 
 
 def _deaths(screen, puppets):
-    """Print how long after the end of a computer with many edges they are gone on the screen."""
+    """Print the time from the end of a computer with many edges until the screen shows them gone."""
     at = time.monotonic()
     puppets[0].end()
     line(

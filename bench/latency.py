@@ -1,12 +1,14 @@
-"""From a command in the cloud to bytes on the MAVLink socket: ours, the SDK's bridge, and a bare broker hop.
+"""Latency from a cloud command to bytes on the MAVLink socket: our edge, the SDK's bridge, a bare broker hop.
 
-Each side is measured under its own telemetry, as it would be at work: ours serves 50 drones that fly through
-it, the peer carries as many messages (50 twins, four channels, 10 Hz) from a Zenoh publisher. The peer is the
-SDK's ZenohMqttBridge and the smallest adapter: a Zenoh subscriber that packs the command and sends it. The
-sides take turns on one broker, and the same 50 drones fly beside each (nobody hears them beside the peer).
-The drones have what is left of one processor; the broker and who measures have the processors first, and no
-processor sleeps. A relay notes when the command's bytes pass. Two commands are measured: ``move``, a
-velocity, as it comes while somebody drives, and ``set_home_here``, which is done once, answered.
+Each candidate is measured under its own telemetry load. Ours serves 50 flying drones. The peer carries as
+many messages (50 twins, four channels, 10 Hz) from a Zenoh publisher. The peer is the SDK's ZenohMqttBridge
+with a minimal adapter: a Zenoh subscriber that packs the command and sends it. Both take turns on one broker,
+and the same 50 drones fly during each turn, unheard during the peer's.
+
+The drones run at idle priority on one processor. The broker and the measuring process have real-time
+priority, and no processor enters a deep sleep state. A relay records when the command's bytes pass. Two
+commands are measured: ``move``, a velocity as streamed by an operator, and ``set_home_here``, which is
+executed once and answered.
 """
 
 import contextlib
@@ -22,8 +24,6 @@ import time
 import mqtt5
 
 from bench.common import (
-    at_once,
-    awake,
     bare_client,
     fleet,
     free_port,
@@ -33,13 +33,15 @@ from bench.common import (
     process,
     quantiles,
     robot,
+    set_realtime,
     twin_of,
     vehicles,
     wait_for,
+    without_deep_sleep,
 )
 
 ROUNDS = 2
-EACH = 400  # commands a round; a round takes over a minute
+EACH = 400  # commands per round; a round takes over a minute
 PAUSE = 0.01  # s between commands, in which the vehicle acknowledges them, and between hops
 DRONES = 50
 DO_SET_HOME = 179  # MAV_CMD
@@ -93,7 +95,7 @@ while True:
 
 
 class Relay:
-    """Passes datagrams between the fleet and a vehicle, and notes when what is waited for passes."""
+    """Relay of datagrams between the fleet and a vehicle that records when an expected command passes."""
 
     def __init__(self, fleet_port=0):
         self.near, self.far = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
@@ -108,7 +110,7 @@ class Relay:
         threading.Thread(target=self._to_fleet, daemon=True).start()
 
     def _to_vehicle(self):
-        at_once()
+        set_realtime()
         while True:
             data, _ = self.near.recvfrom(65536)
             now = time.monotonic()
@@ -119,19 +121,19 @@ class Relay:
                 self.far.sendto(data, self.vehicle)
 
     def wait_for(self, asked):
-        """Begin to wait for what a command makes: see ``asked_in``."""
+        """Arm the relay for the command ``asked``, in the form that ``asked_in`` yields."""
         self.passed.clear()
         self._waited_for = asked
 
     def _to_fleet(self):
-        at_once()
+        set_realtime()
         while True:
             data, self.vehicle = self.far.recvfrom(65536)
             self.near.sendto(data, ("127.0.0.1", self.fleet_port))
 
 
 def asked_in(data):
-    """Yield what the MAVLink 2 frames of a datagram ask: a climb in mm/s, or the number of a command."""
+    """Yield what the MAVLink 2 frames of a datagram command: a climb rate in mm/s, or the ID of a command."""
     while len(data) >= 12 and data[0] == 0xFD:
         payload = data[10 : 10 + data[1]].ljust(53, b"\0")
         number = int.from_bytes(data[7:10], "little")
@@ -143,7 +145,7 @@ def asked_in(data):
 
 
 class Cloud:
-    """A bare MQTT client: its own cost is next to nothing, so that it hides no difference."""
+    """A bare MQTT client, whose own cost is too small to mask a difference."""
 
     def __init__(self, port):
         self.out, self.ear = (bare_client(port, f"bench-{name}") for name in ("out", "ear"))
@@ -152,7 +154,7 @@ class Cloud:
         self._climbs = itertools.cycle([*range(100, 400), *range(-400, -100)])  # mm/s
 
     def hop(self):
-        """Measure one way through the broker and back to this process."""
+        """Measure the time through the broker and back to this process, in seconds."""
         packet = mqtt5.PublishPacket("bench/echo", b"x" * 100).write()
         began = time.monotonic()
         self.out.sendall(packet)
@@ -160,7 +162,7 @@ class Cloud:
         return time.monotonic() - began
 
     def command(self, kind, twin, relay):
-        """Send a command and return the seconds until its bytes passed; None when they did not in 1 s."""
+        """Send a command and return the seconds until its bytes pass the relay, or None after 1 s."""
         climb = next(self._climbs)
         fields = {"linear_z": climb / 1000} if kind == "move" else {}
         relay.wait_for((kind, climb if kind == "move" else DO_SET_HOME))
@@ -168,7 +170,7 @@ class Cloud:
         return relay.at - began if relay.passed.wait(1) else None
 
     def send(self, name, twin, **fields):
-        """Send a command; return when."""
+        """Send a command and return the monotonic time."""
         message = {"command": name, "source_type": "tele", "data": fields, "timestamp": time.time()}
         topic = f"cyberwave/twin/{twin}/command"
         packet = mqtt5.PublishPacket(topic, json.dumps(message).encode()).write()
@@ -180,9 +182,9 @@ class Cloud:
 def run():
     hops = []
     ours, theirs = ({kind: [] for kind in KINDS} for _ in range(2))
-    with mosquitto() as broker, awake():
-        at_once()
-        at_once(listener(broker).pid)
+    with mosquitto() as broker, without_deep_sleep():
+        set_realtime()
+        set_realtime(listener(broker).pid)
         cloud = Cloud(broker)
         for _ in range(ROUNDS):
             measure_ours(cloud, broker, ours, hops)
@@ -193,13 +195,13 @@ def run():
 
 
 def measure_ours(cloud, broker, taken, hops):
-    """Measure a fleet of 50 drones; the first of them flies and is commanded, through the relay."""
+    """Measure a fleet of 50 drones. The first one flies and is commanded through the relay."""
     port = free_port(socket.SOCK_DGRAM)
     relay, twin = Relay(port), twin_of("drone-1")
     robots = [robot(number, port) for number in range(1, DRONES + 1)]
     with world(relay, port), fleet(robots, broker) as edge:
-        edge.all_well(DRONES)
-        time.sleep(5)  # message rates are being asked for
+        edge.all_healthy(DRONES)
+        time.sleep(5)  # message rates are being requested
         cloud.send("takeoff", twin)
         wait_for(lambda: (cloud.command("move", twin, relay) or math.inf) < 0.02)
         measure(cloud, twin, relay, taken)
@@ -208,14 +210,14 @@ def measure_ours(cloud, broker, taken, hops):
 
 @contextlib.contextmanager
 def world(relay, port):
-    """Fly the drones: the first speaks through the relay, the others to a port."""
+    """Run the drones: the first behind the relay, the others on ``port``."""
     first = vehicles(1, to=f"127.0.0.1:{relay.far.getsockname()[1]}", prompt=True)
     with first, vehicles(DRONES - 1, to=f"127.0.0.1:{port}", first_id=2):
         yield
 
 
 def measure_peer(cloud, broker, taken):
-    """Measure the SDK's bridge with as many messages."""
+    """Measure the SDK's bridge with the same number of messages."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unheard:
         unheard.bind(("127.0.0.1", 0))
         port = unheard.getsockname()[1]
@@ -225,7 +227,7 @@ def measure_peer(cloud, broker, taken):
 
 
 def measure_bridge(cloud, broker, relay, taken):
-    """Measure the peer's two processes."""
+    """Measure the two processes of the peer."""
     twins = [twin_of(f"peer-{number}") for number in range(DRONES)]
     near, queue, bus = str(relay.near.getsockname()[1]), f"/tmp/fleet-bench-{broker}", str(free_port())
     arguments = (str(broker), near, queue, bus)
@@ -244,7 +246,7 @@ def measure(cloud, twin, relay, taken):
 
 
 def samples(measure):
-    """Measure a round."""
+    """Return the results of one round, without the commands that did not arrive."""
     taken = []
     for _ in range(EACH):
         taken.append(measure())
@@ -253,13 +255,13 @@ def samples(measure):
 
 
 def in_us(taken):
-    """Return p50 and p99 as they are printed."""
+    """Return the 50th and 99th percentile as text, in microseconds."""
     p50, p99 = quantiles(taken)
     return f"{p50 * 1e6:.0f} / {p99 * 1e6:.0f} us"
 
 
 def report(kind, ours, theirs, hops):
-    """Print the figures of one kind of command and what they are of each other."""
+    """Print the measurements of one kind of command and their ratios."""
     line(f"{kind}: fleet ({len(ours)})", in_us(ours), "p50 / p99")
     line(f"{kind}: SDK bridge and smallest adapter ({len(theirs)})", in_us(theirs), "p50 / p99")
     mine, peer, hop = quantiles(ours), quantiles(theirs), quantiles(hops)

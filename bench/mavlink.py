@@ -1,8 +1,8 @@
-"""Fifty aircraft on one edge: what one costs, how fast a command and the stop of all of them leave.
+"""Fifty aircraft on one edge: processor use of each, and the latency of a command and of a stop of all.
 
-The same traffic (``bench.swarm``) is then read by our link alone, by mavsdk, and by pymavlink's
-``mavutil.recv_match``, in one run. The aircraft run at the lowest priority: real ones have processors of
-their own, so the simulated world yields to the edge.
+The same traffic (``bench.swarm``) is then read in the same run by our link alone, by mavsdk, and by
+pymavlink's ``mavutil.recv_match``. The aircraft run at the lowest priority: real ones have processors of
+their own, so the simulated world must yield to the edge.
 """
 
 import contextlib
@@ -60,8 +60,8 @@ asyncio.run(main())
 """
 
 
-class Notes:
-    """What arrived at the aircraft: (monotonic time, system, command)."""
+class Arrivals:
+    """Arrivals at the aircraft: (monotonic time, system ID, command ID)."""
 
     def __init__(self):
         self.ear = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -70,7 +70,7 @@ class Notes:
         self.port = self.ear.getsockname()[1]
 
     def first(self, command, systems, within=2.0):
-        """Return when the first of a command reached each of these systems."""
+        """Return when ``command`` first reached each of these systems."""
         found, end = {}, time.monotonic() + within
         self.ear.settimeout(within)
         while len(found) < len(systems) and time.monotonic() < end:
@@ -81,7 +81,7 @@ class Notes:
         return found
 
     def forget(self):
-        """Drop what was noted until now."""
+        """Drop all arrivals recorded so far."""
         self.ear.setblocking(False)
         with contextlib.suppress(BlockingIOError):
             while True:
@@ -89,37 +89,41 @@ class Notes:
 
 
 def swarm(port, notes):
-    """Start the aircraft."""
+    """Run the simulated aircraft."""
     command = [sys.executable, "-m", "bench.swarm", str(AIRCRAFT), str(port), str(notes.port)]
     return process("nice", "-n", "19", *command)
 
 
-def price(pid):
-    """Return percent of a core that a process takes for each aircraft."""
+def cpu_per_aircraft(pid):
+    """Return the processor use of a process per aircraft, in percent of a core."""
     before, began = cpu_seconds(pid), time.monotonic()
     time.sleep(SECONDS)
     return 100 * (cpu_seconds(pid) - before) / (time.monotonic() - began) / AIRCRAFT
 
 
 def measure_edge():
-    """Return the price, then seconds: of bare broker hops, of commands to the wire, of a stop to the last."""
-    notes, port = Notes(), free_port(socket.SOCK_DGRAM)
+    """Measure the edge.
+
+    Returns the processor use, then times in seconds: bare broker hops, commands to the wire, and a stop to
+    the last aircraft.
+    """
+    notes, port = Arrivals(), free_port(socket.SOCK_DGRAM)
     robots = [robot(number, port) | {"failsafes": "ignore"} for number in range(1, AIRCRAFT + 1)]
     with mosquitto() as broker, swarm(port, notes), fleet(robots, broker) as edge:
-        edge.all_well(AIRCRAFT)
-        time.sleep(5)  # message rates are being asked for
-        cost, cloud = price(edge.pid), Cloud(broker)
+        edge.all_healthy(AIRCRAFT)
+        time.sleep(5)  # message rates are being requested
+        cost, cloud = cpu_per_aircraft(edge.pid), Cloud(broker)
         hops = samples(cloud.hop)
         return cost, hops, commands(cloud, notes), stop_all(edge, notes)
 
 
 def commands(cloud, notes):
-    """Return the seconds from publishing a command to its bytes at the aircraft, one after another."""
+    """Return the seconds from the publication of each command to its bytes at the aircraft."""
     return [command(cloud, notes, number) for number in range(COMMANDS)]
 
 
 def command(cloud, notes, number):
-    """Send a command to the next aircraft; return the seconds to its bytes there."""
+    """Send a command to the next aircraft, and return the seconds until its bytes arrive there."""
     system = number % AIRCRAFT + 1
     notes.forget()
     began = cloud.send("set_home_here", twin_of(f"drone-{system}"))
@@ -131,10 +135,10 @@ def command(cloud, notes, number):
 
 
 def stop_all(edge, notes):
-    """Return the seconds from ``fleet stop --all`` to the hold at the last aircraft."""
+    """Return the seconds from ``fleet stop --all`` to the arrival of HOLD at the last aircraft."""
     os.environ["FLEET_RUNTIME_DIR"] = edge.runtime
     with Edges.reach(None) as edges:
-        edges.states()  # the way is open
+        edges.states()  # open the connection
         notes.forget()
         began = time.monotonic()
         edges.stop([])
@@ -145,18 +149,18 @@ def stop_all(edge, notes):
 
 
 def measure_reader(program):
-    """Return the price of a program that reads the traffic of all aircraft."""
-    notes, port = Notes(), free_port(socket.SOCK_DGRAM)
+    """Return the processor use of a program that reads the traffic of all aircraft."""
+    notes, port = Arrivals(), free_port(socket.SOCK_DGRAM)
     reader = process(sys.executable, "-c", program, str(port), str(AIRCRAFT))
     with swarm(port, notes), reader as running:
-        time.sleep(8)  # mavsdk looks for systems for 4 s
+        time.sleep(8)  # mavsdk discovers systems for 4 s
         if running.poll() is not None:
             sys.exit("a reader ended: " + program.splitlines()[1])
-        return price(running.pid)
+        return cpu_per_aircraft(running.pid)
 
 
 def run():
-    """Measure all sides and print what they are of each other."""
+    """Measure all candidates and print their ratios."""
     cost, hops, taken, stopped = measure_edge()
     readers = {name: measure_reader(each) for name, each in (("our link", HUB), ("mavsdk", MAVSDK))}
     readers["mavutil.recv_match"] = measure_reader(MAVUTIL)

@@ -1,4 +1,4 @@
-"""The console's pad, from the button in a real browser to the wire: when a robot stands that was let go."""
+"""Console pad in a real browser: time from releasing the button to zero velocity on the wire."""
 
 import json
 import os
@@ -38,7 +38,7 @@ def run():
 
 
 def measure(chromium, wire):
-    """Drive and let go, again and again; then kill the tab while it drives."""
+    """Drive and release repeatedly, then kill the tab while driving."""
     with open_page(chromium) as page:
         opened(page)
         released = []
@@ -67,7 +67,7 @@ def measure(chromium, wire):
 
 
 def opened(page):
-    """Open the console with the robot selected."""
+    """Open the console and select the robot."""
     page.set_default_timeout(60_000)
     page.goto(a_link())
     page.click('#robots li[data-id="pad/rex"]')
@@ -76,6 +76,6 @@ def opened(page):
 
 
 def a_link():
-    """Return a new link, once the console serves."""
+    """Return a new console link, once the console serves."""
     asked = LinkAsked("bench", Permission.ADMIN)
     return wait_until("the console", lambda: ask_link(link_socket(runtime_dir(), "pad"), asked)).link

@@ -1,6 +1,6 @@
-"""A simulated dog in physics: speeds, tilt, falls, stops, recovery, cost; then its loop in real time.
+"""Simulated quadruped in physics: speed, tilt, falls, stops, recovery and cost, and its real-time loop.
 
-Lock-step figures are the same on every run; times of the processor are not.
+The lock-step measurements are reproducible; the processor times are not.
 
 python -m bench quadruped
 python -m bench quadruped:cost,wanders      some rows of it
@@ -34,7 +34,7 @@ from fleet_quadruped.sim.rig import Rig
 from fleet_quadruped.sim.tune import random_turn, tries_needed
 from fleet_quadruped.sim.wander import wander
 
-SEEDS = 10  # each with another friction and other lost frames
+SEEDS = 10  # each with its own friction and lost frames
 WANDER_TIME = 20.0  # s
 WANTED = (0.6, 0.2, 0.8)
 COMMANDS = {
@@ -83,7 +83,10 @@ def gaits(dog: DogDescription, seeds: int = SEEDS) -> None:
 
 
 def walks(dog: DogDescription, seeds: int = 4) -> None:
-    """Print speeds of the gait walk at its highest, the tilt of its first steps and after them, odometry."""
+    """Print the speed, tilt and odometry of the gait ``walk`` at its highest velocities.
+
+    The tilt of the first two cycles is separate from that of the three after them.
+    """
     pace = dog.gait.walk
     for name, twist in {
         "forward": Twist(pace.speed),
@@ -103,7 +106,7 @@ def walks(dog: DogDescription, seeds: int = 4) -> None:
 
 
 def slow_walk(rig: Rig, twist: Twist) -> tuple[float, float, float, float]:
-    """Return the true speed, that of odometry, the greatest tilt in two cycles and in three after them."""
+    """Return true speed, odometry speed, and greatest tilt in the first two cycles and in the next three."""
     rig.order = msgspec.structs.replace(rig.order, gait="walk")
     period = rig.dog.gait.walk.period
     rig.go(2 * period, twist)
@@ -118,13 +121,13 @@ def slow_walk(rig: Rig, twist: Twist) -> tuple[float, float, float, float]:
 
 
 def place(rig: Rig) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Return where it truly is, and where it says it is: x, y (m) and heading (rad)."""
+    """Return the true pose and the odometry pose: x, y (m) and heading (rad)."""
     odometry, (x, y, _) = rig.controller.body.walker.odometry, rig.sim.world.place()
     return (x, y, rig.sim.world.imu().rotation.yaw), (odometry.x, odometry.y, odometry.yaw)
 
 
 def wanders(dog: DogDescription, seeds: int = 24) -> None:
-    """Print the falls of dogs that are sent about at random, switched in mid-stride."""
+    """Print the falls of robots that follow random velocities and change them in mid-stride."""
     for gait in ("trot", "walk"):
         rigs = [standing(dog, 1 + seed % SEEDS) for seed in range(seeds)]
         tilts = [
@@ -175,23 +178,23 @@ def stops(dog: DogDescription) -> None:
 
 
 def cycles_until_damped(rig: Rig) -> int:
-    """Return the cycles from an order until every joint damps, or is held and led down."""
+    """Return the cycles from the order until every joint damps, or is held while the robot is lowered."""
     for number in range(1, 50):
         rig.cycle()
         if rig.gives_way():
-            return number - 1  # a frame that is written in one cycle is obeyed by the drives in the next
+            return number - 1  # a frame written in one cycle takes effect in the next
     return 50
 
 
 def stopped(rig: Rig) -> bool:
-    """Return True when all drives have stopped by themselves: braking (CiA 402) or limp."""
+    """Return whether all drives have stopped on their own: in quick stop (CiA 402) or limp."""
     states = {getattr(drive, "state", DriveState.QUICK_STOP) for drive in rig.sim.drives}
     limp = all(motor.kp == 0 for motor in rig.sim.world.motors)
     return limp or (rig.dog.drive.protocol == "cia402" and states == {DriveState.QUICK_STOP})
 
 
 def dies(dog: DogDescription) -> None:
-    """Print what the drives do when the controller ends in mid-trot."""
+    """Print how the drives react when the controller ends in mid-trot."""
     times, nearest = [], math.inf
     for phase in range(8):
         rig = standing(dog, seed=1 + phase)
@@ -209,7 +212,7 @@ def dies(dog: DogDescription) -> None:
 
 
 def enables(dog: DogDescription) -> None:
-    """Print how long it takes until twelve drives are seen to be enabled."""
+    """Print the time until all twelve drives are reported enabled."""
     rig = Rig(dog)
     rig.go(0.1)
     begun = rig.sim.time
@@ -224,7 +227,7 @@ def enables(dog: DogDescription) -> None:
 
 
 def repeats(dog: DogDescription, times: int = 20) -> None:
-    """Print how often it stands up and sits down again."""
+    """Print how many times in a row the robot stands up and sits down."""
     rig, done = standing(dog), 0
     while done < times and rig.mode is Mode.STANDING:
         rig.ask(BodyRequest.SIT)
@@ -248,7 +251,10 @@ def recoveries(dog: DogDescription, count: int = 60) -> None:
 
 
 def checks(dog: DogDescription, right: int = 50) -> None:
-    """Print what ``fleet can check --move`` finds: each joint's sign and offset wrong, and right dogs."""
+    """Print the findings of ``fleet can check --move``.
+
+    Each joint's sign and offset are wrong in turn; correct robots with manufacturing tolerances follow.
+    """
     wrong = [
         (name, with_offset(dog, name, offset)) for name in JOINTS for offset in (0.11, -0.11, 0.25, -0.25)
     ]
@@ -262,10 +268,10 @@ def checks(dog: DogDescription, right: int = 50) -> None:
 
 
 def cost(dog: DogDescription) -> None:
-    """Print the least processor time of a walking dog's cycles, and who takes it.
+    """Print the least processor use of a walking robot, and its breakdown.
 
-    All of a cycle counts: frames both ways, the controller, twelve drives, IMU, battery, physics. What the
-    adapter makes of it (reports, the bus) is in the figures of the processes.
+    The whole of a cycle counts: frames both ways, controller, twelve drives, IMU, battery, physics. The
+    adapter's part (reports, bus) is in the measurements of the processes.
     """
     rig = standing(dog)
     rig.go(1.5, Twist(0.5))
@@ -295,7 +301,7 @@ def _lasts(rig: Rig) -> float:
 
 @contextlib.contextmanager
 def timed(owner: object, used: dict[str, float], *names: str) -> Iterator[None]:
-    """Add up the seconds that methods take."""
+    """Accumulate the execution time of an object's methods, in seconds."""
     for name in names:
         setattr(owner, name, _measured(getattr(owner, name), used, name))
     try:
@@ -306,7 +312,7 @@ def timed(owner: object, used: dict[str, float], *names: str) -> Iterator[None]:
 
 
 def _measured(call: Callable[..., Any], used: dict[str, float], name: str) -> Callable[..., Any]:
-    """Return a method that adds up its seconds."""
+    """Wrap a method so that its execution time is accumulated."""
 
     def measured(*given: object) -> Any:
         begun = time.perf_counter()

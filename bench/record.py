@@ -1,9 +1,9 @@
-"""What a recorder costs: the edge's commands with and without one, in turns, and its own processor time.
+"""Cost of a recorder: command latency of the edge with and without one, and the processor time of both.
 
-One edge with 20 robots that report 800 messages a second. A command comes from the cloud about every 10 ms
-and is timed to the adapter, as in ``bridge:command``. The sides take turns of some seconds on the same edge,
-because a shared computer changes its pace within a minute. ``off``: nobody records; ``heard``: a program
-takes from the bus all that a recorder takes, and drops it; ``on``: a recorder.
+One edge has 20 robots that send 800 reports a second. A cloud command follows about every 10 ms and is timed
+to the adapter, as in ``bridge:command``. The modes take turns of some seconds on the same edge, because the
+speed of a shared computer varies within a minute. ``off``: no recorder. ``heard``: a program that receives
+everything a recorder would, and drops it. ``on``: a recorder.
 """
 
 import contextlib
@@ -20,8 +20,6 @@ import mqtt5
 
 from bench.bridge.sides import side
 from bench.common import (
-    at_once,
-    awake,
     bare_client,
     cpu_seconds,
     line,
@@ -29,16 +27,18 @@ from bench.common import (
     mosquitto,
     process,
     quantiles,
+    set_realtime,
     wait_for,
+    without_deep_sleep,
 )
 
 ROBOTS = 20
-MESSAGES = 800  # a second, of all robots
+MESSAGES = 800  # per second, of all robots
 CHANNELS = 3  # of a puppet on the bus
 TURNS = 6
-COMMANDS = 250  # a turn
+COMMANDS = 250  # per turn
 PAUSE = 0.01  # s
-SETTLE = 2.0  # s after a recorder has begun
+SETTLE = 2.0  # s after a recorder has started
 SIDES = ("off", "heard", "on")
 RECORDER = ("-m", "fleet", "record", "--into")
 LISTENER = """
@@ -55,25 +55,25 @@ def opened(edge, bus):
     for key in (REPORTS, keys.frames(edge, "*")):
         bus.reports.gather(key, lambda _: None)
     (pathlib.Path(sys.argv[1]) / "heard.mcap").touch()
-edges = EdgeBuses((), runtime_dir(), SystemClock(), only=False, opened=opened, told=lambda *_: None)
+edges = EdgeBuses((), runtime_dir(), SystemClock(), only=False, opened=opened, changed=lambda *_: None)
 asyncio.run(edges.run())
 """
 
 
-class Taken:
-    """What was measured of one side: seconds of each command by turn, shares of a processor."""
+class ModeResults:
+    """Measurements of one mode: command latencies in seconds by turn, and shares of a processor."""
 
     def __init__(self):
         self.commands, self.edge, self.own = [], [], []
 
     def p99(self):
-        """Return the p99 of each turn."""
+        """Return the 99th percentile of each turn."""
         return [quantiles(turn)[1] for turn in self.commands]
 
 
 @contextlib.contextmanager
 def recorder(name, runtime):
-    """Run what stands beside the edge; yields its process id, 0 for nothing."""
+    """Run the recorder or listener beside the edge; yields its process ID, or 0 in mode ``off``."""
     with contextlib.ExitStack() as stack:
         own = 0
         if name != "off":
@@ -88,7 +88,7 @@ def recorder(name, runtime):
 
 
 def send(sender, twins, numbers):
-    """Send commands; return when each was sent."""
+    """Send commands, and return the time of each."""
     sent = {}
     for number in numbers:
         message = {"command": "poke", "source_type": "tele", "data": {"number": number}}
@@ -115,15 +115,15 @@ def measure(taken, running, sender, own, numbers):
 
 
 def run(sides=SIDES):
-    taken = {name: Taken() for name in sides}
+    taken = {name: ModeResults() for name in sides}
     with contextlib.ExitStack() as stack:
         port = stack.enter_context(mosquitto())
         rate = MESSAGES / CHANNELS / ROBOTS
         running = stack.enter_context(side("fleet", port, number=ROBOTS, rate=rate))
         sender = stack.enter_context(bare_client(port, "sender"))
-        stack.enter_context(awake())
-        at_once()
-        at_once(listener(port).pid)
+        stack.enter_context(without_deep_sleep())
+        set_realtime()
+        set_realtime(listener(port).pid)
         turns = [name for turn in range(TURNS) for name in (sides if turn % 2 else sides[::-1])]
         for turn, name in enumerate(turns):
             with recorder(name, running.runtime) as own:
@@ -133,7 +133,7 @@ def run(sides=SIDES):
 
 
 def report(taken):
-    """Print the figures."""
+    """Print the measurements."""
     for name, found in taken.items():
         p50, p99 = (each * 1e6 for each in quantiles([one for turn in found.commands for one in turn]))
         spent = f"edge {statistics.mean(found.edge):.1%}"

@@ -1,4 +1,4 @@
-"""What a drone costs: processor and memory of the edge at 10 and at 50 drones, and its threads."""
+"""Processor time, memory and threads of the edge with 10 and with 50 drones."""
 
 import socket
 import time
@@ -12,12 +12,12 @@ SIZES = (10, 50)
 
 
 def measure(number):
-    """Return (percent of a core, MiB, threads) of an edge with so many drones."""
+    """Return percent of a core, MiB and threads of an edge with ``number`` drones."""
     port = free_port(socket.SOCK_DGRAM)
     robots = [robot(each, port) for each in range(1, number + 1)]
     with mosquitto() as broker, vehicles(number, to=f"127.0.0.1:{port}"), fleet(robots, broker) as edge:
-        edge.all_well(number)
-        time.sleep(5)  # message rates are being asked for
+        edge.all_healthy(number)
+        time.sleep(5)  # message rates are being requested
         before, began = cpu_seconds(edge.pid), time.monotonic()
         time.sleep(SECONDS)
         percent = 100 * (cpu_seconds(edge.pid) - before) / (time.monotonic() - began)

@@ -1,9 +1,10 @@
-"""A soak: puppets, an asker, a network and workers with faults by chance; promises checked, memory watched.
+"""Soak test with puppets: random faults of network and workers, guarantees checked, memory watched.
 
-``python -m bench soak`` takes 30 minutes; ``python -m bench soak:MINUTES`` as long as it is told. Programs
-join the bus and leave it, connections are reset, workers are killed. Memory counts once it has settled, after
-a third of the time.
-Then ours and the SDK's bridge go side by side through the kills and resets of ``bench/bridge/faults.py``.
+``python -m bench soak`` takes 30 minutes, ``python -m bench soak:MINUTES`` a given time. Programs join the
+bus and leave it, connections are reset, workers are killed. Memory growth counts after the first third of the
+time.
+
+Then our bridge and the SDK's run side by side through the kills and resets of ``bench/bridge/faults.py``.
 """
 
 import contextlib
@@ -23,16 +24,16 @@ from tests.tools.promises import broken
 from tests.tools.proxy import TcpProxy
 
 MINUTES = 30.0
-SETTLED = 1 / 3  # of the time: what is loaded at first use is there
+SETTLED = 1 / 3  # of the time; what is loaded on first use is in memory by then
 WORKERS = ("wing-1", "wing-2", "wing-3")
-CHURN = 10.0  # s between two of them, about
+CHURN = 10.0  # mean seconds between two joins or kills
 ROBOTS = 20
 SEED = 1
-ROUND = 2.0  # s at most between rounds of asks
+ROUND = 2.0  # s, the longest pause between rounds of commands
 
 
 def fault(chance, proxy):
-    """Do something to the network; most of the time nothing."""
+    """Inject a random network fault, or none."""
     what = chance.choice(("nothing", "nothing", "reset", "cut", "delay", "blackhole"))
     if what in ("reset", "cut"):
         getattr(proxy, what)()
@@ -46,7 +47,7 @@ def fault(chance, proxy):
 
 
 class Churn:
-    """What comes and goes around an edge: a program on its bus, and its workers."""
+    """Churn around an edge: programs that join its bus and leave, and workers that are killed."""
 
     def __init__(self, bus, edge, chance):
         self.joins = self.kills = 0
@@ -56,7 +57,7 @@ class Churn:
         self._next = time.monotonic() + CHURN
 
     def turn(self):
-        """Let something come or go, now and then."""
+        """Join or kill once the random interval has passed."""
         if time.monotonic() < self._next:
             return
         self._next = time.monotonic() + self._chance.uniform(0.5, 1.5) * CHURN
@@ -66,7 +67,7 @@ class Churn:
             self._kill()
 
     def _join(self):
-        """Join the bus, hear everything for a moment, and leave."""
+        """Join the bus, subscribe to everything for a moment, and leave."""
         session = zenoh.open(_client(self._endpoint))
         subscriber = session.declare_subscriber("**", lambda _: None)
         time.sleep(0.2)
@@ -75,7 +76,7 @@ class Churn:
         self.joins += 1
 
     def _kill(self):
-        """Kill a worker, if one is there."""
+        """Kill a random worker, if there is one."""
         workers = [
             each for each in self._edge.children() if "fleet.host.workers.worker_process" in each.cmdline()
         ]
@@ -85,7 +86,7 @@ class Churn:
 
 
 def _client(endpoint):
-    """Return Zenoh's configuration of a program that joins."""
+    """Return the Zenoh configuration of a program that joins."""
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
@@ -94,7 +95,7 @@ def _client(endpoint):
 
 
 def soak(minutes):
-    """Soak ours; print what was found."""
+    """Soak our bridge and print the findings."""
     chance = random.Random(SEED)
     with contextlib.ExitStack() as stack:
         port = stack.enter_context(mosquitto())
@@ -137,7 +138,7 @@ def soak(minutes):
 
 
 def driven(asker):
-    """Return the names of the velocities: of those the newest wins, and nobody answers them."""
+    """Return the names of the velocity commands, which are superseded by newer ones and never answered."""
     return {str(number) for number, ask in asker.asks.items() if b"move_forward" in ask.payload}
 
 

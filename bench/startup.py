@@ -1,4 +1,4 @@
-"""How long it takes until something is there."""
+"""Startup times, and the processor time of starting."""
 
 import os
 import socket
@@ -12,7 +12,7 @@ RUNS = 7
 
 
 def cpu_of(*command):
-    """Return the least processor milliseconds of several runs."""
+    """Return the least processor time of several runs, in milliseconds."""
     best = float("inf")
     for _ in range(RUNS):
         before = os.times()
@@ -30,6 +30,6 @@ def run():
     line("fleet --version, CPU", f"{version:.0f} ms", "aim: under 80 ms")
     port = free_port(socket.SOCK_DGRAM)
     with mosquitto() as broker, vehicles(1, to=f"127.0.0.1:{port}"):
-        time.sleep(3)  # the vehicle is up and beats, once a second, as a real one would
+        time.sleep(3)  # the vehicle is up and sends a heartbeat every second, as a real one would
         with fleet([robot(1, port)], broker) as edge:
-            line("fleet run to the first robot online", f"{edge.all_well(1):.2f} s", "aim: under 2 s")
+            line("fleet run to the first robot online", f"{edge.all_healthy(1):.2f} s", "aim: under 2 s")

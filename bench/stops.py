@@ -1,7 +1,7 @@
-"""How long each kind of robot takes to stand still, and how far it goes meanwhile: simulated robots.
+"""Stopping time and distance of each kind of simulated robot.
 
-From the moment that a stop is asked for, or that the last velocity is sent, to the last movement that the
-robot's own pose tells.
+Measured from the moment a stop is requested, or the last velocity is sent, to the last movement in the
+robot's own pose reports.
 """
 
 import json
@@ -16,8 +16,8 @@ from fleet.bus.settings import BusSettings
 from fleet.wire.databus import decode_report
 
 TIMES = 3
-STILL = 0.1  # m/s: less is standing (a hovering aircraft is never quite still)
-SPAN = 0.25  # s over which a speed is taken
+STILL = 0.1  # m/s; anything slower is at rest (a hovering aircraft is never quite still)
+SPAN = 0.25  # s over which a speed is determined
 KINDS = (
     ("px4 at 5 m/s", {"adapter": "mavlink", "link": "sim:px4"}, 5.0, ("takeoff", {"altitude": 10})),
     ("px4 at 2 m/s", {"adapter": "mavlink", "link": "sim:px4"}, 2.0, ("takeoff", {"altitude": 10})),
@@ -45,7 +45,7 @@ WAYS = ("stop", "emergency_stop", "silence")
 
 
 class Watch:
-    """One robot on the bus: what is asked of it, and where it says that it is."""
+    """One robot on the bus: requests to it, and the positions it reports."""
 
     def __init__(self, bus_session, name):
         self.bus_session, self.name, self.twin = bus_session, name, twin_of(name)
@@ -57,7 +57,7 @@ class Watch:
         self.poses.append((time.monotonic(), (at.x, at.y, at.z)))
 
     def ask(self, command, data=None, *, wait=False):
-        """Ask for something; return the last answer."""
+        """Send a command and return the last reply."""
         payload = json.dumps({"command": command, "data": data or {}, "source_type": "sim_tele"}).encode()
         parameters = {"kind": "command", "wait": "1" if wait else "0"}
         key = keys.command("bench", self.name)
@@ -65,7 +65,7 @@ class Watch:
         return json.loads(found[-1][1]) if found else {}
 
     def drive(self, speed, seconds):
-        """Drive forward for a while."""
+        """Drive forward for ``seconds``."""
         for _ in range(round(seconds / 0.05)):
             self.bus_session.put(
                 f"cw/{self.twin}/data/commands/velocity", json.dumps({"linear_x": speed}).encode()
@@ -73,12 +73,12 @@ class Watch:
             time.sleep(0.05)
 
     def speed(self, at):
-        """Return the speed just before a moment, m/s."""
+        """Return the speed over the half second before ``at``, m/s."""
         span = [pose for pose in self.poses if at - 0.5 <= pose[0] <= at]
         return math.dist(span[0][1], span[-1][1]) / (span[-1][0] - span[0][0])
 
     def standstill(self, since):
-        """Return seconds from ``since`` to the last movement, the farthest metres, and the speed before."""
+        """Return the seconds to the last movement, the farthest distance (m), and the speed before."""
         time.sleep(8.0)
         poses = [pose for pose in self.poses if pose[0] >= since]
         moved = since
@@ -97,10 +97,10 @@ def run(rows=()):
 
 
 def measure(kind, fields, speed, begin):
-    """Measure one kind of robot, each way of stopping a few times."""
+    """Measure one kind of robot, each way of stopping several times."""
     robot = {"name": "robot", "twin": twin_of("robot"), **fields}
     with mosquitto() as broker, fleet([robot], broker) as edge:
-        edge.all_well(1)
+        edge.all_healthy(1)
         bus_session = join_control(BusSettings("bench"), Path(edge.runtime))
         watch = Watch(bus_session, "robot")
         time.sleep(8.0)
@@ -116,7 +116,7 @@ def measure(kind, fields, speed, begin):
 
 
 def once(watch, way, speed, begin):
-    """Drive, stop, and return the seconds and metres to standstill, and the speed before."""
+    """Drive and stop; return the time (s) and distance (m) to standstill, and the speed before."""
     watch.ask("release_emergency_stop")
     if begin is not None:
         wait_for(lambda: watch.ask(*begin, wait=True).get("done"), within=120.0)

@@ -1,9 +1,10 @@
-"""Edges of twenty robots, without the robots: ``python -m bench.summary_puppets FIRST NUMBER ENDPOINT``.
+"""Simulated edges of twenty robots for the fleet view.
 
-With ``router ENDPOINT`` it is the router that they join. Ten edges are a site with one session, as the router
-of a site has. Each shows what an edge shows at this level: its token and its summaries, made and sent by the
-code of an edge. A line ``EDGE WORDS`` on standard input gives its first robot a fault with these words as the
-cause, and is answered with the monotonic second; without words the fault ends.
+``python -m bench.summary_puppets FIRST NUMBER ENDPOINT`` runs edges. ``router ENDPOINT`` runs the router that
+they join. Ten edges form a site and share one session, as behind a site's router. Each edge shows what a real
+one shows at this level: its token and its summaries, made and sent by the code of a real edge. A line ``EDGE
+WORDS`` on standard input sets a fault of the edge's first robot with these words as its cause, and is
+answered with the monotonic time. Without words it clears the fault.
 """
 
 import asyncio
@@ -27,7 +28,7 @@ OF_A_SITE = 10  # edges that share a session
 
 
 class PuppetRobot:
-    """A robot as its edge sees it."""
+    """A robot as seen by its edge."""
 
     config = None
 
@@ -49,7 +50,7 @@ class PuppetRobot:
 
 
 class PuppetEdge:
-    """An edge with puppets for robots."""
+    """An edge whose robots are puppets."""
 
     def __init__(self, name, session, scheduler, loop):
         self._robots = [PuppetRobot(f"rover-{number}", name) for number in range(ROBOTS)]
@@ -69,10 +70,10 @@ class PuppetEdge:
 
 
 def joined(name, router):
-    """Open the session of a site, as its router has one to the router above."""
+    """Open the session of a site, which stands for that of its router to the router above."""
     settings = BusSettings(name, connect=(router,))
     here = zenoh_settings(settings, mode="client", listen=(), connect=settings.connect)
-    # Many join at once on one computer, which is late for all of them.
+    # Many sites join at once on one computer, and all of them take longer.
     return ZenohSession(here | {"transport/unicast/open_timeout": 10_000})
 
 
@@ -82,9 +83,10 @@ async def main(first, number, router):
     edges, sessions = {}, []
     for each in range(first, first + number):
         if not len(edges) % OF_A_SITE:
-            sessions.append(joined(f"site-{each}", router))  # kept: one that nobody has is closed
+            # Kept, because a session without a reference is closed.
+            sessions.append(joined(f"site-{each}", router))
         edges[f"edge-{each}"] = PuppetEdge(f"edge-{each}", sessions[-1], scheduler, loop)
-        await asyncio.sleep(1 / number)  # their looks are spread over the second, as those of real edges
+        await asyncio.sleep(1 / number)  # spreads their polls over the second, as those of real edges are
     scheduler.start()
     gc.freeze()
     print("up", flush=True)

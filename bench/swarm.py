@@ -1,8 +1,9 @@
-"""Many ArduPilots in the air, as cheap as they can be: frames packed once, sent at ArduPilot's rates.
+"""Minimal simulation of many flying ArduPilot vehicles: packed frames sent at ArduPilot's rates.
 
-``python -m bench.swarm COUNT PORT NOTES``: systems 1 to COUNT speak to 127.0.0.1:PORT; every command is
-accepted, a mode is entered. What arrives is noted at NOTES, a datagram each: monotonic time, system, command.
-The time is the kernel's, of when the bytes were written to the socket: the swarm may be slow to read them.
+``python -m bench.swarm COUNT PORT NOTES``: systems 1 to COUNT send to 127.0.0.1:PORT, accept every command
+and change mode as commanded. Each arriving command is reported to NOTES in a datagram: monotonic time, system
+ID, command ID. The time is the kernel's timestamp of the write to the socket, because the swarm may read it
+late.
 """
 
 import contextlib
@@ -14,15 +15,15 @@ import time
 from pymavlink.dialects.v20 import all as mav
 
 TICK = 0.02
-RATES = {0: 1, 1: 1, 2: 1, 24: 1, 30: 10, 33: 10, 42: 0.5, 147: 0.5, 193: 1, 242: 1, 245: 2}  # id -> Hz
+RATES = {0: 1, 1: 1, 2: 1, 24: 1, 30: 10, 33: 10, 42: 0.5, 147: 0.5, 193: 1, 242: 1, 245: 2}  # ID -> Hz
 ARDUPILOT, GUIDED, ARMED = 3, 4, 0x81
-SO_TIMESTAMPNS = 35  # Linux; the socket module has no name for it
+SO_TIMESTAMPNS = 35  # Linux; missing from the socket module
 STAMP = struct.Struct("qq")  # seconds, nanoseconds
 COMMAND_INT, COMMAND_LONG, DO_SET_MODE = 75, 76, 176
 
 
 def frames(system):
-    """Return the frame of each message of one aircraft, 20 m over its home."""
+    """Return one packed frame of each message of an aircraft 20 m above its home."""
     sender = mav.MAVLink(None, srcSystem=system, srcComponent=1)
     place = (473977420 + system * 1000, 85455940)
     messages = (
@@ -41,13 +42,13 @@ def frames(system):
 
 
 def beat(system, mode):
-    """Return an armed heartbeat."""
+    """Return an armed HEARTBEAT."""
     sender = mav.MAVLink(None, srcSystem=system, srcComponent=1)
     return bytes(mav.MAVLink_heartbeat_message(2, ARDUPILOT, ARMED, mode, 4, 3).pack(sender))
 
 
 class Swarm:
-    """All of them on one socket."""
+    """All aircraft on one socket."""
 
     def __init__(self, count, port, notes):
         self.to, self.notes = ("127.0.0.1", port), ("127.0.0.1", notes)
@@ -65,7 +66,7 @@ class Swarm:
         ]
 
     def run(self):
-        """Send what is due and answer, until it is killed."""
+        """Send due frames and answer commands until killed."""
         parser = mav.MAVLink(None, srcSystem=1, srcComponent=1)
         parser.robust_parsing = True
         while True:
@@ -76,11 +77,11 @@ class Swarm:
                     self.link.sendto(self.frames[entry[1]][entry[2]], self.to)
             until = now + TICK
             while time.monotonic() < until:
-                self.hear(parser)
+                self.receive(parser)
                 time.sleep(0.0005)
 
-    def hear(self, parser):
-        """Take all that has arrived, and note when, before anything is answered."""
+    def receive(self, parser):
+        """Read everything that has arrived, with timestamps, before answering any of it."""
         arrived = []
         with contextlib.suppress(BlockingIOError):
             while True:
@@ -89,10 +90,10 @@ class Swarm:
         for data, at in arrived:
             for message in parser.parse_buffer(data) or ():
                 if message.get_msgId() in {COMMAND_INT, COMMAND_LONG}:
-                    self.obey(message, at)
+                    self.execute(message, at)
 
-    def obey(self, message, at):
-        """Note a command, acknowledge it, enter its mode."""
+    def execute(self, message, at):
+        """Report a command, acknowledge it, and change mode."""
         system = message.target_system
         self.link.sendto(f"{at} {system} {message.command}".encode(), self.notes)
         source = message.get_srcSystem(), message.get_srcComponent()
@@ -105,7 +106,7 @@ class Swarm:
 
 
 def written_at(told):
-    """Return the monotonic time in what the kernel tells beside a datagram."""
+    """Return the monotonic time of a datagram from its ancillary data."""
     seconds, nanoseconds = STAMP.unpack(told[0][2][: STAMP.size])
     return seconds + nanoseconds / 1e9 - time.time() + time.monotonic()
 

@@ -1,9 +1,9 @@
-"""How far apart the start frames of twenty simulated drones are that are started at one instant.
+"""Skew of the start frames of twenty simulated drones that are started at one instant.
 
-Ten drones are in the edge's own process and ten in a worker; both speak to their vehicles through relays that
-note when the first frame of the command passes to each. ``fleet send all set_home_here --at``, and then a
-mission whose step says ``start: together``, are run as a person runs them, again and again. The skew of a
-round is from its first start frame to its last.
+Ten drones are in the edge's own process and ten in a worker. Both reach their vehicles through relays that
+record when the first frame of the command passes to each. ``fleet send all set_home_here --at`` and a mission
+with ``start: together`` are run repeatedly through the command line. The skew of a round is the time from its
+first start frame to its last.
 """
 
 import os
@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 
-from bench.common import at_once, fleet, free_port, line, quantiles, robot, vehicles, wait_for
+from bench.common import fleet, free_port, line, quantiles, robot, set_realtime, vehicles, wait_for
 
 DRONES = 20
 ROUNDS = 20
@@ -30,7 +30,7 @@ MISSION = {
 
 
 class Relay:
-    """Passes datagrams between vehicles and one process of the edge; notes start frames by system id."""
+    """Relay of datagrams between vehicles and one edge process; records start frames by system ID."""
 
     def __init__(self, edge_port):
         self.seen = {}
@@ -43,16 +43,16 @@ class Relay:
         threading.Thread(target=self._out, daemon=True).start()
 
     def _in(self):
-        at_once()
+        set_realtime()
         while True:
             data, self.vehicle = self.outer.recvfrom(65536)
             try:
                 self.inner.send(data)
-            except ConnectionRefusedError:  # the edge is not there yet
+            except ConnectionRefusedError:  # the edge is not listening yet
                 continue
 
     def _out(self):
-        at_once()
+        set_realtime()
         while True:
             try:
                 data = self.inner.recv(65536)
@@ -72,7 +72,7 @@ class Relay:
 
 
 def run():
-    """Measure the skew, and how late the first frame is after the instant."""
+    """Measure the skew of both ways to start."""
     ports = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_DGRAM)
     relays = [Relay(port) for port in ports]
     half = DRONES // 2
@@ -87,13 +87,13 @@ def run():
         vehicles(half, to=to[1], first_id=half + 1, prompt=True),
         fleet(robots, None, groups=groups, missions={"go": MISSION}) as running,
     ):
-        running.all_well(DRONES)
+        running.all_healthy(DRONES)
         for what, words in (("send --at", SEND), ("mission", ("mission", "run", "go"))):
             _measure(what, words, relays, running.runtime)
 
 
 def _measure(what, words, relays, runtime):
-    """Measure one way of starting."""
+    """Measure one way to start."""
     skews, refused = [], 0
     for _ in range(ROUNDS):
         skew = _round(words, relays, runtime)
@@ -107,7 +107,7 @@ def _measure(what, words, relays, runtime):
 
 
 def _round(words, relays, runtime):
-    """Start all once; return the skew (s), None where nobody was started."""
+    """Start all drones once and return the skew (s), or None if the start was refused."""
     for relay in relays:
         relay.seen.clear()
     command = [sys.executable, "-m", "fleet", *words]

@@ -1,6 +1,6 @@
-"""Wheeled robots: setpoint to bytes on the pty, CPU per base, pulled cables, killed workers (SIGKILL).
+"""Wheeled robots: latency from setpoint to pty, CPU per base, unplugged cables, workers killed (SIGKILL).
 
-The bases live in one process, the adapters in another, as edge and robots do.
+The bases run in one process and the adapters in another, as robots and edge do.
 """
 
 import asyncio
@@ -40,7 +40,7 @@ PROFILE = "waveshare-beast"
 
 
 class BenchRobot(RecordingRobot):
-    """The robot of an adapter: timers by the host's own scheduler, and nobody who listens."""
+    """Host of an adapter with the real scheduler's timers; reports are counted and discarded."""
 
     def __init__(self, scheduler):
         super().__init__("bench", SystemClock())
@@ -56,7 +56,7 @@ class BenchRobot(RecordingRobot):
         self.scheduler.every(seconds, call, owner=self.name, failed=self.failed)
 
     def failed(self, error):
-        """A pulled cable is no surprise here; anything else is."""
+        """Ignore the loss of the link, which is expected here; end the benchmark on any other error."""
         if not isinstance(error, LinkLost):
             sys.exit(str(error))
 
@@ -67,7 +67,7 @@ def adapter_of(url, robot, profile=PROFILE):
 
 
 async def many():
-    """Drive many bases at 20 Hz; measure the CPU of this process."""
+    """Drive many bases at 20 Hz and measure the CPU of this process."""
     scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
     scheduler.start()
     async with SimProcess("fleet_ugv.sim") as simulator:
@@ -100,7 +100,7 @@ FEEDBACK = b'{"T":1001,"L":0,"R":0,"gx":0,"gy":0,"gz":0,"ax":0,"ay":0,"az":8192,
 
 
 def tap(masters, told):
-    """Be the boards, in a process of their own: note when each line comes; tell it all at the end."""
+    """Act as the boards in a separate process: record when each line arrives; finally write all records."""
     heard, rests, spoken = [], dict.fromkeys(masters, b""), 0.0
     while time.monotonic() - spoken < 5.0 or not spoken:
         for master in select.select(masters, [], [], 0.01)[0]:
@@ -120,7 +120,7 @@ def tap(masters, told):
 
 
 async def latency():
-    """Measure from ``drive`` to the bytes at the far end of the device, all bases at once."""
+    """Measure from ``drive`` to the bytes at the far end of the device, on all bases at once."""
     pairs = [pty.openpty() for _ in range(BASES)]
     for _, device in pairs:
         tty.setraw(device)
@@ -160,7 +160,7 @@ async def latency():
 
 
 def waits_of(hears, sent):
-    """Return how long each setpoint was under way, ms, shortest first."""
+    """Return the latency of each setpoint in ms, sorted."""
     with os.fdopen(hears, "rb") as pipe:
         heard = json.loads(pipe.read())
     waits = []
@@ -172,18 +172,18 @@ def waits_of(hears, sent):
 
 
 async def until(condition):
-    """Wait until something holds."""
-    while not condition():  # noqa: ASYNC110 - nobody sets an event
+    """Wait until a condition holds."""
+    while not condition():  # noqa: ASYNC110 - there is no event to wait for
         await asyncio.sleep(0.005)
 
 
 def is_well(robot):
-    """Say whether a base is ready."""
+    """Return whether a base is ready."""
     return robot.health_now is not None and not robot.health_now.cause
 
 
 async def unplugs():
-    """Pull cables; measure until the adapter's run has ended."""
+    """Unplug cables and measure the time until the adapter's run has ended."""
     waits = []
     scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
     scheduler.start()
@@ -208,7 +208,7 @@ async def unplugs():
 
 
 def drive_for_ever(url):
-    """Drive in a forked child until it is killed."""
+    """Drive until killed. Runs in a forked child."""
 
     async def drive():
         scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
@@ -225,7 +225,7 @@ def drive_for_ever(url):
 
 
 def kills():
-    """Kill driving workers at random moments; measure how long the base still drives."""
+    """Kill driving workers at random moments and measure how long the base keeps moving."""
     late, timeout = [], 0.0
     for number in range(KILLS):
         url_out, url_in = os.pipe()

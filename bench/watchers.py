@@ -1,8 +1,8 @@
-"""What two ground stations that read all of fifty aircraft cost: time to the wire of a command, processor.
+"""Cost of two ground stations that receive the telemetry of fifty aircraft: command latency and CPU.
 
-The edge of ``bench.mavlink`` with and without them, at the same time and commanded by turns, because on a
-busy computer two runs differ by more than what is measured. The stations are what reads a socket and nothing
-more: programs of their own, at the lowest priority, as on another computer.
+The edge of ``bench.mavlink`` runs with and without them at the same time, and the two are commanded in turns:
+on a busy computer, two runs differ by more than the effect. The stations only read a socket. They are
+separate programs at the lowest priority, as on another computer.
 """
 
 import contextlib
@@ -14,7 +14,7 @@ import time
 
 from bench.common import fleet, free_port, line, mosquitto, process, quantiles, robot
 from bench.latency import Cloud
-from bench.mavlink import AIRCRAFT, Notes, command, price, swarm
+from bench.mavlink import AIRCRAFT, Arrivals, command, cpu_per_aircraft, swarm
 
 COMMANDS = 1000
 WATCHERS = 2
@@ -33,7 +33,7 @@ while True:
 
 @contextlib.contextmanager
 def stations(number):
-    """Run stations; give the file that each writes to, by the port at which it listens."""
+    """Run stations; yields, by listening port, the file that each writes to."""
     with contextlib.ExitStack() as stack:
         reads = {}
         for _ in range(number):
@@ -45,7 +45,7 @@ def stations(number):
 
 
 class Side:
-    """An edge that runs, and who commands it."""
+    """A running edge and the client that commands it."""
 
     def __init__(self, edge, broker, notes, files):
         self.edge, self.cloud, self.notes = edge, Cloud(broker), notes
@@ -59,8 +59,8 @@ class Side:
 
 @contextlib.contextmanager
 def side(watchers):
-    """Run an edge with so many watchers until its rates are as asked."""
-    notes, port = Notes(), free_port(socket.SOCK_DGRAM)
+    """Run an edge with ``watchers`` stations until its message rates are set."""
+    notes, port = Arrivals(), free_port(socket.SOCK_DGRAM)
     with stations(watchers) as files:
         shown = [{"link": f"udpout:127.0.0.1:{each}"} for each in files]
         robots = [
@@ -68,22 +68,22 @@ def side(watchers):
             for number in range(1, AIRCRAFT + 1)
         ]
         with mosquitto() as broker, swarm(port, notes), fleet(robots, broker) as edge:
-            edge.all_well(AIRCRAFT)
-            time.sleep(5)  # message rates are being asked for
+            edge.all_healthy(AIRCRAFT)
+            time.sleep(5)  # message rates are being requested
             yield Side(edge, broker, notes, files)
 
 
 def read_by(file):
-    """Return the bytes that a station has read, as it wrote last."""
+    """Return the bytes that a station has read, according to its last line."""
     lines = os.pread(file.fileno(), 1 << 30, 0).split(b"\n")[:-1]
     return int(lines[-1]) if lines else 0
 
 
 def run():
-    """Measure both side by side and print what they are of each other."""
+    """Measure both edges side by side and print the ratios."""
     with side(0) as bare, side(WATCHERS) as watched:
         before, began = watched.shown(), time.monotonic()
-        costs = {each: price(each.edge.pid) for each in (bare, watched)}
+        costs = {each: cpu_per_aircraft(each.edge.pid) for each in (bare, watched)}
         for number in range(COMMANDS):
             for each in (bare, watched):
                 each.taken.append(command(each.cloud, each.notes, number))

@@ -1,1 +1,1 @@
-"""Packages of fleet for computers that have no pip: a Debian package, and the recipe of an OCI image."""
+"""Packaging of fleet for computers without pip: a Debian package, and files for an OCI image."""

@@ -1,8 +1,9 @@
-"""Builds the Debian package: ``python3 -m deploy.build_deb`` in a checkout, on the release it is for.
+"""Builder of the Debian package: ``python3 -m deploy.build_deb``.
 
-The package holds a Python environment in /opt/fleet with what uv.lock pins, for the distribution's Python on
-the building computer (an environment belongs to one minor version), and ``/usr/bin/fleet``. It starts
-nothing: ``fleet service install`` writes the units. Needs uv (or pip, to get it) and dpkg-deb.
+Run it in a checkout, on the distribution release that the package is for. The package contains
+``/usr/bin/fleet`` and, in /opt/fleet, a virtual environment with what uv.lock pins. The environment is made
+for the building computer's system Python and works with that minor version only. The package starts nothing:
+``fleet service install`` writes the units. Building needs dpkg-deb, and uv or pip to install uv.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS = ROOT / "deploy" / "debian"
 NAME = "zenoh-fleet"
 PLACE = Path("opt/fleet")
-_PROGRAMS = re.compile(r"fleet|python[0-9.]*")  # what stays of the environment's programs
+_PROGRAMS = re.compile(r"fleet|python[0-9.]*")  # programs of the environment that are kept
 
 
 def control_text(version: str, architecture: str, python: tuple[int, int], kilobytes: int) -> str:
-    """Return the control file of the package for one minor version of the distribution's Python."""
+    """Return the package's control file, for one minor version of the distribution's Python."""
     major, minor = python
     return f"""Package: {NAME}
 Version: {version}
@@ -48,9 +49,10 @@ Description: Orchestrator for mixed fleets of robots, at the edge
 
 
 def relocate(environment: Path, place: Path) -> None:
-    """Leave ``fleet`` alone of an environment's programs, and have it start the interpreter at ``place``.
+    """Prepare an environment to run at ``place``.
 
-    What else names the folder in which the environment was built is removed, such as where its wheel lay.
+    Keeps only ``fleet`` and the interpreters of its programs, and makes ``fleet`` start the interpreter at
+    ``place``. Other references to the build folder are removed, such as the path of the wheel.
     """
     programs = environment / "bin"
     for path in programs.iterdir():
@@ -65,7 +67,7 @@ def relocate(environment: Path, place: Path) -> None:
     settings.write_text("".join(line for line in lines if not line.startswith("command")), encoding="utf-8")
     for path in environment.glob("lib/python*/site-packages/*.dist-info/direct_url.json"):
         path.unlink()
-    (environment / ".lock").unlink(missing_ok=True)  # uv's
+    (environment / ".lock").unlink(missing_ok=True)  # left by uv
 
 
 def version_in(source: str) -> str:
@@ -74,10 +76,10 @@ def version_in(source: str) -> str:
 
 
 def _run(*command: str | Path) -> str:
-    """Run one step in the checkout; return what it printed. Raises Impossible with its command."""
+    """Run a command in the checkout and return its output; raises Impossible with the command."""
     words = [str(word) for word in command]
     try:
-        done = subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)  # noqa: S603 - ours
+        done = subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)  # noqa: S603 - our own commands
     except FileNotFoundError:
         raise Impossible(f"this computer has no {words[0]}; on Debian: apt-get install dpkg-dev") from None
     except subprocess.CalledProcessError as error:
@@ -86,7 +88,7 @@ def _run(*command: str | Path) -> str:
 
 
 def fill(environment: Path, python: Path, scratch: Path) -> None:
-    """Make the environment of the locked packages, by their hashes, and this checkout; raises Impossible."""
+    """Create the environment with this checkout and the hash-verified locked packages; raises Impossible."""
     uv, pins = find_uv(), scratch / "requirements.txt"
     _run(python, "-m", "venv", "--without-pip", environment)
     _run(uv, "build", "--quiet", "--wheel", "--out-dir", scratch)
@@ -108,13 +110,13 @@ def fill(environment: Path, python: Path, scratch: Path) -> None:
     _run(*install, "--require-hashes", "--requirement", pins)  # [tool.uv] does not apply in that folder
     _run(*install, "--no-deps", *scratch.glob("*.whl"))
     relocate(environment, PLACE)
-    # Unchecked at a start: the package replaces source and bytecode together.
+    # Bytecode is not checked against its source at start: the package always replaces both.
     compiled = ("-q", "-s", environment.parent.parent, "-p", "/", "--invalidation-mode", "unchecked-hash")
     _run(python, "-m", "compileall", *compiled, environment / "lib")
 
 
 def add_files(root: Path) -> None:
-    """Add what lies outside /opt: the command, the folder of fleet files, licence and changelog."""
+    """Add the files outside /opt: the command, the folder for fleet files, licence and changelog."""
     command = root / "usr" / "bin" / "fleet"
     command.parent.mkdir(parents=True)
     command.symlink_to(f"/{PLACE}/bin/fleet")
@@ -140,7 +142,7 @@ def add_control(root: Path, version: str, python: tuple[int, int]) -> None:
 
 
 def build(python: Path, output: Path) -> Path:
-    """Build the package into a folder; return its file. Raises Impossible."""
+    """Build the package into the folder ``output`` and return its path; raises Impossible."""
     version = version_in((ROOT / "fleet" / "version.py").read_text(encoding="utf-8"))
     told = _run(python, "-c", "import sys; print(*sys.version_info[:2])").split()
     minor = (int(told[0]), int(told[1]))
@@ -157,7 +159,7 @@ def build(python: Path, output: Path) -> Path:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Build the package and print its path; the exit code is 2 where that cannot be."""
+    """Build the package and print its path; the exit code is 2 if that fails."""
     parser = argparse.ArgumentParser(
         prog="python3 -m deploy.build_deb", description="Build the Debian package."
     )

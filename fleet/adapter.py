@@ -1,11 +1,11 @@
-"""The whole contract of a robot.
+"""The contract between the host and an adapter.
 
-Two ways in: ``Adapter`` (async, for robots with their own brain or SDK) and ``FrameAdapter`` (no I/O at
-all, for robots that speak frames over a link). What is declared neither by ``@command`` nor by
-``drive`` or ``navigate`` is refused by the host before it reaches the adapter.
+There are two base classes: ``Adapter`` (async, for robots with an onboard computer or an SDK) and
+``FrameAdapter`` (pure, for robots that exchange frames over a link). The host refuses every request that the
+adapter does not declare with ``@command``, ``drive`` or ``navigate``.
 
-The host owns, for every robot alike: who may command, age, duplicates, limits, the control lease, the
-dead-man, the latched emergency stop, action states, replies, rates, health. An adapter translates.
+The host is responsible for permissions, age, duplicates, limits, the control lease, the dead-man, the latched
+emergency stop, action states, replies, rates and health of every robot. An adapter translates.
 """
 
 from __future__ import annotations
@@ -50,11 +50,10 @@ ParamsT = ParamSpec("ParamsT")
 
 
 class Robot(Protocol):
-    """The host's side of one robot, given to its adapter for one attempt to run it.
+    """The host's interface to one robot, passed to its adapter for one attempt to run it.
 
-    ``limits`` are those in force: the adapter's own, narrowed by fleet.yaml. ``state`` is a dictionary that
-    survives attempts: what the next adapter of this robot must know, such as where odometry had come to. It
-    is lost with the process.
+    ``limits`` are the effective limits: the adapter's own, narrowed by fleet.yaml. ``state`` is a dictionary
+    that survives attempts, for values such as the last odometry pose. It is lost with the process.
     """
 
     name: str
@@ -64,105 +63,118 @@ class Robot(Protocol):
 
     @property
     def clock(self) -> Clock:
-        """The host's clock: ``monotonic()`` s, and ``time()``, Unix s, for the stamps of reports."""
+        """The host's clock: ``monotonic()`` in s, and ``time()`` in Unix s for the stamps of reports."""
 
     @property
     def emergency_stop(self) -> bool:
-        """True while an emergency stop is set, which the host holds: for those who let others command it."""
+        """True while the host holds an emergency stop; for adapters whose robot also obeys other senders."""
 
     def report(self, report: Report) -> None:
-        """Publish a report; of one channel only the newest until the next tick is kept.
+        """Publish a report. Between two ticks only the newest report of a state channel is kept.
 
-        The first report of an attempt means that the robot answers, unless ``health`` has said otherwise.
+        The first report of an attempt marks the robot as online, unless ``health`` has been called before.
         """
 
     def health(self, health: Health) -> None:
-        """Say how the robot is. ``Health()`` (ok) means: it answers.
+        """Set the health of the robot. ``Health()`` (ok) means that the robot answers.
 
-        OFFLINE: nothing can be asked of it. FAULT: it answers and has a fault that a person must look at; the
-        host ends its motion and refuses more with these words, until another health comes. What does not move
-        it, what is ``safe``, and stops are still let through. Whoever calls this in ``connect`` or ``run``
-        says it all: reports and the return of ``connect`` change nothing any more.
+        OFFLINE: the robot cannot be reached. FAULT: it answers, but needs a person; the host ends its motion
+        and refuses further motion with this text until the next call. Stops and commands that are ``safe`` or
+        do not move the robot still pass. After a call in ``connect`` or ``run``, reports and the return of
+        ``connect`` no longer change the health.
         """
 
     def authority_lost(self, reason: str) -> None:
-        """Somebody else took the robot (a pilot, another station): end all motion of ours."""
+        """Report that a pilot or another station took control: the host ends all motion that it commanded."""
 
     def lacks(self, reasons: Mapping[str, str]) -> None:
-        """Say what of the declared vocabulary this robot does not have, by name, with the reason.
+        """Declare the parts of the vocabulary that this robot does not support, with a reason for each name.
 
-        For an adapter of several kinds of robots. Names are those of commands, of verbs (``strafe_left``:
-        such velocities are refused too), ``goto`` for goals and ``plan`` for missions. They are refused and
-        no longer described. The last call counts; call it again when the robot changes.
+        For adapters of several kinds of robots. A name is that of a command, of a motion verb
+        (``strafe_left``: velocities in this direction are refused too), ``goto`` for goals or ``plan`` for
+        missions. The host refuses these and no longer describes them. Each call replaces the one before; call
+        it again when the robot changes.
         """
 
     def circles(self, radius: float) -> None:
-        """Say that the robot cannot stand: where it ends or is stopped it circles, within ``radius`` metres.
+        """Declare that the robot cannot stand still, but circles within ``radius`` metres when it stops.
 
-        Its goals, fence, separation and battery reserve count the circle. 0: it stands, as it does while
-        nothing was said. The last call counts; call it again when the robot changes.
+        Its goals, fence, separation and battery reserve include the circle. 0, the default: it stands still.
+        Each call replaces the one before; call it again when the robot changes.
         """
 
     def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
-        """Leave the frames that halt the robot with the supervisor: it writes them when this process dies.
+        """Register the frames that halt the robot; the supervisor writes them when this process dies.
 
-        They go to ``link``, which the supervisor holds open as well until this attempt ends; ``address``: to
-        whom, for datagrams. The robot must take them at any time. The last call counts. For a robot with a
-        ``failsafe`` of its own this is sooner; for one without it is all that stops it.
+        They are written to ``link``, which the supervisor keeps open as well until this attempt ends, and to
+        ``address`` on a datagram link. The robot must accept them at any time. Each call replaces the one
+        before. A robot with a ``failsafe`` of its own stops sooner with them; a robot without one stops only
+        by them.
         """
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
-        """Call back about every ``seconds`` on the host's wheel until this attempt ends.
+        """Call ``call`` about every ``seconds`` on the host's tick scheduler until this attempt ends.
 
-        The call must not block; an exception it raises ends the attempt.
+        The call must not block; an exception that it raises ends the attempt.
         """
 
     async def enter(self, context: AbstractAsyncContextManager[OpenT]) -> OpenT:
-        """Enter a context for the rest of this attempt; the host leaves it after the robot was halted."""
+        """Enter a context for the rest of this attempt; the host exits it after it has halted the robot."""
 
     def share(
         self, key: str, make: Callable[[], AbstractAsyncContextManager[OpenT]]
     ) -> AbstractAsyncContextManager[OpenT]:
-        """Return what ``make`` gives, to be entered; one per process for all robots that use the same key."""
+        """Return the context of ``make``, shared by all robots of the process that use the same key."""
 
     async def blocking(
         self, call: Callable[ParamsT, ResultT], *args: ParamsT.args, **kwargs: ParamsT.kwargs
     ) -> ResultT:
-        """Make a call that blocks, as those of many SDKs do, on a thread of its own; return its result.
+        """Make a blocking call, as of an SDK, on a thread of its own; return its result.
 
-        Calls run side by side, so a stop is never queued behind one that hangs. Whoever waits may be
-        cancelled; the call itself goes on to its end. Raises what the call raises, and NotReady while too
-        many calls of this robot hang.
+        Calls run concurrently, so a stop never queues behind a call that hangs. Cancelling the caller does
+        not end the call. Raises the exception of the call, and NotReady while too many calls of this robot
+        hang.
         """
 
 
 ADAPTER_API = 1
-"""The version of this API. An adapter written for another one is refused when it is loaded; a change that
-breaks adapters raises it, and the version before is accepted, with a warning, for one minor release."""
+"""The version of this API. An adapter for another version is refused when it is loaded.
+
+A breaking change increments it; for one minor release the version before is accepted with a warning.
+"""
 
 
 class AdapterBase(ABC, Generic[ConfigT]):
     """The declarations that both kinds of adapter share."""
 
     Config: ClassVar[type[AdapterConfig]]
-    api: ClassVar[int] = 1  # the version of this API that the adapter was written for, as in ADAPTER_API
+    api: ClassVar[int] = 1  # the version of this API that the adapter is written for, see ADAPTER_API
     limits: ClassVar[Limits] = Limits()
     separation: ClassVar[Separation] = Separation(radius=1.0, braking=0.5, precedence=2)
-    holonomic: ClassVar[bool] = False  # it also moves sideways; else such velocities are refused
-    combines_keys: ClassVar[bool] = False  # verbs that are held together add up, opposite ones cancel
-    tells_home: ClassVar[bool] = False  # it reports where on Earth its home is, which places it in the site
+    # True: the robot also moves sideways; otherwise such velocities are refused
+    holonomic: ClassVar[bool] = False
+    combines_keys: ClassVar[bool] = False  # motion verbs held together add up, opposite verbs cancel out
+    # the adapter reports the geodetic position of its home, which places the robot in the site
+    tells_home: ClassVar[bool] = False
     replayed_channels: ClassVar[frozenset[str] | None] = None
-    """The channels whose reports follow from recorded frames alone; None: all. The others are not compared
-    when a recording is fed to the adapter."""
+    """The channels whose reports depend on recorded frames only; None: all of them.
+
+    The other channels are not compared when a recording is replayed through the adapter.
+    """
     replay_tolerance: ClassVar[Mapping[str, float]] = MappingProxyType({})
-    """By which share numbers may differ then, by the name of their member: those that are computed from the
-    time at which frames were read, which is not recorded to the microsecond."""
+    """Relative tolerance of numbers in a replay, by the name of their field.
+
+    For numbers computed from the time at which frames were read, which is not recorded to the microsecond.
+    """
     failsafe: str = ""
-    """What of the robot's own ends its motion when this process dies, and after how long ("its firmware stops
-    0.5 s after the last velocity"). Empty where nothing does: then leave a halt, or its health says so."""
+    """The robot's own mechanism that ends its motion when this process dies, with its delay.
+
+    For example "its firmware stops 0.5 s after the last velocity". Leave it empty if there is none: then
+    register a halt, or the robot's health reports that nothing stops it.
+    """
 
     def drive(self, velocity: Velocity) -> Any:  # noqa: ARG002 - for overriders
-        """Hold a body velocity; a robot whose adapter overrides this takes velocities."""
+        """Hold a body velocity. A robot accepts velocities if its adapter overrides this method."""
         raise Unsupported(f"{type(self).__name__} takes no velocities")
 
     @classmethod
@@ -172,33 +184,33 @@ class AdapterBase(ABC, Generic[ConfigT]):
 
     @staticmethod
     def simulation(config: Any, start: SimulationStart) -> Simulation | None:  # noqa: ARG004 - for overriders
-        """Return the simulated robot that takes the robot's place in a rehearsal.
+        """Return the simulated robot that replaces the robot in a rehearsal.
 
-        None: there is none that runs in simulated time, and a kinematic stand-in takes its place. Raises
-        Refused where it cannot begin as the robot stands now.
+        None: there is no simulation in simulated time, and a kinematic stand-in is used. Raises Refused if
+        the simulation cannot begin from the robot's present state.
         """
         return None
 
     @staticmethod
     def redaction() -> Redaction | None:
-        """Return what overwrites the secrets in the bytes of one direction of one link, for recordings.
+        """Return a function that overwrites secrets in recorded bytes; called for one direction of one link.
 
-        It is given the bytes as they come, in pieces of any length, and returns as many each time. None: the
-        robot is told no secrets. What it raises keeps these bytes out of the recording.
+        It receives the bytes in pieces of any length and returns the same number of bytes each time. None:
+        the robot exchanges no secrets. If the function raises, these bytes are left out of the recording.
         """
         return None
 
     @classmethod
     def drives(cls) -> bool:
-        """Return True when the robot takes velocities: ``drive`` is overridden."""
+        """Return True if the robot accepts velocities, that is, if ``drive`` is overridden."""
         return cls.drive not in {AdapterBase.drive, Adapter.drive, FrameAdapter.drive}
 
 
 class Adapter(AdapterBase[ConfigT]):
-    """One robot of one kind. The host makes a new one for each attempt to run it.
+    """One robot of one kind. The host creates a new adapter for each attempt to run it.
 
-    Nothing is asked of it, not even a stop, before ``connect`` has returned, and nothing after the host has
-    begun to close what was entered. So an attribute that ``connect`` sets is always there.
+    The host calls no other method before ``connect`` has returned, not even a stop, and none after it has
+    begun to close the entered contexts. An attribute set in ``connect`` is therefore always there.
     """
 
     def __init__(self, config: ConfigT, robot: Robot) -> None:
@@ -207,67 +219,68 @@ class Adapter(AdapterBase[ConfigT]):
 
     @classmethod
     def navigates(cls) -> bool:
-        """Return True when the robot goes to goals by itself (``navigate`` is overridden)."""
+        """Return True if the robot goes to goals by itself (``navigate`` is overridden)."""
         return cls.navigate is not Adapter.navigate
 
     @classmethod
     def moves_joints(cls) -> bool:
-        """Return True when the robot takes joint targets (``move_joints`` is overridden)."""
+        """Return True if the robot accepts joint targets (``move_joints`` is overridden)."""
         return cls.move_joints is not Adapter.move_joints
 
     @classmethod
     def connects(cls) -> bool:
-        """Return True when there is something to connect to (``connect`` is overridden)."""
+        """Return True if the adapter has a connection to open (``connect`` is overridden)."""
         return cls.connect is not Adapter.connect
 
     @staticmethod
     def replayed(config: Any, robot: Robot) -> Adapter[Any] | None:  # noqa: ARG004 - for overriders
-        """Return the adapter that is given recorded frames; None: robots of this kind cannot be replayed.
+        """Return the adapter that receives recorded frames; None: robots of this kind cannot be replayed.
 
-        It must open links by ``open_link`` alone, which gives it recorded ones then, and reach nothing else;
-        ``config`` has a recorded link, also where the robot was simulated.
+        It must open links by ``open_link`` only, which then returns recorded links, and use no other
+        resource. The ``config`` has a recorded link, also for a robot that was simulated.
         """
         return None
 
     async def connect(self) -> None:
-        """Open the way to the robot; for an adapter that overrides it, its return means: the robot answers.
+        """Open the connection to the robot. If overridden, its return means that the robot answers.
 
-        Open with ``await self.robot.enter(...)``; the host closes. Raises LinkLost or LinkRefused for the
-        link, Fault when a person must act. One that cannot tell yet whether the robot answers says so first:
-        ``self.robot.health(Health(Level.OFFLINE, why))``.
+        Open resources with ``await self.robot.enter(...)``; the host closes them. Raises LinkLost or
+        LinkRefused for the link, and Fault if a person must act. An adapter that does not know yet whether
+        the robot answers calls ``self.robot.health(Health(Level.OFFLINE, why))`` before it returns.
         """
 
     async def run(self) -> None:
-        """Serve the robot until it ends or raises; left out, until a periodic call raises.
+        """Serve the robot until the connection ends. The default waits until a periodic call raises.
 
-        Raises LinkLost, LinkRefused or Fault as ``connect`` does. The host halts the robot while its link is
-        still open, closes, backs off and makes a new adapter for whatever ends this.
+        Raises LinkLost, LinkRefused or Fault as ``connect`` does. After any end the host halts the robot
+        while its link is still open, closes the contexts, waits with growing delays and creates a new
+        adapter.
         """
         await asyncio.Event().wait()
 
     def drive(self, velocity: Velocity) -> None:
-        """Hold this body velocity from now on, until the next call or a stop; never blocks.
+        """Hold this body velocity until the next call or a stop; must not block.
 
-        The host has clamped it, and calls again with zero when its lease runs out.
+        The host has clamped the velocity. It calls again with zero when the lease expires.
         """
         super().drive(velocity)
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
-        """Return the joints that take targets now, by name; what is not among them is refused.
+        """Return the joints that accept targets now, by name; targets of other joints are refused.
 
-        Each must be in a ``JointReport`` of the robot's: the host leads it from where it was measured.
+        Each joint must be in a ``JointReport`` of the robot: the host moves it from its measured position.
         """
         return {}
 
     def move_joints(self, targets: Mapping[str, float]) -> None:  # noqa: ARG002 - for overriders
-        """Have these joints (rad, or m) go there at once, and hold there; never blocks.
+        """Move these joints to their targets (rad or m) at once and hold them there; must not block.
 
-        The host calls it many times a second, no farther within its range than the joint's speed allows.
+        The host calls it many times per second, with steps limited by the range and speed of each joint.
         """
         raise Unsupported(f"{type(self).__name__} takes no joint targets")
 
     def hold_joints(self) -> None:
-        """Hold the joints where they are, because nobody leads them any more; bound like ``halt``.
+        """Hold the joints at their present positions after the last target; same rules as for ``halt``.
 
         ``halt`` and ``stop`` must do it as well.
         """
@@ -275,55 +288,56 @@ class Adapter(AdapterBase[ConfigT]):
 
     @abstractmethod
     async def stop(self, reason: str) -> None:
-        """Bring the robot to a safe standstill and hold it; never raises for a link that is gone.
+        """Bring the robot to a safe standstill and hold it; must not raise if the link is gone.
 
-        For an aircraft: brake and hold in the air, never cut motors. The host bounds it in time.
+        For an aircraft: brake and hold position in the air, never cut the motors. The host limits its
+        duration.
         """
 
     @abstractmethod
     def halt(self) -> None:
-        """Write the safe-stop bytes at once; called from any thread, also while the loop is stuck.
+        """Write the safe-stop bytes at once; called from any thread, also while the event loop is blocked.
 
-        Must not block, must not touch the event loop, must never raise.
+        Must not block, use the event loop or raise.
         """
 
     def emergency_halt(self) -> None:
-        """Write the bytes of an emergency stop at once, where a robot has others; bound like ``halt``.
+        """Write the bytes of an emergency stop at once, if the robot has special ones; rules as for ``halt``.
 
-        ``stop("emergency_stop")`` follows on the event loop, as soon as that runs.
+        ``stop("emergency_stop")`` follows as soon as the event loop runs.
         """
         self.halt()
 
     def navigate(self, task: Task) -> AsyncIterator[Progress]:  # noqa: ARG002 - for overriders
-        """Carry out a task, yielding progress; return when it is done, raise when it cannot be.
+        """Execute a task and yield its progress; return when it is done, raise when it fails.
 
-        The host cancels the iteration for stop, a newer goal, or teleoperation, and then stops the robot.
+        The host cancels the iteration for a stop, a newer goal or teleoperation, and then stops the robot.
         """
         raise Unsupported(f"{type(self).__name__} does not navigate")
 
 
 class Send(msgspec.Struct, frozen=True):
-    """A frame that a FrameAdapter wants written in answer to one it decoded."""
+    """A frame that a FrameAdapter sends in answer to a decoded frame."""
 
     frame: bytes
 
 
 class Until(msgspec.Struct, frozen=True):
-    """A command of a FrameAdapter goes on once ``seen()`` is True; it is asked after each decoded frame.
+    """Pauses a command of a FrameAdapter until ``seen()`` returns True; checked after each decoded frame.
 
-    What the command yields after it is written then; after the last one, the command is done.
+    The command then continues with its next frames. After the last one it is done.
     """
 
     seen: Callable[[], bool]
 
 
 class FrameAdapter(AdapterBase[ConfigT]):
-    """A robot that speaks frames over a link: pure translation, no I/O, no clock, no task.
+    """A robot that exchanges frames over a link: pure translation without I/O, clock or tasks.
 
-    ``Config`` must have a ``link`` field. The host opens it, cuts the bytes into frames by ``framing``,
-    calls back, writes what is yielded, repeats the last velocity every ``repeat`` seconds while its lease
-    lives, and calls ``tick`` every ``tick_every`` seconds. A command is a method marked ``@command`` that
-    yields its frames, and ``Until`` where it has to wait for what the robot reports.
+    ``Config`` must have a ``link`` field. The host opens the link, splits the bytes into frames by
+    ``framing``, calls the methods, writes the frames that they yield, repeats the last velocity every
+    ``repeat`` seconds during its lease, and calls ``tick`` every ``tick_every`` seconds. A command is a
+    method marked ``@command``; it yields frames, and ``Until`` to wait for a report of the robot.
     """
 
     framing: ClassVar[Framing] = LineFraming()
@@ -339,21 +353,21 @@ class FrameAdapter(AdapterBase[ConfigT]):
         raise Unsupported(f"{type(self).__name__} takes no velocities: {velocity}")
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
-        """Return the joints that take targets; as an Adapter's. A robot that has some overrides both."""
+        """Return the joints that accept targets, as in Adapter; override ``encode_joints`` as well."""
         return {}
 
     def encode_joints(self, targets: Mapping[str, float]) -> Iterable[bytes]:  # noqa: ARG002 - for overriders
-        """Yield the frames by which these joints (rad, or m) go there at once, and hold there.
+        """Yield the frames that move these joints to their targets (rad or m) at once and hold them there.
 
-        When nobody leads them any more, ``halt`` is written: it must hold them where they are.
+        After the last target the host writes ``halt``, which must hold the joints at their present positions.
         """
         raise Unsupported(f"{type(self).__name__} takes no joint targets")
 
     @abstractmethod
     def decode(self, frame: bytes, stamp: float) -> Iterable[Report | Send | Health]:
-        """Yield what one frame says, measured at ``stamp`` (Unix s); nothing for noise.
+        """Yield the contents of one frame, measured at ``stamp`` (Unix s); nothing for noise.
 
-        A ``Health`` counts until the next one; a robot that never yields one is ok while it is understood.
+        A ``Health`` applies until the next one. A robot that never yields one is ok while its frames decode.
         """
 
     @abstractmethod
@@ -361,11 +375,11 @@ class FrameAdapter(AdapterBase[ConfigT]):
         """Yield the safe-stop frames; never empty, never raises."""
 
     def hello(self) -> Iterable[bytes]:
-        """Yield the first words on a fresh link."""
+        """Yield the first frames to send on a new link."""
         return ()
 
     def tick(self) -> Iterable[bytes]:
-        """Yield keep-alives and polls."""
+        """Yield keep-alive and polling frames."""
         return ()
 
 

@@ -1,4 +1,4 @@
-"""Time as a value that is handed in, so that nothing in the core reads it by itself."""
+"""The clock as an argument, so that nothing in the core reads the time by itself."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """What the code asks of time."""
+    """Source of time."""
 
     def monotonic(self) -> float:
         """Return seconds that never jump; for ages, leases and time-outs."""
 
     def time(self) -> float:
-        """Return Unix seconds; for stamps that leave the process, and nothing else."""
+        """Return Unix seconds; only for time stamps that leave the process."""
 
 
 class SystemClock:
-    """The computer's own time: the two functions themselves, which are called for every message."""
+    """The computer's clock.
+
+    Its methods are the C functions themselves, because they are called for every message.
+    """
 
     monotonic = staticmethod(time.monotonic)
     time = staticmethod(time.time)

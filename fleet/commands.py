@@ -1,4 +1,4 @@
-"""Declaring commands: ``@command`` on a method, its parameters checked by its own signature."""
+"""Declaration of commands: ``@command`` marks a method; its signature defines and checks the parameters."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ _TYPES = {
     "object": "an object",
     "null": "nothing",
 }
-"""What msgspec calls a type, and people do."""
+"""Plain names for msgspec's names of types."""
 
 
 class BadDeclaration(TypeError):
-    """A method marked ``@command`` cannot be one; the message ends with its file and line."""
+    """A method marked ``@command`` cannot be a command; the message ends with its file and line."""
 
 
 class Range(msgspec.Struct, frozen=True):
-    """The least and the most that a number in a command's data may be, and its unit.
+    """Bounds and unit of a number in a command's data.
 
-    Stands in the annotation: ``altitude: Annotated[float, Range(1, 120, "m")]``; of a list it bounds each
-    element. What is outside is refused before the method is called, and so is not-a-number. A
-    ``msgspec.Meta(ge=1, le=120, extra={"unit": "m"})`` says the same; an end that it leaves out is infinite.
+    Written in an annotation: ``altitude: Annotated[float, Range(1, 120, "m")]``; for a list it bounds each
+    element. Values outside and not-a-number are refused before the method is called. An equivalent is
+    ``msgspec.Meta(ge=1, le=120, extra={"unit": "m"})``; a missing bound is infinite.
     """
 
     least: float
@@ -64,11 +64,13 @@ class Range(msgspec.Struct, frozen=True):
 class CommandSpec(msgspec.Struct, frozen=True):
     """One declared command.
 
-    ``timeout``: seconds until the host gives up on it. ``safe``: allowed while an emergency stop is
-    latched (it can only make things safer). ``moves``: the robot may move because of it, so the control
-    lease applies and it ends a running action; but ``interrupts`` False: it ends none, and is refused as busy
-    while there is one. ``streams``: the method is an async generator whose first yield means that the robot
-    took the command. ``ranges``: those of its parameters that have one.
+    - ``timeout``: seconds until the host gives up on it.
+    - ``safe``: allowed while an emergency stop is latched, because it can only make things safer.
+    - ``moves``: may move the robot, so the control lease applies and a running action ends.
+    - ``interrupts``: if False, a running action goes on, and the command is refused as busy.
+    - ``streams``: the method is an async generator; its first yield means that the robot accepted the
+      command.
+    - ``ranges``: bounds by parameter.
     """
 
     name: str
@@ -86,14 +88,15 @@ class CommandSpec(msgspec.Struct, frozen=True):
 def command(
     *names: str, timeout: float = 10.0, safe: bool = False, moves: bool = True, interrupts: bool = True
 ) -> Callable[[MethodT], MethodT]:
-    """Declare a method as the command ``names`` (the first is its name, the rest aliases).
+    """Declare a method as the command ``names``: the first is its name, the others are aliases.
 
-    The method is a coroutine (returning means: seen to be done; what it returns, plain JSON values, is the
-    answer of a command that asks for something) or an async generator of ``Progress``
-    (the first yield means: the robot took it; the end means: seen to be done). On a FrameAdapter it yields
-    the frames to write. Its parameters, all
-    keyword-only or with defaults and annotated with plain types, are the command's data; each number has a
-    ``Range``. It raises NotReady, Refused, Unsupported, TimedOut or Fault.
+    The method is a coroutine or an async generator of ``Progress``. A coroutine returns when the command is
+    done; its result, in plain JSON values, is the answer to a query. The first yield of a generator means
+    that the robot accepted the command, its end that the command is done. On a FrameAdapter the method yields
+    the frames to write.
+
+    The parameters are keyword-only or have defaults, and are annotated with plain types; each number has a
+    ``Range``. The method raises NotReady, Refused, Unsupported, TimedOut or Fault.
     """
 
     def mark(method: MethodT) -> MethodT:
@@ -104,7 +107,7 @@ def command(
 
 
 def commands_of(owner: type) -> Mapping[str, CommandSpec]:
-    """Return the commands that a class declares, by name; a subclass's own method wins."""
+    """Return the commands that a class declares, by name; methods of a subclass override."""
     found: dict[str, CommandSpec] = {}
     for attribute, method in inspect.getmembers(owner, callable):
         marked = getattr(method, _MARK, None)
@@ -128,7 +131,7 @@ def commands_of(owner: type) -> Mapping[str, CommandSpec]:
 
 
 def _parameters_of(method: Callable[..., object]) -> type[msgspec.Struct]:
-    """Make the strict type of a method's keyword parameters; raises BadDeclaration."""
+    """Create the strict type of a method's parameters; raises BadDeclaration."""
     hints = _hints_of(method)
     fields: list[Any] = []
     for parameter in _declared(method):
@@ -139,7 +142,7 @@ def _parameters_of(method: Callable[..., object]) -> type[msgspec.Struct]:
             fields.append((parameter.name, kind, parameter.default))
     made = msgspec.defstruct(f"{method.__name__}_data", fields, kw_only=True)
     try:
-        json_decoder(made)  # under the lock that a type's first use needs
+        json_decoder(made)  # builds the decoder under the lock that the first use of a type needs
         known = msgspec.inspect.type_info(made)
     except TypeError as error:
         raise _bad(method, f"a parameter must be a plain type (a number, text, a list): {error}") from error
@@ -160,7 +163,7 @@ def _declared(method: Callable[..., Any]) -> list[inspect.Parameter]:
 
 
 def _hints_of(method: Callable[..., Any]) -> dict[str, Any]:
-    """Return the annotations of all parameters; raises BadDeclaration for what is not enforced."""
+    """Return the annotations of all parameters; raises BadDeclaration if one cannot be enforced."""
     try:
         hints = typing.get_type_hints(method, include_extras=True)
     except Exception as error:
@@ -177,14 +180,14 @@ def _hints_of(method: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _bad(method: Callable[..., Any], why: str) -> BadDeclaration:
-    """Return the error for a method that cannot be a command, with its place."""
+    """Return the error for a method that cannot be a command, with its file and line."""
     code = getattr(inspect.unwrap(method), "__code__", None)
     place = f" ({code.co_filename}:{code.co_firstlineno})" if code is not None else ""
     return BadDeclaration(f"command method {method.__name__}: {why}{place}")
 
 
 def _notes_of(form: Any) -> Iterator[Any]:
-    """Yield what annotations say beside types, however deep."""
+    """Yield the metadata of an annotation, at any depth."""
     if typing.get_origin(form) is Annotated:
         yield from form.__metadata__
         yield from _notes_of(form.__origin__)
@@ -194,7 +197,7 @@ def _notes_of(form: Any) -> Iterator[Any]:
 
 
 def _ranges_of(method: Callable[..., Any]) -> dict[str, Range]:
-    """Return the ranges in a method's annotations, by parameter; ``X | None`` has that of X."""
+    """Return the ranges in a method's annotations, by parameter; ``X | None`` has the range of X."""
     hints = _hints_of(method)
     notes = {each.name: list(_notes_of(hints[each.name])) for each in _declared(method)}
     ranges = {name: [_range_of(note) for note in found] for name, found in notes.items()}
@@ -202,7 +205,7 @@ def _ranges_of(method: Callable[..., Any]) -> dict[str, Range]:
 
 
 def _range_of(note: Any) -> Range | None:
-    """Return the range that an annotation gives, None where it gives none."""
+    """Return the range of an annotation, or None."""
     if isinstance(note, Range):
         return note
     if not isinstance(note, msgspec.Meta):
@@ -216,11 +219,11 @@ def _range_of(note: Any) -> Range | None:
 
 
 def arguments(spec: CommandSpec, data: Mapping[str, object]) -> dict[str, object]:
-    """Return the keyword arguments for a command, checked strictly.
+    """Return the keyword arguments of a command, strictly checked.
 
-    A safe command without parameters ignores its data, so that nothing can keep a landing from happening,
-    and so does one that does not move the robot. Raises Refused naming the field that is unknown, missing,
-    of the wrong type or out of its range.
+    A command without parameters that is safe or does not move the robot ignores its data, so that invalid
+    data cannot prevent a landing. Raises Refused with the name of a field that is unknown, missing, of the
+    wrong type or out of range.
     """
     known = spec.parameters.__struct_fields__
     if not known and (spec.safe or not spec.moves):
@@ -239,7 +242,7 @@ def arguments(spec: CommandSpec, data: Mapping[str, object]) -> dict[str, object
 
 
 def _hint(spec: CommandSpec, key: str) -> str:
-    """Return which parameter was perhaps meant, else what the command takes."""
+    """Return the most similar parameter name, else the list of parameters."""
     known = spec.parameters.__struct_fields__
     near = difflib.get_close_matches(key, known, n=1)
     if near:
@@ -249,7 +252,7 @@ def _hint(spec: CommandSpec, key: str) -> str:
 
 
 def _require_within(spec: CommandSpec, name: str, value: object) -> None:
-    """Refuse a number, or a list with one, that is not finite or not within its range."""
+    """Refuse a number, or a list with a number, that is not finite or out of range."""
     for each in value if isinstance(value, list) else (value,):
         if isinstance(each, bool) or not isinstance(each, int | float):
             continue
@@ -261,7 +264,7 @@ def _require_within(spec: CommandSpec, name: str, value: object) -> None:
 
 
 def _plainly(words: str, spec: CommandSpec) -> str:
-    """Return what msgspec says is wrong in words for whoever sent it, without its name for types."""
+    """Translate an error of msgspec into plain words for the sender, without msgspec's type names."""
     beyond = _BEYOND.fullmatch(words)
     if beyond and beyond[1] in spec.ranges:
         return f"{beyond[1]} must be {spec.ranges[beyond[1]]}"

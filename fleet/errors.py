@@ -1,18 +1,18 @@
-"""Every error of the project, as a tree whose branches say what to do about it.
+"""The errors of the project, in a tree whose branches say what to do about them.
 
     FleetError
-    ├── ConfigError          fleet.yaml is wrong: a person edits it
-    ├── WireError            bytes or JSON from outside were refused, with the place
-    ├── LinkError            the way to a robot
-    │   ├── LinkLost         it fell: the host opens it again
+    ├── ConfigError          fleet.yaml is invalid: edit it
+    ├── WireError            a message from outside was refused; names the field
+    ├── LinkError            the link to a robot
+    │   ├── LinkLost         it went down: the host reopens it
     │   └── LinkRefused      it cannot be opened as configured: a person must act
-    ├── BusError             the Zenoh session could not be opened
-    ├── CloudError           the broker refused us, and why
-    ├── StateError           what must outlive the edge cannot be kept where it was to be
-    │   ├── StateTaken       another edge that runs has that place
+    ├── BusError             the Zenoh session cannot be opened
+    ├── CloudError           the broker refused the connection, or it was lost
+    ├── StateError           the folder of the edge's durable state cannot be used
+    │   ├── StateTaken       another running edge uses it
     │   └── StateNewer       a newer fleet wrote the file
     ├── NotRunning           no edge answers
-    ├── MetricsError         the figures for Prometheus cannot be served
+    ├── MetricsError         the metrics for Prometheus cannot be served
     └── CommandError         a command was not carried out
         ├── NotReady         not now; try again (``hint`` says when)
         ├── Refused          this command, for this reason
@@ -20,18 +20,18 @@
         ├── TimedOut         the robot did not answer in time
         └── Fault            a person must look at the robot
 
-Every message is one line, written for the person who reads it: what, where, what to do.
+Every message is one line for the user: the error, its place, the remedy.
 """
 
 from __future__ import annotations
 
 
 class FleetError(Exception):
-    """The root of all errors that this project raises on purpose."""
+    """Base class of all errors that the project raises on purpose."""
 
 
 class ConfigError(FleetError):
-    """fleet.yaml cannot be used; ``str(error)`` lists every problem, one a line."""
+    """fleet.yaml cannot be used; ``str(error)`` lists all problems, one on each line."""
 
 
 class WireError(FleetError):
@@ -50,11 +50,11 @@ class NotRunning(FleetError):
 
 
 class LinkError(FleetError):
-    """The way to a robot failed."""
+    """The link to a robot failed."""
 
 
 class LinkLost(LinkError):
-    """The link fell after it was open, or the other side went silent; it is opened again."""
+    """An open link went down, or its peer fell silent; the host reopens it."""
 
 
 class LinkRefused(LinkError):
@@ -66,15 +66,15 @@ class BusError(FleetError):
 
 
 class CloudError(FleetError):
-    """The broker refused us or went away."""
+    """The broker refused the connection, or the connection was lost."""
 
 
 class StateError(FleetError):
-    """The folder of the edge's lasting state cannot be used, or another edge has it."""
+    """The folder of the edge's durable state cannot be used, or another edge uses it."""
 
 
 class StateTaken(StateError):
-    """Another edge that runs has the folder of the lasting state."""
+    """Another running edge uses the folder of the durable state."""
 
 
 class StateNewer(StateError):
@@ -86,14 +86,14 @@ class StateNewer(StateError):
 
 
 class MetricsError(FleetError):
-    """The figures for Prometheus cannot be served."""
+    """The metrics for Prometheus cannot be served."""
 
 
 class CommandError(FleetError):
-    """A command was not carried out; ``hint`` says what the asker can do.
+    """A command was not carried out; ``hint`` says what its sender can do.
 
-    ``device_result`` is the robot's own result code, where it gave one.
-    ``messages`` are the robot's own words while it handled the command, oldest first.
+    ``device_result`` is the robot's own result code, if it sent one. ``messages`` are the robot's texts
+    during the command, oldest first.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class CommandError(FleetError):
 
 
 class NotReady(CommandError):
-    """The robot cannot do this now; it may be asked again."""
+    """The robot cannot do this now; a retry may succeed."""
 
 
 class Refused(CommandError):

@@ -1,7 +1,7 @@
-"""What fleet.yaml may say of any robot; an adapter's own config adds its fields to these.
+"""Fields that every robot has in fleet.yaml; the config of an adapter adds its own.
 
-Pydantic models: frozen, unknown keys refused, every field described (the reference in docs/ is made
-from the descriptions).
+Pydantic models: frozen, unknown keys refused, every field described. The configuration reference in docs/ is
+generated from the descriptions.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ __all__ = [
 ]
 
 MAIN = "main"
-"""The worker name that means: in the edge's own process."""
+"""The worker name of the edge's own process."""
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,62}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class Limits(Model):
-    """How far a robot may go in anybody's hands; a setpoint beyond is clamped, a goal refused."""
+    """Motion limits of a robot; a setpoint beyond them is clamped, a goal refused."""
 
     speed: Positive | None = Field(None, description="Horizontal speed, m/s.")
     vertical_speed: Positive | None = Field(None, description="Climb and descent speed, m/s.")
@@ -47,35 +47,35 @@ class Limits(Model):
     distance: Positive | None = Field(None, description="Farthest distance from home, m.")
 
     def over(self, other: Limits) -> Limits:
-        """Return these limits with what they leave open taken from ``other``."""
+        """Return these limits, completed from ``other``."""
         given = {name: value for name, value in self if value is not None}
         return other.model_copy(update=given)
 
 
 class Separation(Model):
-    """How far the robots of one edge are kept from each other; every kind of robot has its own defaults."""
+    """Minimum distance between the robots of one edge; each kind of robot has its own defaults."""
 
     radius: Positive | None = Field(
         None,
-        description="Metres around the robot's middle that are its own, the error of its position counted. "
-        "Two robots are kept as far from each other as both radii together. Left out: 1.5 for mavlink, 0.6 "
-        "for quadruped, 0.4 for ugv, 1.0 for what does not say.",
+        description="Radius around the robot's centre in metres, including the error of its position. Two "
+        "robots are kept apart by the sum of their radii. Left out: 1.5 for mavlink, 0.6 for "
+        "quadruped, 0.4 for ugv, 1.0 for adapters without a value.",
     )
     braking: Positive | None = Field(
         None,
-        description="m/s2 that it surely brakes with. Left out: 1.5 for mavlink, 1.0 for quadruped and ugv, "
-        "0.5 for what does not say.",
+        description="Guaranteed deceleration, m/s2. Left out: 1.5 for mavlink, 1.0 for quadruped and ugv, "
+        "0.5 for adapters without a value.",
     )
     precedence: int | None = Field(
         None,
         ge=0,
         le=9,
-        description="Of two robots in each other's way the one with the lower gives way. Left out: 3 for "
-        "mavlink, 2 for ugv and what does not say, 1 for quadruped.",
+        description="Of two robots in conflict, the one with the lower value gives way. Left out: 3 for "
+        "mavlink, 2 for ugv and adapters without a value, 1 for quadruped.",
     )
 
     def over(self, other: Separation) -> Separation:
-        """Return this with what it leaves open taken from ``other``."""
+        """Return this separation, completed from ``other``."""
         given = {name: value for name, value in self if value is not None}
         return other.model_copy(update=given)
 
@@ -84,7 +84,7 @@ SourceType = Literal["edge", "edge_leader", "edge_follower", "tele", "edit", "si
 
 
 class Accepts(Model):
-    """Which source types this robot obeys; stops are obeyed from anyone."""
+    """Source types that this robot obeys; stops are obeyed from any source."""
 
     command: frozenset[SourceType] | None = Field(
         None,
@@ -98,13 +98,13 @@ class Accepts(Model):
     )
     mission: frozenset[SourceType] | None = Field(
         None,
-        description="For missions that it takes part in, besides what each step needs. Left out: nobody but "
-        "local operators.",
+        description="For missions in which it takes part, in addition to the permission for each step. "
+        "Left out: only local operators.",
     )
 
 
 class WorldOrigin(Model):
-    """The place on Earth where this robot's world frame has its origin."""
+    """The place on Earth of the origin of this robot's world frame."""
 
     latitude: float = Field(ge=-90, le=90, description="Degrees, WGS-84.")
     longitude: float = Field(ge=-180, le=180, description="Degrees, WGS-84.")
@@ -115,7 +115,7 @@ class WorldOrigin(Model):
 
 
 def _simple(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Refuse a polygon whose sides cross, or that has no area."""
+    """Refuse a polygon that has crossing sides or no area."""
     if not is_simple(corners):
         raise ValueError("the sides of a polygon must not cross, and it must have an area")
     return corners
@@ -126,7 +126,7 @@ Corners = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=100), Aft
 
 
 def _bracketed(given: object) -> object:
-    """Refuse, as one problem, brackets that make no list of lists of corners; else each number is one."""
+    """Validate the nesting of the brackets, so that a missing one is one error, not one per number."""
     polygons = _as_tuples(given)
     for number, polygon in enumerate(polygons if isinstance(polygons, tuple) else (), 1):
         corners = polygon if isinstance(polygon, tuple) else (polygon,)
@@ -140,7 +140,7 @@ def _bracketed(given: object) -> object:
 
 
 def _as_tuples(value: object) -> object:
-    """Return lists as tuples: behind a check of ours, pydantic takes no list for one any more."""
+    """Convert lists to tuples: after a validator of our own, pydantic accepts no list for a tuple."""
     return tuple(map(_as_tuples, value)) if isinstance(value, list | tuple) else value
 
 
@@ -148,23 +148,25 @@ Polygons = Annotated[tuple[Corners, ...], Field(max_length=20), BeforeValidator(
 
 
 class FenceConfig(Model):
-    """Where a robot may be. How high and how far from home is said by its limits."""
+    """Where a robot may be. Its limits define how high and how far from home."""
 
     frame: Literal["world", "geodetic"] = Field(
-        "world", description="What corners are: [x, y] metres in the world, or [latitude, longitude]."
+        "world",
+        description="Meaning of the corners: [x, y] metres in the world frame, or [latitude, longitude].",
     )
     inclusion: Polygons = Field(
         (),
-        description="Polygons of 3 to 100 corners, as in [[[0, 0], [9, 0], [9, 9]]]; it must be in one.",
+        description="Polygons of 3 to 100 corners, as in [[[0, 0], [9, 0], [9, 9]]]; the robot must be "
+        "inside one.",
     )
     exclusion: Polygons = Field(
-        (), description="Polygons, as in [[[0, 0], [9, 0], [9, 9]]], that it must not be in."
+        (), description="Polygons, as in [[[0, 0], [9, 0], [9, 9]]]; the robot must be outside of all."
     )
     margin: float = Field(1.0, ge=0, le=100, description="Metres that a held velocity keeps from the border.")
 
     @model_validator(mode="after")
     def _on_earth(self) -> Self:
-        """Refuse degrees that are none."""
+        """Refuse geodetic corners that are not valid degrees."""
         corners = [corner for polygon in (*self.inclusion, *self.exclusion) for corner in polygon]
         if self.frame == "geodetic" and any(abs(lat) >= 90 or abs(lon) > 180 for lat, lon in corners):
             raise ValueError("geodetic corners are [latitude, longitude] in degrees")
@@ -175,7 +177,7 @@ Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 
 
 class BatteryPolicy(Model):
-    """What is done about a battery that runs low; the autopilot's own fail-safe comes beside it."""
+    """Reaction to a low battery; the autopilot's own fail-safe remains active."""
 
     reserve: Percent = Field(
         15.0,
@@ -183,14 +185,16 @@ class BatteryPolicy(Model):
         "A take-off needs more than `low` as well.",
     )
     endurance: Positive | None = Field(
-        None, description="Seconds that a full battery moves the robot; for the way to a goal and home."
+        None, description="Seconds of motion on a full battery; for the way to a goal and home."
     )
     low: Percent = Field(
         20.0,
-        description="Percent at which the action is taken, once; below `reserve` the way home ends below it.",
+        description="Percent at which the action is executed, once. If it is below `reserve`, the robot "
+        "arrives home below its reserve.",
     )
     action: Literal["return_to_home", "land", "stop", "warn"] = Field(
-        "warn", description="What to do then with a robot that moves because of us: a command, or only warn."
+        "warn",
+        description="Action for a robot that moves on the edge's command: a command, or only a warning.",
     )
 
 
@@ -207,22 +211,26 @@ class AdapterConfig(TopicsConfig):
     )
     role: Literal["leader", "follower"] | None = Field(
         None,
-        description="One of two arms that move together: its state says edge_leader or edge_follower. "
-        "A simulated robot says sim all the same.",
+        description="For one of two arms that move together: the source type of its state is edge_leader "
+        "or edge_follower; that of a simulated robot is still sim.",
     )
     follows: UUID | None = Field(
         None,
-        description="The twin of the leader whose joints this robot's follow, those of the same names, once "
-        "`follow_leader` is asked and until any stop. `accepts.command` must have edge_leader.",
+        description="The twin of the leader: the joints of this robot follow the leader's joints of the "
+        "same names, from `follow_leader` until any stop. `accepts.command` must have "
+        "edge_leader.",
     )
     accepts: Accepts = Field(Accepts(), description="Whose commands the robot obeys.")
     limits: Limits = Field(Limits(), description="Over the adapter's own limits.")
     fence: FenceConfig | None = Field(None, description="Where the robot may be.")
     battery_policy: BatteryPolicy | None = Field(
-        None, description="What is done about a battery that runs low; left out, nothing."
+        None, description="Reaction to a low battery; left out: none."
     )
     setpoint_lease: float = Field(
-        0.5, ge=0.15, le=5.0, description="Seconds a velocity is held unless it says otherwise."
+        0.5,
+        ge=0.15,
+        le=5.0,
+        description="Seconds for which a velocity is held, unless its message says otherwise.",
     )
     max_age: float = Field(0.5, gt=0, le=60, description="Oldest velocity that is obeyed, seconds.")
     command_max_age: float = Field(
@@ -255,9 +263,10 @@ class AdapterConfig(TopicsConfig):
     )
     start: tuple[float, float, float] | None = Field(
         None,
-        description="[x, y, heading] for a robot without GPS: where it stands when the edge starts, metres "
-        "east and north of the site's origin, and where its front points, radians counter-clockwise from "
-        "east. It places the robot in the site's frame; without it nobody knows how far it is from others.",
+        description="[x, y, heading] for a robot without GPS: its position when the edge starts, metres "
+        "east and north of the site's origin, and the direction of its front, radians "
+        "counter-clockwise from east. It places the robot in the site's frame; without it, "
+        "its distance to other robots is unknown.",
     )
     separation: Separation = Field(
         Separation(), description="How far other robots of this edge are kept from it."
@@ -265,7 +274,7 @@ class AdapterConfig(TopicsConfig):
 
     @model_validator(mode="after")
     def _placed_once(self) -> Self:
-        """Refuse a start beside an origin, and a heading that must be in degrees."""
+        """Refuse a start beside an origin, and a start heading that must be in degrees."""
         if self.start is None:
             return self
         if self.origin is not None:
@@ -276,7 +285,7 @@ class AdapterConfig(TopicsConfig):
 
     @model_validator(mode="after")
     def _leads_or_follows(self) -> Self:
-        """Refuse a leader that would be led, by itself above all, and a follower that does not accept one."""
+        """Refuse a leader that follows, a robot that follows itself, and one that refuses its leader."""
         is_led = "edge_leader" in (self.accepts.command or ())
         if self.follows == self.twin:
             raise wrong("follows", "this is the robot's own twin: a robot cannot follow itself")
@@ -288,26 +297,26 @@ class AdapterConfig(TopicsConfig):
             raise wrong("follows", "its leader is not obeyed: put edge_leader into accepts.command")
         return self
 
-    def timeout_of(self, command: str) -> float | None:  # noqa: ARG002 - for those that let it be said
-        """Return the seconds until a command is given up, None: as the adapter declares it."""
+    def timeout_of(self, command: str) -> float | None:  # noqa: ARG002 - for overriders
+        """Return the timeout of a command in seconds; None: as the adapter declares it."""
         return None
 
     def plans(self) -> frozenset[str]:
-        """Return for which autopilots and kinds of vehicle a plan may be made that the robot flies.
+        """Return the autopilots and kinds of vehicle whose plans the robot can fly.
 
-        Words of QGroundControl's plans: px4, ardupilot; multirotor, plane, vtol, rover. Empty: any.
+        In the terms of QGroundControl's plans: px4, ardupilot; multirotor, plane, vtol, rover. Empty: any.
         """
         return frozenset()
 
     def body_parts(self) -> tuple[BodyPart, ...]:
-        """Return the parts of the robot's body, for drawings of it; empty: nobody has described them."""
+        """Return the parts of the robot's body, for drawings; empty if not described."""
         return ()
 
     @property
     def failsafe_after(self) -> float | None:
-        """Seconds in which the robot's own fail-safe ends motion that nobody commands any more; or None.
+        """Seconds within which the robot's own fail-safe ends motion without commands, or None.
 
-        The standby edge of a pair moves a robot only after that, or after a stop of its own.
+        The standby edge of a pair moves a robot only after this time, or after a stop of its own.
         """
         return None
 
@@ -320,5 +329,5 @@ class AdapterConfig(TopicsConfig):
 
     @property
     def simulated(self) -> bool:
-        """True when the robot is a simulation: its ``link`` begins with ``sim:``."""
+        """True if the robot is a simulation: its ``link`` begins with ``sim:``."""
         return str(getattr(self, "link", "")).startswith("sim:")

@@ -1,4 +1,4 @@
-"""What a kind of robot has for rehearsals: a simulated robot in simulated time, bytes in and bytes out."""
+"""Simulated robots for rehearsals: in simulated time, with bytes in and out."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from fleet.robot_config import AdapterConfig
 
 
 class SimulationStart(msgspec.Struct, frozen=True):
-    """How a robot stands when a rehearsal begins.
+    """The state of a robot at the start of a rehearsal.
 
-    ``pose`` is in the robot's own world. ``point`` is where that is on Earth (altitude: m above mean sea
-    level), ``heading`` radians counter-clockwise from east; None while unknown. ``battery`` is percent,
-    ``mode`` what the robot calls its mode, ``armed`` whether its motors run. ``seed`` and ``epoch`` (Unix s
-    at time 0) are the rehearsal's.
+    - ``pose`` is in the robot's own world frame.
+    - ``point`` is its place on Earth (altitude: m above mean sea level), None if unknown.
+    - ``heading`` is in radians counter-clockwise from east, None if unknown.
+    - ``battery`` is in percent.
+    - ``mode`` is the robot's name of its mode; ``armed``: its motors run.
+    - ``seed`` and ``epoch`` (Unix s at time 0) are those of the rehearsal.
     """
 
     pose: Pose = Pose()
@@ -32,12 +34,13 @@ class SimulationStart(msgspec.Struct, frozen=True):
 
 
 class Simulation(msgspec.Struct, frozen=True):
-    """A simulated robot. It has no clock: ``now`` is seconds since its start and only grows.
+    """A simulated robot without a clock: ``now`` is seconds since its start and never decreases.
 
-    ``what`` names the simulator for people. ``config`` leads the adapter to it: its link is
-    ``memory:<name of the robot>``. ``receive(data, now)`` takes what the adapter sends, ``step(now)`` lets
-    time pass; both return the bytes that the robot sends. ``state`` is what its adapter finds in
-    ``robot.state``.
+    - ``what`` names the simulator for users.
+    - ``config`` connects the adapter to it by the link ``memory:<name of the robot>``.
+    - ``receive(data, now)`` passes bytes of the adapter, ``step(now)`` advances the time; both return the
+      bytes that the robot sends.
+    - ``state`` is the initial ``robot.state`` of its adapter.
     """
 
     what: str

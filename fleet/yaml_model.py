@@ -1,4 +1,4 @@
-"""The base of every model of fleet.yaml, and paths as they stand in it."""
+"""Base class of the models of fleet.yaml; types of paths and durations."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from pydantic_core import PydanticCustomError
 
 
 class Model(BaseModel):
-    """Frozen, strict about keys and numbers."""
+    """Frozen model that refuses unknown keys and numbers that are not finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 def wrong(key: str, reason: str) -> PydanticCustomError:
-    """Return the error of a model as a whole, to be told at the line of one of its keys."""
+    """Return an error of a whole model, reported at the line of one of its keys."""
     return PydanticCustomError("value_error", "{reason}", {"reason": reason, "key": key})
 
 
 def _beside(path: Path, info: ValidationInfo) -> Path:
-    """Take a path as seen from the folder of fleet.yaml, or from the user's home."""
+    """Resolve a path relative to the folder of fleet.yaml or to the user's home."""
     folder: Path = (info.context or {}).get("folder", Path())
     return folder / path.expanduser()
 
 
 def _existing(path: Path) -> Path:
-    """Refuse a path at which there is nothing."""
+    """Refuse a path that does not exist."""
     if not path.exists():
         raise ValueError(f"there is no {path}")
     return path
@@ -40,7 +40,7 @@ _LONGEST = 86_400.0  # s
 
 
 def _seconds(given: Any) -> Any:
-    """Return the seconds of ``60 s``, ``12 min`` or ``1 h``; anything else as it is."""
+    """Convert ``60 s``, ``12 min`` or ``1 h`` to seconds; return other values unchanged."""
     if not isinstance(given, str):
         return given
     match = _DURATION.fullmatch(given.strip())
@@ -50,8 +50,8 @@ def _seconds(given: Any) -> Any:
 
 
 Duration = Annotated[float, BeforeValidator(_seconds), Field(gt=0, le=_LONGEST, allow_inf_nan=False)]
-"""A length of time, in seconds; written as a number, or as in ``12 min``."""
+"""A duration in seconds; written as a number, or as in ``12 min``."""
 NewPath = Annotated[Path, AfterValidator(_beside)]
-"""A path as seen from the folder of fleet.yaml; it need not exist."""
+"""A path relative to the folder of fleet.yaml; it need not exist."""
 ExistingPath = Annotated[NewPath, AfterValidator(_existing)]
-"""The same; it must exist."""
+"""A path relative to the folder of fleet.yaml that must exist."""

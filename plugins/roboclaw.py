@@ -1,10 +1,10 @@
-"""RoboClaw motor controllers: a fourth kind of base, as one profile and one codec.
+"""RoboClaw motor controllers: one profile and one codec for a wheeled base.
 
-Packet serial: address, command, big-endian arguments, CRC-16 (XMODEM) over all of it. What sets something is
-answered 0xFF; what asks is answered by the value and a CRC over question and value. Answers have no header:
-they are matched to the questions in order, and a wrong CRC throws away all that was waited for. The dead-man
-(command 14, steps of 100 ms) is off in a new controller: it is set and read back before the base is driven.
-Written from the protocol's description, not tried on a controller.
+Packet serial: address, command, big-endian arguments, CRC-16 (XMODEM) over all of them. A write command is
+acknowledged with 0xFF; a read command is answered with the value and a CRC over request and value. Answers
+have no header: they are matched to the requests in order, and a wrong CRC discards all pending requests. The
+dead-man (command 14, steps of 100 ms) is off in a new controller: the adapter sets it and reads it back
+before it drives the base. Written from the protocol's description, not tried on a controller.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from fleet_ugv import (
 
 ADDRESS = 0x80
 SET_TIMEOUT, GET_TIMEOUT, GET_VOLTS, SPEEDS, COUNTERS = 14, 15, 24, 37, 78
-ANSWERS = {GET_TIMEOUT: 3, GET_VOLTS: 4, COUNTERS: 10}  # bytes, CRC and all
+ANSWERS = {GET_TIMEOUT: 3, GET_VOLTS: 4, COUNTERS: 10}  # bytes, including the CRC
 TAKEN = b"\xff"
-MOST_ASKED = 8  # questions that wait for an answer; more are a controller that is gone
+MOST_ASKED = 8  # requests without an answer; more mean that the controller is gone
 COUNTER = 2**32
 
 
@@ -47,7 +47,7 @@ def packet(command: int, arguments: bytes = b"") -> bytes:
 
 
 class RoboclawCodec(Codec):
-    """One controller; ``ticks`` a metre, ``timeout`` of its dead-man in s."""
+    """Codec of one controller; ``ticks`` per metre, ``timeout`` of its dead-man in s."""
 
     stop: ClassVar[bytes] = packet(SPEEDS, bytes(8))
 
@@ -60,7 +60,7 @@ class RoboclawCodec(Codec):
         self._volts: float | None = None
 
     def feed(self, data: bytes) -> Sequence[Event]:
-        """Take what arrived; return what the whole answers say."""
+        """Decode received bytes; return the events of the complete answers."""
         self._rest = (self._rest + data)[-256:]
         events: list[Event] = []
         while self._rest and (not self._asked or len(self._rest) >= ANSWERS[self._asked[0]]):
@@ -70,7 +70,7 @@ class RoboclawCodec(Codec):
         return events
 
     def _next(self) -> Event | None:
-        """Take the answer to the oldest question, or what is none."""
+        """Decode the answer to the oldest request, or an acknowledgement; discard anything else."""
         if self._asked:
             command = self._asked[0]
             answer = self._rest[: ANSWERS[command]]
@@ -87,12 +87,12 @@ class RoboclawCodec(Codec):
         return None
 
     def _is_good(self, command: int, answer: bytes) -> bool:
-        """Return True for an answer whose CRC is right."""
+        """Return True for an answer with a valid CRC."""
         asked = bytes((ADDRESS, command))
         return binascii.crc_hqx(asked + answer[:-2], 0) == int.from_bytes(answer[-2:])
 
     def _answer(self, command: int, answer: bytes) -> Event | None:
-        """Return what an answer says."""
+        """Return the event of an answer."""
         if command == COUNTERS:
             left, right = struct.unpack(">ii", answer[:8])
             return Feedback(distances=(left / self._ticks, right / self._ticks), voltage=self._volts)
@@ -102,23 +102,23 @@ class RoboclawCodec(Codec):
         return Confirmed() if answer[0] == self._steps else None
 
     def _ask(self, command: int) -> bytes:
-        """Return a question and remember it; a question has no CRC of its own."""
+        """Return a request, which has no CRC, and remember it."""
         self._asked.append(command)
         return bytes((ADDRESS, command))
 
     def motion(self, motion: Motion) -> bytes:
-        """Return the speeds of both motors in ticks a second."""
+        """Return the command with the speeds of both motors in ticks per second."""
         assert isinstance(motion, Wheels)
         ticks = (round(speed * self._ticks) for speed in (motion.left, motion.right))
         return packet(SPEEDS, struct.pack(">ii", *(min(max(count, -(2**31)), 2**31 - 1) for count in ticks)))
 
     def setup(self) -> bytes:
-        """Return the dead-man's time and the question whether it was taken."""
+        """Return the command that sets the dead-man, and the request that reads it back."""
         self._asked.clear()
         return packet(SET_TIMEOUT, bytes((self._steps,))) + self._ask(GET_TIMEOUT)
 
     def poll(self) -> bytes:
-        """Return the questions for volts and counters."""
+        """Return the requests for voltage and counters."""
         return self._ask(GET_VOLTS) + self._ask(COUNTERS)
 
 
@@ -144,7 +144,7 @@ ROBOCLAW = BaseProfile(
 
 
 class RoboclawConfig(UgvConfig):
-    """A base with a RoboClaw."""
+    """Config of a base with a RoboClaw."""
 
     adapter: Literal["roboclaw"]  # type: ignore[assignment]
     profile: str = Field("roboclaw", description="What the base is: roboclaw.")

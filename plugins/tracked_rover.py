@@ -1,7 +1,7 @@
-"""A tracked rover that speaks ASCII lines over a serial line or TCP.
+"""A tracked rover that speaks ASCII lines over a serial port or TCP.
 
-It is told ``M <m/s> <rad/s>`` and stops by itself 0.5 s after the last one; ``L 1`` and ``L 0`` switch its
-lamps. It says ``B <volts> <percent>`` and ``P <x m> <y m> <yaw rad>``.
+It obeys ``M <m/s> <rad/s>`` and stops by itself 0.5 s after the last such line; ``L 1`` and ``L 0`` switch
+its lamps. It reports ``B <volts> <percent>`` and ``P <x m> <y m> <yaw rad>``.
 """
 
 import re
@@ -17,7 +17,7 @@ _SAID = re.compile(rb"([BP])((?: -?\d{1,6}(?:\.\d{1,6})?){2,3})")
 
 
 class TrackedRoverConfig(fleet.AdapterConfig):
-    """Its fields in fleet.yaml."""
+    """Fields of a tracked rover in fleet.yaml."""
 
     adapter: Literal["tracked-rover"]
     link: fleet.LinkText = Field(description="serial:/dev/...?baud=115200 or tcp:HOST:PORT.")
@@ -31,7 +31,7 @@ class TrackedRover(fleet.FrameAdapter[TrackedRoverConfig]):
     failsafe = "the rover stops 0.5 s after the last velocity"
 
     def drive(self, velocity: fleet.Velocity) -> Iterable[bytes]:
-        """Yield the line that drives."""
+        """Yield the line that sets a velocity."""
         yield b"M %.3f %.3f\n" % (velocity.linear.x, velocity.yaw_rate)
 
     @fleet.command("lights", moves=False)
@@ -40,7 +40,7 @@ class TrackedRover(fleet.FrameAdapter[TrackedRoverConfig]):
         yield b"L %d\n" % on
 
     def decode(self, frame: bytes, stamp: float) -> Iterable[BatteryReport | PoseReport]:
-        """Yield what one line says."""
+        """Yield the report of one line."""
         match = _SAID.fullmatch(frame)
         kind, numbers = (match[1], [float(text) for text in match[2].split()]) if match else (b"", [])
         if kind == b"B" and len(numbers) == 2 and 0 <= numbers[1] <= 100:
@@ -49,5 +49,5 @@ class TrackedRover(fleet.FrameAdapter[TrackedRoverConfig]):
             yield PoseReport(stamp, Vector3(*numbers[:2]), fleet.quaternion_from_yaw(numbers[2]))
 
     def halt(self) -> Iterable[bytes]:
-        """Yield the line that stops it."""
+        """Yield the line that stops the rover."""
         yield b"M 0 0\n"

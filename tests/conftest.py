@@ -1,6 +1,7 @@
 """What all tests share: MQTT brokers, other programs, Hypothesis without clocks (the machines are busy)."""
 
 import contextlib
+import gc
 import importlib.util
 import os
 import signal
@@ -34,6 +35,8 @@ def keep_bytecode():
 
 
 keep_bytecode()
+# Seldom look at all objects of a process that has imported all tests: a fifteenth of its processor time.
+gc.set_threshold(10_000, 10, 50)
 
 
 def _load(path):
@@ -215,8 +218,8 @@ def shared_foreign_broker(request, tmp_path_factory):
 
 
 def pytest_xdist_auto_num_workers():
-    """Run one process more than there are processors: the tests wait for a third of their time."""
-    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else (os.cpu_count() or 1) + 1
+    """Run two processes more than there are processors: the tests wait for half of their time."""
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else (os.cpu_count() or 1) + 2
 
 
 def pytest_addoption(parser, pluginmanager):

@@ -1,4 +1,4 @@
-"""Drones on MAVLink: ArduPilot and PX4."""
+"""MAVLink vehicles: drones, planes, rovers and boats on ArduPilot or PX4."""
 
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.config import MavlinkConfig

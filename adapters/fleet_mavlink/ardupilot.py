@@ -1,4 +1,4 @@
-"""ArduCopter: mode numbers and behaviour as observed on the wire of version 4.6."""
+"""ArduCopter: mode numbers and behaviour of version 4.6, as observed on the wire."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PLACE_AND_YAW = 0x9F8  # type_mask: ignore everything except position and yaw
 
 
 class ArduCopter(ArduPilotFlavour):
-    """ArduPilot for multirotors. Held by BRAKE: LOITER without a pilot's stick would descend."""
+    """ArduPilot for multirotors. Holds in BRAKE: without a pilot's stick, LOITER would descend."""
 
     modes: ClassVar[Mapping[int, str]] = mode_names("COPTER_MODE")
     hold: ClassVar[str] = "BRAKE"
@@ -29,12 +29,12 @@ class ArduCopter(ArduPilotFlavour):
         self,
         to: GeoPoint,
         home_altitude: float,
-        speed: float,  # noqa: ARG002 - it takes none here: ``after_go``
+        speed: float,  # noqa: ARG002 - see ``after_go``
         heading: float,
     ) -> SetPositionTargetGlobalInt:
-        """Return the target with the altitude above home.
+        """Return the target with its altitude above home.
 
-        DO_REPOSITION takes no heading: the nose would turn as WP_YAW_BEHAVIOR says.
+        DO_REPOSITION has no heading: the nose would turn as WP_YAW_BEHAVIOR defines.
         """
         return SetPositionTargetGlobalInt(
             target_system=0,

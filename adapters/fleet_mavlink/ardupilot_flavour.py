@@ -1,4 +1,4 @@
-"""What the vehicles that are moved here have in common on ArduPilot 4.6."""
+"""Common part of the ArduPilot 4.6 vehicles that this adapter moves."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
 
 
 class ArduPilotFlavour(ArduPilotKind, Flavour):
-    """It is moved in GUIDED, by setpoints and to places alike."""
+    """An ArduPilot vehicle that moves in GUIDED, both by setpoints and to positions."""
 
     external: ClassVar[str] = "GUIDED"
     goto: ClassVar[str] = "GUIDED"
@@ -37,16 +37,16 @@ class ArduPilotFlavour(ArduPilotKind, Flavour):
     compass_start: ClassVar[CommandLong] = CommandLong(Cmd.DO_START_MAG_CAL, param3=1.0)  # saved by itself
     compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.DO_CANCEL_MAG_CAL)
 
-    def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - wherever it is
+    def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - independent of the state
         """Return the change to the holding mode."""
         return self.mode_command(self.hold)
 
     def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002
-        """Return DO_CHANGE_SPEED. It must follow the place: a new place resets the speed."""
+        """Return DO_CHANGE_SPEED. It must follow the position: a new position resets the speed."""
         return CommandLong(Cmd.DO_CHANGE_SPEED, param1=_GROUND_SPEED, param2=speed, param3=-1.0)
 
     def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:
-        """Read MAG_CAL_PROGRESS and MAG_CAL_REPORT, which come once per compass."""
+        """Interpret MAG_CAL_PROGRESS and MAG_CAL_REPORT, which are sent once per compass."""
         if not isinstance(said, MagCalProgress | MagCalReport):
             return None
         others = frozenset(each for each in range(8) if said.cal_mask >> each & 1) | {said.compass_id}

@@ -20,15 +20,15 @@ GUIDED_HOVERS, _ASSIST = "Q_GUIDED_MODE", "Q_ASSIST_SPEED"
 _ABOVE_ASSIST = 2.0  # m/s
 _BY_ROTORS = frozenset({"QSTABILIZE", "QHOVER", "QLOITER", "QLAND", "QRTL", "QAUTOTUNE", "QACRO"})
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
-_BRAKING = 2.0  # m/s2 at which a QuadPlane comes to stand (Q_TRANS_DECEL)
-_NEAR = 0.9 * 1.5  # stopping distances from its cruise airspeed, up to which it surely hovers to a place
-_PULLED, _PULLS = 8.0, 3.2  # m, and s of its way, that it goes on when its transition is broken off
-_FRESH = 1.5  # s between its position and its heartbeat
-_FASTEST_HOVER = 10.0  # m/s that are projected; what is faster flies on its wings
+_BRAKING = 2.0  # m/s2: assumed deceleration of a QuadPlane to hover (Q_TRANS_DECEL)
+_NEAR = 0.9 * 1.5  # stopping distances from cruise airspeed: it certainly hovers to nearer positions
+_PULLED, _PULLS = 8.0, 3.2  # distance (m, plus s at its speed) covered after a transition is aborted
+_FRESH = 1.5  # s: largest age difference between position and heartbeat
+_FASTEST_HOVER = 10.0  # m/s, fastest projected hover; a faster vehicle flies on its wings
 
 
 def reposition(to: GeoPoint) -> CommandInt:
-    """Return DO_REPOSITION to a place (altitude AMSL), which changes to GUIDED and is acknowledged."""
+    """Return DO_REPOSITION to a position (altitude AMSL), which changes to GUIDED and is acknowledged."""
     return CommandInt(
         Cmd.DO_REPOSITION,
         frame=Frame.GLOBAL_INT,
@@ -42,7 +42,7 @@ def reposition(to: GeoPoint) -> CommandInt:
 
 
 class _ArduPlane(ArduPilotFlavour):
-    """The modes of ArduPlane, with or without rotors."""
+    """Modes of ArduPlane, with or without rotors."""
 
     modes: ClassVar[Mapping[int, str]] = mode_names(
         "PLANE_MODE", {5: "FBWA", 6: "FBWB", 16: "INITIALISING", 25: "LOITER2QLAND"}
@@ -53,15 +53,15 @@ class _ArduPlane(ArduPilotFlavour):
 
     @property
     def failsafe_table(self) -> str:
-        """Planes have their own."""
+        """Table of fail-safe parameters of planes."""
         return "arduplane"
 
     def goes_on(self, speed: float) -> float:
-        """Return how far it goes on before it stands in its hover, m; what is faster flies on its wings."""
+        """Return the stopping distance in hover, m; limited to the speed of a hover."""
         return min(speed, _FASTEST_HOVER) * speed / (2 * _BRAKING)
 
     def to_stand(self, here: GeoPoint, velocity: Vector3 | None) -> CommandInt:
-        """Return the way to where it comes to stand that moves at a velocity (NED, m/s)."""
+        """Return the command to its stopping point, for a velocity (NED, m/s)."""
         speed = velocity.horizontal() if velocity is not None else 0.0
         if velocity is None or not 0.0 < speed < math.inf:
             return reposition(here)
@@ -72,16 +72,16 @@ class _ArduPlane(ArduPilotFlavour):
     def go_command(
         self,
         to: GeoPoint,
-        home_altitude: float,  # noqa: ARG002 - it is told the altitude above the sea
-        speed: float,  # noqa: ARG002 - it takes none here: ``after_go``
-        heading: float,  # noqa: ARG002 - its nose points along its way
+        home_altitude: float,  # noqa: ARG002 - it takes AMSL
+        speed: float,  # noqa: ARG002 - see ``after_go``
+        heading: float,  # noqa: ARG002 - its nose follows its course
     ) -> CommandInt:
         """Return DO_REPOSITION."""
         return reposition(to)
 
 
 class ArduPlane(Winged, _ArduPlane):
-    """A plane. It takes off by its mode TAKEOFF, and circles; LOITER needs a position, CIRCLE none."""
+    """A plane. It takes off in mode TAKEOFF, and circles; LOITER needs a position, CIRCLE does not."""
 
     hold: ClassVar[str] = "LOITER"
     braking: ClassVar[tuple[str, ...]] = ("LOITER", "CIRCLE")
@@ -94,31 +94,32 @@ class ArduPlane(Winged, _ArduPlane):
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """The parameters by which it is moved; a plane without lifting rotors has no Q_GUIDED_MODE."""
-        return (GUIDED_HOVERS, *super().settings, "TKOFF_ALT")  # what a stop depends on comes first
+        """Parameters that it needs for moving; a plane without lifting rotors has no Q_GUIDED_MODE."""
+        return (GUIDED_HOVERS, *super().settings, "TKOFF_ALT")  # the one that a stop needs comes first
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:  # noqa: ARG002
         """Return the change to TAKEOFF, which climbs to TKOFF_ALT: NAV_TAKEOFF is for rotors."""
         return self.mode_command(self.takeoff)
 
     def comes_down(self, state: VehicleState) -> bool:
-        """Return whether it flies home; it lands in the mode of any mission."""
+        """Return True while it flies home; a landing has the mode of any mission."""
         return self.mode_of(state) == self.return_home
 
     def land_command(self) -> CommandLong:
-        """Return DO_LAND_START: it lands by the landing that its mission has, and not without one."""
+        """Return DO_LAND_START: it follows the landing in its mission, and is refused without one."""
         return CommandLong(Cmd.DO_LAND_START)
 
-    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002 - as it is
-        """Return DO_CHANGE_SPEED for the airspeed."""
+    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002 - always the same
+        """Return DO_CHANGE_SPEED for an airspeed."""
         return CommandLong(Cmd.DO_CHANGE_SPEED, param1=self.speed_kind, param2=speed, param3=-1.0)
 
 
 class UntoldArduPlane(ArduPlane):
-    """A plane that has not told yet whether it has rotors, and flies by them.
+    """A plane that has not yet reported whether it has rotors, or flies on them.
 
-    GUIDED is right for all: wings circle, and a QuadPlane stands there if it may. But that it is in GUIDED
-    already, on the way to a place, changes nothing: LOITER comes first then.
+    GUIDED is right for all: a plane circles, and a QuadPlane hovers if its parameters permit it. But GUIDED
+    has no effect on a vehicle that is in GUIDED already, on its way to a position: LOITER must come first
+    then.
     """
 
     hold: ClassVar[str] = "GUIDED"
@@ -128,7 +129,7 @@ class UntoldArduPlane(ArduPlane):
         return self.brakes(state)[0].ask
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
-        """Return GUIDED, or the landing of what hovers and may not stand in GUIDED; then circles."""
+        """Return GUIDED, or a landing if it hovers and GUIDED would not; then the circling modes."""
         circles = super().brakes(state)
         mode, here = self.mode_of(state), _here(state)
         if mode in _BY_ROTORS and not state.settings.get(GUIDED_HOVERS):
@@ -143,10 +144,10 @@ class UntoldArduPlane(ArduPlane):
 
 
 class _Assisted(ArduPlane):
-    """The wings of a QuadPlane: near Q_ASSIST_SPEED its rotors help, and it goes over again and again."""
+    """A QuadPlane on its wings: near Q_ASSIST_SPEED its rotors assist, and it changes back and forth."""
 
     def airspeed(self, state: VehicleState, limit: float | None, wanted: float | None) -> float:
-        """Return the airspeed to fly at, m/s; raises Refused for one that its rotors do not let it keep."""
+        """Return the airspeed to fly at, m/s; raises Refused for one at which its rotors would assist."""
         speed, helped = super().airspeed(state, limit, wanted), state.settings.get(_ASSIST, 0.0)
         if helped > 0.0 and speed < helped + _ABOVE_ASSIST:
             raise Refused(
@@ -160,9 +161,9 @@ _PLANE, _UNTOLD, _WINGS = ArduPlane(), UntoldArduPlane(), _Assisted()
 
 
 class QuadPlane(_ArduPlane):
-    """A QuadPlane in its hover. It stands in GUIDED; QLOITER without a pilot's stick sinks at 2.5 m/s.
+    """A QuadPlane in hover. It holds in GUIDED; QLOITER without a pilot's stick sinks at 2.5 m/s.
 
-    GUIDED again changes nothing while it flies to a place, so it is sent to where it comes to stand.
+    GUIDED has no effect while it flies to a position, so it is sent to its stopping point instead.
     """
 
     hold: ClassVar[str] = "GUIDED"
@@ -170,52 +171,55 @@ class QuadPlane(_ArduPlane):
     return_home: ClassVar[str] = "QRTL"
     tolerance: ClassVar[float] = 1.5
     forward: ClassVar[Flavour | None] = _WINGS
-    speed_kind: ClassVar[float] = _PLANE.speed_kind  # over ground it would be its slowest
+    speed_kind: ClassVar[float] = _PLANE.speed_kind  # a ground speed would only be a lower limit
     passes: ClassVar[float] = _PLANE.passes
     transitions: ClassVar[Mapping[str, str]] = {"forward": "LOITER", "hover": "GUIDED"}
     lacking: ClassVar[Mapping[str, str]] = HOVERING
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """Those of its wings, how GUIDED flies, and how fast."""
+        """Parameters of its wings, of its behaviour in GUIDED, and its speeds."""
         return (*_PLANE.settings, "Q_WP_SPEED", "Q_TRANS_DECEL", _ASSIST)
 
     @property
     def failsafe_table(self) -> str:
-        """Those of planes, and how GUIDED flies."""
+        """Table of fail-safe parameters: those of planes, and Q_GUIDED_MODE."""
         return "quadplane"
 
-    def cannot(self, velocity: Velocity, *, turns_in_place: bool | None) -> str:  # noqa: ARG002 - any
-        """Refuse every velocity: ArduPlane takes none."""
+    def cannot(self, velocity: Velocity, *, turns_in_place: bool | None) -> str:  # noqa: ARG002 - for any
+        """Return the reason against every velocity: ArduPlane accepts none."""
         return NO_VELOCITIES
 
     def stands(self, state: VehicleState) -> bool:
-        """Return whether it hovers."""
+        """Return True while it hovers."""
         return state.vtol_state in VTOL_HOVERS
 
     def hold_command(self, state: VehicleState) -> Ask:
-        """Return the way to where it comes to stand; without a position QLAND."""
+        """Return the command to its stopping point; without a position QLAND."""
         here = _here(state)
         return self.mode_command(self.land) if here is None else self.to_stand(here, state.velocity)
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
-        """Return the hold, and the landing where that is refused."""
+        """Return the hold, then a landing in case the hold is refused."""
         landing = Brake(self.land, self.mode_command(self.land))
         return (landing,) if _here(state) is None else (Brake(self.hold, self.hold_command(state)), landing)
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandInt:  # noqa: ARG002
-        """Return NAV_TAKEOFF with the rotors; its height is above where it stands."""
+        """Return NAV_TAKEOFF with the rotors, with the height above its present position."""
         return CommandInt(Cmd.NAV_TAKEOFF, frame=Frame.LOCAL_OFFSET_NED, z=-altitude)
 
     def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:
-        """Return that of its wings for an airspeed; in its hover Q_WP_SPEED holds."""
+        """Return the command of its wings for an airspeed; in hover Q_WP_SPEED applies."""
         slowest = state.settings.get(_PLANE.airspeeds[0], math.inf)
         return _PLANE.after_go(speed, state) if speed >= slowest else None
 
     def speed_to(
         self, state: VehicleState, limit: float | None, wanted: float | None, metres: float
     ) -> float:
-        """Return its airspeed to a far place, to a near one Q_WP_SPEED; raises for what is slower."""
+        """Return its airspeed to a far position, Q_WP_SPEED to a near one.
+
+        Raises Refused if it cannot fly that slowly, NotReady before its parameters are known.
+        """
         cruise, brakes = (state.settings.get(name) for name in (_PLANE.airspeeds[1], "Q_TRANS_DECEL"))
         own = state.settings.get("Q_WP_SPEED")
         if cruise is None or not brakes or own is None:
@@ -237,12 +241,12 @@ class QuadPlane(_ArduPlane):
 
 
 class QuadPlaneForward(QuadPlane):
-    """A QuadPlane that flies on its wings, or is on the ground: goals end in its hover."""
+    """A QuadPlane on its wings, or on the ground: goals end in hover."""
 
     hold: ClassVar[str] = "LOITER"
     braking: ClassVar[tuple[str, ...]] = ("LOITER", "CIRCLE")
 
-    def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - wherever it is
+    def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - independent of the state
         """Return the change to LOITER."""
         return self.mode_command(self.hold)
 
@@ -252,15 +256,15 @@ class QuadPlaneForward(QuadPlane):
 
 
 class QuadPlaneInTransition(QuadPlane):
-    """A QuadPlane that goes over to its wings: a stop breaks that off, and it hovers.
+    """A QuadPlane in transition to its wings: a stop aborts the transition, and it hovers.
 
-    Its propeller pulls it on for a while: sent to a nearer place it goes as far, and flies back.
+    Its propeller pulls it on for a while: with a nearer target it goes as far, and flies back.
     """
 
     goes_over: ClassVar[bool] = True
 
     def goes_on(self, speed: float) -> float:
-        """Return how far ArduPlane 4.6.3 was seen to go on, m."""
+        """Return the distance that ArduPlane 4.6.3 was observed to cover, m."""
         return _PULLED + _PULLS * speed
 
 
@@ -270,7 +274,7 @@ class UnsetQuadPlane(QuadPlane):
     hold: ClassVar[str] = "QLAND"
     lacking: ClassVar[Mapping[str, str]] = UNSET_QUADPLANE
 
-    def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - wherever it is
+    def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - independent of the state
         """Return the change to QLAND."""
         return self.mode_command(self.hold)
 
@@ -280,13 +284,13 @@ class UnsetQuadPlane(QuadPlane):
 
 
 class UnsetQuadPlaneForward(QuadPlaneForward):
-    """The same on its wings, or on the ground."""
+    """A QuadPlane with Q_GUIDED_MODE 0 on its wings, or on the ground."""
 
     lacking: ClassVar[Mapping[str, str]] = UNSET_QUADPLANE
 
 
 class UnsetQuadPlaneInTransition(UnsetQuadPlane):
-    """The same on the way to its wings: a stop breaks that off, and lands it."""
+    """A QuadPlane with Q_GUIDED_MODE 0 in transition to its wings: a stop aborts that, and lands it."""
 
     goes_over: ClassVar[bool] = True
 
@@ -298,11 +302,11 @@ _QUADPLANES: Mapping[int, tuple[Flavour, Flavour]] = {
     VTOL_GOES_FORWARD: (_IN_TRANSITION, _UNSET_IN_TRANSITION),
     **dict.fromkeys(VTOL_HOVERS, (_HOVER, _UNSET_HOVER)),
 }
-"""How it flies -> what it is then, if GUIDED hovers, and if not."""
+"""MAV_VTOL_STATE -> flavour if GUIDED hovers, flavour if not."""
 
 
 def arduplane_of(state: VehicleState) -> Flavour:
-    """Return what an ArduPlane is now: whether it has rotors, hovers, and may be held in GUIDED."""
+    """Return the present flavour of an ArduPlane: by its rotors, its flight state, and Q_GUIDED_MODE."""
     if state.vtol_state is None:
         return _UNTOLD
     if not state.vtol_state:
@@ -312,7 +316,7 @@ def arduplane_of(state: VehicleState) -> Flavour:
 
 
 def _hovers_in_guided(state: VehicleState) -> bool:
-    """Return whether GUIDED hovers: as it is set, and as is seen while that is not known yet."""
+    """Return whether GUIDED hovers: by its parameter, or while that is unknown, by observation."""
     told = state.settings.get(GUIDED_HOVERS)
     if told is not None:
         return bool(told)
@@ -320,5 +324,5 @@ def _hovers_in_guided(state: VehicleState) -> bool:
 
 
 def _here(state: VehicleState) -> GeoPoint | None:
-    """Return where it is; None when that is too old to be sent there: a stop would fly it back."""
+    """Return its position; None if it is too old as a target: a stop would fly it back."""
     return None if state.heartbeat_at - state.position_at > _FRESH else state.position

@@ -1,4 +1,4 @@
-"""ArduRover, on wheels or afloat: mode numbers and behaviour as observed on the wire of version 4.6."""
+"""ArduRover, on wheels or afloat: mode numbers and behaviour of version 4.6, as observed on the wire."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ _STILL = 0.01  # m/s
 
 
 class ArduRover(ArduPilotFlavour):
-    """A rover. HOLD takes the drive away and needs no position; it coasts."""
+    """A rover. HOLD takes the drive away and needs no position; the rover coasts."""
 
     modes: ClassVar[Mapping[int, str]] = mode_names("ROVER_MODE", {16: "INITIALISING"})
     braking: ClassVar[tuple[str, ...]] = ("HOLD",)
     may_be_disarmed: ClassVar[bool] = True
     hold: ClassVar[str] = "HOLD"
-    land: ClassVar[str] = ""  # it has none
+    land: ClassVar[str] = ""  # none
     surface: ClassVar[bool] = True
     rest: ClassVar[float] = 4.0  # zero velocity brakes it, HOLD lets it coast
-    tolerance: ClassVar[float] = 1.5  # seen to stand within 0.7 m of a place, after a sharp turn
+    tolerance: ClassVar[float] = 1.5  # m; observed to stop within 0.7 m of a position, after a sharp turn
     lacking: ClassVar[Mapping[str, str]] = SURFACE
 
     @property
     def failsafe_table(self) -> str:
-        """Rovers have their own."""
+        """Table of fail-safe parameters of rovers."""
         return "ardurover"
 
-    def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:  # noqa: ARG002 - never
+    def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:  # noqa: ARG002 - it cannot
         """Raise Refused: it does not take off."""
         raise Refused(self.lacking["takeoff"])
 
     def cannot(self, velocity: Velocity, *, turns_in_place: bool | None) -> str:
-        """Refuse what is not along its nose: ArduRover would turn its nose there and drive on."""
+        """Return why it cannot move sideways or vertically: ArduRover would turn there and drive on."""
         if abs(velocity.linear.y) > _STILL:
             return self.lacking["strafe_left"]
         stands = abs(velocity.linear.x) <= _STILL and abs(velocity.yaw_rate) > _STILL
@@ -50,13 +50,13 @@ class ArduRover(ArduPilotFlavour):
     def setpoint(
         self,
         velocity: Velocity,
-        heading: float,  # noqa: ARG002 - in its own frame
+        heading: float,  # noqa: ARG002 - body frame
         system: int,
     ) -> SetPositionTargetLocalNed:
-        """Return the setpoint in the body frame: speed along the nose, and the yaw rate.
+        """Return the setpoint in the body frame: speed along the nose, and yaw rate.
 
-        The yaw rate must be given: only then a negative speed drives backwards. Without it, ArduRover turns
-        round for ever. In another frame the sign of its x would decide, whatever the heading is.
+        The yaw rate must be set: only then a negative speed drives backwards. Without it, ArduRover turns
+        without end. In another frame the sign of x would decide, whatever the heading is.
         """
         return SetPositionTargetLocalNed(
             target_system=system,
@@ -77,8 +77,8 @@ class ArduRover(ArduPilotFlavour):
         self,
         to: GeoPoint,
         home_altitude: float,  # noqa: ARG002 - it has no height
-        speed: float,  # noqa: ARG002 - refused while it has no place to drive to: ``after_go``
-        heading: float,  # noqa: ARG002 - its nose points along its way
+        speed: float,  # noqa: ARG002 - refused without a target: see ``after_go``
+        heading: float,  # noqa: ARG002 - its nose follows its course
     ) -> CommandInt:
         """Return DO_REPOSITION, which is acknowledged."""
         return CommandInt(
@@ -93,7 +93,7 @@ class ArduRover(ArduPilotFlavour):
 
 
 class ArduBoat(ArduRover):
-    """A boat: in HOLD it would drift, so it keeps its place where it knows it."""
+    """A boat: it would drift in HOLD, so it holds its position if that is known."""
 
     braking: ClassVar[tuple[str, ...]] = ("LOITER", "HOLD")
     hold: ClassVar[str] = "LOITER"

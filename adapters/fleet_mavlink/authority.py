@@ -1,4 +1,4 @@
-"""Authority over the vehicle: ours, or lost to a change of mode by a pilot or its own fail-safe."""
+"""Authority over the vehicle: ours, or lost to a change of mode by a pilot or a fail-safe."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fleet_mavlink.state import VehicleState
 
 
 class Authority:
-    """Watches the mode. A change that we did not request, while the vehicle is armed, ends our authority.
+    """Tracks the mode. A change that we did not request, while the vehicle is armed, ends our authority.
 
     ``lost`` is called with the reason. Authority returns once a change of mode that we requested was carried
     out, or once the vehicle is disarmed.
@@ -22,22 +22,22 @@ class Authority:
         self.lost_to = ""  # the mode that ended our authority; empty while we have it
         self.cause = ""  # reason given by the fail-safe that ended it
         self._expected: frozenset[str] = frozenset()
-        self._earlier: frozenset[str] = frozenset()  # asked for before, and not seen yet: they may come first
+        self._earlier: frozenset[str] = frozenset()  # requested before, not seen yet: may be shown first
         self._mode = ""
         self._armed = False
-        self._arms = ""  # who has asked for the arming, when that was not us
+        self._arms = ""  # requester of the arming, if not us
 
     @property
     def taker(self) -> str:
-        """Who has authority, in words: the mode, and the reason of a fail-safe."""
+        """Holder of the authority as text: the mode, and the reason of a fail-safe."""
         return f"{self.lost_to}: {self.cause}" if self.cause else self.lost_to
 
     @contextlib.contextmanager
     def asking(self, *modes: str) -> Iterator[None]:
         """Regain authority by the commands sent inside the ``with`` block, if they are carried out.
 
-        A mode that the autopilot refused is no longer expected. A command that was left unanswered, or was
-        cancelled, may still be obeyed, so its mode stays expected.
+        A mode that the autopilot refused is no longer expected. A command that was not answered, or was
+        cancelled, may still be executed, so its mode stays expected.
         """
         before = self._earlier, self._expected
         self.expect(*modes)
@@ -50,33 +50,33 @@ class Authority:
         self.lost_to = ""
 
     def expect(self, *modes: str) -> None:
-        """Expect a command to lead to one of these modes; lost authority is not regained by it."""
+        """Expect a command to lead to one of these modes; that does not regain lost authority."""
         self._earlier |= self._expected
         self._expected = frozenset(modes)
         self._arms = ""
 
     def expect_also(self, *modes: str) -> None:
-        """Expect that the command under way ends in one of these modes; a vehicle that is not ours is not."""
+        """Expect one of these modes as an end of the present command as well; no effect without authority."""
         self._expected |= set(modes)
 
     def taken_by(self, who: str, mode: str) -> None:
-        """Lose authority to somebody who commands the vehicle, which is in ``mode`` now."""
+        """Lose authority to another station that commands the vehicle, which is in ``mode`` now."""
         if self.lost_to:
             return
         self.lost_to, self.cause = mode, f"commanded by {who}"
         self._lost(f"{who} commands it")
 
     def armed_by(self, who: str) -> None:
-        """Lose authority to somebody once it is armed: a plane in TAKEOFF takes off by that alone."""
+        """Lose authority to a station once the vehicle is armed: a plane in TAKEOFF then takes off."""
         self._arms = who
 
     def observe(self, state: VehicleState, flavour: Flavour, alarm: str = "") -> None:
-        """Handle a new heartbeat, before its waiters run; ``alarm``: text of a fail-safe."""
+        """Process a new heartbeat, before its waiters run; ``alarm``: text of a fail-safe."""
         mode = flavour.mode_of(state)
         before, self._mode = self._mode, mode
         was_armed, self._armed = self._armed, state.armed
         if flavour.surface and not was_armed:
-            before = ""  # whoever arms a rover in MANUAL drives it
+            before = ""  # a person who arms a rover in MANUAL drives it
         if mode in self._expected:
             self._earlier = frozenset()
         if not state.armed:
@@ -98,7 +98,7 @@ class Authority:
     def _allowed(
         self, before: str, follows: Mapping[str, frozenset[str]], ours: frozenset[str]
     ) -> frozenset[str]:
-        """Return the modes that keep our authority; at first those in which nobody else flies."""
+        """Return the modes that keep our authority; at first those in which no pilot flies."""
         if not before:
             return ours
         return self._expected | self._earlier | follows.get(before, frozenset())

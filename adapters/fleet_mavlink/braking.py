@@ -1,4 +1,4 @@
-"""Braking of a vehicle that this adapter does not move, with a check that it slows down."""
+"""Braking of a vehicle that this adapter does not move, verified by its speed."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from fleet_mavlink.turns import Superseded
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 
-_STANDS = 0.25  # m/s; below it counts as standing
-_SLOWED = 0.7  # a vehicle that still moves must be down to this share of its speed,
+_STANDS = 0.25  # m/s; slower counts as standing
+_SLOWED = 0.7  # share of the first speed down to which a moving vehicle must slow,
 _SLOW = 0.5  # m/s, or below this speed
 _FRESH = 1.0  # s
 _A_PAUSE = "a pause"
 _WITHIN = 3.0  # s for the whole stop, of the host's 5 s; ArduRover coasts 7 s from 3.5 m/s in HOLD
-_AT_LEAST = 1.0  # s left to observe the speed, however long the change of mode took
+_AT_LEAST = 1.0  # s for observing the speed, however long the change of mode took
 
 
 class Brakes:
@@ -31,10 +31,10 @@ class Brakes:
         self._commander = commander
 
     async def brake(self) -> None:
-        """Brake; returns once the vehicle stands or slows down, for a plane once it is in its circling mode.
+        """Brake; return once the vehicle stands or slows down, a plane once it is in its circling mode.
 
-        Raises NotReady when it does not answer, Refused with the autopilot's reason, TimedOut when it does
-        not slow down.
+        Raises NotReady if it does not answer, Refused with the autopilot's reason, TimedOut if it does not
+        slow down.
         """
         vehicle = self._vehicle
         require_heartbeat(vehicle)
@@ -50,7 +50,7 @@ class Brakes:
             await self._see(speed, left, shown)
 
     def first(self) -> Ask | None:
-        """Return the command that brakes best what is not moved here, None without need; from any thread."""
+        """Return the best braking command for a vehicle that is not moved here, or None; from any thread."""
         state, kind = self._vehicle.state, self._vehicle.kind
         if kind is None or not state.armed:
             return None
@@ -85,7 +85,7 @@ class Brakes:
             await self._commander.ask(brake.ask, tries=2)
 
     async def _see(self, before: float | None, seconds: float, shown: str) -> None:
-        """Wait until the vehicle stands; raises TimedOut when it does not even slow down."""
+        """Wait until the vehicle stands; raises TimedOut if it does not even slow down."""
         vehicle = self._vehicle
         if before is None and shown != _A_PAUSE:
             return  # it reports no speed: the mode is the only evidence
@@ -97,7 +97,7 @@ class Brakes:
             raise TimedOut(f"{vehicle.what} took {shown} and {seen}", hint="stop it by other means")
 
     async def _see_hover(self, seconds: float, shown: str) -> None:
-        """Wait until a VTOL no longer goes over to its wings; raises TimedOut when it goes on."""
+        """Wait until a VTOL hovers again; raises TimedOut if its transition continues."""
         vehicle = self._vehicle
         if not await vehicle.until(lambda state: state.vtol_state in VTOL_HOVERS, seconds):
             raise TimedOut(
@@ -105,16 +105,16 @@ class Brakes:
             )
 
     def _speed(self, state: VehicleState) -> float | None:
-        """Return its ground speed, m/s; None while it reports none."""
+        """Return its ground speed, m/s; None without a recent one."""
         fresh = self._vehicle.now() - state.position_at <= _FRESH
         return state.velocity.horizontal() if state.velocity is not None and fresh else None
 
     def _stands(self, state: VehicleState) -> bool:
-        """Return whether it stands."""
+        """Return True while it stands."""
         speed = self._speed(state)
         return speed is not None and speed <= _STANDS
 
 
 def _is_disarmed(state: VehicleState) -> bool:
-    """Return whether its motors are off."""
+    """Return True while its motors are off."""
     return not state.armed

@@ -1,4 +1,4 @@
-"""The MAVLink messages of traffic (ADS-B) and of Remote ID (Open Drone ID), as typed values."""
+"""MAVLink messages of traffic (ADS-B) and Remote ID (Open Drone ID), as typed values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fleet_mavlink.messages import MavlinkMessage
 
 
 class AdsbVehicle(MavlinkMessage, frozen=True):
-    """ADSB_VEHICLE: another aircraft; ``flags`` say which of these are valid (ADSB_FLAGS)."""
+    """ADSB_VEHICLE: another aircraft; ``flags`` marks the valid fields (ADSB_FLAGS)."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_ADSB_VEHICLE
     ICAO_address: int
@@ -21,14 +21,14 @@ class AdsbVehicle(MavlinkMessage, frozen=True):
     hor_velocity: int  # cm/s
     ver_velocity: int  # cm/s, up
     flags: int
-    altitude_type: int  # 1: by satellites
+    altitude_type: int  # 1: geometric (GNSS)
     callsign: str  # 8 characters
     emitter_type: int  # 14: unmanned
-    tslc: int  # s since it was heard
+    tslc: int  # s since the last reception
 
 
 class OpenDroneIdBasicId(MavlinkMessage, frozen=True):
-    """OPEN_DRONE_ID_BASIC_ID: who the aircraft is; ``uas_id`` has 20 bytes."""
+    """OPEN_DRONE_ID_BASIC_ID: identity of the aircraft; ``uas_id`` has 20 bytes."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_OPEN_DRONE_ID_BASIC_ID
     target_system: int
@@ -39,7 +39,7 @@ class OpenDroneIdBasicId(MavlinkMessage, frozen=True):
 
 
 class OpenDroneIdSelfId(MavlinkMessage, frozen=True):
-    """OPEN_DRONE_ID_SELF_ID: what it does, in words."""
+    """OPEN_DRONE_ID_SELF_ID: purpose of the flight, as text."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_OPEN_DRONE_ID_SELF_ID
     target_system: int
@@ -49,7 +49,7 @@ class OpenDroneIdSelfId(MavlinkMessage, frozen=True):
 
 
 class OpenDroneIdSystem(MavlinkMessage, frozen=True):
-    """OPEN_DRONE_ID_SYSTEM: where the operator is; degrees times 1e7, m above the ellipsoid."""
+    """OPEN_DRONE_ID_SYSTEM: position of the operator; degrees times 1e7, m above the ellipsoid."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM
     target_system: int
@@ -69,17 +69,17 @@ class OpenDroneIdSystem(MavlinkMessage, frozen=True):
 
 
 class OpenDroneIdOperatorId(MavlinkMessage, frozen=True):
-    """OPEN_DRONE_ID_OPERATOR_ID: who operates it."""
+    """OPEN_DRONE_ID_OPERATOR_ID: identity of the operator."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_OPEN_DRONE_ID_OPERATOR_ID
     target_system: int
     target_component: int
-    operator_id_type: int  # 0: given by the aviation authority
+    operator_id_type: int  # 0: issued by the aviation authority
     operator_id: str
 
 
 class OpenDroneIdArmStatus(MavlinkMessage, frozen=True):
-    """OPEN_DRONE_ID_ARM_STATUS: whether the transmitter is content (0), else why not."""
+    """OPEN_DRONE_ID_ARM_STATUS: 0 if the transmitter permits arming, else the reason."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_OPEN_DRONE_ID_ARM_STATUS
     status: int

@@ -1,4 +1,4 @@
-"""Pictures of a camera component with MAVLink's camera protocol."""
+"""Pictures of a camera component with the MAVLink camera protocol."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TAKEN_WITHIN = 5.0  # s
 
 
 class Photo(msgspec.Struct, frozen=True):
-    """A picture that was taken: its number, and its location on the camera."""
+    """A picture: its number, and its location on the camera."""
 
     index: int
     url: str
@@ -33,9 +33,9 @@ class Camera:
         self._commander: tuple[Part, Commander] | None = None
 
     async def take_photo(self) -> Photo:
-        """Take one picture; returns once the camera confirms it.
+        """Take one picture; return once the camera confirms it.
 
-        Raises Unsupported without a camera, Fault when the camera could not, TimedOut when it is silent.
+        Raises Unsupported without a camera, Fault if the camera failed, TimedOut if it is silent.
         """
         require_connection(self._vehicle)
         camera = self._vehicle.camera

@@ -1,7 +1,7 @@
 """Codec for MAVLink 1 and 2 frames, to and from typed messages.
 
-Message layouts come from pymavlink's dialect ``all``. Frames are cut and checked here, which is five times
-faster than pymavlink's parser and skips unwanted messages before they are decoded.
+Message layouts are those of pymavlink's dialect ``all``. Framing and checksums are implemented here, which is
+five times faster than pymavlink's parser and skips unwanted messages before they are decoded.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _MAGICS = b"\xfd\xfe"
 _MAGIC = re.compile(b"[\xfd\xfe]")
 _HEADER_1 = 6
 _HEADER_2 = 10
-_UNTOLD = -1  # a length that is not known yet
-_SIGNED = 0x01  # the only incompatibility flag there is
+_UNTOLD = -1  # length not known yet
+_SIGNED = 0x01  # the only incompatibility flag in the specification
 _LAST_OF_1 = 255  # the largest message id in MAVLink 1
 _SIZES = {
     "char": 1,
@@ -50,22 +50,22 @@ _SIZES = {
     "int64_t": 8,
     "double": 8,
 }
-_HEAD = struct.Struct("<BBBBBBBH")  # of MAVLink 2; the last two are the message's number, low byte first
+_HEAD = struct.Struct("<BBBBBBBH")  # of MAVLink 2; the last two are the message id, low byte first
 _WIRES: dict[int, Any] = {**dialect.mavlink_map, event_messages.Event.message_id: event_messages.EventWire}
 _CRC_EXTRA = {number: bytes([kind.crc_extra]) for number, kind in _WIRES.items()}
 
 
 class Unread(MavlinkMessage, frozen=True):
-    """The place of a message that is not decoded here."""
+    """Placeholder for a message that is not decoded here."""
 
 
 UNREAD = Unread()
 
 
 class Frame(msgspec.Struct, frozen=True):
-    """A decoded message and its sender; ``signed`` is the whole frame if it is signed, ``raw`` in any case.
+    """A decoded message and its sender; ``signed``: the whole frame if signed; ``raw``: the whole frame.
 
-    ``raw`` is kept, and the message may be ``UNREAD``, only where every frame was asked for.
+    Only where every frame was requested, ``raw`` is kept and the message may be ``UNREAD``.
     """
 
     system: int
@@ -90,7 +90,7 @@ class _Layout:
         self._wanted = tuple((name, self._places[name]) for name in kind.__struct_fields__)
         places = [place for _, place in self._wanted]
         numbers = all(place.stop - place.start == 1 for place in places) and not self._has_text(wire)
-        # Plain numbers are taken from the wire's values in one go, and put in the wire's order in one.
+        # Numbers are picked from the unpacked values in one call, and put into wire order in one.
         indexes = [place.start for place in places] if numbers else []
         rest = [index for index in range(len(self._blank)) if index not in indexes]
         self._pick = _picker(indexes)
@@ -98,7 +98,7 @@ class _Layout:
         self._rest = tuple(self._blank[index] for index in rest)
 
     def _has_text(self, wire: Any) -> bool:
-        """Return True when one of the wanted fields is a text."""
+        """Return True if one of the wanted fields is a text."""
         texts = dict(zip(wire.ordered_fieldnames, _texts(wire), strict=True))
         return any(texts[name] for name, _ in self._wanted)
 
@@ -122,12 +122,12 @@ class _Layout:
 
 
 def _picker(indexes: Sequence[int]) -> Callable[[Sequence[object]], tuple[object, ...]] | None:
-    """Return a function that picks the values at some indexes, None for fewer than two."""
+    """Return a function that picks the values at these indexes, None for fewer than two."""
     return itemgetter(*indexes) if len(indexes) > 1 else None
 
 
 def _base_size(wire: Any) -> int:
-    """Return the size of a payload without extension fields, which is the part that ``crc_extra`` covers.
+    """Return the size of a payload without extension fields: the part that ``crc_extra`` covers.
 
     MAVLink 1 has no extensions, and a fixed length for each message.
     """
@@ -145,7 +145,7 @@ def _base_size(wire: Any) -> int:
 
 
 def _place(wire: Any, index: int) -> slice:
-    """Return which of the unpacked values belong to a field; a text is one value."""
+    """Return the slice of the unpacked values that belongs to a field; a text is one value."""
     counts = [1 if text else length for length, text in zip(wire.lengths, _texts(wire), strict=True)]
     start = sum(counts[:index])
     return slice(start, start + counts[index])
@@ -168,14 +168,14 @@ def _value(values: tuple[object, ...]) -> object:
 
 
 def _wire_values(value: object) -> tuple[object, ...]:
-    """Return what a field is on the wire: its numbers, or its text as bytes."""
+    """Return the wire values of a field: its numbers, or its text as bytes."""
     if isinstance(value, tuple):
         return value
     return (value.encode() if isinstance(value, str) else value,)
 
 
 def is_read(number: int) -> bool:
-    """Return whether messages of this number are decoded here."""
+    """Return True if messages with this id are decoded here."""
     return number in _READ
 
 
@@ -207,7 +207,7 @@ def pack(
 ) -> bytes:
     """Return the frame of an outgoing message, from this system and component.
 
-    A peer that uses version 1 is sent version 1; a message that version 1 lacks is sent in version 2.
+    A peer that uses version 1 receives version 1; messages that version 1 lacks are sent in version 2.
     """
     number = message.message_id
     layout = _WRITE[number]
@@ -224,12 +224,12 @@ def pack(
 
 
 def _checksum(body: bytes, crc_extra: bytes) -> bytes:
-    """Return the two bytes that end a frame."""
+    """Return the checksum, the last two bytes of a frame."""
     return crc16.mcrf4xx(body + crc_extra).to_bytes(2, "little")
 
 
 class Packer:
-    """Makes the frames of one station, with their sequence numbers; for one thread."""
+    """Encodes the frames of one station, with their sequence numbers; for one thread."""
 
     def __init__(self, system: int, component: int) -> None:
         self.system = system
@@ -243,18 +243,18 @@ class Packer:
 
 
 class Parser:
-    """Cuts one stream of bytes into frames; garbage is skipped, at most one partial frame is kept.
+    """Splits one stream of bytes into frames; skips garbage, keeps at most one partial frame.
 
     Only a frame with a valid checksum is accepted. A message unknown to the dialect has none that can be
-    checked, so it is never accepted, and its bytes cannot be mistaken for a vehicle's id.
+    verified, so it is never accepted, and its bytes cannot be mistaken for a vehicle's id.
     """
 
     def __init__(self) -> None:
-        self.broken = 0  # frames whose checksum was wrong
+        self.broken = 0  # frames with a wrong checksum
         self._rest = b""
 
     def feed(self, data: bytes, *, every: bool = False) -> list[Frame]:
-        """Take received bytes; return the frames of wanted messages that they complete, or every frame."""
+        """Process received bytes; return the wanted messages that they complete, or every frame."""
         buffer = self._rest + data
         frames: list[Frame] = []
         at, length = 0, len(buffer)
@@ -285,7 +285,7 @@ class Parser:
 def _head(buffer: bytes, at: int, length: int) -> tuple[int, int]:
     """Return the length of the frame that starts here, and its message id.
 
-    The length is 0 if no frame can start here, and _UNTOLD while too few bytes are there to know it.
+    The length is 0 if no frame can start here, and _UNTOLD while there are too few bytes.
     """
     left = length - at
     if left < _HEADER_1:
@@ -304,14 +304,14 @@ def _head(buffer: bytes, at: int, length: int) -> tuple[int, int]:
 
 
 def _is_unwanted(buffer: bytes, at: int, end: int, number: int) -> bool:
-    """Return True for an unwanted MAVLink 2 frame, followed by another start or nothing: not worth a CRC."""
+    """Return True for an unwanted MAVLink 2 frame with another start or nothing after it: skip its CRC."""
     if number in _READ or buffer[at] == _MAGIC_1:
         return False
     return end == len(buffer) or buffer[end] in _MAGICS
 
 
 def _is_intact(buffer: bytes, at: int, end: int, number: int) -> bool:
-    """Return whether the checksum of a whole frame is right."""
+    """Return True if the checksum of a complete frame is correct."""
     if buffer[at] == _MAGIC_2 and buffer[at + 2]:
         end -= SIGNATURE_BYTES
     crc_extra = _CRC_EXTRA.get(number)
@@ -319,7 +319,7 @@ def _is_intact(buffer: bytes, at: int, end: int, number: int) -> bool:
 
 
 def _whole(frame: bytes, number: int) -> Frame:
-    """Return an intact frame with its bytes; its message is decoded if it is wanted."""
+    """Return an intact frame with its bytes; its message is decoded if wanted."""
     if number in _READ:
         return msgspec.structs.replace(_decoded(frame, number), raw=frame)
     if frame[0] == _MAGIC_1:
@@ -328,7 +328,7 @@ def _whole(frame: bytes, number: int) -> Frame:
 
 
 def _decoded(frame: bytes, number: int) -> Frame:
-    """Return the wanted message of an intact frame."""
+    """Return an intact frame with its decoded message."""
     layout, size = _READ[number], frame[1]
     if frame[0] == _MAGIC_1:
         message = layout.decode(frame[_HEADER_1 : _HEADER_1 + size])

@@ -1,7 +1,7 @@
 """Sends commands to a vehicle and waits for their acknowledgement.
 
-One command at a time per vehicle: PX4 loses acknowledgements in bursts, and an acknowledgement does not say
-which of two equal commands it answers.
+One command at a time per vehicle: PX4 loses acknowledgements in bursts, and an acknowledgement does not
+identify which of two equal commands it answers.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from fleet_mavlink.vehicle import Condition, Vehicle
 
 
 class Timing(msgspec.Struct, frozen=True):
-    """Time-outs, seconds; tests shorten them."""
+    """Timeouts, seconds; tests shorten them."""
 
     answer: float = 1.0  # for an acknowledgement, before the command is sent again
     tries: int = 4
     working: float = 5.0  # for the next acknowledgement after "in progress"
     patience: float = 2.0  # for repeating a command that was temporarily rejected
     pause: float = 0.5  # between these repeats
-    words: float = 0.3  # for the text with the reason, which may follow the refusal
+    words: float = 0.3  # for a text with the reason, which may follow the refusal
     heartbeat: float = 1.3  # for the next heartbeat: only heartbeats show the mode
 
 
 NEVER_SENT = "answers to commands that were never sent"
-_LATE = 2.0  # s in which a command that was left unanswered may still be answered
+_LATE = 2.0  # s in which a late acknowledgement may still arrive
 _SAME_PLACE = 0.5  # m; the reported target is rounded, and relative to another altitude
-_CROSSING = 0.1  # s within which a heartbeat and an answer may overtake each other
+_CROSSING = 0.1  # s within which a heartbeat and an acknowledgement may overtake each other
 _UNSUPPORTED = {
     Result.UNSUPPORTED,
     Result.COMMAND_LONG_ONLY,
@@ -59,8 +59,8 @@ class Commander:
         self.timing = timing
         self.vehicle = vehicle
         self.turns = Turns(vehicle.now)
-        self._ever: set[int] = set()  # the commands that were ever sent
-        self._unanswered: dict[int, float] = {}  # when each was sent that has no answer yet
+        self._ever: set[int] = set()  # all commands sent so far
+        self._unanswered: dict[int, float] = {}  # time of sending of each unanswered command
         vehicle.on_ack = self._acknowledged
 
     async def ask(
@@ -72,12 +72,12 @@ class Commander:
         yields: bool = False,
         effect: Effect | None = None,
     ) -> None:
-        """Send a command until it is accepted; one that ``yields`` is given up when another is asked.
+        """Send a command until it is accepted; one that ``yields`` ends as soon as another is requested.
 
-        ``effect`` decides whether a halt meanwhile ends it, where the command alone does not say so.
-        ``seen`` detects in the vehicle's state that the command was obeyed although its answer was lost, so
-        that it is not sent, and carried out, twice. Raises Refused, NotReady (temporarily rejected),
-        Unsupported, TimedOut (no answer), LinkLost.
+        ``effect`` decides whether a halt in the meantime ends it, if the command alone does not show that.
+        ``seen`` detects in the vehicle's state that the command was executed although its acknowledgement was
+        lost, so that it is not sent, and executed, twice. Raises Refused, NotReady (temporarily rejected),
+        Unsupported, TimedOut (no acknowledgement), LinkLost.
         """
         async with Exchange(self.turns, ask, effect=effect or effect_of(ask), yields=yields) as exchange:
             sent = 0
@@ -97,9 +97,9 @@ class Commander:
     async def _obeyed_unanswered(
         self, exchange: Exchange, ask: Ask, seen: Condition | None, sent: int, tries: int
     ) -> bool:
-        """Tell whether a command was obeyed that was not answered; False: send it again.
+        """Return whether an unanswered command was executed; False: send it again.
 
-        Raises TimedOut when it was sent ``tries`` times and its effect does not show.
+        Raises TimedOut after ``tries`` attempts without a visible effect.
         """
         if sent < tries:
             return seen is not None and seen(self.vehicle.state)
@@ -114,9 +114,9 @@ class Commander:
     async def _obeyed_refused(
         self, exchange: Exchange, ask: Ask, ack: CommandAck, seen: Condition | None, sent: int
     ) -> bool:
-        """Tell whether a command was obeyed though it was refused; False: send it again, after a pause.
+        """Return whether a refused command was executed nevertheless; False: send it again, after a pause.
 
-        A repeated command may be refused because its first sending was obeyed. Raises the refusal.
+        A repeated command may be refused because its first copy was executed. Raises the refusal.
         """
         asked_until = exchange.began + self.timing.patience
         if ack.result == Result.TEMPORARILY_REJECTED and self.vehicle.now() < asked_until:
@@ -128,7 +128,7 @@ class Commander:
         raise await self._refusal(ask, ack, exchange)
 
     async def _seen_within(self, seen: Condition | None, seconds: float) -> bool:
-        """Wait for a condition; False when it does not come true in time, or there is none."""
+        """Wait for a condition; False if it does not become true in time, or there is none."""
         return seen is not None and await self.vehicle.until(seen, seconds)
 
     async def enter(
@@ -141,7 +141,7 @@ class Commander:
     ) -> None:
         """Send a command until the vehicle's heartbeat shows the mode that it leads to.
 
-        Acknowledgements only explain a failure: PX4 sends two, the first of which means nothing, and the
+        Acknowledgements only explain a failure: PX4 sends two, the first of which is meaningless, and the
         second may be mistaken for that of the next command. Raises like ``ask``.
         """
         async with Exchange(self.turns, ask, effect=effect) as exchange:
@@ -160,7 +160,7 @@ class Commander:
 
                 if already:
                     ack = await self._answer(exchange, None)
-                    if late and ack is not None:  # it may be for the same command with another meaning
+                    if late and ack is not None:  # that of an earlier equal command, with other parameters
                         late, exchange.refusal = False, None
                         ack = await self._answer(exchange, None)
                     entered = ack is not None and ack.result == Result.ACCEPTED
@@ -181,7 +181,7 @@ class Commander:
     async def send_to(self, target: SetPositionTargetGlobalInt, altitude: float) -> None:
         """Send a position target (``altitude`` m AMSL) until the vehicle reports it; it is not acknowledged.
 
-        Raises Refused when the vehicle keeps another target, or when a more urgent command took over.
+        Raises Refused if the vehicle keeps another target, or if a more urgent command took over.
         """
         look = CommandLong(Cmd.REQUEST_MESSAGE, param1=float(PositionTargetGlobalInt.message_id))
         addressed = msgspec.structs.replace(target, target_system=self.vehicle.system)
@@ -207,7 +207,7 @@ class Commander:
 
     @staticmethod
     def _is_refused(exchange: Exchange, state: VehicleState) -> bool:
-        """Return True when a heartbeat after a refusal still shows another mode.
+        """Return True if a heartbeat after a refusal still shows another mode.
 
         A heartbeat right after the refusal does not count: it may be older than the change of mode, and the
         refusal may be that of the previous command.
@@ -215,7 +215,7 @@ class Commander:
         return exchange.refusal is not None and state.heartbeat_at > exchange.refused_at + _CROSSING
 
     def _acknowledged(self, ack: CommandAck) -> None:
-        """Note an answer to the current command; others are late, or meant for another station."""
+        """Process an acknowledgement of the current command; others are late, or for another station."""
         exchange = self.turns.current
         self._unanswered.pop(ack.command, None)
         if ack.command not in self._ever:
@@ -228,7 +228,7 @@ class Commander:
         exchange.take(ack)
 
     async def _answer(self, exchange: Exchange, seen: Condition | None) -> CommandAck | None:
-        """Return the answer, None when there is none in time; "in progress" is waited through."""
+        """Return the acknowledgement, None without one in time; waits on after "in progress"."""
         wait = self.timing.answer
         while True:
             try:
@@ -246,12 +246,12 @@ class Commander:
             wait = self.timing.working
 
     def addressed(self, ask: Ask) -> Ask:
-        """Return a command with the vehicle's address filled in, and expect answers to it."""
+        """Return a command with the vehicle's address filled in, and expect acknowledgements of it."""
         self._ever.add(ask.command)
         return msgspec.structs.replace(ask, target_system=self.vehicle.system)
 
     def _send(self, ask: Ask, attempt: int) -> None:
-        """Write the command, addressed; a repeated COMMAND_LONG says that it is repeated."""
+        """Send the command, addressed; a repeated COMMAND_LONG has its confirmation count."""
         addressed = self.addressed(ask)
         if isinstance(addressed, CommandLong):
             addressed = msgspec.structs.replace(addressed, confirmation=min(attempt, 255))
@@ -271,13 +271,13 @@ class Commander:
         return Refused(reason, device_result=result, messages=words)
 
     def _words_since(self, began: float) -> tuple[str, ...]:
-        """Return the autopilot's texts since then: its warnings, or all texts when there are none."""
+        """Return the autopilot's texts since then: its warnings, or all texts without any."""
         said = [sentence for sentence in self.vehicle.sentences if sentence.at >= began]
         return _texts([sentence for sentence in said if sentence.severity <= WARNING] or said)
 
 
 def _is_bound_for(state: VehicleState, place: GeoPoint, since: float) -> bool:
-    """Return True when the vehicle has since reported this position (altitude AMSL) as its target."""
+    """Return True if the vehicle has since reported this position (altitude AMSL) as its target."""
     told = state.sensors.bound_for
     if told is None or state.sensors.bound_at < since:
         return False

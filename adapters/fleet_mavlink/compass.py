@@ -1,4 +1,4 @@
-"""Compass calibration, with progress; the flavour interprets the messages of its autopilot."""
+"""Compass calibration with progress; the flavour interprets the messages of its autopilot."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ Said = MavlinkMessage | Sentence
 
 
 class Compass:
-    """The compass of one vehicle; calibrated on the ground with the motors off."""
+    """Compass calibration of one vehicle, on the ground with the motors off."""
 
     def __init__(self, flight: Flight) -> None:
         self._flight = flight
         self._heard: ReceivedMessages[Said] | None = None
 
     async def calibrate(self) -> AsyncIterator[Progress]:
-        """Calibrate while a person turns the vehicle, yielding progress; ends when it is calibrated.
+        """Calibrate while a person rotates the vehicle, yielding progress until it is calibrated.
 
-        Raises Refused with the autopilot's reason when it fails or is stopped. Closing the generator early
+        Raises Refused with the autopilot's reason if it fails or is stopped. Closing the generator early
         stops the calibration.
         """
         flight = self._flight
@@ -50,7 +50,7 @@ class Compass:
                 self._heard = None
 
     async def stop(self) -> None:
-        """Stop a calibration; nothing of it is kept."""
+        """Stop a calibration; its result is discarded."""
         require_connection(self._flight.vehicle)
         if self._flight.vehicle.state.armed:
             raise Refused("it is armed", hint="no compass is calibrated in flight")
@@ -59,7 +59,7 @@ class Compass:
             self._heard.put(_CANCELLED)
 
     async def _follow(self, heard: ReceivedMessages[Said]) -> AsyncIterator[Progress]:
-        """Follow the calibration to its end; of several compasses the slowest gives the progress."""
+        """Follow the calibration to its end; the slowest compass determines the progress."""
         step_of = self._flight.flavour.calibration_step
         percents: dict[int, float] = {}
         yield Progress(0.0, "turn the vehicle about all its axes")

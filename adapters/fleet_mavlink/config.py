@@ -14,7 +14,7 @@ from fleet_mavlink.watcher_config import WatcherConfig
 
 
 def _checked_link(text: str) -> str:
-    """Return a valid link; raises ValueError, which pydantic reports with its position."""
+    """Return a valid link; raises ValueError, which pydantic reports with its place."""
     if text.startswith("sim:"):
         SimSpec.parse(text)
         return text
@@ -38,7 +38,7 @@ class Rates(Model):
 
 
 class Timeouts(Model):
-    """Time-outs of commands, seconds."""
+    """Timeouts of commands, seconds."""
 
     answer: float = Field(1.0, ge=0.1, le=10, description="For an answer, until a command is sent again.")
     tries: int = Field(4, ge=1, le=10, description="How often a command is sent at the most.")
@@ -52,7 +52,7 @@ _TIMED = frozenset({"takeoff", "land", "return_to_home"})
 
 
 class MavlinkConfig(AdapterConfig):
-    """A multirotor, plane or VTOL, or a rover or boat on ArduPilot; others are watched and stopped."""
+    """A multirotor, plane or VTOL, or a rover or boat on ArduPilot; others are only monitored and stopped."""
 
     adapter: Literal["mavlink"]
     link: Annotated[str, AfterValidator(_checked_link)] = Field(
@@ -121,7 +121,7 @@ class MavlinkConfig(AdapterConfig):
     @field_validator("start")
     @classmethod
     def _on_earth(cls, start: tuple[float, float, float] | None) -> None:
-        """Raise ValueError for one: its world begins at its home, wherever that is set."""
+        """Raise ValueError for a start: the world frame begins at its home, wherever that is set."""
         if start is not None:
             raise ValueError("an aircraft is placed by its home, which is on Earth; leave start out")
 
@@ -134,12 +134,12 @@ class MavlinkConfig(AdapterConfig):
         return links
 
     def timeout_of(self, command: str) -> float | None:
-        """Return the seconds until a command is given up, None: as the adapter declares it."""
+        """Return the timeout of a command, s; None: the one declared by the adapter."""
         seconds: float | None = getattr(self.timeouts, command, None) if command in _TIMED else None
         return seconds
 
     def plans(self) -> frozenset[str]:
-        """Return for what a plan may be made: what a simulated vehicle is stands in its link."""
+        """Return the vehicles that a plan may name; a simulated vehicle is defined by its link."""
         if not self.simulated:
             return frozenset({"ardupilot", "px4", "multirotor", "rover", "boat", "plane", "vtol"})
         spec = SimSpec.parse(self.link)
@@ -147,11 +147,11 @@ class MavlinkConfig(AdapterConfig):
 
     @property
     def keeping(self) -> Keeping:
-        """How the autopilot's fail-safe parameters are handled."""
+        """Handling of the autopilot's fail-safe parameters."""
         return self.failsafes or ("set" if self.simulated else "check")
 
     def identity(self) -> str:
-        """Return the identity of the machine, to find duplicate entries: the link and the system id."""
+        """Return the identity of the vehicle, to find duplicate entries: link and system id."""
         if self.simulated:
             return f"{self.link} {self.name}"
         return f"{self.link} system {self.system_id}"

@@ -1,4 +1,4 @@
-"""Numbers of the MAVLink specification that this adapter uses, by name, as pymavlink's dialect has them."""
+"""Numbers of the MAVLink specification used in this adapter, by name, taken from pymavlink's dialect."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from types import MappingProxyType
 from pymavlink.dialects.v20 import all as dialect
 
 NAN = math.nan
-AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1  # the component that flies the vehicle
+AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1  # component id of the flight controller
 NO_AUTOPILOT = dialect.MAV_AUTOPILOT_INVALID  # stations, cameras, gimbals
 CAMERAS = range(dialect.MAV_COMP_ID_CAMERA, dialect.MAV_COMP_ID_CAMERA6 + 1)
 CAMERA_TYPE = dialect.MAV_TYPE_CAMERA
 ARMED_FLAG = dialect.MAV_MODE_FLAG_SAFETY_ARMED  # in the heartbeat's base_mode
-CUSTOM_MODE = 1.0  # param1 of DO_SET_MODE: the mode is the autopilot's own
-FORCE = 21196.0  # param2 of ARM_DISARM: without the checks
+CUSTOM_MODE = 1.0  # param1 of DO_SET_MODE: an autopilot-specific mode
+FORCE = 21196.0  # param2 of ARM_DISARM: skip the checks
 PREARM_OK = dialect.MAV_SYS_STATUS_PREARM_CHECK  # in the sensor health of SYS_STATUS
-RC_RECEIVER = dialect.MAV_SYS_STATUS_SENSOR_RC_RECEIVER  # the same, and whether there is one
+RC_RECEIVER = dialect.MAV_SYS_STATUS_SENSOR_RC_RECEIVER  # likewise, and in the sensors present
 
 
 class Cmd(enum.IntEnum):
@@ -121,13 +121,13 @@ FIX_TYPES: Mapping[int, str] = {
     8: "ppp",
 }
 ARDUPILOT, PX4 = dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, dialect.MAV_AUTOPILOT_PX4
-MULTIROTORS = (2, 3, 4, 13, 14, 15, 29, 35)  # MAV_TYPE: multirotors; other types are not flown
+MULTIROTORS = (2, 3, 4, 13, 14, 15, 29, 35)  # MAV_TYPE: multirotors
 VTOLS = range(19, 26)  # MAV_TYPE
 ROVERS = frozenset({dialect.MAV_TYPE_GROUND_ROVER, dialect.MAV_TYPE_SURFACE_BOAT})
 ON_THE_SURFACE = frozenset({5, *ROVERS})  # MAV_TYPE: vehicles without a meaningful height above home
-VTOL_GOES_FORWARD = dialect.MAV_VTOL_STATE_TRANSITION_TO_FW  # it goes over to its wings
+VTOL_GOES_FORWARD = dialect.MAV_VTOL_STATE_TRANSITION_TO_FW
 VTOL_HOVERS = frozenset({dialect.MAV_VTOL_STATE_TRANSITION_TO_MC, dialect.MAV_VTOL_STATE_MC})
-# pymavlink still has reserved places for the VTOLs that the specification has named since.
+# pymavlink still has placeholders for VTOL types that the specification has since named.
 VEHICLE_TYPES: Mapping[int, str] = {
     0: "generic",
     1: "fixed_wing",
@@ -171,7 +171,7 @@ def result_name(result: int) -> str:
 
 
 def mode_names(enumeration: str, own: Mapping[int, str] = MappingProxyType({})) -> Mapping[int, str]:
-    """Return the modes of an ArduPilot vehicle by number; ``own``: those that it calls otherwise."""
+    """Return the modes of an ArduPilot vehicle by number; ``own`` overrides the dialect's names."""
     names = {
         int(number): entry.name.removeprefix(f"{enumeration}_")
         for number, entry in dialect.enums[enumeration].items()

@@ -1,4 +1,4 @@
-"""EVENT, which pymavlink's dialects lack, and the file transfer by which a vehicle explains its events."""
+"""EVENT, which pymavlink's dialects lack, and the file transfer for event metadata."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fleet_mavlink.messages import MavlinkMessage
 
 
 class EventWire:
-    """EVENT as pymavlink would describe it (``common``: message 410, wire order by size)."""
+    """EVENT in the form of pymavlink's message classes (``common``: message 410, wire order by size)."""
 
     msgname = "EVENT"
     crc_extra = 160
@@ -48,7 +48,7 @@ class EventWire:
 
 
 class Event(MavlinkMessage, frozen=True):
-    """EVENT: an event by number; a file that the vehicle serves explains it."""
+    """EVENT: an event by number; a file that the vehicle serves has its text."""
 
     message_id: ClassVar[int] = 410
     id: int
@@ -58,7 +58,7 @@ class Event(MavlinkMessage, frozen=True):
 
 
 class FileTransfer(MavlinkMessage, frozen=True):
-    """FILE_TRANSFER_PROTOCOL: one request or answer, 251 bytes (``files`` has their layout)."""
+    """FILE_TRANSFER_PROTOCOL: one request or answer, 251 bytes (layout in ``files``)."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL
     target_network: int

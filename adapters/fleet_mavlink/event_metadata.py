@@ -1,4 +1,4 @@
-"""A vehicle's list of events: from the local cache, by checksum, else downloaded while on the ground."""
+"""Event metadata of a vehicle: from the local cache, by checksum, else downloaded while on the ground."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class EventKeeper:
         self._files = FtpClient(vehicle)
 
     async def keep(self) -> None:
-        """Load the list whenever the vehicle is connected and on the ground, until cancelled."""
+        """Load the metadata whenever the vehicle is connected and on the ground, until cancelled."""
         while True:
             while not await self._vehicle.until(lambda _: self._vehicle.connected, _FOREVER):
                 self._vehicle.log.debug("it is still not met")
@@ -44,7 +44,7 @@ class EventKeeper:
             await self._vehicle.restarted(reboots, _FOREVER)
 
     async def _get(self) -> None:
-        """Get the list; a vehicle without one goes on without."""
+        """Get the metadata; a vehicle without it is used without."""
         for attempt in range(_TRIES):
             await self._vehicle.until(lambda state: not state.armed, _FOREVER)
             try:
@@ -56,7 +56,7 @@ class EventKeeper:
                 return
 
     async def _packed(self, *, anew: bool) -> bytes:
-        """Return the file: unless ``anew`` the one kept with its checksum, else the vehicle's."""
+        """Return the file: from the cache by its checksum, or from the vehicle (always if ``anew``)."""
         checksum = await self._files.checksum(PATH)
         kept = cache() / f"{checksum:08x}.json.xz"
         with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""Decoder of PX4's EVENT messages, with the metadata file that the vehicle itself serves. No I/O."""
+"""Decoder of PX4's EVENT messages, with the metadata file served by the vehicle itself. No I/O."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from fleet_mavlink.event_messages import Event
 
 PATH = "etc/extras/all_events.json.xz"
 _MOST_BYTES = 8 << 20  # unpacked
-_PROTOCOL = 8  # log level; from here on events are for programs
-_FOR_PEOPLE = "default"  # the group of plain events; the others are lists of checks, sent for each mode
+_PROTOCOL = 8  # log level; events from here on are for programs
+_FOR_PEOPLE = "default"  # group of plain events; the others are check results per mode
 _BASE = {
     "uint8_t": "B",
     "int8_t": "b",
@@ -70,7 +70,7 @@ class EventDictionary:
             raise ValueError(f"this is no list of events: {error}") from None
 
     def _read(self, component: int, told: Mapping[str, Any]) -> None:
-        """Take the events and enumerations of one component."""
+        """Add the events and enumerations of one component."""
         space = told.get("namespace", "")
         for name, enum in told.get("enums", {}).items():
             words = {int(value): entry.get("description", "") for value, entry in enum["entries"].items()}
@@ -96,7 +96,7 @@ class EventDictionary:
         return EventText(_TAG.sub("", _PLACE.sub(lambda place: _put(place, values), kind.message)), level)
 
     def _values(self, types: tuple[str, ...], data: bytes) -> list[object]:
-        """Unpack arguments: little-endian, one behind the other; an enumeration's value as its word."""
+        """Unpack arguments: little-endian, without padding; enumeration values as their names."""
         values: list[object] = []
         at = 0
         for name in types:
@@ -109,7 +109,7 @@ class EventDictionary:
 
 
 def _put(place: re.Match[str], values: list[object]) -> str:
-    """Return what stands in one place of a message: a value, its decimals, its unit."""
+    """Return the text for one placeholder of a message: a value, its decimals, its unit."""
     index = int(place[1]) - 1
     if index >= len(values):
         return "?"

@@ -1,4 +1,4 @@
-"""Causes of fail-safes and of position problems, in words."""
+"""Causes of fail-safes and of position problems, as text."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
 
-_BEFORE = 3.0  # s before a fail-safe, or its change of mode, in which texts may give its reason
-_AFTER = 0.8  # s after it: ArduPilot sends the reason after it has shown the mode
-_MOST = 4  # sentences
+_BEFORE = 3.0  # s before a fail-safe, or its change of mode, in which texts may contain its reason
+_AFTER = 0.8  # s after it: ArduPilot sends the reason after the mode
+_MOST = 4  # texts
 _OVER = re.compile(r"\b(cleared|recovered)\b", re.IGNORECASE)
 _ASIDE = re.compile(
     r"lane switch|primary changed|not available|not possible|requires position", re.IGNORECASE
@@ -21,13 +21,13 @@ _NEEDED = (
     (0x10, "position"),
     (0x20, "height"),
 )
-"""Estimator flags that ArduPilot and PX4 share, and the estimate that is missing without them."""
+"""Estimator flags common to ArduPilot and PX4, and the estimate that is missing without them."""
 
 
 def cause(said: Iterable[Sentence], since: float, until: float) -> str:
-    """Return the texts about trouble between two times as one reason, empty when there are none.
+    """Return the warning texts between two times as one reason, empty without any.
 
-    Texts about the end of a trouble, about its consequences, and the start of a longer text are left out.
+    Texts about the end of a problem or its consequences are left out, and beginnings of longer texts.
     """
     texts = [
         each.text
@@ -42,7 +42,7 @@ def cause(said: Iterable[Sentence], since: float, until: float) -> str:
 
 
 def _is_said_by_another(text: str, texts: list[str]) -> bool:
-    """Return True when another, longer text starts with this one."""
+    """Return True if another, longer text starts with this one."""
     return any(other != text and other.startswith(text) for other in texts)
 
 
@@ -55,7 +55,7 @@ class FailsafeCause:
         self._since: float | None = None
 
     def see(self, state: VehicleState, mode: str, said: Iterable[Sentence], now: float) -> None:
-        """Update from the newest state and the texts received."""
+        """Update from the newest state and the received texts."""
         changed, self._mode = mode != self._mode, mode
         if not state.failsafe:
             self.text, self._since = "", None
@@ -66,12 +66,12 @@ class FailsafeCause:
             self.text = cause(said, self._since - _BEFORE, now) or self.text
 
     def settled(self, now: float) -> bool:
-        """Return True when no further texts about the reason are expected."""
+        """Return True once no further texts about the reason are expected."""
         return self._since is None or now - self._since > _AFTER
 
 
 def position_troubles(state: VehicleState, now: float) -> tuple[str, ...]:
-    """Return what is wrong with the position, in words; nothing of what it never had since it started."""
+    """Return the problems of the position, as text; only for estimates that it had since its start."""
     troubles = []
     if state.had_fix and state.fix_now(now) is None:
         satellites = "" if state.satellites is None else f" ({state.satellites} satellites)"

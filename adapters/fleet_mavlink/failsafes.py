@@ -1,8 +1,8 @@
 """Verification and setting of the autopilot's fail-safe parameters: loss of edge, battery or position.
 
-The edge may die while the autopilot flies to a goal by itself; then only the autopilot can react. So its
-parameters are read at each connect and after each of its reboots. Wrong values are reported as health; they
-are corrected only where fleet.yaml, or a command, says so, and never while the motors run.
+The edge may die while the autopilot flies to a goal by itself; then only the autopilot can react. Its
+parameters are therefore read at each connect and after each of its reboots. Wrong values are reported as
+health; they are corrected only if fleet.yaml, or a command, requests it, and never while the motors run.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
 _FOREVER = 3600.0  # s between checks when nothing happens
-_BEATS_TO_TELL = 5  # heartbeats within which a vehicle reports its equipment, if it ever does
+_BEATS_TO_TELL = 5  # heartbeats within which a vehicle reports its equipment, if at all
 _AGAIN = 10.0  # s until parameters that could not be read are read again
 
 LinkLoss = Literal["return_to_home", "land", "continue"]
@@ -41,7 +41,7 @@ _PLANE_ACTS = (
     ParameterRule(("FS_GCS_ENABL",), frozenset({1, 2, 3}), 1, "it flies on when the edge is lost"),
     ParameterRule(("FS_LONG_ACTN",), frozenset({1}), 1, "it does not return when the edge is lost"),
 )
-"""A plane lands only where its mission has a landing, so it returns home in either case."""
+"""A plane lands only with a landing in its mission, so it returns home in either case."""
 _PLANE_BATTERY = ParameterRule(
     ("BATT_FS_LOW_ACT",), frozenset(range(1, 8)), 1, "it flies on with an empty battery"
 )
@@ -117,10 +117,10 @@ _ALWAYS: Mapping[str, tuple[ParameterRule, ...]] = {
 
 
 def rules_for(table: str, link_loss: LinkLoss, station: int, *, receiver: bool) -> tuple[ParameterRule, ...]:
-    """Return the rules of a table; ``station`` is our own system id: ArduPilot then detects its loss alone.
+    """Return the rules of a table; ``station``: our own system id, whose loss ArduPilot then detects.
 
-    Without a ``receiver`` for a remote control there is no rule about its loss, because with that rule
-    ArduPilot could not be armed.
+    Without a ``receiver`` for a remote control there is no rule about its loss: ArduPilot could not be armed
+    with it.
     """
     rules = _ALWAYS[table] + ((_ON_RADIO_LOSS[table],) if receiver else ())
     lost = _ON_LINK_LOSS[table].get(link_loss)
@@ -138,10 +138,10 @@ def rules_for(table: str, link_loss: LinkLoss, station: int, *, receiver: bool) 
 
 
 class Failsafes:
-    """Fail-safes of one vehicle; ``troubles`` lists what is wrong with them, empty when nothing is.
+    """Fail-safes of one vehicle; ``troubles`` lists the problems, empty without any.
 
-    ``lasting``: written parameters outlive this edge, so a person is warned. A simulated vehicle starts with
-    the autopilot's defaults each time and loses what was written.
+    ``lasting``: written parameters outlive this edge, so they are logged as a warning. A simulated vehicle
+    starts with the autopilot's defaults each time.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class Failsafes:
             await self._vehicle.restarted(reboots, wait)
 
     async def _looked(self) -> bool:
-        """Verify, and correct if configured; return False when the parameters could not be read."""
+        """Verify, and correct if configured; return False if the parameters could not be read."""
         if self._keeping == "ignore":
             return True
         try:
@@ -189,7 +189,7 @@ class Failsafes:
         return True
 
     async def verify(self) -> None:
-        """Read the parameters and note what is wrong; raises like reading a parameter."""
+        """Read the parameters and store the problems; raises like reading a parameter."""
         self._tell(tuple([trouble for rule in self._rules() if (trouble := await self._trouble(rule))]))
 
     async def set(self) -> None:
@@ -206,7 +206,7 @@ class Failsafes:
         await self.verify()
 
     async def _set_on_the_ground(self) -> None:
-        """Set them as soon as the motors stand still."""
+        """Set them as soon as the motors are off."""
         await self._vehicle.until(lambda state: not state.armed, _FOREVER)
         await self.set()
 
@@ -229,12 +229,12 @@ class Failsafes:
         return rules_for(flavour.failsafe_table, self._link_loss, self._station, receiver=receiver)
 
     async def _trouble(self, rule: ParameterRule) -> str:
-        """Return what is wrong with one parameter, empty when nothing is."""
+        """Return the problem of one parameter, empty without one."""
         name, value = await self._read(rule)
         return "" if value in rule.good else f"{name} is {value:g}: {rule.danger} (send set_failsafes)"
 
     async def _read(self, rule: ParameterRule) -> tuple[str, float]:
-        """Return the parameter's name in this version, and its value; raises Refused when there is none."""
+        """Return the parameter's name in this version, and its value; raises Refused if there is none."""
         for name in rule.names[:-1]:
             try:
                 return name, (await self._parameters.read([name]))[0].value
@@ -243,7 +243,7 @@ class Failsafes:
         return rule.names[-1], (await self._parameters.read(rule.names[-1:]))[0].value
 
     def _tell(self, troubles: tuple[str, ...]) -> None:
-        """Store the troubles, and report them when they have changed."""
+        """Store the problems, and report them if they have changed."""
         if troubles != self.troubles:
             self.troubles = troubles
             self._changed()

@@ -1,7 +1,8 @@
 """Uploads the fence of fleet.yaml to the autopilot, so that it holds without the edge.
 
-Polygons are sent by the mission protocol and read back; height, distance and the action at the border are
-parameters. A fence is uploaded on the ground only; in flight it is only compared, and differences reported.
+Polygons are sent with the mission protocol and verified by reading back; height, distance and the action at
+the border are parameters. A fence is uploaded on the ground only; in flight it is compared, and differences
+are reported.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from fleet_mavlink.vehicle import Vehicle
 
 _FOREVER = 3600.0  # s between checks when nothing happens
 _AGAIN = 10.0  # s until a failed upload is tried again
-_WIDER = 2.0  # m by which the autopilot's limits are wider, so that the host acts first
+_WIDER = 2.0  # m by which the autopilot's limits are wider, so that the host reacts first
 _HEIGHT, _CIRCLE, _POLYGON = 1, 2, 4  # bits of FENCE_TYPE
-_UNION = 2  # FENCE_OPTIONS: inside one of the inclusions is enough
+_UNION = 2  # FENCE_OPTIONS: being inside any inclusion is enough
 
 
 def items_of(fence: FenceConfig, world: GeoOrigin) -> tuple[MissionItemInt, ...]:
-    """Return the corners of a fence as mission items; each holds the number of corners of its polygon."""
+    """Return the vertices of a fence as mission items; each has the number of vertices of its polygon."""
     inside = _corners(fence, fence.inclusion, Cmd.NAV_FENCE_POLYGON_VERTEX_INCLUSION, world)
     outside = _corners(fence, fence.exclusion, Cmd.NAV_FENCE_POLYGON_VERTEX_EXCLUSION, world)
     return (*inside, *outside)
@@ -37,7 +38,7 @@ def _corners(
     command: Cmd,
     world: GeoOrigin,
 ) -> Iterable[MissionItemInt]:
-    """Yield the corners of polygons of one kind."""
+    """Yield the vertices of polygons of one kind."""
     for polygon in polygons:
         for corner in polygon:
             point = GeoPoint(*corner)
@@ -48,7 +49,7 @@ def _corners(
 
 
 def parameters_of(flavour: str, fence: FenceConfig, limits: Limits) -> Mapping[str, float]:
-    """Return the parameters that switch a fence on; at its border the vehicle returns home."""
+    """Return the parameters that enable a fence; at its border the vehicle returns home."""
     polygons = bool(fence.inclusion or fence.exclusion)
     height = 0.0 if limits.altitude is None else limits.altitude + _WIDER
     radius = 0.0 if limits.distance is None else limits.distance + _WIDER
@@ -65,7 +66,7 @@ def parameters_of(flavour: str, fence: FenceConfig, limits: Limits) -> Mapping[s
 
 
 class FenceKeeper:
-    """Keeps the fence on one vehicle; ``troubles`` says why it is not there, empty once it is."""
+    """Maintains the fence on one vehicle; ``troubles``: why it is not uploaded, empty once it is."""
 
     def __init__(
         self,
@@ -103,7 +104,7 @@ class FenceKeeper:
             await self._vehicle.restarted(reboots, wait)
 
     def _is_met(self, _state: VehicleState) -> bool:
-        """Return True when the vehicle answers and enough is known of it to upload a fence."""
+        """Return True once the vehicle answers and enough is known of it to upload a fence."""
         known = self._vehicle.flavour is not None and self._origin() is not None
         return self._vehicle.connected and known
 
@@ -127,13 +128,13 @@ class FenceKeeper:
         self._vehicle.log.info("it has its fence of %d corners", len(items))
 
     async def _landed(self) -> None:
-        """Wait until the motors stand still."""
+        """Wait until the motors are off."""
         if self._vehicle.state.armed:
             self._tell("the autopilot has another fence, which is not changed in flight")
             await self._vehicle.until(lambda state: not state.armed, _FOREVER)
 
     def _tell(self, trouble: str) -> None:
-        """Store the trouble, and report it when it has changed."""
+        """Store the problem, and report it if it has changed."""
         before, self.troubles = self.troubles, (trouble,) if trouble else ()
         if before != self.troubles:
             self._changed()

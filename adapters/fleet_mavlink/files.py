@@ -1,4 +1,4 @@
-"""Reads files that a vehicle serves by MAVLink FTP; one request at a time."""
+"""Reads files that a vehicle serves over MAVLink FTP; one request at a time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fleet_mavlink.vehicle import Vehicle
 
 _TERMINATE, _OPEN, _READ, _CRC = 1, 4, 5, 14  # opcodes
 _ACK = 128
-_HEAD = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, of which request, burst, offset
+_HEAD = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, requested opcode, burst, offset
 _PAYLOAD, _DATA = 251, 239
 _WITHIN, _TRIES = 1.0, 4
 MOST_BYTES = 1 << 20
@@ -30,27 +30,27 @@ class FtpAnswer(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, message: FileTransfer) -> FtpAnswer:
-        """Read the payload of a message."""
+        """Decode the payload of a message."""
         payload = bytes(message.payload)
         sequence, session, opcode, size, _, _, _ = _HEAD.unpack_from(payload)
         return cls(sequence, session, opcode, payload[_HEAD.size : _HEAD.size + min(size, _DATA)])
 
 
 class FtpClient:
-    """Access to the files of one vehicle."""
+    """MAVLink FTP client of one vehicle."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._sequence = 0
 
     async def checksum(self, path: str) -> int:
-        """Return the file's CRC32; raises Refused when there is none, TimedOut without an answer."""
+        """Return the file's CRC32; raises Refused if there is no such file, TimedOut without an answer."""
         with self._vehicle.hearing(FileTransfer) as heard:
             data = (await self._ask(heard, _CRC, 0, 0, path.encode())).data
         return int.from_bytes(data[:4], "little")
 
     async def read(self, path: str) -> bytes:
-        """Return a whole file; raises Refused when there is none or it is too large, TimedOut."""
+        """Return a whole file; raises Refused if it is missing or too large, TimedOut without an answer."""
         with self._vehicle.hearing(FileTransfer) as heard:
             opened = await self._ask(heard, _OPEN, 0, 0, path.encode())
             size = int.from_bytes(opened.data[:4], "little")
@@ -68,8 +68,8 @@ class FtpClient:
         return bytes(found[:size])
 
     def _send(self, opcode: int, session: int, offset: int, data: bytes) -> None:
-        """Write a request."""
-        size = _DATA if opcode == _READ else len(data)  # how much is to be read, or how much is said
+        """Send a request."""
+        size = _DATA if opcode == _READ else len(data)  # bytes to read, or bytes in the request
         head = _HEAD.pack(self._sequence, session, opcode, size, 0, 0, offset)
         payload = tuple((head + data).ljust(_PAYLOAD, b"\0"))
         self._vehicle.send(FileTransfer(0, self._vehicle.system, AUTOPILOT, payload))
@@ -77,7 +77,7 @@ class FtpClient:
     async def _ask(
         self, heard: ReceivedMessages[FileTransfer], opcode: int, session: int, offset: int, data: bytes
     ) -> FtpAnswer:
-        """Send a request until it is answered; repeats keep its sequence number, so it is not done twice."""
+        """Send a request until it is answered; repeats keep their sequence number, so it is executed once."""
         self._sequence = (self._sequence + 1) & 0xFFFF
         expected = (self._sequence + 1) & 0xFFFF
         for _ in range(_TRIES):

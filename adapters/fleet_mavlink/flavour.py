@@ -29,7 +29,7 @@ VELOCITY_AND_YAW_RATE = 0x5C7  # type_mask: ignore everything except velocity an
 
 
 class CalibrationStep(msgspec.Struct, frozen=True):
-    """Progress of one compass, percent; ``others``: all compasses that are being calibrated."""
+    """Progress of one compass, percent; ``others``: all compasses being calibrated."""
 
     percent: float
     compass: int = 0
@@ -37,83 +37,83 @@ class CalibrationStep(msgspec.Struct, frozen=True):
 
 
 class Flavour(VehicleKind):
-    """One autopilot firmware, for a type of vehicle that is moved here."""
+    """One autopilot firmware, for a type of vehicle that this adapter moves."""
 
-    external: ClassVar[str]  # obeys the setpoints that we stream
-    hold: ClassVar[str]  # brakes and stays, with no pilot at the sticks
-    goto: ClassVar[str]  # flies to the place it was given
+    external: ClassVar[str]  # follows our stream of setpoints
+    hold: ClassVar[str]  # brakes and stays, without a pilot at the sticks
+    goto: ClassVar[str]  # flies to a given position
     land: ClassVar[str]
     return_home: ClassVar[str]
-    arming: ClassVar[str]  # can be armed in, and taken off from
-    takeoff: ClassVar[str]  # shown while it takes off
-    takes_off_in_air: ClassVar[bool]  # obeys a take-off in the air, too
+    arming: ClassVar[str]  # can be armed, and take off, in this mode
+    takeoff: ClassVar[str]  # shown during a take-off
+    takes_off_in_air: ClassVar[bool]  # accepts a take-off in the air, too
     takeoff_tolerance: ClassVar[
         str | None
-    ]  # parameter: m below its height at which it ends a take-off by itself
-    mission: ClassVar[str]  # flies the mission in its memory
+    ]  # parameter: m below the height at which it ends a take-off by itself
+    mission: ClassVar[str]  # flies the stored mission
     home_is_first: ClassVar[bool]  # item 0 of a mission is home
-    rewind: ClassVar[CommandLong | None]  # before a start, where that goes on at the item that was left last
-    lands_once: ClassVar[str] = ""  # says that it does not arm after a planned landing before that is rewound
-    repeats_reached: ClassVar[bool]  # tells again and again which item was reached last
-    unset: ClassVar[float]  # a parameter of an item that is left to the autopilot
-    lead_in: ClassVar[float]  # s of setpoints before it takes the external mode
-    follows: ClassVar[Mapping[str, frozenset[str]]]  # mode -> modes it goes to by itself
+    rewind: ClassVar[CommandLong | None]  # before a start, if that would continue at the last item
+    lands_once: ClassVar[str] = ""  # its words when it does not arm after a planned landing before a rewind
+    repeats_reached: ClassVar[bool]  # reports the last reached item again and again
+    unset: ClassVar[float]  # value of an item's parameter that is left to the autopilot
+    lead_in: ClassVar[float]  # s of setpoints before it accepts the external mode
+    follows: ClassVar[Mapping[str, frozenset[str]]]  # mode -> modes that it changes to by itself
     compass_start: ClassVar[CommandLong]
     compass_stop: ClassVar[CommandLong]
-    surface: ClassVar[bool] = False  # moves on ground or water: has no height, stands when it is not moved
-    rest: ClassVar[float] = 1.0  # s of zero velocity after which it is switched to its own hold
+    surface: ClassVar[bool] = False  # moves on ground or water: has no height, stands when not moved
+    rest: ClassVar[float] = 1.0  # s of zero velocity before the change to its own hold
     tolerance: ClassVar[float] = 0.5  # m from a goal that counts as reached
-    lacking: ClassVar[Mapping[str, str]] = ONE_WAY  # of the vocabulary, with the reason
-    wings: ClassVar[bool] = False  # circles where it would stand: ``wings.Winged``
-    tries_brakes: ClassVar[bool] = False  # is stopped by the first of its brakes that it takes, not its hold
-    takeoff_height: ClassVar[str | None] = None  # parameter: m above home, where no take-off says another
+    lacking: ClassVar[Mapping[str, str]] = ONE_WAY  # unsupported commands of the vocabulary, with the reason
+    wings: ClassVar[bool] = False  # circles instead of standing: ``wings.Winged``
+    tries_brakes: ClassVar[bool] = False  # is stopped by the first brake that it accepts, not by its hold
+    takeoff_height: ClassVar[str | None] = None  # parameter: m above home, default height of a take-off
     speed_kind: ClassVar[float] = 1.0  # param1 of DO_CHANGE_SPEED: over ground
     lowest: ClassVar[float] = 1.0  # m above home, lowest goal and take-off; only a landing goes below
-    checks_mission: ClassVar[float] = 0.0  # s in which a mission that was just sent may still be refused
-    mission_ends: ClassVar[tuple[str, ...]] = ()  # modes to which it goes by itself after a mission
-    passes: ClassVar[float] = 15.0  # m from a last place, within which it may take it for reached
-    forward: ClassVar[Flavour | None] = None  # as it flies missions, and to far places
-    transitions: ClassVar[Mapping[str, str]] = {}  # way to fly -> mode that leads to it; empty: a command
+    checks_mission: ClassVar[float] = 0.0  # s in which a mission just uploaded may still be refused
+    mission_ends: ClassVar[tuple[str, ...]] = ()  # modes to which it changes by itself after a mission
+    passes: ClassVar[float] = 15.0  # m from the last position, within which it may count as reached
+    forward: ClassVar[Flavour | None] = None  # flavour for missions, and for far goals
+    transitions: ClassVar[Mapping[str, str]] = {}  # flight state -> mode that leads to it; empty: a command
 
     @property
     def ours(self) -> frozenset[str]:
-        """The modes in which nobody but us moves the vehicle."""
+        """Modes in which only we move the vehicle."""
         return frozenset({self.external, self.hold, self.goto, self.arming, self.takeoff})
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """The parameters by which it is moved, of those in ``state.SETTINGS``."""
+        """Parameters that it needs for moving, of those in ``state.SETTINGS``."""
         return ()
 
     @property
     def stays_at_home(self) -> bool:
-        """Whether its way home does not end in a landing."""
+        """Whether its return home ends without a landing."""
         return self.surface
 
     def comes_down(self, state: VehicleState) -> bool:
-        """Return whether it shows that it lands, or flies home, by itself."""
+        """Return True while it lands, or flies home, by itself."""
         return self.mode_of(state) in {self.land, self.return_home}
 
     @property
     def failsafe_table(self) -> str:
-        """The name of its table of fail-safe parameters."""
+        """Name of its table of fail-safe parameters."""
         return self.name
 
     def cannot(
         self,
-        velocity: Velocity,  # noqa: ARG002 - a multirotor moves in any direction
+        velocity: Velocity,  # noqa: ARG002 - multirotors move in any direction
         *,
         turns_in_place: bool | None,  # noqa: ARG002
     ) -> str:
-        """Return why it cannot move like this, empty when it can."""
+        """Return why it cannot move like this, empty if it can."""
         return ""
 
     def setpoint(self, velocity: Velocity, heading: float, system: int) -> SetPositionTargetLocalNed:
         """Return the setpoint for a body velocity; ``heading`` is radians clockwise from north."""
         return setpoint(velocity, heading, system)
 
-    def before_go(self, *, backwards: bool) -> CommandLong | None:  # noqa: ARG002 - it keeps its nose anyway
-        """Return the command that must precede a go command, None when none must."""
+    def before_go(self, *, backwards: bool) -> CommandLong | None:  # noqa: ARG002 - not needed
+        """Return the command that must precede a go command, or None."""
         return None
 
     @abstractmethod
@@ -129,7 +129,7 @@ class Flavour(VehicleKind):
         """Return the command that brakes at once and stays; the ``hold`` mode is then shown."""
 
     def holding(self, state: VehicleState) -> Brake:
-        """Return what brakes it best, as it is."""
+        """Return the best brake for the present state."""
         if self.tries_brakes and (brakes := self.brakes(state)):
             return brakes[0]
         return Brake(self.hold, self.hold_command(state))
@@ -142,40 +142,41 @@ class Flavour(VehicleKind):
     def go_command(
         self, to: GeoPoint, home_altitude: float, speed: float, heading: float
     ) -> CommandInt | SetPositionTargetGlobalInt:
-        """Return the message that flies to a place (altitude AMSL), nose at ``heading`` (radians from north).
+        """Return the message that flies to a position (altitude AMSL).
 
-        A command is acknowledged and changes the mode; a position target is accepted in the ``goto`` mode
-        only, and the vehicle reports it instead of an acknowledgement.
+        ``heading``: direction of the nose, radians from north. A command is acknowledged and changes the
+        mode; a position target is accepted in the ``goto`` mode only, and the vehicle reports it instead of
+        an acknowledgement.
         """
 
     @abstractmethod
     def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:
-        """Return the command that must follow a go command to apply its speed, None when none must."""
+        """Return the command that must follow a go command to apply its speed, or None."""
 
     def speed_to(
         self,
-        state: VehicleState,  # noqa: ARG002 - wings have a slowest airspeed
+        state: VehicleState,  # noqa: ARG002 - planes have a lowest airspeed
         limit: float | None,
         wanted: float | None,
-        metres: float,  # noqa: ARG002 - a QuadPlane flies to a far place on its wings
+        metres: float,  # noqa: ARG002 - QuadPlanes fly far goals on their wings
     ) -> float:
-        """Return the speed at which it is sent to a place so far away: what is wanted, within the limit.
+        """Return the speed to a position at this distance: the wanted one, within the limit.
 
-        Raises Refused for one that it cannot fly at.
+        Raises Refused if it cannot fly at that speed.
         """
         most = limit or math.inf
         return max(_SLOWEST, min(most, wanted or most))
 
     @abstractmethod
     def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:
-        """Read a message about compass calibration, None for any other; raises Refused when it failed."""
+        """Interpret a message about compass calibration, None for any other; raises Refused if it failed."""
 
 
 def setpoint(velocity: Velocity, heading: float, system: int) -> SetPositionTargetLocalNed:
     """Return the setpoint for a body velocity, rotated to NED, which all autopilots interpret alike.
 
-    ``heading`` is radians clockwise from north. The yaw rate is always given, because otherwise ArduPilot
-    turns its nose into the direction of travel.
+    ``heading`` is radians clockwise from north. The yaw rate is always set, because otherwise ArduPilot turns
+    the nose into the direction of travel.
     """
     world = ned_from_enu(rotate_to_world(velocity.linear, enu_yaw_from_heading(heading)))
     return ned_setpoint(world, -velocity.yaw_rate, system)

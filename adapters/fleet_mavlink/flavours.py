@@ -1,4 +1,4 @@
-"""Selects the flavour (what moves it) and the kind of a vehicle, from its heartbeat and its state."""
+"""Selects the flavour (if moved here) and the kind of a vehicle, from its heartbeat and its state."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _BY_TYPE: Mapping[int, Mapping[int, VehicleKind]] = {
 
 
 def kind_of(heartbeat: Heartbeat, state: VehicleState = _UNTOLD) -> VehicleKind:
-    """Return the kind of a vehicle, as it is now; the unknown kind when its modes are not known here."""
+    """Return the present kind of a vehicle; the unknown kind if its modes are not known here."""
     if heartbeat.type in _WINGED and heartbeat.autopilot == ARDUPILOT:
         return arduplane_of(state)
     if heartbeat.type in _WINGED and heartbeat.autopilot == PX4:
@@ -46,6 +46,6 @@ def kind_of(heartbeat: Heartbeat, state: VehicleState = _UNTOLD) -> VehicleKind:
 
 
 def flavour_of(heartbeat: Heartbeat, state: VehicleState = _UNTOLD) -> Flavour | None:
-    """Return the flavour of a vehicle that is moved here, as it is now; None for another."""
+    """Return the present flavour of a vehicle that is moved here; None for another."""
     kind = kind_of(heartbeat, state)
     return kind if isinstance(kind, Flavour) else None

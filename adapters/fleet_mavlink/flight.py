@@ -31,14 +31,14 @@ from fleet_mavlink.remote_id import require_remote_id
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
-_ARMED_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
+_ARMED_WITHIN = 3.0  # s; the heartbeat that shows it is sent once a second
 _POLL = 0.5  # s between checks of a long procedure
-FARTHEST = 100_000.0  # m; a goal beyond it is a mistake, such as a wrong unit or swapped coordinates
-_SLOW = 0.5  # m/s that counts as standing
+FARTHEST = 100_000.0  # m; a farther goal is a mistake, such as a wrong unit or swapped coordinates
+_SLOW = 0.5  # m/s; slower counts as standing
 
 
 class Flight:
-    """The procedures of one vehicle.
+    """Procedures of one vehicle.
 
     ``give_way(mode)`` ends the stream of setpoints before a command that leads to ``mode``.
     """
@@ -56,14 +56,14 @@ class Flight:
         self.authority = authority
         self.ceiling = limits.altitude or math.inf
         self.fastest = limits.speed
-        self.descent = ""  # the mode of the landing, or way home, that was begun last
+        self.descent = ""  # mode of the last landing, or return home
         self._farthest = limits.distance or FARTHEST
         self.give_way = give_way
         self.home = HomePosition(vehicle, commander)
 
     @property
     def flavour(self) -> Flavour:
-        """The autopilot's flavour; raises NotReady before a heartbeat, Unsupported when not flown here."""
+        """Flavour of the autopilot; raises NotReady before a heartbeat, Unsupported if not moved here."""
         flavour = self.vehicle.flavour
         if flavour is None:
             require_connection(self.vehicle)
@@ -71,14 +71,14 @@ class Flight:
         return flavour
 
     def mode(self, state: VehicleState) -> str:
-        """Return the name of the mode that a state shows."""
+        """Return the name of the mode in a state."""
         return self.flavour.mode_of(state)
 
     async def enter(self, mode: str, ask: Ask | None = None, *, effect: Effect = Effect.MOTION) -> None:
-        """Change to a mode, by a command that leads to it or by the mode command; returns once it is shown.
+        """Change to a mode, by a command that leads to it or by the mode command; return once it is shown.
 
-        ``effect`` decides whether a halt meanwhile ends the change: one mode may serve holds and motion.
-        Allowed even while two vehicles use the same id, because a hold must always be possible.
+        ``effect`` decides whether a halt in the meantime ends the change: one mode may serve holds and
+        motion. Allowed even while two vehicles use the same id, because a hold must always be possible.
         """
         require_heartbeat(self.vehicle)
         flavour = self.flavour
@@ -88,11 +88,11 @@ class Flight:
         self.descent = ""
 
     async def enter_external(self) -> None:
-        """Change to the mode that obeys setpoints."""
+        """Change to the mode that follows setpoints."""
         await self.enter(self.flavour.external)
 
     async def hold(self) -> None:
-        """Brake and stay; returns once the holding mode is shown."""
+        """Brake and stay; return once the holding mode is shown."""
         require_heartbeat(self.vehicle)
         brake = self.flavour.holding(self.vehicle.state)
         with self.authority.asking(*brake.modes):
@@ -102,9 +102,9 @@ class Flight:
         self.descent = ""
 
     async def hold_if_ours(self) -> None:
-        """Hold after a failure, unless somebody else has the vehicle or it cannot be reached.
+        """Hold after a failure, unless we have no authority or it cannot be reached.
 
-        A failure of the hold is only logged, so that the first failure is the one reported.
+        A failure of the hold is only logged, so that the first failure is the reported one.
         """
         if not self.vehicle.connected or not self.vehicle.state.armed or self.authority.lost_to:
             return
@@ -133,7 +133,7 @@ class Flight:
             await self._arming(arm=True, force=force)
 
     async def disarm(self, *, force: bool = False) -> None:
-        """Disarm on the ground; raises Refused in the air, whatever ``force`` says."""
+        """Disarm on the ground; raises Refused in the air, even with ``force``."""
         state = self.vehicle.state
         require_connection(self.vehicle)
         if not state.armed:
@@ -157,7 +157,7 @@ class Flight:
             raise TimedOut(f"it took the command but is not {'armed' if arm else 'disarmed'}")
 
     async def disarm_quietly(self) -> None:
-        """Undo an arming after a take-off that did not happen."""
+        """Disarm again after a take-off that did not happen."""
         if self.vehicle.state.in_air is False:
             with suppress(CommandError):
                 await self._arming(arm=False, force=False)
@@ -165,7 +165,7 @@ class Flight:
     async def come_down(self, mode: str, ask: Ask | None = None) -> AsyncIterator[Progress]:
         """Land or return home by a mode of the autopilot; ends on the ground with the motors off.
 
-        ``ask``: the command that leads to the mode, where it is not the mode command.
+        ``ask``: the command that leads to the mode, if it is not the mode command.
         """
         require_connection(self.vehicle)
         start = height_of(self.vehicle.state)
@@ -185,7 +185,7 @@ class Flight:
         yield Progress(100.0, "on the ground")
 
     async def go(self, to: GeoPoint, speed: float, heading: float, *, backwards: bool = False) -> None:
-        """Start towards a place with the nose at ``heading``; returns once the autopilot has accepted it.
+        """Start towards a position with the nose at ``heading``; return once the autopilot has accepted it.
 
         Raises Refused above the ceiling.
         """
@@ -195,7 +195,7 @@ class Flight:
         before = flavour.before_go(backwards=backwards)
         if before is not None:
             if self.mode(self.vehicle.state) != flavour.goto:
-                await self.enter(flavour.goto)  # which forgets what came before
+                await self.enter(flavour.goto)  # a change of mode resets what ``before`` sets
             await self.commander.ask(before)
         go = flavour.go_command(to, await self.home.altitude(), speed, heading)
         if isinstance(go, SetPositionTargetGlobalInt):
@@ -209,9 +209,9 @@ class Flight:
             await self.commander.ask(following)
 
     def require_altitude(self, altitude: float) -> None:
-        """Raise unless an altitude (m AMSL) is between the lowest and the ceiling above home.
+        """Raise unless an altitude (m AMSL) is between the lowest height above home and the ceiling.
 
-        What moves on the surface has none.
+        Vehicles on the surface have no such limits.
         """
         if self.vehicle.state.on_the_surface:
             return
@@ -228,7 +228,7 @@ class Flight:
             )
 
     def require_distance(self, point: GeoPoint, around: float = 0.0) -> None:
-        """Raise unless a place, and ``around`` m around it, is within the distance limit from home."""
+        """Raise unless a position, and ``around`` m around it, is within the distance limit from home."""
         home = self.vehicle.state.home
         if home is None:
             raise home_unknown()
@@ -237,7 +237,7 @@ class Flight:
             raise Refused(f"{away:.0f} m from home is beyond the limit of {self._farthest:g} m")
 
     async def kill(self) -> None:
-        """Stop the motors at once, wherever it is; returns once the heartbeat shows it."""
+        """Stop the motors at once, even in the air; return once the heartbeat shows it."""
         require_heartbeat(self.vehicle)
         if self.vehicle.state.armed:
             await self._arming(arm=False, force=True)
@@ -276,5 +276,5 @@ def height_of(state: VehicleState) -> float:
 
 
 def is_standing(state: VehicleState) -> bool:
-    """Return whether it does not move."""
+    """Return True while it does not move."""
     return state.speed <= _SLOW

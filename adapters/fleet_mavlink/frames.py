@@ -11,7 +11,7 @@ from fleet_mavlink.state import VehicleState
 def origin_of(state: VehicleState) -> GeoOrigin | None:
     """Return a world origin at the vehicle's home, None while home is unknown.
 
-    A vehicle on ground or water is at z = 0 there, because its home's altitude is unreliable.
+    A vehicle on ground or water is at z = 0 there, because the altitude of its home is unreliable.
     """
     altitude = state.home_altitude
     if state.on_the_surface and state.position is not None:

@@ -1,4 +1,4 @@
-"""Control of a gimbal, to angles and at speeds, by MAVLink's gimbal manager, which both autopilots have."""
+"""Control of a gimbal, to angles and at rates, with the MAVLink gimbal manager of both autopilots."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
-LEASE = 1.0  # s for which a turning speed is held unless it is commanded again
-_LOCKS = 12.0  # roll and pitch stay with the horizon, yaw with the vehicle
-_NOBODY_ELSE = -1.0  # leaves the secondary control as it is
+LEASE = 1.0  # s for which a rate is held unless it is commanded again
+_LOCKS = 12.0  # flags: roll and pitch lock to the horizon, yaw to the vehicle
+_NOBODY_ELSE = -1.0  # leaves the secondary control unchanged
 _INFORMED_WITHIN = 1.0  # s
 _THERE = 3.0  # degrees
 _TURNS_WITHIN = 15.0  # s
-_FASTEST = 360.0  # degrees a second
-_SLACK = 0.5  # degrees beyond a limit that are still meant as the limit
+_FASTEST = 360.0  # degrees per second
+_SLACK = 0.5  # degrees beyond a limit that still count as the limit
 
 
 class GimbalTurn(msgspec.Struct, frozen=True):
-    """Where to turn, degrees; None leaves an axis alone. ``seconds``: how long the turn is to take."""
+    """Target of a turn, degrees; None leaves an axis unchanged. ``seconds``: duration of the turn."""
 
     pitch: float | None
     yaw: float | None
@@ -38,7 +38,7 @@ class GimbalTurn(msgspec.Struct, frozen=True):
 
 
 class Gimbal:
-    """The gimbal of one vehicle; control of it is taken before it is turned."""
+    """The gimbal of one vehicle; takes control of it before the first turn."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class Gimbal:
         self._ending: asyncio.Task[None] | None = None
 
     async def turn(self, turn: GimbalTurn) -> None:
-        """Turn to angles; returns once it is seen there, if the gimbal reports its attitude."""
+        """Turn to angles; return once they are seen, if the gimbal reports its attitude."""
         manager = await self._take_control()
         aim = self._aim_of(turn, manager)
         self._keep()
@@ -74,7 +74,7 @@ class Gimbal:
             raise TimedOut("the gimbal took the command but does not turn there")
 
     async def spin(self, pitch: float, yaw: float) -> None:
-        """Turn at speeds, degrees a second, for ``LEASE`` seconds or until the next call."""
+        """Turn at rates, degrees per second, for ``LEASE`` seconds or until the next call."""
         if not all(math.isfinite(each) and abs(each) <= _FASTEST for each in (pitch, yaw)):
             raise Refused(f"a turning speed is within {_FASTEST:g} degrees a second")
         await self._take_control()
@@ -96,7 +96,7 @@ class Gimbal:
             self._ending = None
 
     async def _turn_slowly(self, aim: _Target, seconds: float) -> None:
-        """Turn at the speed that brings it there in time."""
+        """Turn at the rate that arrives in time."""
         seen = self._vehicle.state.sensors.aim
         if seen is None:
             raise NotReady("the gimbal does not say how it is turned", hint="leave the duration out")
@@ -105,7 +105,7 @@ class Gimbal:
         await asyncio.sleep(seconds)
 
     def _aim_of(self, turn: GimbalTurn, manager: GimbalManagerInformation) -> _Target:
-        """Return the angles to be at; raises Refused beyond the gimbal's limits."""
+        """Return the target angles; raises Refused beyond the gimbal's limits."""
         seen = self._vehicle.state.sensors.aim
         if turn.relative and seen is None:
             raise NotReady("the gimbal does not say how it is turned", hint="give absolute angles")
@@ -135,7 +135,7 @@ class Gimbal:
         return self._manager
 
     async def _find(self) -> GimbalManagerInformation:
-        """Ask the autopilot for its gimbal."""
+        """Request the gimbal manager's information from the autopilot."""
         ask = CommandLong(Cmd.REQUEST_MESSAGE, param1=float(GimbalManagerInformation.message_id))
         with self._vehicle.hearing(GimbalManagerInformation) as heard:
             try:
@@ -152,7 +152,7 @@ class Gimbal:
     async def _ask(
         self, *, pitch: float = NAN, yaw: float = NAN, pitch_rate: float = NAN, yaw_rate: float = NAN
     ) -> None:
-        """Turn it; what is NaN is left alone."""
+        """Send a pitch/yaw command; NaN leaves an axis unchanged."""
         try:
             await self._commander.ask(
                 CommandLong(
@@ -165,35 +165,35 @@ class Gimbal:
                 )
             )
         except FleetError:
-            self._manager = None  # somebody else may have taken control: it is taken again next time
+            self._manager = None  # another station may have taken control: it is taken again next time
             raise
 
 
 class _Target(msgspec.Struct, frozen=True):
-    """Angles to be at, degrees; None: as it is."""
+    """Target angles, degrees; None: unchanged."""
 
     pitch: float | None
     yaw: float | None
 
 
 def _or_nan(angle: float | None) -> float:
-    """Return an angle, NaN for an axis that is left alone."""
+    """Return an angle, NaN for an unchanged axis."""
     return NAN if angle is None else angle
 
 
 def _speed(now: float, then: float | None, seconds: float) -> float:
-    """Return the speed from one angle to another, NaN for an axis that is left alone."""
+    """Return the rate from one angle to another, NaN for an unchanged axis."""
     return NAN if then is None else (then - now) / seconds
 
 
 def _near(seen: GimbalAngles, target: _Target) -> bool:
-    """Return whether the axes that were asked for are where they should be."""
+    """Return True if the requested axes are near their targets."""
     pairs = ((seen.pitch, target.pitch), (seen.yaw, target.yaw))
     return all(then is None or abs(math.remainder(now - then, 360.0)) <= _THERE for now, then in pairs)
 
 
 def _require_within(axis: str, angle: float | None, lowest: float, highest: float) -> None:
-    """Raise Refused for an angle that is no number, or beyond limits (radians; equal ones: not told)."""
+    """Raise Refused for an invalid angle, or one beyond the limits (radians; equal ones: not reported)."""
     if angle is None:
         return
     if not math.isfinite(angle) or abs(angle) > 360.0:

@@ -1,4 +1,4 @@
-"""The home position of a vehicle: its altitude, from which heights count, and its change."""
+"""Home position of a vehicle: its altitude, the reference of heights, and its change."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
 _KNOWN_WITHIN = 3.0  # s
-_HOME_WITHIN = 4.0  # s; HOME_POSITION comes once a second
+_HOME_WITHIN = 4.0  # s; HOME_POSITION is sent once a second
 _DEEPEST, _HIGHEST = -500.0, 9000.0  # m AMSL, plausible altitudes of a take-off
 _SAME_HOME = 2.0  # m
 
@@ -35,7 +35,7 @@ class HomePosition:
         return altitude
 
     async def set_here(self) -> None:
-        """Make the current position home; in the air at home's old altitude, so that heights stay valid."""
+        """Make the present position home; in the air at home's old altitude, so that heights stay valid."""
         require_connection(self._vehicle)
         state = self._vehicle.state
         here = state.position
@@ -46,7 +46,7 @@ class HomePosition:
         await self._tell(here.latitude, here.longitude, altitude)
 
     async def set_to(self, latitude: float, longitude: float, altitude: float | None) -> None:
-        """Make a position home, and wait until the vehicle reports it; m AMSL, None: home's current altitude.
+        """Make a position home, and wait until the vehicle reports it; m AMSL, None: home's present altitude.
 
         Raises Refused for an invalid position, and for another altitude in the air, because heights are
         relative to it.
@@ -78,7 +78,7 @@ class HomePosition:
 
 
 def _require_place(latitude: float, longitude: float, altitude: float) -> None:
-    """Raise Refused unless home can be there (degrees, m AMSL)."""
+    """Raise Refused unless this is a plausible home (degrees, m AMSL)."""
     if not (abs(latitude) < 90 and abs(longitude) <= 180 and math.isfinite(altitude)):
         raise Refused("home must be a place on Earth, in degrees and metres")
     if not _DEEPEST <= altitude <= _HIGHEST:
@@ -86,6 +86,6 @@ def _require_place(latitude: float, longitude: float, altitude: float) -> None:
 
 
 def _are_one(one: GeoPoint, other: GeoPoint) -> bool:
-    """Return True when two positions are the same, within the resolution of the wire."""
+    """Return True if two positions are the same, within the resolution of the wire."""
     away = world_from_geo(GeoOrigin(one.latitude, one.longitude, one.altitude), other)
     return away.norm() <= _SAME_HOME

@@ -24,14 +24,14 @@ from fleet_mavlink.vehicle import Vehicle
 
 _LOG = logging.getLogger(__name__)
 _BEAT = 1.0  # s
-_SENDERS = 256  # addresses whose half frames are kept
+_SENDERS = 256  # senders whose partial frames are kept
 _ADDRESSED: frozenset[type[MavlinkMessage]] = frozenset({CommandAck, *MISSION_MESSAGES})
 _BESIDE = 1  # signature link id for frames sent off the event loop, which have time stamps of their own
-_GCS = 6  # MAV_TYPE: PX4 keeps its words back until it hears a ground station
+_GCS = 6  # MAV_TYPE: PX4 sends its texts only once it hears a ground station
 
 
 class LinkHub:
-    """An open link and the vehicles on it; to all of them we are station ``system``/``component``."""
+    """An open link and the vehicles on it; we are station ``system``/``component`` to all of them."""
 
     def __init__(self, link: Link, clock: Clock, system: int, component: int) -> None:
         self.link = link
@@ -41,9 +41,9 @@ class LinkHub:
         self._packer = Packer(system, component)
         self._parsers: OrderedDict[Address, Parser] = OrderedDict()
         self._vehicles: dict[int, Vehicle] = {}
-        self._heard: dict[int, float] = {}  # when each autopilot was heard last
-        self._taps: dict[int, Callable[[Frame], None]] = {}  # who gets every frame of a vehicle
-        self.broken = 0  # frames whose checksum was wrong
+        self._heard: dict[int, float] = {}  # last reception from each autopilot
+        self._taps: dict[int, Callable[[Frame], None]] = {}  # receiver of every frame of a vehicle
+        self.broken = 0  # frames with a wrong checksum
 
     @property
     def heard(self) -> tuple[int, ...]:
@@ -53,17 +53,16 @@ class LinkHub:
 
     @property
     def unclaimed(self) -> tuple[int, ...]:
-        """Those of them that belong to no robot here."""
+        """Those of them that no robot uses."""
         return tuple(system for system in self.heard if system not in self._vehicles)
 
     @contextlib.contextmanager
     def vehicle(
         self, system: int, signer: Signer | None = None, *, accept_unsigned: bool = False
     ) -> Iterator[Vehicle]:
-        """Assign the vehicle with this id to one robot; raises LinkRefused when another has it.
+        """Assign the vehicle with this id to one robot; raises LinkRefused if another robot has it.
 
-        With a ``signer`` all frames to it are signed, and frames from it must be, unless
-        ``accept_unsigned``.
+        With a ``signer`` all frames to it are signed, and frames from it must be, unless ``accept_unsigned``.
         """
         if system in self._vehicles:
             raise LinkRefused(
@@ -82,7 +81,7 @@ class LinkHub:
 
     @contextlib.contextmanager
     def tap(self, system: int, give: Callable[[Frame], None]) -> Iterator[None]:
-        """Give every frame of a vehicle, as it came, to somebody else too; ``give`` must not raise."""
+        """Pass every frame of a vehicle, unchanged, to ``give`` as well, which must not raise."""
         self._taps[system] = give
         try:
             yield
@@ -90,7 +89,7 @@ class LinkHub:
             del self._taps[system]
 
     def receive(self, data: bytes, address: Address) -> None:
-        """Handle received bytes; never raises."""
+        """Process received bytes; never raises."""
         try:
             parser = self._parser(address)
             before = parser.broken
@@ -101,7 +100,7 @@ class LinkHub:
             _LOG.exception("%s: dropped %d bytes from %s", self.link.url, len(data), address)
 
     def _parser(self, address: Address) -> Parser:
-        """Return the parser of one sender; the one unused for longest is dropped to make room."""
+        """Return the parser of one sender; the least recently used one is dropped to make room."""
         parser = self._parsers.get(address)
         if parser is None:
             parser = self._parsers[address] = Parser()
@@ -134,21 +133,21 @@ class LinkHub:
             vehicle.take_part(frame.component, message)
 
     def _is_for_us(self, answer: Any) -> bool:
-        """Return True when an answer is for us; autopilots that do not fill in the target send 0."""
+        """Return True if an answer is for us; autopilots that do not fill in the target send 0."""
         return answer.target_system in {0, self.system} and answer.target_component in {0, self.component}
 
     def send(self, message: MavlinkMessage, address: Address, way: FrameSettings = PLAIN) -> None:
-        """Write a message; raises LinkLost. Only on the event loop's thread."""
+        """Send a message; raises LinkLost. Only on the event loop's thread."""
         self.link.send(self._packer.pack(message, way), address)
 
     def send_from_any_thread(self, messages: list[MavlinkMessage], vehicle: Vehicle) -> None:
-        """Write messages to a vehicle off the event loop, with a sequence of their own; raises LinkLost."""
+        """Send messages to a vehicle off the event loop, with their own sequence numbers; raises LinkLost."""
         way = msgspec.structs.replace(vehicle.trust.way, link=_BESIDE)
         for sequence, message in enumerate(messages):
             self.link.send(pack(message, self.system, self.component, sequence, way), vehicle.address)
 
     async def beat(self) -> None:
-        """Send a heartbeat once a second; ends when the link does."""
+        """Send a heartbeat once a second; ends with the link."""
         with contextlib.suppress(LinkLost):
             while True:
                 ways = {(each.address, each.trust.way) for each in self._vehicles.values()}

@@ -1,4 +1,4 @@
-"""On-board logs: their list, and their content, a piece at a time."""
+"""On-board logs: their list, and their content in pieces."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from fleet_mavlink.vehicle import Vehicle
 MOST_BYTES = 64 * 1024  # in one read
 _PIECE = 90  # bytes in a LOG_DATA; a shorter one is the last of its log
 _SILENCE = 1.0  # s without a piece after which missing pieces are requested again
-_LIST_SILENCE = 3.0  # s; an autopilot searches its card before it sends the first entry
-_ROUNDS = 5  # requests in a row without an answer
+_LIST_SILENCE = 3.0  # s; an autopilot searches its card before the first entry
+_ROUNDS = 5  # consecutive requests without an answer
 _MOST_LOGS = 2000
 
 
 class OnboardLog(msgspec.Struct, frozen=True):
-    """One log on board: its number, bytes, and Unix seconds of its begin (0: unknown)."""
+    """One log on board: its number, bytes, and start in Unix seconds (0: unknown)."""
 
     id: int
     size: int
@@ -37,7 +37,7 @@ class LogReader:
         self._lock = asyncio.Lock()
 
     async def list(self) -> list[OnboardLog]:
-        """Return the logs on board, oldest number first; raises TimedOut when the autopilot tells none."""
+        """Return the logs on board, lowest number first; raises TimedOut if the autopilot lists none."""
         self._require_ground()
         async with self._lock:
             with self._vehicle.hearing(LogEntry) as heard:
@@ -55,7 +55,7 @@ class LogReader:
                 self._vehicle.send(LogRequestEnd(self._vehicle.system, AUTOPILOT))
 
     async def _entries(self, heard: ReceivedMessages[LogEntry]) -> dict[int, OnboardLog]:
-        """Ask for the list until every entry came."""
+        """Request the list until it is complete."""
         found: dict[int, OnboardLog] = {}
         for _ in range(_ROUNDS):
             self._vehicle.send(LogRequestList(self._vehicle.system, AUTOPILOT))
@@ -85,12 +85,12 @@ class _Reading:
         self._vehicle = vehicle
         self._number = number
         self._end = offset + count
-        self._at = offset  # complete up to here
+        self._at = offset  # complete up to this offset
         self._parts: dict[int, bytes] = {}  # received pieces, by offset
         self._data = bytearray()
 
     async def through(self, heard: ReceivedMessages[LogData]) -> bytes:
-        """Ask for what is missing until it is whole; raises TimedOut, and NotReady when it goes away."""
+        """Request missing pieces until the part is complete; raises TimedOut or NotReady."""
         fruitless = 0
         while fruitless < _ROUNDS:
             before = len(self._parts) + len(self._data)
@@ -106,7 +106,7 @@ class _Reading:
         raise TimedOut(f"log {self._number} stopped at {self._at} bytes", hint="ask again from there")
 
     def _require_connection(self) -> None:
-        """Raise NotReady when the vehicle does not answer or was armed meanwhile."""
+        """Raise NotReady if the vehicle does not answer or was armed in the meantime."""
         require_connection(self._vehicle)
         if self._vehicle.state.armed:
             raise NotReady("it was armed meanwhile", hint="go on after the flight")

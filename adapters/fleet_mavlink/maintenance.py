@@ -21,14 +21,14 @@ class UpkeepCommands(SessionAdapter):
 
     @command("check_ready", moves=False, safe=True)
     async def check_ready(self) -> dict[str, object]:
-        """Tell whether it would take off now: a list of checks, with the autopilot's own words."""
+        """Check whether it would take off now: a list of checks, with the autopilot's own texts."""
         found = await readiness.look(self._session.flight)
         listed = [{"check": each.check, "ok": each.ok, "words": list(each.words)} for each in found]
         return {"ready": readiness.is_ready(found), "checks": listed}
 
     @command("get_parameters", timeout=120.0, moves=False, safe=True)
     async def get_parameters(self, *, names: list[str] | None = None) -> dict[str, float | int | None]:
-        """Read parameters by name, all of them without names."""
+        """Read parameters by name; without names, all of them."""
         parameters = self._session.parameters
         found = await parameters.read_all() if names is None else await parameters.read(names)
         return {each.name: _number(each) for each in found}
@@ -57,24 +57,24 @@ class UpkeepCommands(SessionAdapter):
         offset: Annotated[int, Range(0, 2**32 - 1, "bytes")] = 0,
         count: Annotated[int, Range(1, MOST_BYTES, "bytes")] = 32768,
     ) -> dict[str, object]:
-        """Read a part of a log, as base64; ``fleet logs`` reads it whole."""
+        """Read a part of a log, as base64; ``fleet logs`` reads a whole one."""
         data = await self._session.logs.read(id, offset, count)
         return {"offset": offset, "count": len(data), "data": base64.b64encode(data).decode()}
 
     @command("start_compass_calibration", timeout=300.0)
     async def start_compass_calibration(self) -> AsyncIterator[Progress]:
-        """Calibrate the compass: turn the vehicle about all its axes until it is done."""
+        """Calibrate the compass: rotate the vehicle about all its axes until it is done."""
         async for progress in self._session.compass.calibrate():
             yield progress
 
     @command("stop_compass_calibration", moves=False)
     async def stop_compass_calibration(self) -> None:
-        """Stop the calibration of the compass; nothing of it is kept."""
+        """Stop the calibration of the compass; its result is discarded."""
         await self._session.compass.stop()
 
     @command("setup_signing", timeout=15.0, moves=False)
     async def setup_signing(self) -> None:
-        """Give the autopilot our signing key, over a link that nobody else hears; it signs from then on."""
+        """Send the autopilot our signing key, over a link without listeners; it signs from then on."""
         await self._session.setup_signing()
 
     @command("reboot", "reboot_aircraft")
@@ -84,5 +84,5 @@ class UpkeepCommands(SessionAdapter):
 
 
 def _number(parameter: Parameter) -> float | int | None:
-    """Return a parameter's value, None for what JSON has no number for."""
+    """Return a parameter's value, None for NaN and infinity, which JSON lacks."""
     return parameter.value if math.isfinite(parameter.value) else None

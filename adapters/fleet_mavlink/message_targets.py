@@ -1,4 +1,4 @@
-"""To whom a MAVLink frame is addressed, read from its bytes without decoding it."""
+"""Target of a MAVLink frame, read from its bytes without decoding it."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pymavlink.dialects.v20 import all as dialect
 
 _MAGIC_2 = 0xFD
 _HEADER_1, _HEADER_2 = 6, 10
-_ITEM = re.compile(r"\d*[a-zA-Z]")  # of a struct format, with its count: one for each field
+_ITEM = re.compile(r"\d*[a-zA-Z]")  # one item of a struct format, with its count: one per field
 
 
 def _offset(wire: Any, name: str) -> int | None:
-    """Return the place of a field in the payload, None for a message without it."""
+    """Return the offset of a field in the payload, None for a message without it."""
     if name not in wire.ordered_fieldnames:
         return None
     items = _ITEM.findall(wire.unpacker.format)
@@ -29,14 +29,14 @@ _OFFSETS = {
 
 
 def number_of(frame: bytes) -> int:
-    """Return the message id of a whole frame."""
+    """Return the message id of a complete frame."""
     if frame[0] == _MAGIC_2:
         return frame[7] | frame[8] << 8 | frame[9] << 16
     return frame[5]
 
 
 def target_of(frame: bytes) -> tuple[int, int]:
-    """Return system and component to which a whole frame is addressed; 0: to all of them."""
+    """Return target system and component of a complete frame; 0: all of them."""
     offsets = _OFFSETS.get(number_of(frame))
     if offsets is None:
         return 0, 0
@@ -46,5 +46,5 @@ def target_of(frame: bytes) -> tuple[int, int]:
 
 
 def _byte(payload: bytes, at: int | None) -> int:
-    """Return a byte of a payload; zeros at its end are not sent."""
+    """Return a byte of a payload; trailing zeros are not sent."""
     return payload[at] if at is not None and at < len(payload) else 0

@@ -1,7 +1,7 @@
-"""The MAVLink messages this adapter reads and writes, as typed values; nothing else is decoded.
+"""MAVLink messages read and written by this adapter, as typed values; no others are decoded.
 
-Field names, units and scales are MAVLink's own (``common`` and ``ardupilotmega``): degrees times 1e7,
-millimetres, cm/s, NED. ``state`` turns them into the project's units.
+Field names, units and scales are those of MAVLink (``common`` and ``ardupilotmega``): degrees times 1e7,
+millimetres, cm/s, NED. ``state`` converts them to the project's units.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import all as dialect
 class MavlinkMessage(msgspec.Struct, frozen=True):
     """A MAVLink message; ``message_id`` is its number on the wire.
 
-    ``packing`` is how its fields are packed (``struct``), where that is not what the dialect says.
+    ``packing``: format of its fields (``struct``), if it differs from the dialect.
     """
 
     message_id: ClassVar[int]
@@ -23,7 +23,7 @@ class MavlinkMessage(msgspec.Struct, frozen=True):
 
 
 class Heartbeat(MavlinkMessage, frozen=True):
-    """HEARTBEAT: who is there, in which mode, armed or not."""
+    """HEARTBEAT: sender, mode, armed or not."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_HEARTBEAT
     type: int
@@ -35,7 +35,7 @@ class Heartbeat(MavlinkMessage, frozen=True):
 
 
 class SysStatus(MavlinkMessage, frozen=True):
-    """SYS_STATUS: sensor bits and the battery as the autopilot sums it up."""
+    """SYS_STATUS: sensor bits, and the autopilot's summary of the battery."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_SYS_STATUS
     onboard_control_sensors_health: int
@@ -46,14 +46,14 @@ class SysStatus(MavlinkMessage, frozen=True):
 
 
 class SystemTime(MavlinkMessage, frozen=True):
-    """SYSTEM_TIME: here only for the time since boot."""
+    """SYSTEM_TIME: used for the time since boot only."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_SYSTEM_TIME
     time_boot_ms: int
 
 
 class GpsRawInt(MavlinkMessage, frozen=True):
-    """GPS_RAW_INT: the satellite receiver's own fix."""
+    """GPS_RAW_INT: fix of the satellite receiver."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_GPS_RAW_INT
     fix_type: int
@@ -76,7 +76,7 @@ class Attitude(MavlinkMessage, frozen=True):
 
 
 class GlobalPositionInt(MavlinkMessage, frozen=True):
-    """GLOBAL_POSITION_INT: where the estimator thinks the vehicle is."""
+    """GLOBAL_POSITION_INT: position estimate."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
     time_boot_ms: int
@@ -91,7 +91,7 @@ class GlobalPositionInt(MavlinkMessage, frozen=True):
 
 
 class MissionCurrent(MavlinkMessage, frozen=True):
-    """MISSION_CURRENT: which item of the stored mission is active; total 65535 unknown."""
+    """MISSION_CURRENT: active item of the stored mission; total 65535 unknown."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_CURRENT
     seq: int
@@ -106,7 +106,7 @@ class MissionItemReached(MavlinkMessage, frozen=True):
 
 
 class RequestDataStream(MavlinkMessage, frozen=True):
-    """REQUEST_DATA_STREAM: the old way to ask for rates, which only ArduPilot still obeys."""
+    """REQUEST_DATA_STREAM: deprecated request for rates, which ArduPilot still accepts."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_REQUEST_DATA_STREAM
     target_system: int
@@ -117,7 +117,7 @@ class RequestDataStream(MavlinkMessage, frozen=True):
 
 
 class CommandInt(MavlinkMessage, frozen=True):
-    """COMMAND_INT: a command with a place; x and y in degrees times 1e7."""
+    """COMMAND_INT: a command with a position; x and y in degrees times 1e7."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_COMMAND_INT
     command: int
@@ -151,7 +151,7 @@ class CommandLong(MavlinkMessage, frozen=True):
 
 
 class CommandAck(MavlinkMessage, frozen=True):
-    """COMMAND_ACK: what the vehicle makes of a command; targets are 0 where it does not say."""
+    """COMMAND_ACK: the vehicle's result for a command; targets are 0 if it does not fill them in."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_COMMAND_ACK
     command: int
@@ -163,7 +163,7 @@ class CommandAck(MavlinkMessage, frozen=True):
 
 
 class SetPositionTargetLocalNed(MavlinkMessage, frozen=True):
-    """SET_POSITION_TARGET_LOCAL_NED: the setpoint that is streamed; m/s and rad/s in NED."""
+    """SET_POSITION_TARGET_LOCAL_NED: velocity setpoint; m/s and rad/s in NED."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
     target_system: int
@@ -178,7 +178,7 @@ class SetPositionTargetLocalNed(MavlinkMessage, frozen=True):
 
 
 class SetPositionTargetGlobalInt(MavlinkMessage, frozen=True):
-    """SET_POSITION_TARGET_GLOBAL_INT: a place to fly to; degrees times 1e7, m, yaw in radians from north."""
+    """SET_POSITION_TARGET_GLOBAL_INT: position target; degrees times 1e7, m, yaw in radians from north."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT
     target_system: int
@@ -192,7 +192,7 @@ class SetPositionTargetGlobalInt(MavlinkMessage, frozen=True):
 
 
 class PositionTargetGlobalInt(MavlinkMessage, frozen=True):
-    """POSITION_TARGET_GLOBAL_INT: the place that the autopilot flies to; degrees times 1e7, m AMSL."""
+    """POSITION_TARGET_GLOBAL_INT: the autopilot's present target; degrees times 1e7, m AMSL."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT
     lat_int: int
@@ -201,9 +201,9 @@ class PositionTargetGlobalInt(MavlinkMessage, frozen=True):
 
 
 class BatteryStatus(MavlinkMessage, frozen=True):
-    """BATTERY_STATUS: one battery; voltages in mV a cell, 65535 unknown.
+    """BATTERY_STATUS: one battery; voltages in mV per cell, 65535 unknown.
 
-    The last two are extensions, 0 where they are not told: seconds that are left, MAV_BATTERY_CHARGE_STATE.
+    The last two are extensions, 0 if not reported: remaining seconds, MAV_BATTERY_CHARGE_STATE.
     """
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_BATTERY_STATUS
@@ -223,7 +223,7 @@ class EkfStatusReport(MavlinkMessage, frozen=True):
 
 
 class EstimatorStatus(MavlinkMessage, frozen=True):
-    """ESTIMATOR_STATUS: PX4's estimator flags; the lower ten bits mean what ArduPilot's mean."""
+    """ESTIMATOR_STATUS: PX4's estimator flags; the lower ten bits have the same meaning as ArduPilot's."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS
     time_usec: int
@@ -231,7 +231,7 @@ class EstimatorStatus(MavlinkMessage, frozen=True):
 
 
 class HomePosition(MavlinkMessage, frozen=True):
-    """HOME_POSITION: where the vehicle returns to; mm AMSL."""
+    """HOME_POSITION: position to which the vehicle returns; mm AMSL."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_HOME_POSITION
     latitude: int
@@ -240,7 +240,7 @@ class HomePosition(MavlinkMessage, frozen=True):
 
 
 class ExtendedSysState(MavlinkMessage, frozen=True):
-    """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing; of a VTOL whether it hovers."""
+    """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing; state of a VTOL."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
     landed_state: int
@@ -248,7 +248,7 @@ class ExtendedSysState(MavlinkMessage, frozen=True):
 
 
 class StatusTextMessage(MavlinkMessage, frozen=True):
-    """STATUSTEXT: the autopilot's words, or a piece of them when ``id`` is not 0."""
+    """STATUSTEXT: a text of the autopilot, or a chunk of one if ``id`` is not 0."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_STATUSTEXT
     severity: int

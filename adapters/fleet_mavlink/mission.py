@@ -1,4 +1,4 @@
-"""Missions flown from the autopilot's own memory: converted to items, uploaded, started and followed."""
+"""Missions flown from the autopilot's memory: converted to items, uploaded, started and followed."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from fleet_mavlink.wings import Winged
 
 _LOOK = 0.5  # s
 _LOWEST_TAKEOFF = 2.5  # m
-_ELSEWHERE = 1000.0  # m between planned and real home; beyond it the plan was made for another place
-_OTHER_GROUND = 50.0  # m, the same for their altitudes
+_ELSEWHERE = 1000.0  # m between planned and real home; beyond it the plan is for another place
+_OTHER_GROUND = 50.0  # m, likewise for their altitudes
 _CLOSE = 2.0  # m
 
 _COMMANDS: Mapping[str, Cmd] = {
@@ -54,7 +54,7 @@ _TOLD: tuple[type[_Told], ...] = (MissionCurrent, MissionItemReached)
 
 
 class MissionPlan(msgspec.Struct, frozen=True):
-    """Items of a mission for one autopilot; ``steps`` holds, for each, the index of the mission's item."""
+    """Items of a mission for one autopilot; ``steps``: index of the mission's item for each of them."""
 
     items: tuple[MissionItemInt, ...]
     steps: tuple[int, ...]
@@ -65,7 +65,7 @@ def plan_of(
 ) -> MissionPlan:
     """Return the items of a mission; ``home`` with its altitude AMSL, ``fastest`` in m/s.
 
-    ``first``: the speed of an item that has none, where no other is asked for.
+    ``first``: speed of the first item if the mission sets none.
     """
     items: list[MissionItemInt] = []
     steps: list[int] = []
@@ -115,15 +115,15 @@ def _item(item: PlanItem, flavour: Flavour, *, above_sea: bool) -> MissionItemIn
 
 
 def _placed(item: MissionItemInt, point: GeoPoint) -> MissionItemInt:
-    """Return an item at a place; its altitude counts as its frame says."""
+    """Return an item at a position; its altitude is relative to its frame."""
     x, y = round(point.latitude * 1e7), round(point.longitude * 1e7)
     return msgspec.structs.replace(item, x=x, y=y, z=point.altitude)
 
 
 def is_same(sent: Sequence[MissionItemInt], kept: Sequence[MissionItemInt], *, skip: int = 0) -> bool:
-    """Return whether a vehicle keeps the items that were sent; ``skip`` is how many are its own.
+    """Return True if a vehicle stores the items that were sent; ``skip``: number of its own items.
 
-    Frames come back as their older twins, and altitudes rounded to the centimetre.
+    Frames are returned as their older equivalents, and altitudes rounded to the centimetre.
     """
     return len(sent) == len(kept) and all(
         one.command == other.command
@@ -145,7 +145,7 @@ class MissionPilot:
         self._vehicle = flight.vehicle
 
     async def fly(self, mission: FlyMission) -> AsyncIterator[Progress]:
-        """Send a mission and fly it to its end, or go on with it; everything is checked before it is sent."""
+        """Upload a mission and fly it to its end, or resume it; everything is checked before the upload."""
         require_has(self._vehicle, "plan")
         require_control(self._vehicle, self._flight.authority)
         flavour = self._flight.flavour
@@ -177,7 +177,7 @@ class MissionPilot:
             raise
 
     def _speeds(self, mission: FlyMission) -> tuple[float, float]:
-        """Return the fastest speed, and the first where none is asked for; raises as ``Winged.airspeed``."""
+        """Return the maximum speed, and the default of the first item; raises like ``Winged.airspeed``."""
         limit, flavour, state = self._limits.speed, self._flight.flavour, self._vehicle.state
         flavour = flavour.forward or flavour
         if not isinstance(flavour, Winged):
@@ -191,7 +191,7 @@ class MissionPilot:
         await self._plans.clear(PlanType.MISSION)
 
     async def _load(self, plan: MissionPlan, flavour: Flavour, *, resumed: bool) -> None:
-        """Upload a mission and read it back; a resumed one must already be there."""
+        """Upload a mission and verify it; a resumed one must already be there."""
         if not resumed:
             await self._plans.upload(PlanType.MISSION, plan.items)
         kept = await self._plans.download(PlanType.MISSION)
@@ -202,7 +202,7 @@ class MissionPilot:
             raise Refused(what, hint="start the mission anew")
 
     async def _watch(self, mission: FlyMission, plan: MissionPlan) -> AsyncIterator[Progress]:
-        """Start, or go on, and follow the items to the end.
+        """Start or resume the mission, and follow its items to the end.
 
         Only messages after the start count: before it both autopilots still report the previous mission.
         """
@@ -227,7 +227,7 @@ class MissionPilot:
                 if not (returns and self._is_down(mission)):
                     flight.check(flavour.mission, *(ends if may_end else ()))
                 if lands and watch.on_last:
-                    flight.descent = flavour.mission  # its landing is not broken off unasked
+                    flight.descent = flavour.mission  # its landing is not aborted without a request
                 yield watch.progress()
         if lands:
             flight.descent = ""
@@ -235,7 +235,7 @@ class MissionPilot:
             await flight.hold()
 
     async def _start(self, flavour: Flavour, *, resumed: bool) -> None:
-        """Start, or go on; asked again while the autopilot may not have checked the mission yet."""
+        """Start or resume; repeated while the autopilot may not have checked the mission yet."""
         flight, vehicle = self._flight, self._vehicle
         by = vehicle.now() + flavour.checks_mission
         while True:
@@ -251,7 +251,7 @@ class MissionPilot:
                 return
 
     def _is_over(self, mission: FlyMission, watch: _Progress, *, returns: bool) -> bool:
-        """Return whether the mission has ended: on the ground, at its last place, or with its last item."""
+        """Return True once the mission has ended: on the ground, at its last position, or after all items."""
         state = self._vehicle.state
         if returns:
             return watch.on_last and self._is_down(mission)
@@ -266,12 +266,12 @@ class MissionPilot:
         return self._may_end(mission, watch, returns=returns) and (watch.finished or held)
 
     def _is_down(self, mission: FlyMission) -> bool:
-        """Return whether its motors are off; after a landing that it plans, where it is not said to fly."""
+        """Return True once its motors are off; with a planned landing, unless it is reported in the air."""
         state = self._vehicle.state
         return not state.armed and not (_lands(mission) and state.in_air)
 
     def _may_end(self, mission: FlyMission, watch: _Progress, *, returns: bool) -> bool:
-        """Return whether the vehicle may leave the mission by itself: at the last item, and at its place."""
+        """Return True once the vehicle may leave the mission by itself: at the last item and its position."""
         last = mission.items[-1]
         if returns or last.point is None:
             return watch.on_last
@@ -280,20 +280,20 @@ class MissionPilot:
 
     @property
     def _around(self) -> float:
-        """How far from a place it stays that it was told to stay at, m."""
+        """Largest distance from a position at which it counts as staying there, m."""
         flavour = self._flight.flavour
         flies = flavour.forward or flavour
         return flies.reach(self._vehicle.state) if isinstance(flies, Winged) else _CLOSE
 
     def _away(self, point: GeoPoint) -> float:
-        """Return metres over ground to a place, infinite while the position is unknown."""
+        """Return the ground distance to a position, m; infinite while its own is unknown."""
         here = self._vehicle.state.position
         if here is None:
             return math.inf
         return world_from_geo(GeoOrigin(here.latitude, here.longitude), point).horizontal()
 
     def _home(self, mission: FlyMission) -> GeoPoint:
-        """Return home with its altitude; raises Refused when the mission was planned for another place."""
+        """Return home with its altitude; raises Refused if the mission was planned for another place."""
         state = self._vehicle.state
         if state.home is None or state.home_altitude is None:
             raise home_unknown()
@@ -311,7 +311,7 @@ class MissionPilot:
         return home
 
     def _require_landing(self, mission: FlyMission) -> None:
-        """Raise Refused for a landing that this vehicle does not fly, or that nothing leads to."""
+        """Raise Refused for a landing that this vehicle cannot fly, or without a position before it."""
         if not _lands(mission):
             return
         flavour = self._flight.flavour
@@ -332,21 +332,21 @@ class MissionPilot:
 
 
 def _lands(mission: FlyMission) -> bool:
-    """Return whether a mission ends with a landing."""
+    """Return True if a mission ends with a landing."""
     return mission.items[-1].kind == "land"
 
 
 class _Progress:
     """Progress of a mission, from the vehicle's active and reached items.
 
-    ``before`` is the reached item of the previous mission, which is still reported for a while.
+    ``before``: reached item of the previous mission, which is still reported for a while.
     """
 
     def __init__(self, plan: MissionPlan, count: int, before: int | None) -> None:
         self._before = before
         self._plan = plan
         self._count = count
-        self._done = 0  # items of the mission that are behind
+        self._done = 0  # completed items of the mission
 
     @property
     def on_last(self) -> bool:
@@ -359,7 +359,7 @@ class _Progress:
         return self._done >= self._count
 
     def see(self, said: _Told | None) -> None:
-        """Take the number of the active item, or of one that was reached, in the vehicle's numbering."""
+        """Process the number of the active item, or of a reached one, in the vehicle's numbering."""
         if said is None or not 0 <= said.seq < len(self._plan.steps):
             return
         step = self._plan.steps[said.seq]
@@ -371,7 +371,7 @@ class _Progress:
             self._done = max(self._done, step + 1)
 
     def _ends_step(self, seq: int) -> bool:
-        """Return whether an item of the vehicle's is the last of one of the mission's; home is none."""
+        """Return True if a vehicle's item is the last one for an item of the mission; home is not."""
         steps = self._plan.steps
         own_home = seq == 0 and len(steps) > 1 and self._plan.items[0].frame == Frame.GLOBAL
         return not own_home and (seq + 1 == len(steps) or steps[seq + 1] != steps[seq])

@@ -1,4 +1,4 @@
-"""The MAVLink messages by which plans (missions, fences) are transferred, as typed values."""
+"""MAVLink messages for the transfer of plans (missions, fences), as typed values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fleet_mavlink.messages import MavlinkMessage
 
 
 class MissionRequest(MavlinkMessage, frozen=True):
-    """MISSION_REQUEST: the vehicle, or we, want one item; ArduPilot still asks in this way."""
+    """MISSION_REQUEST: request for one item, in the deprecated form that ArduPilot still uses."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_REQUEST
     target_system: int
@@ -20,7 +20,7 @@ class MissionRequest(MavlinkMessage, frozen=True):
 
 
 class MissionRequestList(MavlinkMessage, frozen=True):
-    """MISSION_REQUEST_LIST: asks how many items there are."""
+    """MISSION_REQUEST_LIST: request for the number of items."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_REQUEST_LIST
     target_system: int
@@ -29,7 +29,7 @@ class MissionRequestList(MavlinkMessage, frozen=True):
 
 
 class MissionCount(MavlinkMessage, frozen=True):
-    """MISSION_COUNT: so many items follow, or are there."""
+    """MISSION_COUNT: number of items that follow, or are stored."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_COUNT
     target_system: int
@@ -39,7 +39,7 @@ class MissionCount(MavlinkMessage, frozen=True):
 
 
 class MissionClearAll(MavlinkMessage, frozen=True):
-    """MISSION_CLEAR_ALL: forget a plan."""
+    """MISSION_CLEAR_ALL: delete a plan."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_CLEAR_ALL
     target_system: int
@@ -48,7 +48,7 @@ class MissionClearAll(MavlinkMessage, frozen=True):
 
 
 class MissionAck(MavlinkMessage, frozen=True):
-    """MISSION_ACK: how a transfer ended (MAV_MISSION_RESULT); targets as in COMMAND_ACK."""
+    """MISSION_ACK: result of a transfer (MAV_MISSION_RESULT); targets as in COMMAND_ACK."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_ACK
     target_system: int
@@ -58,7 +58,7 @@ class MissionAck(MavlinkMessage, frozen=True):
 
 
 class MissionRequestInt(MavlinkMessage, frozen=True):
-    """MISSION_REQUEST_INT: one item, with its place in degrees times 1e7."""
+    """MISSION_REQUEST_INT: request for one item, with its position in degrees times 1e7."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MISSION_REQUEST_INT
     target_system: int

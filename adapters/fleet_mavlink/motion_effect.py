@@ -1,4 +1,4 @@
-"""What a command does to the motion of a vehicle, which decides whether a halt ends its repetition."""
+"""Effect of a command on the motion of a vehicle: decides whether a halt ends its repetition."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ class Effect(enum.Enum):
 
     NONE = "none"  # a payload, a setting, or a stop
     MOTION = "motion"
-    COMING_DOWN = "coming down"  # the autopilot's own landing or way home
+    COMING_DOWN = "coming down"  # the autopilot's own landing or return home
 
 
 HALTED = frozenset({Effect.MOTION})
-"""What a halt ends. A landing or a way home goes on: in the air it is safer than a hold."""
+"""Effects that a halt ends. A landing or return home continues: in the air it is safer than a hold."""
 EMERGENCY_HALTED = HALTED | {Effect.COMING_DOWN}
 
 _STARTING = frozenset(
@@ -41,5 +41,5 @@ def effect_of(ask: Ask) -> Effect:
 
 
 def effect_of_descent(flavour: Flavour) -> Effect:
-    """Return the effect of a landing or a way home: what drives home is safer where it stands."""
+    """Return the effect of a landing or return home: on the surface, standing still is safer."""
     return Effect.MOTION if flavour.surface else Effect.COMING_DOWN

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from fleet import JointReport
 from fleet_mavlink.onboard_sensors import OnboardSensors
 
-_FRESH = 3.0  # s for which a speed is told
+_FRESH = 3.0  # s for which a speed is valid
 
 
 class Motors:
-    """The joints by name, in the order of the autopilot's motors; angles are summed up from the speeds."""
+    """The joints by name, in the autopilot's order of motors; angles are integrated from the speeds."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = tuple(names)
@@ -20,7 +20,7 @@ class Motors:
         self._at: float | None = None
 
     def report(self, sensors: OnboardSensors, now: float, stamp: float) -> JointReport | None:
-        """Return the joints at monotonic ``now``, None while nobody says how they turn, or without names."""
+        """Return the joints at monotonic ``now``; None without names, or without recent speeds."""
         if not self._names or now - sensors.motors_at > _FRESH:
             self._at = None
             return None

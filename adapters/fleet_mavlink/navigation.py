@@ -1,4 +1,4 @@
-"""Navigation to goals with the autopilot's own position control: targets, and supervision of the flight."""
+"""Navigation to goals by the autopilot's own position control: targets, and supervision of the flight."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ _STUCK_AFTER = 5.0  # s without progress
 _GIVE_UP_AFTER = 30.0  # s
 _NEARER = 0.25  # m, or rad of turn, that counts as progress
 _MOST_GOALS = 1000
-_ALONG = 0.01  # m sideways that a way along the nose may be off
+_ALONG = 0.01  # m of sideways motion that is ignored
 
 Way = GoTo | FollowPath | RelativeMove
 
@@ -61,8 +61,7 @@ Way = GoTo | FollowPath | RelativeMove
 class NavigationTarget(msgspec.Struct, frozen=True):
     """One goal made concrete: altitude AMSL, ``heading`` radians from north (None: kept), ``wait`` s.
 
-    ``backwards``: a vehicle that moves along its nose drives there in reverse. ``level``: the height does not
-    count.
+    ``backwards``: a vehicle that moves along its nose drives in reverse. ``level``: ignore the height.
     """
 
     point: GeoPoint
@@ -73,7 +72,7 @@ class NavigationTarget(msgspec.Struct, frozen=True):
 
 
 def targets_of(task: Way, state: VehicleState, origin: GeoOrigin) -> tuple[NavigationTarget, ...]:
-    """Return the places of a task, in order; raises Refused for what cannot be flown as it stands."""
+    """Return the positions of a task, in order; raises Refused for an invalid task."""
     if isinstance(task, GoTo):
         return (_target(task.goal, origin),)
     if isinstance(task, FollowPath):
@@ -85,7 +84,7 @@ def targets_of(task: Way, state: VehicleState, origin: GeoOrigin) -> tuple[Navig
 
 
 def _target(goal: Goal, origin: GeoOrigin) -> NavigationTarget:
-    """Return the place of a goal on Earth; one so far off that it would be round the Earth is refused."""
+    """Return the position of a goal on Earth; raises Refused for an implausible one."""
     if goal.position is not None and goal.position.horizontal() > FARTHEST:
         raise Refused(
             f"the goal is more than {FARTHEST / 1000:g} km away from the origin; it counts in metres"
@@ -101,7 +100,7 @@ def _target(goal: Goal, origin: GeoOrigin) -> NavigationTarget:
 
 
 def _moved(move: RelativeMove, state: VehicleState, origin: GeoOrigin) -> Vector3:
-    """Return where a relative move ends, in the world frame; raises NotReady while it is unknown where."""
+    """Return the end of a relative move in the world frame; raises NotReady without a position."""
     pose = pose_of(state, origin)
     if pose is None:
         raise NotReady("position or attitude is unknown")
@@ -110,17 +109,17 @@ def _moved(move: RelativeMove, state: VehicleState, origin: GeoOrigin) -> Vector
 
 
 def _distance(one: GeoPoint, other: GeoPoint) -> float:
-    """Return metres between two places."""
+    """Return the distance between two positions, m."""
     return _offset(one, other).norm()
 
 
 def _offset(one: GeoPoint, other: GeoPoint) -> Vector3:
-    """Return the way from one place to another, metres east, north, up."""
+    """Return the vector from one position to another, metres east, north, up."""
     return world_from_geo(GeoOrigin(one.latitude, one.longitude, one.altitude), other)
 
 
 def _require_along(task: Way) -> None:
-    """Raise Refused for what takes more than a motion along the nose."""
+    """Raise Refused for a task that needs more than motion along the nose."""
     goals = (task.goal,) if isinstance(task, GoTo) else task.goals if isinstance(task, FollowPath) else ()
     if any(goal.yaw is not None for goal in goals):
         raise Refused("it stands as it comes: it cannot turn to a yaw at a goal", hint="leave the yaw out")
@@ -133,7 +132,7 @@ def _require_along(task: Way) -> None:
 
 
 def _require_circled(task: Way) -> None:
-    """Raise for what takes more than circles about places."""
+    """Raise Refused or Unsupported for a task that needs more than circling positions."""
     if isinstance(task, RelativeMove):
         raise Unsupported(ON_WINGS)
     goals = (task.goal,) if isinstance(task, GoTo) else task.goals
@@ -142,7 +141,7 @@ def _require_circled(task: Way) -> None:
 
 
 class _Course:
-    """Progress of a task: metres left of the whole path."""
+    """Progress of a task: remaining metres of the whole path."""
 
     def __init__(self, start: GeoPoint, targets: tuple[NavigationTarget, ...]) -> None:
         points = [start, *(target.point for target in targets)]
@@ -151,7 +150,7 @@ class _Course:
         self._percent = 0.0
 
     def progress(self, leg: int, left: float, message: str, *, blocked: bool = False) -> Progress:
-        """Return 0 to 99 percent, never less than before; ``left`` metres of leg number ``leg`` remain."""
+        """Return 0 to 99 percent, never less than before; ``left``: remaining metres of this leg."""
         ahead = left + sum(self._legs[leg + 1 :])
         self._percent = max(self._percent, min(99.0, 100 * (1 - ahead / self._length)))
         remaining = ahead if math.isfinite(ahead) else None
@@ -174,7 +173,7 @@ class _Watch:
 
 
 class AutopilotNavigator:
-    """Carries out tasks with one vehicle."""
+    """Executes navigation tasks with one vehicle."""
 
     def __init__(self, flight: Flight, takeoff: TakeOff, limits: Limits) -> None:
         self._flight = flight
@@ -183,7 +182,7 @@ class AutopilotNavigator:
         self._vehicle = flight.vehicle
 
     async def carry_out(self, task: Way, origin: GeoOrigin) -> AsyncIterator[Progress]:
-        """Fly a task; everything is checked before anything is sent. Raises when it cannot be done."""
+        """Fly a task; everything is checked before anything is sent. Raises if it cannot be done."""
         require_has(self._vehicle, "goto")
         require_movable(self._vehicle, self._flight.authority)
         self._require_no_takeoff()
@@ -197,7 +196,7 @@ class AutopilotNavigator:
             yield progress
 
     async def go_home(self) -> AsyncIterator[Progress]:
-        """Go home by the autopilot's own mode, and stand or circle there; for what does not land at home."""
+        """Return home by the autopilot's own mode, and stand or circle there, without a landing."""
         flight, vehicle = self._flight, self._vehicle
         require_connection(vehicle)
         home, flavour = vehicle.state.home, flight.flavour
@@ -215,7 +214,7 @@ class AutopilotNavigator:
         yield Progress(100.0, "at home")
 
     async def fly_to(self, point: GeoPoint) -> AsyncIterator[Progress]:
-        """Fly to one place (altitude AMSL), keeping the heading; raises as ``carry_out`` does."""
+        """Fly to one position (altitude AMSL), keeping the heading; raises like ``carry_out``."""
         require_has(self._vehicle, "goto")
         require_movable(self._vehicle, self._flight.authority)
         here = known_position(self._vehicle)
@@ -225,11 +224,11 @@ class AutopilotNavigator:
     async def _fly_all(
         self, targets: tuple[NavigationTarget, ...], here: GeoPoint, constraints: Constraints
     ) -> AsyncIterator[Progress]:
-        """Check every target, then fly to each in turn; holds after a failure."""
+        """Check every target, then fly to each in turn; hold after a failure."""
         for target in targets:
             self._require_reachable(target)
         for one, other in itertools.pairwise((here, *(target.point for target in targets))):
-            self._speed(constraints, one, other)  # raises for one that it cannot fly at
+            self._speed(constraints, one, other)  # raises for a speed that it cannot fly at
         course = _Course(here, targets)
         nose = known_heading(self._vehicle)
         try:
@@ -255,7 +254,7 @@ class AutopilotNavigator:
         self._flight.require_distance(target.point, self._reach)
 
     def _speed(self, constraints: Constraints, one: GeoPoint, other: GeoPoint) -> float:
-        """Return the speed from one place to another: what was asked, within the limit; may raise Refused."""
+        """Return the speed between two positions: the requested one, within the limit; may raise Refused."""
         flight, away = self._flight, _offset(one, other).horizontal()
         state, limit = self._vehicle.state, self._limits.speed
         return flight.flavour.speed_to(state, limit, constraints.max_speed, away)
@@ -282,7 +281,7 @@ class AutopilotNavigator:
     async def _until(
         self, target: NavigationTarget, tolerance: float, mode: str, *, turned: bool
     ) -> AsyncIterator[bool]:
-        """Wait, in a mode, until it stands at a target or is turned to it; yields whether it is stuck."""
+        """Wait, in a mode, until it stands at a target or has turned to it; yields whether it is stuck."""
 
         def there(state: VehicleState) -> bool:
             if turned:
@@ -300,7 +299,7 @@ class AutopilotNavigator:
             yield stuck > _STUCK_AFTER
 
     def _left(self, target: NavigationTarget) -> float:
-        """Return metres to a target, or to the circle about it; infinite while the position is unknown."""
+        """Return metres to a target, or to the circle around it; infinite while the position is unknown."""
         state = self._vehicle.state
         if state.position is None:
             return math.inf
@@ -310,13 +309,13 @@ class AutopilotNavigator:
 
     @property
     def _reach(self) -> float:
-        """How far from a place it is still said to be there, because it circles it; m."""
+        """Distance at which it counts as arrived, because it circles a position; m."""
         flavour = self._flight.flavour
         return flavour.reach(self._vehicle.state) if isinstance(flavour, Winged) else 0.0
 
 
 def _turn_left(target: NavigationTarget, state: VehicleState) -> float:
-    """Return radians from the wanted heading, infinite while the attitude is unknown."""
+    """Return the remaining turn to the target's heading, rad; infinite while the attitude is unknown."""
     if state.attitude is None or target.heading is None:
         return math.inf
     return abs(wrap_angle(target.heading - state.attitude.yaw))

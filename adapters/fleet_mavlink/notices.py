@@ -1,4 +1,4 @@
-"""Says why something was refused, once a minute for each reason."""
+"""Rate-limited warnings: once a minute for each reason."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Callable
 
 _EVERY = 60.0  # s
 _MOST = 100  # reasons
-_OTHERS = "others"  # the reason under which all further ones are counted
+_OTHERS = "others"  # reason that collects all further ones
 
 
 class Notices:
-    """Warnings of one log; ``now`` returns monotonic seconds."""
+    """Warnings in one log; ``now`` returns monotonic seconds."""
 
     def __init__(self, log: logging.Logger, now: Callable[[], float]) -> None:
         self._log, self._now = log, now
@@ -20,7 +20,7 @@ class Notices:
         self._since: dict[str, int] = {}
 
     def add(self, reason: str, line: str) -> bool:
-        """Count one; return whether it was said now. Text from outside must not become a reason."""
+        """Count an event; return whether it was logged now. Text from outside must not become a reason."""
         if reason not in self._said and len(self._said) >= _MOST:
             reason = _OTHERS
         now = self._now()

@@ -1,4 +1,4 @@
-"""State of a vehicle's payload and sensors, and its current target: a value, and its reducer."""
+"""State of a vehicle's payload and sensors, and its present target: a value, and its reducer."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class GimbalAngles(msgspec.Struct, frozen=True):
 
 
 class OnboardSensors(msgspec.Struct, frozen=True):
-    """Latest values; times are monotonic seconds of arrival; None or empty where nothing was received.
+    """Latest values; times are monotonic seconds of arrival; None or empty before the first.
 
     ``motors``: rad/s, in the autopilot's order. ``bound_for``: the reported target position, altitude AMSL.
     """
@@ -57,14 +57,14 @@ def reduce_sensors(sensors: OnboardSensors, message: MavlinkMessage, now: float)
 
 
 def _raw_imu(sensors: OnboardSensors, message: RawImu, now: float) -> OnboardSensors:
-    """Take what ArduPilot's sensors measure."""
+    """Apply a measurement of ArduPilot's IMU."""
     accel = Vector3(message.xacc, message.yacc, message.zacc).scaled(_GRAVITY / 1000)
     gyro = Vector3(message.xgyro, message.ygyro, message.zgyro).scaled(1 / 1000)
     return msgspec.structs.replace(sensors, imu=ImuSample(gyro, accel), imu_at=now)
 
 
 def _highres_imu(sensors: OnboardSensors, message: HighresImu, now: float) -> OnboardSensors:
-    """Take what PX4's sensors measure, once it says all of it."""
+    """Apply a measurement of PX4's IMU, if it is complete."""
     gyro = (message.xgyro, message.ygyro, message.zgyro)
     accel = (message.xacc, message.yacc, message.zacc)
     if message.fields_updated & _INERTIAL != _INERTIAL or not all(map(math.isfinite, (*gyro, *accel))):
@@ -73,7 +73,7 @@ def _highres_imu(sensors: OnboardSensors, message: HighresImu, now: float) -> On
 
 
 def _gimbal(sensors: OnboardSensors, message: GimbalDeviceAttitudeStatus, _now: float) -> OnboardSensors:
-    """Take how the gimbal is turned, where it says so with a rotation."""
+    """Apply the attitude of the gimbal, if it is a valid quaternion."""
     if not all(map(math.isfinite, message.q)):
         return sensors
     try:
@@ -85,13 +85,13 @@ def _gimbal(sensors: OnboardSensors, message: GimbalDeviceAttitudeStatus, _now: 
 
 
 def _motors(sensors: OnboardSensors, message: EscTelemetry1To4, now: float) -> OnboardSensors:
-    """Take how fast the motors turn."""
+    """Apply the speeds of the motors."""
     speeds = tuple(rpm * math.tau / 60 for rpm in message.rpm)
     return msgspec.structs.replace(sensors, motors=speeds, motors_at=now)
 
 
 def _bound_for(sensors: OnboardSensors, message: PositionTargetGlobalInt, now: float) -> OnboardSensors:
-    """Take where it is bound for."""
+    """Apply the autopilot's present target."""
     place = GeoPoint(message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
     return msgspec.structs.replace(sensors, bound_for=place, bound_at=now)
 

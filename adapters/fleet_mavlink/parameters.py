@@ -1,7 +1,7 @@
-"""Parameters of a vehicle: read by name or all at once, written with a read-back.
+"""Parameters of a vehicle: read by name or all at once, written and verified by reading back.
 
-ArduPilot sends every value as a float; PX4 puts the bits of an integer into the float field, so that 1.0
-for an integer would silently become 1065353216. Neither answers a request for an unknown name.
+ArduPilot sends every value as a float; PX4 puts the bits of an integer into the float field, so that 1.0 for
+an integer would silently become 1065353216. Neither answers a request for an unknown name.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ _INTEGERS: Mapping[int, str] = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "
 _LONGEST_NAME = 16
 _MOST_NAMES = 200  # in one read by name
 _SILENCE = 1.0  # s without a value after which missing ones are requested again
-_ROUNDS = 5  # requests in a row without an answer
+_ROUNDS = 5  # consecutive requests without an answer
 _AT_ONCE = 20  # values requested before waiting for them
-_MOST = 5000  # parameters that a vehicle may claim to have
+_MOST = 5000  # largest credible number of parameters
 
 Number = int | float
 
 
 class Parameter(msgspec.Struct, frozen=True):
-    """One parameter; ``kind`` is its MAV_PARAM_TYPE, which says whether ``value`` is whole."""
+    """One parameter; ``kind``: its MAV_PARAM_TYPE, which determines whether ``value`` is an integer."""
 
     name: str
     value: Number
@@ -56,7 +56,7 @@ def decode(said: ParamValue, *, bytewise: bool) -> Parameter:
 
 
 def encode(name: str, value: Number, kind: int, *, bytewise: bool) -> int:
-    """Return the 32 bits that carry a value; raises Refused for a value that they cannot carry exactly."""
+    """Return the 32 bits for a value; raises Refused if they cannot represent it exactly."""
     packing = _INTEGERS.get(kind)
     if not math.isfinite(value) or (packing is not None and value != int(value)):
         what = "a whole number" if packing is not None else "a finite number"
@@ -72,7 +72,7 @@ def encode(name: str, value: Number, kind: int, *, bytewise: bool) -> int:
 
 
 def same(one: Number, other: Number) -> bool:
-    """Return True when two values are the same on the wire."""
+    """Return True if two values are the same on the wire."""
     return one == other or struct.pack("<f", one) == struct.pack("<f", other)
 
 
@@ -85,14 +85,14 @@ class Parameters:
         self._lock = asyncio.Lock()
 
     async def read(self, names: Sequence[str]) -> list[Parameter]:
-        """Return parameters by name; raises Refused for one that the vehicle does not know."""
+        """Return parameters by name; raises Refused for a name that the vehicle does not know."""
         if not 1 <= len(names) <= _MOST_NAMES:
             raise Refused(f"1 to {_MOST_NAMES} names, not {len(names)}", hint="leave them out to read all")
         async with self._lock:
             return [await self._read(name) for name in names]
 
     async def read_all(self) -> list[Parameter]:
-        """Return all parameters by name; lost ones are requested again."""
+        """Return all parameters, sorted by name; lost ones are requested again."""
         require_connection(self._vehicle)
         async with self._lock:
             with self._vehicle.hearing(ParamValue) as heard:
@@ -100,9 +100,9 @@ class Parameters:
         return sorted(found.values(), key=lambda parameter: parameter.name)
 
     async def write(self, name: str, value: Number) -> tuple[Parameter, Parameter]:
-        """Write one and read it back; return what it was and what it is.
+        """Write a parameter and read it back; return the old and the new one.
 
-        Raises Refused for a value that cannot be carried, or that the vehicle did not keep.
+        Raises Refused for a value that cannot be represented, or that the vehicle did not keep.
         """
         async with self._lock:
             before = await self._read(name)
@@ -116,17 +116,17 @@ class Parameters:
 
     @property
     def _bytewise(self) -> bool:
-        """Whether integers are carried as their bits."""
+        """Whether integers are sent as their bits."""
         return self._flavour().bytewise_parameters
 
     async def _read(self, name: str) -> Parameter:
-        """Read one by its name."""
+        """Read one parameter by name."""
         if not 0 < len(name) <= _LONGEST_NAME or not name.isascii() or not name.isprintable():
             raise Refused(f"{name!r} is no name of a parameter: 1 to {_LONGEST_NAME} ASCII characters")
         return await self._exchange(ParamRequestRead(self._vehicle.system, AUTOPILOT, name), name)
 
     async def _exchange(self, ask: ParamRequestRead | ParamSet, name: str) -> Parameter:
-        """Send until the value of this name comes; sending it again does the same again."""
+        """Send a request until the value of this name arrives; a repeat has the same effect."""
         require_connection(self._vehicle)
         bytewise = self._bytewise
         with self._vehicle.hearing(ParamValue) as heard:
@@ -140,7 +140,7 @@ class Parameters:
         )
 
     async def _list(self, heard: ReceivedMessages[ParamValue]) -> dict[int, Parameter]:
-        """Ask for all, then for each that did not come; return them by their index."""
+        """Request all parameters, then the missing ones; return them by index."""
         bytewise = self._bytewise
         self._vehicle.send(ParamRequestList(self._vehicle.system, AUTOPILOT))
         found: dict[int, Parameter] = {}
@@ -158,7 +158,7 @@ class Parameters:
         raise TimedOut(f"{len(found)} of {count or 'unknown'} parameters came", hint="is the link good?")
 
     def _ask_again(self, missing: Sequence[int]) -> None:
-        """Ask for values by their index, a few at once; for all when none came."""
+        """Request missing values by index, a few at a time; all values if none arrived."""
         system = self._vehicle.system
         require_heartbeat(self._vehicle)
         if not missing:

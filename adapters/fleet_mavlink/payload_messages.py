@@ -1,4 +1,4 @@
-"""The MAVLink messages of what a vehicle carries: inertial sensors, motors, compass, gimbal, camera, key."""
+"""MAVLink messages of the payload: inertial sensors, motors, compass, gimbal, camera, signing key."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fleet_mavlink.messages import MavlinkMessage
 
 
 class RawImu(MavlinkMessage, frozen=True):
-    """RAW_IMU as ArduPilot fills it: FRD, thousandths of g and thousandths of rad/s."""
+    """RAW_IMU in ArduPilot's units: FRD, thousandths of g and thousandths of rad/s."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_RAW_IMU
     xacc: int
@@ -35,7 +35,7 @@ class HighresImu(MavlinkMessage, frozen=True):
 
 
 class MagCalProgress(MavlinkMessage, frozen=True):
-    """MAG_CAL_PROGRESS: how far the calibration of one compass is, percent."""
+    """MAG_CAL_PROGRESS: progress of one compass, percent."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MAG_CAL_PROGRESS
     compass_id: int
@@ -44,7 +44,7 @@ class MagCalProgress(MavlinkMessage, frozen=True):
 
 
 class MagCalReport(MavlinkMessage, frozen=True):
-    """MAG_CAL_REPORT: how the calibration of one compass ended (``MagCal``)."""
+    """MAG_CAL_REPORT: result of one compass (MAG_CAL_STATUS)."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_MAG_CAL_REPORT
     compass_id: int
@@ -55,7 +55,7 @@ class MagCalReport(MavlinkMessage, frozen=True):
 
 
 class SetupSigning(MavlinkMessage, frozen=True):
-    """SETUP_SIGNING: the key to sign with from now on; never answered."""
+    """SETUP_SIGNING: the key for signing from now on; never acknowledged."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_SETUP_SIGNING
     target_system: int
@@ -65,7 +65,7 @@ class SetupSigning(MavlinkMessage, frozen=True):
 
 
 class CameraImageCaptured(MavlinkMessage, frozen=True):
-    """CAMERA_IMAGE_CAPTURED: a picture was taken (``capture_result`` 1) or not."""
+    """CAMERA_IMAGE_CAPTURED: a picture was taken (``capture_result`` 1), or it failed."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED
     image_index: int
@@ -74,7 +74,7 @@ class CameraImageCaptured(MavlinkMessage, frozen=True):
 
 
 class GimbalManagerInformation(MavlinkMessage, frozen=True):
-    """GIMBAL_MANAGER_INFORMATION: there is a gimbal, and how far it turns, radians."""
+    """GIMBAL_MANAGER_INFORMATION: presence of a gimbal, and its limits in radians."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION
     gimbal_device_id: int
@@ -85,7 +85,7 @@ class GimbalManagerInformation(MavlinkMessage, frozen=True):
 
 
 class GimbalDeviceAttitudeStatus(MavlinkMessage, frozen=True):
-    """GIMBAL_DEVICE_ATTITUDE_STATUS: how the gimbal is turned; w x y z, FRD."""
+    """GIMBAL_DEVICE_ATTITUDE_STATUS: attitude of the gimbal; w x y z, FRD."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS
     flags: int
@@ -93,7 +93,7 @@ class GimbalDeviceAttitudeStatus(MavlinkMessage, frozen=True):
 
 
 class EscTelemetry1To4(MavlinkMessage, frozen=True):
-    """ESC_TELEMETRY_1_TO_4 (ArduPilot): the turns a minute of four motors."""
+    """ESC_TELEMETRY_1_TO_4 (ArduPilot): revolutions per minute of four motors."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4
     rpm: tuple[int, ...]

@@ -1,9 +1,9 @@
-"""Plans in the autopilot's memory (missions, fences): sent, read back, cleared.
+"""Plans in the autopilot's memory (missions, fences): uploaded, downloaded, cleared.
 
 The autopilot requests each item, ArduPilot with MISSION_REQUEST and PX4 with MISSION_REQUEST_INT, and again
-when the answer takes long. If both requests are answered, ArduPilot reports 13 (INVALID_SEQUENCE) for the
-second answer and goes on. So all received messages are read before the newest request is answered, and 13
-does not end a transfer.
+if the answer takes long. If both requests are answered, ArduPilot reports 13 (INVALID_SEQUENCE) for the
+second answer and continues. Therefore all received messages are read before the newest request is answered,
+and 13 does not end a transfer.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.received_messages import ReceivedMessages
 from fleet_mavlink.vehicle import Vehicle
 
-_SILENCE = 1.5  # s without a word after which we say ours again
+_SILENCE = 1.5  # s of silence after which our message is repeated
 _TRIES = 5
-_TRANSFERS = 3  # of one plan: the vehicle gives up one in which it hears nothing for some seconds
-_ITEM_TRIES = 50  # requests for one and the same item
+_TRANSFERS = 3  # of one plan: the vehicle aborts one in which it hears nothing for some seconds
+_ITEM_TRIES = 50  # requests for the same item
 _ACCEPTED, _INVALID_SEQUENCE, _DENIED, _CANCELLED = 0, 13, 14, 15
 _RESULTS = (
     "ACCEPTED",
@@ -62,7 +62,7 @@ _KINDS: tuple[type[_Said], ...] = (
     MissionCount,
     MissionItemInt,
 )
-_TOLD = (MissionCount, MissionItemInt)  # what a vehicle says that is asked for its plan
+_TOLD = (MissionCount, MissionItemInt)  # answers to a download
 
 
 class PlanType(enum.IntEnum):
@@ -73,7 +73,7 @@ class PlanType(enum.IntEnum):
 
 
 class Plans:
-    """The plans of one vehicle, one transfer at a time. Errors: Refused, TimedOut, NotReady, LinkLost."""
+    """Plans of one vehicle, one transfer at a time. Errors: Refused, TimedOut, NotReady, LinkLost."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
@@ -99,7 +99,7 @@ class Plans:
             )
 
     async def download(self, kind: PlanType) -> tuple[MissionItemInt, ...]:
-        """Return the items of a plan as the vehicle has them."""
+        """Return the items of a plan as stored in the vehicle."""
         async with self._lock:
             require_connection(self._vehicle)
             with self._vehicle.hearing(*_KINDS) as heard:
@@ -109,7 +109,7 @@ class Plans:
             return items
 
     async def clear(self, kind: PlanType) -> None:
-        """Forget a plan."""
+        """Delete a plan."""
         async with self._lock:
             require_connection(self._vehicle)
             with self._vehicle.hearing(*_KINDS) as heard:
@@ -122,9 +122,9 @@ class Plans:
     async def _send_all(
         self, kind: PlanType, items: Sequence[MissionItemInt], heard: ReceivedMessages[_Said]
     ) -> int:
-        """Announce the items and answer what is asked until the vehicle says that it has them.
+        """Announce the items and answer requests until the vehicle acknowledges the plan.
 
-        Returns how many were asked for: fewer than there are when it gave up on the way.
+        Return the number of requested items: fewer than all if the vehicle gave up.
         """
         asked: dict[int, int] = {}
         tries = 0
@@ -149,7 +149,7 @@ class Plans:
     def _answer_request(
         self, kind: PlanType, items: Sequence[MissionItemInt], seq: int, asked: dict[int, int]
     ) -> None:
-        """Send the item that was asked for; raises Refused for one that is not there."""
+        """Send the requested item; raises Refused for one beyond the plan."""
         if not 0 <= seq < len(items):
             raise Refused(f"system {self._vehicle.system} asks for item {seq} of {len(items)}")
         asked[seq] = asked.get(seq, 0) + 1
@@ -160,7 +160,7 @@ class Plans:
     async def _newest(
         self, kind: PlanType, heard: ReceivedMessages[_Said]
     ) -> MissionRequest | MissionRequestInt | MissionAck | None:
-        """Return the newest request, or the end, of what has arrived; None when nothing comes."""
+        """Return the newest request, or the end, among the received messages; None without any."""
 
         def counts(said: _Said) -> bool:
             late = isinstance(said, MissionAck) and said.type == _INVALID_SEQUENCE
@@ -175,7 +175,7 @@ class Plans:
         return None if isinstance(newest, _TOLD) else newest
 
     async def _count(self, kind: PlanType, heard: ReceivedMessages[_Said]) -> int:
-        """Return the number of items; after an aborted upload ArduPilot first refuses to tell."""
+        """Return the number of items; after an aborted upload ArduPilot first refuses to send it."""
         for _ in range(_TRIES):
             said = await self._answer(
                 MissionRequestList(0, 0, kind),
@@ -206,7 +206,7 @@ class Plans:
     async def _answer(
         self, ask: MavlinkMessage, heard: ReceivedMessages[_Said], wanted: Callable[[_Said], bool]
     ) -> _Said:
-        """Ask until the answer comes; raises TimedOut."""
+        """Send a request until the answer arrives; raises TimedOut."""
         for _ in range(_TRIES):
             self._send(ask)
             said = await heard.first(wanted, _SILENCE)
@@ -215,7 +215,7 @@ class Plans:
         raise TimedOut(f"system {self._vehicle.system} did not answer {type(ask).__name__}")
 
     def _send(self, message: MavlinkMessage) -> None:
-        """Write a message, addressed."""
+        """Send a message, addressed."""
         self._vehicle.send(
             msgspec.structs.replace(message, target_system=self._vehicle.system, target_component=AUTOPILOT)
         )

@@ -45,7 +45,7 @@ def require_control(vehicle: Vehicle, authority: Authority) -> None:
 
 
 def require_movable(vehicle: Vehicle, authority: Authority) -> None:
-    """Raise NotReady unless it flies, or is armed on the surface, is ours, and knows its position."""
+    """Raise NotReady unless it flies (or is armed on the surface), is ours, and has a valid position."""
     require_control(vehicle, authority)
     state = vehicle.state
     if state.on_the_surface and not state.armed:
@@ -63,13 +63,13 @@ def not_moved(vehicle: Vehicle) -> Unsupported:
 
 
 def require_has(vehicle: Vehicle, name: str) -> None:
-    """Raise Unsupported for what this vehicle does not have of the vocabulary."""
+    """Raise Unsupported for a command that this vehicle lacks."""
     if reason := lacking_of(vehicle.state).get(name):
         raise Unsupported(reason)
 
 
 def known_position(vehicle: Vehicle) -> GeoPoint:
-    """Return where the vehicle is (altitude AMSL); raises NotReady while it has not said so."""
+    """Return the vehicle's position (altitude AMSL); raises NotReady before the first."""
     position = vehicle.state.position
     if position is None:
         raise NotReady("position is unknown")
@@ -77,7 +77,7 @@ def known_position(vehicle: Vehicle) -> GeoPoint:
 
 
 def known_heading(vehicle: Vehicle) -> float:
-    """Return where the nose points, radians from north; raises NotReady while it has not said so."""
+    """Return the vehicle's heading, radians from north; raises NotReady before the first."""
     attitude = vehicle.state.attitude
     if attitude is None:
         raise NotReady("attitude is unknown")
@@ -85,7 +85,7 @@ def known_heading(vehicle: Vehicle) -> float:
 
 
 def not_in_the_air() -> NotReady:
-    """Return the error for a vehicle that would have to fly."""
+    """Return the error for a vehicle that is not flying."""
     return NotReady("not in the air", hint="send takeoff first")
 
 
@@ -95,5 +95,5 @@ def not_armed() -> NotReady:
 
 
 def home_unknown() -> NotReady:
-    """Return the error for a vehicle that has not told its home yet."""
+    """Return the error for a vehicle that has not reported its home yet."""
     return NotReady("home is unknown", hint="wait for a position")

@@ -1,4 +1,4 @@
-"""PX4 for multirotors: mode numbers and behaviour as observed on the wire of version 1.16."""
+"""PX4 for multirotors: mode numbers and behaviour of version 1.16, as observed on the wire."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PROGRESS = re.compile(r"progress <(\d{1,3})>")
 
 
 class Px4(Px4Kind, Flavour):
-    """PX4 for multirotors. Altitudes on its wire are above mean sea level, whatever frame is stated."""
+    """PX4 for multirotors. Altitudes on its wire are above mean sea level, whatever the frame."""
 
     external: ClassVar[str] = "OFFBOARD"
     hold: ClassVar[str] = "AUTO.LOITER"
@@ -44,7 +44,7 @@ class Px4(Px4Kind, Flavour):
     compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.PREFLIGHT_CALIBRATION)
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:
-        """Return NAV_TAKEOFF at its current position; a position of 0, 0 would be taken literally."""
+        """Return NAV_TAKEOFF at its present position; a position of 0, 0 would be taken literally."""
         return CommandLong(
             Cmd.NAV_TAKEOFF, param4=NAN, param5=NAN, param6=NAN, param7=home_altitude + altitude
         )
@@ -52,13 +52,13 @@ class Px4(Px4Kind, Flavour):
     def go_command(
         self,
         to: GeoPoint,
-        home_altitude: float,  # noqa: ARG002 - it wants altitudes above mean sea level
+        home_altitude: float,  # noqa: ARG002 - it takes AMSL
         speed: float,
         heading: float,
     ) -> CommandInt:
-        """Return DO_REPOSITION; as COMMAND_INT, because a float cannot hold a longitude to the metre.
+        """Return DO_REPOSITION; as COMMAND_INT, because a float cannot represent a longitude to the metre.
 
-        Without a heading the nose would turn as MPC_YAW_MODE says.
+        Without a heading the nose would turn as MPC_YAW_MODE defines.
         """
         return CommandInt(
             Cmd.DO_REPOSITION,
@@ -72,11 +72,11 @@ class Px4(Px4Kind, Flavour):
         )
 
     def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002
-        """Return nothing: the go command tells it."""
+        """Return None: the go command has the speed."""
         return None
 
     def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:
-        """Read its words, which begin with ``[cal]``."""
+        """Interpret its texts, which begin with ``[cal]``."""
         if not isinstance(said, Sentence) or not said.text.startswith(_CAL):
             return None
         words = said.text.removeprefix(_CAL)

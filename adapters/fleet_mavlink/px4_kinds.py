@@ -1,4 +1,4 @@
-"""PX4's other vehicles. Their modes are those of its multirotors; so is the command that brakes them."""
+"""Kinds of PX4 vehicles: all have the modes of its multirotors, and the same braking command."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _HOLD = "AUTO.LOITER"
 
 
 class Px4Kind(VehicleKind):
-    """What all vehicles on PX4 have in common; by itself one that moves over ground or water."""
+    """Common part of all PX4 vehicles; as it is, a vehicle on ground or water."""
 
     name: ClassVar[str] = "px4"
     modes: ClassVar[Mapping[int, str]] = {
@@ -56,8 +56,8 @@ class Px4Kind(VehicleKind):
             param3=float(number >> 24 & 0xFF),
         )
 
-    def hold_command(self, state: VehicleState) -> CommandLong:  # noqa: ARG002 - wherever it is
-        """Return DO_REPOSITION without a position: it also ends a flight to a place, which has that mode."""
+    def hold_command(self, state: VehicleState) -> CommandLong:  # noqa: ARG002 - independent of the state
+        """Return DO_REPOSITION without a position: it also ends a flight to a position, in the same mode."""
         return CommandLong(
             Cmd.DO_REPOSITION,
             param1=-1.0,
@@ -69,11 +69,11 @@ class Px4Kind(VehicleKind):
         )
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
-        """Return the hold here."""
+        """Return the hold at the present position."""
         return (Brake(_HOLD, self.hold_command(state)),)
 
     def position_usable(self, state: VehicleState, now: float) -> bool | None:
-        """Return True when positions arrive and their flags are good: PX4 reports lost positions, too."""
+        """Return True while positions arrive with good flags: PX4 reports lost positions, too."""
         return state.knows_where(now)
 
     def ready_to_arm(self, state: VehicleState) -> bool | None:

@@ -1,4 +1,4 @@
-"""PX4 for planes and VTOLs: the modes of its multirotors, and behaviour as observed of version 1.16."""
+"""PX4 for planes and VTOLs: the modes of its multirotors, behaviour of version 1.16, as observed."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ _HOVERS = 3  # MAV_VTOL_STATE
 
 
 class Px4Plane(Winged, Px4):
-    """A plane. It takes off and lands by the commands of multirotors, in circles and along a runway."""
+    """A plane. It takes off and lands by the commands of multirotors, but in circles and along a runway."""
 
     lands_here: ClassVar[bool] = False
     circle: ClassVar[str] = "NAV_LOITER_RAD"
     airspeeds: ClassVar[tuple[str, str, str]] = ("FW_AIRSPD_MIN", "FW_AIRSPD_TRIM", "FW_AIRSPD_MAX")
 
     def go_command(self, to: GeoPoint, home_altitude: float, speed: float, heading: float) -> CommandInt:  # noqa: ARG002
-        """Return DO_REPOSITION without a heading: its nose points along its way."""
+        """Return DO_REPOSITION without a heading: its nose follows its course."""
         return super().go_command(to, home_altitude, speed, NAN)
 
 
 class Px4Vtol(Px4):
-    """A VTOL in its hover, which is a multirotor's."""
+    """A VTOL in hover, which behaves like a multirotor."""
 
     transitions: ClassVar[Mapping[str, str]] = {"forward": "", "hover": ""}
     lacking: ClassVar[Mapping[str, str]] = {}
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """Those of its wings."""
+        """Parameters of its wings."""
         return Px4Plane().settings
 
     def stands(self, state: VehicleState) -> bool:
-        """Return whether it hovers."""
+        """Return True while it hovers."""
         return state.vtol_state in VTOL_HOVERS
 
 
 class Px4VtolForward(Px4Plane):
-    """A VTOL on its wings. To land, and at home, it goes back to its hover by itself."""
+    """A VTOL on its wings. It transitions to hover on its own for a landing, and at home."""
 
     lands_here: ClassVar[bool] = True
     transitions: ClassVar[Mapping[str, str]] = Px4Vtol.transitions
@@ -55,13 +55,13 @@ class Px4VtolForward(Px4Plane):
 
 
 class Px4VtolInTransition(Px4VtolForward):
-    """A VTOL that goes over to its wings: a stop breaks that off, then it stands where it is."""
+    """A VTOL in transition to its wings: a stop aborts the transition, then it holds its position."""
 
     tries_brakes: ClassVar[bool] = True
     goes_over: ClassVar[bool] = True
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
-        """Return the way back to its hover and the hold; the hold alone where that is not taken."""
+        """Return the transition back to hover with the hold, then the hold alone in case it is refused."""
         back = Brake(self.hold, CommandLong(Cmd.DO_VTOL_TRANSITION, param1=float(_HOVERS)))
         hold = self.hold_command(state)
         return Brake(self.hold, hold, first=back), Brake(self.hold, hold)
@@ -71,7 +71,7 @@ _PLANE, _HOVER, _FORWARD, _IN_TRANSITION = Px4Plane(), Px4Vtol(), Px4VtolForward
 
 
 def px4_plane_of(vehicle_type: int, state: VehicleState) -> Flavour:
-    """Return what a plane or VTOL on PX4 is now; one that has not told how it flies is taken for wings."""
+    """Return the present flavour of a plane or VTOL on PX4; with an unknown VTOL state, wings."""
     if vehicle_type not in VTOLS:
         return _PLANE
     if state.vtol_state == VTOL_GOES_FORWARD:

@@ -26,7 +26,7 @@ class ReceivedMessages(Generic[SaidT]):
             self._said.put_nowait(said)
 
     async def next(self, seconds: float) -> SaidT | None:
-        """Return the next one, None when none comes in time."""
+        """Return the next message, None if none arrives in time."""
         if not self._said.empty():
             return self._said.get_nowait()
         try:
@@ -36,7 +36,7 @@ class ReceivedMessages(Generic[SaidT]):
             return None
 
     async def first(self, wanted: Callable[[SaidT], bool], seconds: float) -> SaidT | None:
-        """Return the next one that is wanted, None when none comes in time."""
+        """Return the next wanted message, None if none arrives in time."""
         by = asyncio.get_running_loop().time() + seconds
         while (left := by - asyncio.get_running_loop().time()) > 0:
             said = await self.next(left)

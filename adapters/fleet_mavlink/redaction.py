@@ -1,4 +1,4 @@
-"""Secrets overwritten in recorded MAVLink bytes: the key that SETUP_SIGNING carries.
+"""Redaction of secrets in recorded MAVLink bytes: the key in SETUP_SIGNING.
 
 Source: https://mavlink.io/en/messages/common.html#SETUP_SIGNING (256, MAVLink 2 only) and
 https://mavlink.io/en/guide/serialization.html.
@@ -11,22 +11,22 @@ import re
 _HEADER = 10  # bytes before the payload of a MAVLink 2 frame
 _CHECKSUM = 2  # bytes
 _SETUP_SIGNING = re.compile(rb"\xfd(.).{5}\x00\x01\x00", re.DOTALL)
-"""What a frame with the message id 256 begins with; the group is the length of its payload."""
+"""Start of a frame with the message id 256; the group is the length of its payload."""
 
 
 class SigningKeyRedaction:
-    """One direction of one link: payload and checksum of each SETUP_SIGNING become zero.
+    """Sets payload and checksum of each SETUP_SIGNING to zero, in one direction of one link.
 
-    It looks for the header wherever it may stand, not frame by frame, so that damaged bytes before it hide
-    no key. A frame may be cut into pieces of any length.
+    It searches for the header at any offset, not frame by frame, so that damaged bytes before it cannot hide
+    a key. A frame may be split into pieces of any length.
     """
 
     def __init__(self) -> None:
-        self._tail = b""  # the last bytes before these, in which a header may have begun
+        self._tail = b""  # last bytes of the previous piece, in which a header may have begun
         self._left = 0  # bytes at the beginning of the next piece that belong to a key
 
     def __call__(self, data: bytes) -> bytes:
-        """Return as many bytes as were given."""
+        """Return the redacted bytes, as many as were given."""
         before = len(self._tail)
         raw = self._tail + data
         shown = bytearray(raw)
@@ -41,5 +41,5 @@ class SigningKeyRedaction:
             inside = min(end, len(raw))
             shown[begin:inside] = bytes(inside - begin)
             self._left = max(self._left, end - len(raw))
-        self._tail = raw[-_HEADER + 1 :]  # too short for a whole header, which is so found once
+        self._tail = raw[-_HEADER + 1 :]  # too short for a whole header, so that each is found once
         return bytes(shown[before:])

@@ -1,7 +1,7 @@
 """Redundant links to the same vehicles, combined into one link.
 
-All links are kept open and received from. The link used to send to a vehicle is chosen per vehicle, by where
-the vehicle is heard.
+All links are kept open and received from. The link for sending is selected per vehicle, by where the vehicle
+is heard.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class Place(msgspec.Struct, frozen=True):
 
 
 def way_of(address: Address) -> int:
-    """Return which way an address is on; 0 where there is one way alone."""
+    """Return the number of the link of an address; 0 with a single link."""
     return address.way if isinstance(address, Place) else 0
 
 
 class Ways:
-    """Several links, each of which is reopened by itself; together they never go down."""
+    """Several links, each reopened independently; the combination is never lost."""
 
     def __init__(self, urls: Sequence[str], receiver: Receiver) -> None:
         self.url = " + ".join(urls)
@@ -46,7 +46,7 @@ class Ways:
         ]
 
     async def _keep(self, way: int, url: str) -> None:
-        """Open one link, and again whenever it falls."""
+        """Open one link, and reopen it after each loss."""
         waits = backoff(longest=_LONGEST)
         while True:
             try:
@@ -64,7 +64,7 @@ class Ways:
             await asyncio.sleep(next(waits))
 
     def _received(self, way: int, data: bytes, address: Address) -> None:
-        """Pass on what came, with the way that it came by."""
+        """Pass received data on, with the number of its link."""
         self._receiver(data, Place(way, address))
 
     async def first(self) -> None:
@@ -76,7 +76,7 @@ class Ways:
             raise LinkLost(f"{self.url}: none of them could be opened") from None
 
     def fileno(self) -> int:
-        """Return -1: several links have no one descriptor."""
+        """Return -1: several links have no single descriptor."""
         return -1
 
     def send(self, data: bytes, address: Address = None) -> None:
@@ -90,11 +90,11 @@ class Ways:
                     link.send(data, address.address if address is not None else None)
 
     async def lost(self) -> None:
-        """Wait for ever: each link is reopened by itself."""
+        """Wait forever: each link reopens automatically."""
         await asyncio.Event().wait()
 
     async def close(self) -> None:
-        """Close them all."""
+        """Close all links."""
         for task in self._keeping:
             task.cancel()
         await asyncio.gather(*self._keeping, return_exceptions=True)

@@ -1,4 +1,4 @@
-"""Remote ID: tells the autopilot where the operator is, and whether the transmitter allows a take-off."""
+"""Remote ID: sends the operator's position to the autopilot; checks that the transmitter permits take-off."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from fleet_mavlink.remote_id_config import RemoteIdConfig
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
-_EPOCH = 1_546_300_800  # Unix s of 2019-01-01, when Remote ID begins to count
-_UPDATE = 1.0  # s between tellings of the place, as the rules for Remote ID want it
-_WHOLE_EVERY = 3  # of these, between tellings of everything
-_FRESH = 5.0  # s for which the transmitter's word holds; it comes once a second
+_EPOCH = 1_546_300_800  # Unix s of 2019-01-01, epoch of Remote ID time stamps
+_UPDATE = 1.0  # s between position messages, as Remote ID regulations require
+_WHOLE_EVERY = 3  # position messages between complete sets of messages
+_FRESH = 5.0  # s for which the transmitter's status is valid; it is sent once a second
 _UNKNOWN = -1000.0  # m
 _FIXED, _EU, _SERIAL_NUMBER = 2, 1, 1
 _CATEGORIES = ("undeclared", "open", "specific", "certified")
@@ -33,9 +33,9 @@ _GOOD = 0
 
 
 def trouble_of(state: VehicleState, now: float, *, wanted: bool) -> str | None:
-    """Return what keeps Remote ID from being transmitted, empty for nothing.
+    """Return the problem of the Remote ID transmission, empty without one.
 
-    None: the vehicle has no transmitter that was heard, and fleet.yaml does not say that it must have one.
+    None: no transmitter was heard, and fleet.yaml does not require one.
     """
     status, at = state.remote_id, state.remote_id_at
     if status is None:
@@ -46,14 +46,14 @@ def trouble_of(state: VehicleState, now: float, *, wanted: bool) -> str | None:
 
 
 def require_remote_id(vehicle: Vehicle) -> None:
-    """Raise NotReady, in the transmitter's words, while a vehicle must not take off."""
+    """Raise NotReady, with the transmitter's reason, while a vehicle must not take off."""
     trouble = trouble_of(vehicle.state, vehicle.now(), wanted=vehicle.needs_remote_id)
     if trouble:
         raise NotReady(trouble, hint="see remote_id in fleet.yaml, and the transmitter")
 
 
 def ua_type(vehicle_type: int) -> int:
-    """Return the kind of aircraft of a MAV_TYPE, as Remote ID counts it."""
+    """Return the MAV_ODID_UA_TYPE for a MAV_TYPE."""
     if vehicle_type in MULTIROTORS:
         return _MULTIROTOR
     if vehicle_type == 1:
@@ -62,12 +62,12 @@ def ua_type(vehicle_type: int) -> int:
 
 
 def update(config: RemoteIdConfig, system: int, unix: float) -> OpenDroneIdSystemUpdate:
-    """Return the place of the operator at a time."""
+    """Return the position of the operator at a time."""
     return OpenDroneIdSystemUpdate(system, AUTOPILOT, *_place(config), config.altitude, _since(unix))
 
 
 def everything(config: RemoteIdConfig, system: int, kind: int, unix: float) -> list[MavlinkMessage]:
-    """Return everything that is told; what fleet.yaml leaves out is not."""
+    """Return the complete set of messages; values missing in fleet.yaml are left out."""
     target = (system, AUTOPILOT)
     category = _CATEGORIES.index(config.category)
     told: list[MavlinkMessage] = [
@@ -96,17 +96,17 @@ def everything(config: RemoteIdConfig, system: int, kind: int, unix: float) -> l
 
 
 def _place(config: RemoteIdConfig) -> tuple[int, int]:
-    """Return the place of the operator, degrees times 1e7."""
+    """Return the position of the operator, degrees times 1e7."""
     return round(config.latitude * 1e7), round(config.longitude * 1e7)
 
 
 def _since(unix: float) -> int:
-    """Return a time as Remote ID counts it."""
+    """Return a Remote ID time stamp."""
     return max(0, math.floor(unix) - _EPOCH)
 
 
 class RemoteId:
-    """Tells the autopilot once a second where the operator is; ``unix`` returns the time."""
+    """Sends the operator's position to the autopilot once a second; ``unix`` returns Unix seconds."""
 
     def __init__(self, vehicle: Vehicle, config: RemoteIdConfig | None, unix: Callable[[], float]) -> None:
         self._vehicle = vehicle
@@ -115,7 +115,7 @@ class RemoteId:
         vehicle.needs_remote_id = config is not None
 
     async def keep(self) -> None:
-        """Tell it, until cancelled."""
+        """Send it, until cancelled."""
         count = 0
         while True:
             with contextlib.suppress(LinkLost):
@@ -124,7 +124,7 @@ class RemoteId:
             await asyncio.sleep(_UPDATE)
 
     def _tell(self, *, whole: bool) -> None:
-        """Tell the place of the operator, or everything; raises LinkLost."""
+        """Send the position of the operator, or the complete set; raises LinkLost."""
         beat = self._vehicle.state.heartbeat
         if self._config is None or beat is None or not self._vehicle.connected:
             return

@@ -1,4 +1,4 @@
-"""What fleet.yaml says for the Remote ID of an aircraft (``remote_id``)."""
+"""Section ``remote_id`` of fleet.yaml: Remote ID of an aircraft."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fleet import Model
 
 
 def _plain(text: str) -> str:
-    """Refuse what Remote ID cannot carry."""
+    """Raise ValueError for text that Remote ID cannot carry."""
     if not text.isascii() or not text.isprintable():
         raise ValueError("printable ASCII characters only")
     return text
@@ -20,7 +20,7 @@ _Text = Annotated[str, AfterValidator(_plain)]
 
 
 class RemoteIdConfig(Model):
-    """Who operates the aircraft, and from where: told to the autopilot for its Remote ID transmitter."""
+    """Operator of the aircraft, and their position: sent to the autopilot for its Remote ID transmitter."""
 
     operator_id: _Text = Field("", max_length=20, description="As the aviation authority gave it.")
     latitude: float = Field(ge=-90, le=90, description="Of the operator, degrees, WGS-84.")

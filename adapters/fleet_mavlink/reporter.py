@@ -26,10 +26,10 @@ from fleet_mavlink.texts import Sentence
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import VehicleKind
 
-_CHANGES = 0.2  # s between looks for what has changed
-_REFRESH = 5.0  # s after which the flight controller's state is told again
-_REPEAT = 0.9  # s after which the vehicle's state is told again: at the look before the second is over
-_LAST_SENTENCES = 8  # that go with the flight controller's state
+_CHANGES = 0.2  # s between checks for changes
+_REFRESH = 5.0  # s after which the flight controller's state is reported again
+_REPEAT = 0.9  # s after which the vehicle's state is reported again: at the last check of each second
+_LAST_SENTENCES = 8  # texts in the flight controller's state
 
 
 class Reporter:
@@ -76,21 +76,21 @@ class Reporter:
         return report is not None
 
     def said(self, sentence: Sentence) -> None:
-        """Report a line that the autopilot said."""
+        """Report a text of the autopilot."""
         self._robot.report(reports.log_report(sentence, self._robot.clock.time()))
 
     def _pose(self, state: VehicleState, _kind: VehicleKind, stamp: float) -> PoseReport | None:
-        """Return the pose; a position that is no longer told is not told again as a new one."""
+        """Return the pose; an outdated position is not reported again with a new time stamp."""
         if not state.knows_where(self._vehicle.now()):
             return None
         return reports.pose_report(state, self._origin(), stamp)
 
     def _gps(self, state: VehicleState, stamp: float) -> GpsReport | None:
-        """Return the fix, or that there is none."""
+        """Return the fix, or a report without one."""
         return reports.gps_report(state, self._vehicle.now(), stamp)
 
     def _metrics(self, state: VehicleState, kind: VehicleKind, stamp: float) -> MetricsReport:
-        """Return the numbers for people, with what went wrong on the way."""
+        """Return the metrics, with the error counts."""
         return reports.metrics_report(state, kind, stamp, self._counts())
 
     def _imu(self, state: VehicleState, _kind: VehicleKind, stamp: float) -> ImuReport | None:
@@ -104,7 +104,7 @@ class Reporter:
     def _every(
         self, seconds: float, make: Callable[[VehicleState, VehicleKind, float], Report | None]
     ) -> None:
-        """Report something from time to time, while it is known."""
+        """Report something periodically, while it is known."""
 
         def tell() -> None:
             kind = self._vehicle.kind
@@ -117,7 +117,7 @@ class Reporter:
         self._robot.every(seconds, tell)
 
     def _tell_changes(self) -> None:
-        """Report what has changed, and again after a while."""
+        """Report changed states at once, unchanged ones periodically."""
         kind = self._vehicle.kind
         if kind is None:
             return
@@ -126,7 +126,7 @@ class Reporter:
             self._tell_state(kind)
 
     def _tell_controller(self, kind: VehicleKind) -> None:
-        """Report the flight controller's state; its loss too."""
+        """Report the flight controller's state, also its loss."""
         report = reports.flight_controller_report(
             self._vehicle.state,
             kind,
@@ -142,7 +142,7 @@ class Reporter:
         self._robot.report(report)
 
     def _tell_state(self, kind: VehicleKind) -> None:
-        """Report the vehicle's state for the telemetry topic; its altitude alone is no news."""
+        """Report the vehicle's state for the telemetry topic; a changed altitude alone is not a change."""
         now = self._vehicle.now()
         report = reports.vehicle_state_report(self._vehicle.state, kind, now, self._robot.clock.time())
         known = self._state.fields if self._state else {}
@@ -154,5 +154,5 @@ class Reporter:
 
 
 def _same(one: FlightControllerReport, other: FlightControllerReport | None) -> bool:
-    """Return whether two states differ in nothing but their stamp."""
+    """Return True if two states differ in nothing but their time stamp."""
     return other is not None and msgspec.structs.replace(other, stamp=one.stamp) == one

@@ -24,7 +24,7 @@ from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.vehicle_kind import VehicleKind
 
-NO_FIX = "none"  # the fix type of a receiver without a fix
+NO_FIX = "none"  # fix type of a receiver without a fix
 _IMU_FRESH = 1.0  # s
 _LEVELS = ("CRITICAL", "CRITICAL", "CRITICAL", "ERROR", "WARNING", "INFO", "INFO", "DEBUG")
 
@@ -36,7 +36,7 @@ def pose_report(state: VehicleState, origin: GeoOrigin | None, stamp: float) -> 
 
 
 def gps_report(state: VehicleState, now: float, stamp: float) -> GpsReport | None:
-    """Return the satellite fix, or that there is none, at monotonic ``now``; nothing without a receiver."""
+    """Return the satellite fix, or a report without one, at monotonic ``now``; None without a receiver."""
     fix = state.fix_now(now)
     if fix is None:
         return GpsReport(stamp, point=None, fix_type=NO_FIX) if state.fix_told(now) else None
@@ -102,7 +102,7 @@ def flight_controller_report(
 
 
 def imu_report(state: VehicleState, now: float, stamp: float) -> ImuReport | None:
-    """Return body rates and acceleration, FLU, unless the newest are older than 1 s at monotonic ``now``."""
+    """Return body rates and acceleration, FLU; None if they are older than 1 s at monotonic ``now``."""
     imu = state.sensors.imu
     if imu is None or now - state.sensors.imu_at > _IMU_FRESH:
         return None
@@ -112,7 +112,7 @@ def imu_report(state: VehicleState, now: float, stamp: float) -> ImuReport | Non
 def metrics_report(
     state: VehicleState, kind: VehicleKind, stamp: float, counts: Mapping[str, int] | None = None
 ) -> MetricsReport:
-    """Return the numbers for people: only those that are known; ``counts`` of what went wrong by its name."""
+    """Return the metrics, only known ones; ``counts``: error counts by name."""
     errors = tuple({"type": what, "count": count} for what, count in (counts or {}).items() if count)
     battery = state.battery
     lasts = None if battery.charging else battery.seconds_left
@@ -133,7 +133,7 @@ def metrics_report(
 
 
 def vehicle_state_report(state: VehicleState, kind: VehicleKind, now: float, stamp: float) -> TelemetryReport:
-    """Return the ``vehicle_state`` telemetry at monotonic ``now``: only what is known."""
+    """Return the ``vehicle_state`` telemetry at monotonic ``now``: known values only."""
     fix = state.fix_now(now)
     fields = {
         "armed": state.armed,
@@ -150,16 +150,16 @@ def vehicle_state_report(state: VehicleState, kind: VehicleKind, now: float, sta
 
 
 def _height(state: VehicleState) -> float | None:
-    """Return metres above home, None for what has no height."""
+    """Return metres above home, None for a vehicle on the surface."""
     return None if state.on_the_surface else state.relative_altitude
 
 
 def log_report(sentence: Sentence, stamp: float) -> LogReport:
-    """Return what the autopilot said as a log line."""
+    """Return a text of the autopilot as a log message."""
     level = _LEVELS[min(sentence.severity, len(_LEVELS) - 1)]
     return LogReport(stamp, level, sentence.text)
 
 
 def _known(fields: Mapping[str, object]) -> dict[str, object]:
-    """Return the fields without those that are unknown."""
+    """Return the fields that are known."""
     return {name: value for name, value in fields.items() if value is not None}

@@ -1,4 +1,4 @@
-"""Session of one robot on an open link: the state of its vehicle, and everything that acts on it."""
+"""Session with one vehicle on an open link: its state, and all parts that act on it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from collections.abc import Awaitable, Mapping
 from fleet import (
     CommandError,
     GeoOrigin,
-    Health,
-    Level,
     Limits,
     LinkLost,
     Refused,
@@ -17,7 +15,6 @@ from fleet import (
     Unsupported,
     Vector3,
 )
-from fleet_mavlink.authentication import FALSE, UNSIGNED
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.braking import Brakes
 from fleet_mavlink.camera import Camera
@@ -26,7 +23,6 @@ from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.constants import AUTOPILOT
 from fleet_mavlink.event_metadata import EventKeeper
-from fleet_mavlink.failsafe_causes import FailsafeCause, position_troubles
 from fleet_mavlink.failsafes import Failsafes
 from fleet_mavlink.fence import FenceKeeper
 from fleet_mavlink.flavour import Flavour, ned_setpoint
@@ -45,13 +41,13 @@ from fleet_mavlink.plans import Plans
 from fleet_mavlink.preconditions import require_connection, require_heartbeat
 from fleet_mavlink.remote_id import RemoteId
 from fleet_mavlink.reporter import Reporter
-from fleet_mavlink.state import SILENCE, VehicleState
+from fleet_mavlink.state import VehicleState
 from fleet_mavlink.steering import Steering
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
-from fleet_mavlink.texts import Sentence
 from fleet_mavlink.turns import Superseded
 from fleet_mavlink.vehicle import Vehicle, circle_of, holding_of, lacking_of
+from fleet_mavlink.vehicle_health import VehicleHealth
 from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
 from fleet_mavlink.wing_settings import WingSettings
 
@@ -71,11 +67,14 @@ class VehicleSession:
         self.vehicle = vehicle
         self._config = config
         self._hub, self._robot = hub, robot
-        self._began = robot.clock.monotonic()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._cause = FailsafeCause()
-        self._unstopped = ""  # why the last stop failed
-        self._lacking: Mapping[str, str] | None = None  # what the host was told in this attempt
+        self.health = VehicleHealth(
+            vehicle,
+            hub,
+            robot,
+            lambda: (*self.failsafes.troubles, *(self.fence.troubles if self.fence else ())),
+        )
+        self._lacking: Mapping[str, str] | None = None  # last reported to the host in this run
         self.authority = Authority(self._authority_lost)
         waits = config.timeouts
         self.commander = Commander(vehicle, Timing(waits.answer, waits.tries, waits.working))
@@ -102,7 +101,7 @@ class VehicleSession:
             fence=config.fence,
             limits=limits,
             origin=self.origin,
-            changed=self._look,
+            changed=self.health.look,
         )
         self.failsafes = Failsafes(
             vehicle,
@@ -111,7 +110,7 @@ class VehicleSession:
             link_loss=config.link_loss,
             station=config.own_system,
             lasting=not config.simulated,
-            changed=self._look,
+            changed=self.health.look,
         )
         self.logs = LogReader(vehicle)
         self.compass = Compass(self.flight)
@@ -125,7 +124,7 @@ class VehicleSession:
         self._reporter = Reporter(vehicle, config, robot, self.origin, self.counts)
         vehicle.log = robot.log
         vehicle.on_heartbeat = self._heartbeat
-        vehicle.on_sentence = self._sentence
+        vehicle.on_sentence = self._reporter.said
 
     def origin(self) -> GeoOrigin | None:
         """Return the world's origin: the one of fleet.yaml, else home; None while that is unknown."""
@@ -135,7 +134,7 @@ class VehicleSession:
         return GeoOrigin(given.latitude, given.longitude, given.altitude, given.heading)
 
     def counts(self) -> dict[str, int]:
-        """Return what was refused, or did not fit, on the way from the vehicle, by what it was."""
+        """Return the counts of refused and broken messages from the vehicle, by reason."""
         return dict(self.vehicle.trust.counts) | {
             "frames with a wrong checksum on its link": self._hub.broken
         }
@@ -143,7 +142,7 @@ class VehicleSession:
     async def serve(self, *losses: Awaitable[None]) -> None:
         """Serve until one of ``losses`` raises, which is raised here."""
         self._robot.every(PERIOD, self._tick)
-        self._robot.every(_LOOK, self._look)
+        self._robot.every(_LOOK, self.health.look)
         self._reporter.begin()
         remote_id = RemoteId(self.vehicle, self._config.remote_id, self._robot.clock.time)
         settings = Steering(self.vehicle, self.parameters), WingSettings(self.vehicle, self.parameters)
@@ -174,7 +173,7 @@ class VehicleSession:
 
     @property
     def is_ours_to_stop(self) -> bool:
-        """True when an unrequested stop is right: the vehicle is flown by us and is not coming down."""
+        """True when the host may stop the vehicle by itself: we control it, and it is not coming down."""
         flown = self.vehicle.connected and self.vehicle.flavour is not None and not self.authority.lost_to
         return flown and not self.comes_down
 
@@ -200,10 +199,10 @@ class VehicleSession:
         except Superseded:
             raise
         except CommandError as error:
-            self._unstopped = f"it was not stopped: {error.reason}"
-            self._robot.log.error("%s", self._unstopped)  # noqa: TRY400 - its place says nothing
+            self.health.unstopped = f"it was not stopped: {error.reason}"
+            self._robot.log.error("%s", self.health.unstopped)  # noqa: TRY400 - its place says nothing
             raise
-        self._unstopped = ""
+        self.health.unstopped = ""
 
     async def _stop(self, reason: str) -> None:
         """Brake and hold, or raise."""
@@ -231,7 +230,7 @@ class VehicleSession:
         return is_standing(self.vehicle.state)
 
     async def kill(self) -> None:
-        """Stop the motors at once; running commands end, and nothing more is streamed."""
+        """Stop the motors at once; end running commands and the stream of setpoints."""
         self.commander.turns.supersede("kill")
         self.driver.end()
         await self.flight.kill()
@@ -246,7 +245,7 @@ class VehicleSession:
         state, flavour = self.vehicle.state, self.vehicle.flavour
         self.commander.turns.halt(EMERGENCY_HALTED if takes_over else HALTED)
         self.driver.halted = True
-        reached = self.vehicle.connected or takes_over  # what is not heard may hear
+        reached = self.vehicle.connected or takes_over  # a silent vehicle may still hear
         if self.comes_down and not takes_over:
             return
         if flavour is None:
@@ -261,7 +260,7 @@ class VehicleSession:
         best = holding_of(self.vehicle) if reached else None
         if best is not None:
             pending = self.commander.turns.current
-            goes_on = pending is not None and not pending.superseded  # a landing: its mode is still to come
+            goes_on = pending is not None and not pending.superseded  # a landing, about to change the mode
             (self.authority.expect_also if goes_on else self.authority.expect)(*best.modes)
             messages += map(self.commander.addressed, best.asks)
         self._hub.send_from_any_thread(messages, self.vehicle)
@@ -301,94 +300,36 @@ class VehicleSession:
         except LinkLost as error:
             self._robot.log.debug("no setpoint was sent: %s", error)
 
-    def _look(self) -> None:
-        """Report the health of the vehicle and its link."""
-        self.vehicle.tick()
-        self._see_cause()
-        never_heard = self.vehicle.state.heartbeat is None
-        if never_heard and self._robot.clock.monotonic() - self._began < SILENCE:
-            return  # the vehicle has had no time to answer yet
-        self._robot.health(self._health())
-
-    def _health(self) -> Health:
-        """Return the vehicle's health, with the cause."""
-        vehicle = self.vehicle
-        if not vehicle.connected:
-            return Health(Level.OFFLINE, self._absence())
-        if vehicle.clashing:
-            return Health(Level.FAULT, f"two vehicles use system id {vehicle.system}: give each its own")
-        troubles = self._troubles()
-        return Health(Level.DEGRADED, "; ".join(troubles)) if troubles else Health()
-
-    def _troubles(self) -> tuple[str, ...]:
-        """Return what is wrong with a vehicle that answers and can be flown."""
-        vehicle = self.vehicle
-        troubles = position_troubles(vehicle.state, vehicle.now())
-        if self._unstopped and vehicle.state.armed:
-            troubles = (self._unstopped, *troubles)
-        if vehicle.state.failsafe:
-            why = self._cause.text
-            return (f"the autopilot is in a fail-safe{': ' if why else ''}{why}", *troubles)
-        if vehicle.flavour is None:
-            return (f"{vehicle.what}: watched and stopped, not moved", *troubles)
-        if vehicle.trust.signer is not None and not vehicle.trust.signed:
-            troubles = (f"system {vehicle.system} does not sign: send setup_signing", *troubles)
-        return (*troubles, *self.failsafes.troubles, *(self.fence.troubles if self.fence else ()))
-
-    def _absence(self) -> str:
-        """Return which vehicle is not heard, and which are heard instead."""
-        system = self.vehicle.system
-        where = f"system {system} on {self._hub.link.url}"
-        others = [str(each) for each in self._hub.unclaimed]
-        hint = f"; systems {', '.join(others)} are heard: see system_id" if others else ""
-        if self.vehicle.state.heartbeat is not None:
-            return f"no heartbeat from {where} for {SILENCE:g} s{hint}"
-        refused = [why for why in (UNSIGNED, FALSE) if self.vehicle.trust.counts[why]]
-        if refused:
-            return f"{where} sends {refused[0]}: see signing_key, accept_unsigned"
-        return f"no heartbeat from {where} yet{hint}"
-
     def _heartbeat(self) -> None:
         """Check whether somebody else changed the mode, and whether the vehicle is back."""
         vehicle = self.vehicle
-        self._see_cause()
+        self.health.see_cause()
         lacking = lacking_of(vehicle.state)
         if lacking != self._lacking:
             self._lacking = lacking
             self._robot.lacks(lacking)
         self._robot.circles(circle_of(vehicle.state))
         if vehicle.flavour is not None:
-            self.authority.observe(vehicle.state, vehicle.flavour, self._cause.text)
-        self._robot.health(self._health())
-
-    def _see_cause(self) -> None:
-        """Look for the reason of a fail-safe in what was said."""
-        vehicle = self.vehicle
-        if vehicle.kind is not None:
-            mode = vehicle.kind.mode_of(vehicle.state)
-            self._cause.see(vehicle.state, mode, vehicle.sentences, vehicle.now())
+            self.authority.observe(vehicle.state, vehicle.flavour, self.health.cause.text)
+        self.health.report()
 
     def _authority_lost(self, reason: str) -> None:
         """End all our activity; running commands are not repeated against the pilot."""
         self.commander.turns.supersede("somebody else has the vehicle")
         self.driver.end()
-        if self.vehicle.state.failsafe and not self._cause.text:
+        if self.vehicle.state.failsafe and not self.health.cause.text:
             self._spawn(self._tell_loss(reason))  # only the report waits for the reason
         else:
             self._robot.authority_lost(reason)
 
     async def _tell_loss(self, reason: str) -> None:
         """Report a loss of authority, after waiting for the autopilot's reason."""
-        while not self._cause.text and not self._cause.settled(self.vehicle.now()):
+        while not self.health.cause.text and not self.health.cause.settled(self.vehicle.now()):
             await asyncio.sleep(_LOOK)
-            self._see_cause()
-        why = self._cause.text
+            self.health.see_cause()
+        why = self.health.cause.text
         self.authority.cause = why
         self._robot.authority_lost(f"{reason} ({why})" if why else reason)
-
-    def _sentence(self, sentence: Sentence) -> None:
-        """Pass on what the autopilot says."""
-        self._reporter.said(sentence)
 
     def _spawn(self, work: Awaitable[None]) -> asyncio.Task[None]:
         """Run something in the background for as long as the session lasts."""

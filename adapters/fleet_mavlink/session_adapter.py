@@ -1,4 +1,4 @@
-"""What the parts of the MAVLink adapter share: the session with the vehicle."""
+"""Shared base of the MAVLink adapter's parts: the session with the vehicle."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ from fleet_mavlink.session import VehicleSession
 
 
 class SessionAdapter(Adapter[MavlinkConfig]):
-    """An adapter whose ``connect`` begins a session with its vehicle."""
+    """An adapter whose ``connect`` starts a session with its vehicle."""
 
     _session: VehicleSession

@@ -1,4 +1,4 @@
-"""MAVLink 2 signing: frames that only a holder of the key can make, and that cannot be replayed.
+"""MAVLink 2 signing: frames that only a holder of the key can create, and that cannot be replayed.
 
 A signature consists of a link id, a strictly increasing time (10 us since 2015), and the first six bytes of
 SHA-256 over key and frame.
@@ -12,14 +12,14 @@ import threading
 from collections.abc import Callable
 
 _EPOCH = 1_420_070_400  # Unix seconds of 2015-01-01
-_TICKS = 100_000  # a second
-_LATE = 60 * _TICKS  # by which the first frame of a new stream may be older than the newest signature
+_TICKS = 100_000  # per second
+_LATE = 60 * _TICKS  # largest age of the first frame of a new stream, relative to the newest signature
 KEY_BYTES = 32
 SIGNATURE_BYTES = 13
 
 
 def key_of(text: str) -> bytes:
-    """Return the key that a passphrase stands for, as ground stations make it; 64 hex digits are the key."""
+    """Return the key for a passphrase, derived as ground stations do it; 64 hex digits are the key itself."""
     if len(text) == 2 * KEY_BYTES:
         try:
             return bytes.fromhex(text)
@@ -50,11 +50,11 @@ class Signer:
         return signed[len(frame) :] + self._digest(signed)
 
     def _digest(self, signed: bytes) -> bytes:
-        """Return the proof that ends a frame."""
+        """Return the digest that ends a frame."""
         return hashlib.sha256(self.key + signed).digest()[:6]
 
     def accepts(self, frame: bytes) -> bool:
-        """Return True when a signed frame was made with the key and is not a replay."""
+        """Return True if a signed frame was created with the key and is not a replay."""
         stamp = int.from_bytes(frame[-12:-6], "little")
         stream = (frame[5], frame[6], frame[-SIGNATURE_BYTES])
         last = self._heard.get(stream)

@@ -40,12 +40,12 @@ from fleet_mavlink.onboard_sensors import CHANGES as CARRIED
 from fleet_mavlink.onboard_sensors import OnboardSensors, reduce_sensors
 from fleet_mavlink.transfer_messages import ParamValue
 
-SILENCE = 3.0  # s without a heartbeat after which the vehicle counts as gone
+SILENCE = 3.0  # s without a heartbeat after which the vehicle counts as lost
 _BEATS_TO_RETURN = 2
-_FRESH = 1.0  # s for which a position or attitude may be steered by
-_BACKWARDS = 2000  # ms by which the time since boot must fall to mean a reboot
-_CLOCK_WRAP = 0xFFFF_0000  # ms; beyond it the 32-bit clock starts again without a reboot
-_FIX_FRESH = 5.0  # s without a word of the satellite receiver after which its fix counts as lost
+_FRESH = 1.0  # s for which a position or attitude may be used for control
+_BACKWARDS = 2000  # ms; a larger decrease of the time since boot means a reboot
+_CLOCK_WRAP = 0xFFFF_0000  # ms; beyond it the 32-bit clock wraps without a reboot
+_FIX_FRESH = 5.0  # s without a message of the satellite receiver after which its fix counts as lost
 _ABSOLUTE_POSITION = 0x10  # estimator flag
 _UNKNOWN_16 = 65535
 _LANDED = {int(each): each for each in Landed}
@@ -68,12 +68,12 @@ SETTINGS = frozenset(
         "WP_LOITER_RAD",
     }
 )
-"""The parameters by which wings are moved; they are taken whoever asks for them, or sets them."""
-_AIRBORNE = 0.5  # m above home, where the autopilot does not say whether it flies
+"""Parameters that winged vehicles need for moving; their values are kept whoever reads or sets them."""
+_AIRBORNE = 0.5  # m above home; used if the autopilot does not report whether it flies
 
 
 class Battery(msgspec.Struct, frozen=True):
-    """The main battery: percent 0 to 100, volts, amperes, s until it is empty; None where unknown."""
+    """Main battery: percent 0 to 100, volts, amperes, remaining s; None if unknown."""
 
     percent: float | None = None
     voltage: float | None = None
@@ -83,7 +83,7 @@ class Battery(msgspec.Struct, frozen=True):
 
 
 class Fix(msgspec.Struct, frozen=True):
-    """The satellite receiver's fix; accuracies in metres."""
+    """Fix of the satellite receiver; accuracies in metres."""
 
     point: GeoPoint
     kind: str
@@ -101,7 +101,7 @@ class Angles(msgspec.Struct, frozen=True):
 
 
 class VehicleState(msgspec.Struct, frozen=True):
-    """Latest values; times are monotonic seconds of arrival, None where nothing was received."""
+    """Latest values; times are monotonic seconds of arrival, None before the first."""
 
     heartbeat: Heartbeat | None = None
     heartbeat_at: float = -math.inf
@@ -109,10 +109,10 @@ class VehicleState(msgspec.Struct, frozen=True):
     boot_ms: int | None = None
     reboots: int = 0
     landed: Landed = Landed.UNDEFINED
-    vtol_state: int | None = None  # MAV_VTOL_STATE, 0 of what is no VTOL; None: not told since it is heard
+    vtol_state: int | None = None  # MAV_VTOL_STATE, 0 if not a VTOL; None: not reported since the last loss
     position: GeoPoint | None = None  # altitude AMSL
     position_at: float = -math.inf
-    relative_altitude: float | None = None  # m above home, as the autopilot says
+    relative_altitude: float | None = None  # m above home, as reported
     velocity: Vector3 | None = None  # NED, m/s
     heading: float | None = None  # degrees clockwise from north
     attitude: Angles | None = None
@@ -120,25 +120,25 @@ class VehicleState(msgspec.Struct, frozen=True):
     battery: Battery = Battery()
     battery_has_own_message: bool = False
     fix: Fix | None = None
-    fix_at: float = -math.inf  # when the receiver last spoke, with a fix or without
+    fix_at: float = -math.inf  # last message of the receiver, with or without a fix
     had_fix: bool = False  # since it started
     satellites: int | None = None
     home: GeoPoint | None = None
     prearm_ok: bool | None = None
-    remote_control: bool | None = None  # whether a pilot's is heard; None: there is no receiver
+    remote_control: bool | None = None  # reception of a pilot's; None: no receiver
     estimator_flags: int | None = None
-    had_estimate: bool = False  # of its position, since it started
+    had_estimate: bool = False  # of the position, since the start
     mission_current: int | None = None
     mission_total: int | None = None
     mission_reached: int | None = None
     sensors: OnboardSensors = OnboardSensors()
-    settings: Mapping[str, float] = {}  # the parameters of ``SETTINGS`` that it has told
+    settings: Mapping[str, float] = {}  # reported parameters of ``SETTINGS``
     remote_id: OpenDroneIdArmStatus | None = None
     remote_id_at: float = -math.inf
 
     @property
     def armed(self) -> bool:
-        """True when the motors may turn."""
+        """True while the motors may turn."""
         return self.heartbeat is not None and bool(self.heartbeat.base_mode & ARMED_FLAG)
 
     @property
@@ -148,7 +148,7 @@ class VehicleState(msgspec.Struct, frozen=True):
 
     @property
     def in_air(self) -> bool | None:
-        """Whether the vehicle flies, None when unknown, and for a ground vehicle."""
+        """Whether the vehicle flies; None if unknown, and for a vehicle on the surface."""
         if self.on_the_surface:
             return None
         if self.landed is not _UNDEFINED:
@@ -169,7 +169,7 @@ class VehicleState(msgspec.Struct, frozen=True):
 
     @property
     def estimator_has_position(self) -> bool | None:
-        """Whether the estimator's flags confirm its position, None when it sends none.
+        """Whether the estimator's flags confirm its position, None without flags.
 
         The flag for a constant position is not used: PX4 sets it at rest, ArduPilot only without this one.
         """
@@ -178,7 +178,7 @@ class VehicleState(msgspec.Struct, frozen=True):
 
     @property
     def home_altitude(self) -> float | None:
-        """Altitude of home, m AMSL, None unless home is known; newer than HOME_POSITION itself."""
+        """Altitude of home, m AMSL, None while home is unknown; more recent than HOME_POSITION itself."""
         if self.home is None or self.position is None or self.relative_altitude is None:
             return None
         return self.position.altitude - self.relative_altitude
@@ -193,19 +193,19 @@ class VehicleState(msgspec.Struct, frozen=True):
         return now - self.heartbeat_at <= SILENCE and self.beats >= _BEATS_TO_RETURN
 
     def knows_where(self, now: float) -> bool:
-        """Return True when position and attitude are fresh, and the estimator's flags confirm them.
+        """Return True while position and attitude are recent, and confirmed by the estimator's flags.
 
-        Without satellites both autopilots go on reporting a position, which drifts by hundreds of metres.
+        Without satellites both autopilots keep reporting a position, which drifts by hundreds of metres.
         """
         fresh = now - self.position_at <= _FRESH and now - self.attitude_at <= _FRESH
         return fresh and self.estimator_has_position is not False
 
     def fix_told(self, now: float) -> bool:
-        """Return whether the satellite receiver speaks, or spoke since the start."""
+        """Return True if the satellite receiver sends messages, or had a fix since the start."""
         return self.had_fix or now - self.fix_at <= _FIX_FRESH
 
     def fix_now(self, now: float) -> Fix | None:
-        """Return the fix, None without one and when the receiver fell silent."""
+        """Return the fix; None without one, or when the receiver is silent."""
         return self.fix if now - self.fix_at <= _FIX_FRESH else None
 
 
@@ -226,12 +226,12 @@ def reduce(state: VehicleState, message: MavlinkMessage, now: float) -> VehicleS
 
 
 def _has_rebooted(before: int | None, boot_ms: int) -> bool:
-    """Tell whether the vehicle's own clock shows that it started again."""
+    """Return True if the vehicle's own clock shows a restart."""
     return before is not None and boot_ms + _BACKWARDS < before < _CLOCK_WRAP
 
 
 def _rebooted(state: VehicleState, boot_ms: int | None) -> VehicleState:
-    """Return what is still known of a vehicle that started again."""
+    """Return the state that remains valid after a restart."""
     return VehicleState(
         heartbeat=state.heartbeat,
         heartbeat_at=state.heartbeat_at,
@@ -242,22 +242,22 @@ def _rebooted(state: VehicleState, boot_ms: int | None) -> VehicleState:
 
 
 def _heartbeat(state: VehicleState, message: Heartbeat, now: float) -> dict[str, object]:
-    """Count heartbeats; one from the start of the boot, after being up, means a reboot."""
+    """Count heartbeats; a booting vehicle that was up before has restarted."""
     beats = state.beats + 1 if now - state.heartbeat_at <= SILENCE else 1
     if state.heartbeat is None:
         beats = _BEATS_TO_RETURN  # the first contact counts at once; only a return needs a second heartbeat
     news: dict[str, object] = {"heartbeat": message, "heartbeat_at": now, "beats": beats}
     if now - state.heartbeat_at > SILENCE:
-        news["vtol_state"] = None  # it may fly otherwise by now
+        news["vtol_state"] = None  # its flight state may have changed by now
     was_up = state.heartbeat is not None and state.heartbeat.system_status > Status.CALIBRATING
-    # PX4 says UNINIT also of a vehicle that is up and may not arm just now; ArduPilot says BOOT at boot only.
+    # PX4 reports UNINIT also while it is up and cannot arm; ArduPilot reports BOOT at boot only.
     if was_up and message.system_status == Status.BOOT:
         news |= msgspec.structs.asdict(_rebooted(state, None)) | news
     return news
 
 
 def _sys_status(state: VehicleState, message: SysStatus, _now: float) -> dict[str, object]:
-    """Take the arming check, the remote control, and the battery unless it has a message of its own."""
+    """Apply the arming check, the remote control, and the battery unless it has its own message."""
     healthy = message.onboard_control_sensors_health
     receives = bool(message.onboard_control_sensors_present & RC_RECEIVER)
     news: dict[str, object] = {
@@ -275,7 +275,7 @@ def _sys_status(state: VehicleState, message: SysStatus, _now: float) -> dict[st
 
 
 def _battery_status(_state: VehicleState, message: BatteryStatus, _now: float) -> dict[str, object]:
-    """Take the first battery."""
+    """Apply the first battery."""
     if message.id != 0:
         return {}
     cells = [cell for cell in message.voltages if cell not in {0, _UNKNOWN_16}]
@@ -290,17 +290,17 @@ def _battery_status(_state: VehicleState, message: BatteryStatus, _now: float) -
 
 
 def _percent(remaining: int) -> float | None:
-    """Return a charge, None where it is unknown or nonsense."""
+    """Return a charge, None if unknown or invalid."""
     return float(remaining) if 0 <= remaining <= 100 else None
 
 
 def _amperes(centiamperes: int) -> float | None:
-    """Return a current, None where it is unknown."""
+    """Return a current, None if unknown."""
     return centiamperes / 100 if centiamperes >= 0 else None
 
 
 def _gps(_state: VehicleState, message: GpsRawInt, now: float) -> dict[str, object]:
-    """Take a 2D or 3D fix; drop it when lost, because PX4 keeps reporting its last position."""
+    """Apply a 2D or 3D fix; drop it when lost, because PX4 keeps reporting its last position."""
     kind = FIX_TYPES.get(message.fix_type)
     satellites = None if message.satellites_visible == 255 else message.satellites_visible
     if kind is None or not _is_place(message.lat, message.lon):
@@ -318,27 +318,27 @@ def _gps(_state: VehicleState, message: GpsRawInt, now: float) -> dict[str, obje
 def _estimator(
     state: VehicleState, message: EkfStatusReport | EstimatorStatus, _now: float
 ) -> dict[str, object]:
-    """Take the estimator's flags."""
+    """Apply the estimator's flags."""
     had = state.had_estimate or bool(message.flags & _ABSOLUTE_POSITION)
     return {"estimator_flags": message.flags, "had_estimate": had}
 
 
 def _is_place(latitude: int, longitude: int) -> bool:
-    """Return True when degrees times 1e7 are a position; autopilots send 0/0 for an unknown one."""
+    """Return True for a valid position, degrees times 1e7; autopilots send 0/0 for an unknown one."""
     return (
         (latitude, longitude) != (0, 0) and abs(latitude) <= 900_000_000 and abs(longitude) <= 1_800_000_000
     )
 
 
 def _attitude(_state: VehicleState, message: Attitude, now: float) -> dict[str, object]:
-    """Take an attitude that is made of numbers."""
+    """Apply an attitude, if it is finite."""
     if not all(map(math.isfinite, (message.roll, message.pitch, message.yaw))):
         return {}
     return {"attitude": Angles(message.roll, message.pitch, message.yaw), "attitude_at": now}
 
 
 def _position(_state: VehicleState, message: GlobalPositionInt, now: float) -> dict[str, object]:
-    """Take a position, unless the estimator has none yet."""
+    """Apply a position, unless the estimator has none yet."""
     if not _is_place(message.lat, message.lon):
         return {}
     return {
@@ -351,26 +351,26 @@ def _position(_state: VehicleState, message: GlobalPositionInt, now: float) -> d
 
 
 def _home(_state: VehicleState, message: HomePosition, _now: float) -> dict[str, object]:
-    """Take the home position."""
+    """Apply the home position."""
     if not _is_place(message.latitude, message.longitude):
         return {}
     return {"home": GeoPoint(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1000)}
 
 
 def _landed(_state: VehicleState, message: ExtendedSysState, _now: float) -> dict[str, object]:
-    """Take whether it is on the ground, and whether a VTOL hovers."""
+    """Apply the landed state, and the VTOL state."""
     landed = _LANDED.get(message.landed_state, _UNDEFINED)
     return {"landed": landed, "vtol_state": message.vtol_state}
 
 
 def _mission(_state: VehicleState, message: MissionCurrent, _now: float) -> dict[str, object]:
-    """Take the active item of the stored mission; 0 and 65535 items mean that there is none."""
+    """Apply the active item of the stored mission; 0 and 65535 items mean that there is none."""
     total = message.total if message.total not in {0, _UNKNOWN_16} else None
     return {"mission_current": message.seq, "mission_total": total}
 
 
 def _setting(state: VehicleState, message: ParamValue, _now: float) -> dict[str, object]:
-    """Take a parameter that decides how it is moved; none of them is an integer on PX4."""
+    """Apply a parameter in ``SETTINGS``; none of them is an integer on PX4."""
     if message.param_id not in SETTINGS:
         return {}
     (value,) = struct.unpack("<f", struct.pack("<I", message.param_value))

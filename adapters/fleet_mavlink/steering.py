@@ -1,4 +1,4 @@
-"""Whether a vehicle on the surface can turn where it stands: read from how ArduRover drives its outputs."""
+"""Can a vehicle on the surface turn in place? Determined from ArduRover's servo functions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fleet_mavlink.vehicle import Vehicle
 
 _OUTPUTS = tuple(f"SERVO{number}_FUNCTION" for number in range(1, 5))
 _STEERED = 26  # ground steering
-_TURNING = frozenset({73, 74, 33, 34, 35, 36})  # throttle left and right; the motors of an omni frame
+_TURNING = frozenset({73, 74, 33, 34, 35, 36})  # throttle left and right; motors of an omni frame
 _FOREVER, _AGAIN = 3600.0, 10.0  # s
 
 
@@ -23,7 +23,7 @@ class Steering:
         self._parameters = parameters
 
     async def keep(self) -> None:
-        """Read it, again after a reboot, until cancelled; nothing to do for what has no steering."""
+        """Read the servo functions of a vehicle on the surface, again after each reboot, until cancelled."""
         vehicle = self._vehicle
         while True:
             while not await vehicle.until(self._is_met, _FOREVER):
@@ -39,12 +39,12 @@ class Steering:
             await vehicle.restarted(reboots, wait)
 
     def _is_met(self, state: VehicleState) -> bool:
-        """Return whether it answers, and moves on the surface."""
+        """Return True while it answers, and moves on the surface."""
         return state.on_the_surface and self._vehicle.connected and self._vehicle.flavour is not None
 
 
 def turns_in_place(functions: Iterable[int]) -> bool | None:
-    """Return whether a vehicle whose outputs have these functions turns where it stands, None: unknown."""
+    """Return whether a vehicle with these servo functions can turn in place, None: unknown."""
     had = frozenset(functions)
     if had & _TURNING:
         return True

@@ -1,6 +1,6 @@
-"""Requests the messages that we need from the vehicle, and repeats requests for those that do not arrive.
+"""Requests the messages that this adapter needs, and repeats requests for those that do not arrive.
 
-ArduPilot sends only heartbeats and texts until it is asked for more, and forgets the rates when it reboots.
+ArduPilot sends only heartbeats and texts until others are requested, and forgets the rates when it reboots.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from fleet_mavlink.vehicle_kind import VehicleKind
 _LOOK = 1.0  # s between checks of the arriving messages
 _PATIENCE = 3.0  # s, or three periods, without a message after which it is requested again
 _ASK_AGAIN = 5.0  # s between requests for the same message
-_OLD_WAY_AFTER = 2  # requests for the attitude without effect
+_OLD_WAY_AFTER = 2  # requests for the attitude without effect, before REQUEST_DATA_STREAM
 _VFR_HUD = 74
-_SHOWN: Mapping[int, float] = {_VFR_HUD: 2.0}  # what ground stations show, and only they
+_SHOWN: Mapping[int, float] = {_VFR_HUD: 2.0}  # messages for ground stations only
 _KIND = {kind.message_id: kind for kind in (*INCOMING, *payload_messages.INCOMING)}
 
 
 def wanted_rates(
     pose: float, kind: VehicleKind, *, imu: float = 0.0, motors: float = 0.0
 ) -> Mapping[int, float]:
-    """Return message id -> Hz; ``pose`` is the rate of position and attitude; 0 is not asked for."""
+    """Return message id -> Hz; ``pose``: rate of position and attitude; rates of 0 are left out."""
     sensors = {kind.imu: imu, kind.motors: motors}
     return {
         ExtendedSysState.message_id: 2.0,  # a stop of a VTOL depends on it
@@ -60,7 +60,7 @@ def wanted_rates(
 
 
 class Streams:
-    """Keeps the rates of one vehicle as wanted."""
+    """Maintains the message rates of one vehicle."""
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class Streams:
         self._refused: set[int] = set()
 
     async def keep(self) -> None:
-        """Ask, look, ask again, until cancelled."""
+        """Request and check periodically, until cancelled."""
         agreed = (0, 0)
         while True:
             begun = (self._vehicle.state.reboots, self._vehicle.switches)
@@ -93,7 +93,7 @@ class Streams:
             await self._look_again()
 
     async def _look_again(self) -> None:
-        """Wait for the next look; what is not heard is looked at as soon as it is."""
+        """Wait for the next check; a vehicle that returns is checked at once."""
         vehicle = self._vehicle
         if vehicle.connected:
             await asyncio.sleep(_LOOK)
@@ -107,7 +107,7 @@ class Streams:
         self._in_vain = 0
 
     async def _ask_for_missing(self, kind: VehicleKind) -> None:
-        """Ask for each message once, and again when it does not come."""
+        """Request each message once, and again if it does not arrive."""
         shown = _SHOWN if self._vehicle.shown_at is not None else {}
         for message_id, rate in {**shown, **wanted_rates(self._pose, kind, **self._sensors)}.items():
             if message_id not in self._refused and self._is_due(message_id, rate):
@@ -116,7 +116,7 @@ class Streams:
             self._ask_the_old_way(kind)
 
     def _is_due(self, message_id: int, rate: float) -> bool:
-        """Return whether a message was never asked for, or is overdue."""
+        """Return True if a message was never requested, or is overdue."""
         now = self._vehicle.now()
         asked = self._asked_at.get(message_id)
         if asked is None:
@@ -126,13 +126,13 @@ class Streams:
         return now - seen > patience and now - asked > max(_ASK_AGAIN, patience)
 
     def _seen_at(self, message_id: int) -> float:
-        """Return when a message came last."""
+        """Return the time of a message's last arrival."""
         if message_id in _KIND:
             return self._vehicle.seen_at.get(_KIND[message_id], -math.inf)
         return (self._vehicle.shown_at or {}).get(message_id, -math.inf)
 
     async def _ask(self, message_id: int, rate: float) -> None:
-        """Ask for one message; a refusal stands until the vehicle reboots."""
+        """Request one message; a refusal stands until the vehicle reboots."""
         if message_id == Attitude.message_id and message_id in self._asked_at:
             self._in_vain += 1
         self._asked_at[message_id] = self._vehicle.now()
@@ -146,7 +146,7 @@ class Streams:
                 self._refused.add(message_id)
 
     def _ask_the_old_way(self, kind: VehicleKind) -> None:
-        """Ask for groups of messages, as old firmware wants it; nothing answers to this."""
+        """Request groups of messages, for old firmware; this is never acknowledged."""
         self._in_vain = 0
         for stream in kind.data_streams:
             self._vehicle.send(

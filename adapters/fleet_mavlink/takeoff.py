@@ -13,18 +13,18 @@ from fleet_mavlink.state import VehicleState
 from fleet_mavlink.winged_takeoff import WingedTakeOff
 from fleet_mavlink.wings import Winged
 
-_ATTEMPTS = 3  # the motors may be switched off under the first, when a landing ends meanwhile
-_BEGUN_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
+_ATTEMPTS = 3  # the end of a landing may switch the motors off during the first one
+_BEGUN_WITHIN = 3.0  # s; the heartbeat that shows it is sent once a second
 _OFF_GROUND_WITHIN = 20.0  # s after the take-off was accepted
 _POLL = 0.5  # s between checks
-_CLOSE = 0.3  # m, tolerated error of the height that the autopilot reports
-_NEAR, _NEAR_SHARE = 0.5, 0.05  # m, and share of the height, tolerated when it gets no nearer
+_CLOSE = 0.3  # m, tolerated error of the reported height
+_NEAR, _NEAR_SHARE = 0.5, 0.05  # m, and share of the height, tolerated if it gets no closer
 _WITHIN = 0.1  # m from a limit, because home is reported to the centimetre
-_SETTLES_WITHIN = 4.0  # s after its own end, in which it climbs on to the height that it was given
+_SETTLES_WITHIN = 4.0  # s after its own end in which it still climbs to the given height
 _CORRECTED_WITHIN = 15.0  # s
 _CORRECTS_AT = 1.0  # m/s
-_LATE = 0.5  # m that a take-off's end may be lower than the autopilot's own tolerance
-_TOLERANCE = 0.8  # m; what PX4 comes with
+_LATE = 0.5  # m by which a take-off may end below the autopilot's own tolerance
+_TOLERANCE = 0.8  # m; PX4's default
 
 
 class TakeOff:
@@ -40,7 +40,7 @@ class TakeOff:
         """Arm if necessary and climb to ``altitude`` m above home; yields once the autopilot accepts it.
 
         A vehicle that is higher (it lands, or returns home) holds instead. Raises the refusal, Refused also
-        when it ended too low, Fault when the motors stopped, TimedOut.
+        if it ended too low, Fault if the motors stopped, TimedOut.
         """
         require_control(self._vehicle, self._flight.authority)
         self.under_way = True
@@ -60,7 +60,7 @@ class TakeOff:
             self.under_way = False
 
     async def _try(self, altitude: float) -> AsyncIterator[Progress]:
-        """Take off; try again when the end of a landing switched the motors off meanwhile."""
+        """Take off; try again if the end of a landing switched the motors off in the meantime."""
         for _ in range(_ATTEMPTS):
             attempt = _Attempt(self._flight, self._parameters, altitude)
             if not await attempt.begin():
@@ -82,11 +82,11 @@ class _Attempt:
         self._parameters = parameters
         self._altitude = altitude
         self._armed_by_us = self._by_place = False
-        self._left = ""  # the mode that the take-off ended
+        self._left = ""  # mode that the take-off ended
         self._target = 0.0  # m AMSL
 
     async def begin(self) -> bool:
-        """Arm and ask; False when a landing turns out to have ended already."""
+        """Arm and request the climb; False if a landing has just ended."""
         flight, flavour = self._flight, self._flight.flavour
         self._target = await flight.home.altitude() + self._altitude
         self._left = flight.mode(self._vehicle.state)
@@ -108,7 +108,7 @@ class _Attempt:
         return True
 
     async def _ask(self) -> None:
-        """Ask for the climb: by a take-off, or where that is not taken in the air by a place."""
+        """Request the climb: by a take-off, or in the air, if that is refused there, by a position."""
         flight, flavour, vehicle = self._flight, self._flight.flavour, self._vehicle
         # A QuadPlane that has landed before says that it flies as soon as it is armed.
         flies = bool(vehicle.state.in_air) and not self._armed_by_us
@@ -121,13 +121,13 @@ class _Attempt:
             await flight.commander.ask(ask, seen=self._obeyed)
 
     def _obeyed(self, state: VehicleState) -> bool:
-        """Return whether a vehicle that did not answer takes off all the same."""
+        """Return True if a vehicle that did not answer takes off nevertheless."""
         flavour = self._flight.flavour
         shown = self._flight.mode(state) == flavour.takeoff
         return shown and (flavour.takeoff != flavour.arming or _climbs(state))
 
     async def watch(self) -> AsyncIterator[Progress]:
-        """Follow it to its height; ends early when it is disarmed on the ground."""
+        """Follow it to its height; ends early if it is disarmed on the ground."""
         yield Progress(0.0, "taking off")
         await self._vehicle.until(self._shows_it, _BEGUN_WITHIN)
         by, percent, climbed = self._vehicle.now() + _OFF_GROUND_WITHIN, 0.0, False
@@ -147,18 +147,18 @@ class _Attempt:
         yield Progress(100.0, f"at {height_of(self._vehicle.state):.1f} m")
 
     def _has_landed(self, state: VehicleState) -> bool:
-        """Return whether a landing that was under way has ended: by its motors, or below a place."""
+        """Return True if a landing in progress has ended: motors off, or on the ground during a go."""
         if self._by_place and state.in_air is False:
             return True
         return not state.armed and not self._armed_by_us
 
     def _shows_it(self, state: VehicleState) -> bool:
-        """Return whether the vehicle shows the take-off, or has ended it, or is off."""
+        """Return True if the vehicle shows the take-off, has ended it, or is disarmed."""
         flavour, mode = self._flight.flavour, self._flight.mode(state)
         return mode == flavour.takeoff or not state.armed or mode == flavour.hold != self._left
 
     def _is_up(self, state: VehicleState) -> bool:
-        """Return whether it stands at its height, or the autopilot has ended the take-off by itself."""
+        """Return True if it stands at its height, or the autopilot has ended the take-off by itself."""
         flavour = self._flight.flavour
         if not state.armed:
             return False
@@ -168,7 +168,7 @@ class _Attempt:
 
     @property
     def _near(self) -> float:
-        """How far off its height it may stay in wind, metres."""
+        """Tolerated error of its height in wind, m."""
         return max(_NEAR, _NEAR_SHARE * self._altitude)
 
     async def _give_up(self) -> None:
@@ -178,7 +178,7 @@ class _Attempt:
         raise TimedOut(f"it did not leave the ground in {_OFF_GROUND_WITHIN:g} s")
 
     async def _require_end(self) -> None:
-        """Raise Refused unless it is as high as the autopilot's own tolerance lets a take-off end."""
+        """Raise Refused if it is lower than the autopilot's own tolerance of a take-off."""
         here = self._vehicle.state.position
         short = self._target - here.altitude if here else 0.0
         if short <= _TOLERANCE + _LATE:
@@ -187,7 +187,7 @@ class _Attempt:
             raise Refused(f"the take-off ended at {height_of(self._vehicle.state):.1f} m")
 
     async def _tolerance(self) -> float:
-        """Return how far below its height the autopilot ends a take-off, metres."""
+        """Return the autopilot's own tolerance below the height of a take-off, m."""
         name = self._flight.flavour.takeoff_tolerance
         if name is None:
             return _CLOSE
@@ -198,7 +198,7 @@ class _Attempt:
         return float(parameter.value)
 
     async def _settle(self) -> None:
-        """Let it come to its height above the home that it has now; raises TimedOut when it does not."""
+        """Let it settle at its height above the present home; raises TimedOut if it does not."""
         vehicle, flavour = self._vehicle, self._flight.flavour
         if await vehicle.until(self._at_height, _SETTLES_WITHIN):
             return
@@ -213,7 +213,7 @@ class _Attempt:
             return
 
     async def _go(self) -> None:
-        """Fly to the height above this place; a height at a limit stays a little within it."""
+        """Fly to the height above this position; stays slightly within a limit."""
         vehicle, flight = self._vehicle, self._flight
         here = known_position(vehicle)
         height = min(max(self._altitude, flight.flavour.lowest + _WITHIN), flight.ceiling - _WITHIN)
@@ -221,10 +221,10 @@ class _Attempt:
         await flight.go(above, _CORRECTS_AT, known_heading(vehicle))
 
     def _at_height(self, state: VehicleState) -> bool:
-        """Return whether it stands at its height."""
+        """Return True if it stands at its height."""
         return abs(height_of(state) - self._altitude) <= _CLOSE and is_standing(state)
 
 
 def _climbs(state: VehicleState) -> bool:
-    """Return whether a vehicle that was on the ground is on its way up."""
+    """Return True if a vehicle that was on the ground is climbing."""
     return bool(state.in_air) or (state.velocity is not None and state.velocity.z < -_LATE)

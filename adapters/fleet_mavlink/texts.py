@@ -12,7 +12,7 @@ CHUNK = 50  # characters of a full chunk
 PATIENCE = 1.0  # s to wait for the next chunk
 _OPEN = 8  # incomplete texts kept for one vehicle; the oldest are dropped first
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]+")
-WARNING = 4  # MAV_SEVERITY: this or lower is trouble
+WARNING = 4  # MAV_SEVERITY: this or lower is a problem
 
 
 class Sentence(msgspec.Struct, frozen=True):
@@ -21,11 +21,11 @@ class Sentence(msgspec.Struct, frozen=True):
     text: str
     severity: int
     at: float
-    event: bool = False  # it came as an EVENT, which a STATUSTEXT often repeats with fewer words
+    event: bool = False  # from an EVENT, which a STATUSTEXT often repeats in short
 
 
 class _Pieces:
-    """The pieces of one sentence that have arrived."""
+    """Received chunks of one text."""
 
     def __init__(self, severity: int, at: float) -> None:
         self.severity = severity
@@ -34,11 +34,11 @@ class _Pieces:
         self.last: int | None = None
 
     def whole(self) -> bool:
-        """Return True when every piece up to the last one is there."""
+        """Return True once every chunk up to the last one has arrived."""
         return self.last is not None and all(index in self.texts for index in range(self.last + 1))
 
     def joined(self) -> str:
-        """Return the sentence, with a mark where a piece is missing."""
+        """Return the text, with a mark for each missing chunk."""
         count = max(self.texts) + 1
         return "".join(self.texts.get(index, "[...]") for index in range(count))
 
@@ -50,7 +50,7 @@ class Joiner:
         self._open: dict[int, _Pieces] = {}
 
     def feed(self, piece: StatusTextMessage, now: float) -> list[Sentence]:
-        """Take a piece; return the sentences that are finished."""
+        """Process a chunk; return the texts that are complete."""
         if piece.id == 0:
             return _sentences(piece.text, piece.severity, now)
         pieces = self._open.setdefault(piece.id, _Pieces(piece.severity, now))
@@ -62,17 +62,17 @@ class Joiner:
         return self._close(next(iter(self._open))) if len(self._open) > _OPEN else []
 
     def late(self, now: float) -> list[Sentence]:
-        """Return the sentences whose next piece is overdue."""
+        """Return the texts whose next chunk is overdue."""
         overdue = [key for key, pieces in self._open.items() if now - pieces.at > PATIENCE]
         return [sentence for key in overdue for sentence in self._close(key)]
 
     def _close(self, key: int) -> list[Sentence]:
-        """Return an open sentence as it is."""
+        """Return an incomplete text as it is."""
         pieces = self._open.pop(key)
         return _sentences(pieces.joined(), pieces.severity, pieces.at)
 
 
 def _sentences(text: str, severity: int, at: float) -> list[Sentence]:
-    """Return one sentence without control characters (PX4 ends its own with a tab); none if empty."""
+    """Return one text without control characters (PX4 appends a tab); none if empty."""
     clean = _CONTROL.sub(" ", text).strip()
     return [Sentence(clean, severity, at)] if clean else []

@@ -1,7 +1,7 @@
-"""Tells each aircraft where the others of this process are, as ADS-B receivers do (ADSB_VEHICLE).
+"""Reports the aircraft of this process to each other like ADS-B receivers (ADSB_VEHICLE).
 
-Only what flies is told, and only to what is armed: on the ground it would be an alarm about nothing. What an
-autopilot does about traffic is set in its own parameters, which are left as they are.
+Only flying aircraft are reported, and only to armed ones: on the ground it would be a false alarm. The
+autopilot's reaction to traffic is set in its own parameters, which are not changed.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
-_EVERY = 1.0  # s, as ADS-B
-_FARTHEST = 2000.0  # m; ArduPilot ignores what is farther away (ADSB_LIST_RADIUS)
+_EVERY = 1.0  # s, like ADS-B
+_FARTHEST = 2000.0  # m; ArduPilot ignores farther aircraft (ADSB_LIST_RADIUS)
 _MOST = 10  # aircraft, the nearest: a radio link is slow
 _FRESH = 5.0  # s for which autopilots remember an aircraft
-_ADDRESSES = range(0xF80000, 0xFFFFFF)  # ICAO addresses that are allotted to no state
+_ADDRESSES = range(0xF80000, 0xFFFFFF)  # ICAO addresses not allocated to any state
 _CALLSIGN = 8  # characters
 _UNMANNED = 14  # ADSB_EMITTER_TYPE
 _BY_SATELLITES = 1  # ADSB_ALTITUDE_TYPE
@@ -33,7 +33,7 @@ _SHOWN = _COORDINATES | _ALTITUDE | _NAMED
 
 
 class Aircraft(msgspec.Struct, frozen=True):
-    """One aircraft of the process, with the ICAO address and the callsign by which others know it."""
+    """One aircraft of the process, with the ICAO address and the callsign reported to others."""
 
     vehicle: Vehicle
     address: int
@@ -49,7 +49,7 @@ class Traffic:
 
     @contextlib.contextmanager
     def member(self, vehicle: Vehicle, name: str, twin: UUID, *, simulated: bool) -> Iterator[Aircraft]:
-        """Count an aircraft among them; its address follows from its twin, and is nobody else's."""
+        """Add an aircraft; its unique address is derived from its twin."""
         first = twin.int % len(_ADDRESSES)
         order = (_ADDRESSES[(first + step) % len(_ADDRESSES)] for step in range(len(_ADDRESSES)))
         address = next(each for each in order if each not in self.aircraft)
@@ -66,7 +66,7 @@ def callsign_of(name: str) -> str:
 
 
 def near(own: Aircraft, aircraft: Iterable[Aircraft], now: float) -> list[AdsbVehicle]:
-    """Return what an aircraft is told at monotonic ``now``: the nearest others that fly."""
+    """Return the messages for an aircraft at monotonic ``now``: the nearest others that fly."""
     here = own.vehicle.state.position
     if here is None or not own.vehicle.state.armed:
         return []
@@ -84,7 +84,7 @@ def near(own: Aircraft, aircraft: Iterable[Aircraft], now: float) -> list[AdsbVe
 
 
 def adsb_vehicle(other: Aircraft, state: VehicleState, now: float) -> AdsbVehicle:
-    """Return what is told of an aircraft; its position must be known."""
+    """Return the message about an aircraft; raises ValueError without a position."""
     position, velocity = state.position, state.velocity
     if position is None:
         raise ValueError("no position")
@@ -112,26 +112,26 @@ def adsb_vehicle(other: Aircraft, state: VehicleState, now: float) -> AdsbVehicl
 
 @contextlib.asynccontextmanager
 async def _open_traffic() -> AsyncIterator[Traffic]:
-    """Give the aircraft of this process."""
+    """Provide the traffic of this process."""
     yield Traffic()
 
 
 @contextlib.asynccontextmanager
 async def _joined(traffic: Traffic, config: MavlinkConfig, vehicle: Vehicle) -> AsyncIterator[Aircraft]:
-    """Count an aircraft among the others."""
+    """Add an aircraft to the traffic."""
     with traffic.member(vehicle, config.name, config.twin, simulated=config.simulated) as one:
         yield one
 
 
 async def tell_traffic(config: MavlinkConfig, robot: Robot, vehicle: Vehicle) -> None:
-    """Have a vehicle known to the others until its attempt ends; tell it of them, if it is to be told."""
+    """Report a vehicle to the others until its attempt ends; report the others to it, if configured."""
     traffic = await robot.enter(robot.share("mavlink traffic", _open_traffic))
     own = await robot.enter(_joined(traffic, config, vehicle))
 
     def tell() -> None:
         if not vehicle.connected:
             return
-        with contextlib.suppress(LinkLost):  # the session notices it
+        with contextlib.suppress(LinkLost):  # the session detects it
             for each in near(own, traffic.aircraft.values(), vehicle.now()):
                 vehicle.send(each)
 

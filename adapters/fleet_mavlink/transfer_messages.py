@@ -1,4 +1,4 @@
-"""The MAVLink messages of parameters and on-board logs, as typed values."""
+"""MAVLink messages of parameters and on-board logs, as typed values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fleet_mavlink.messages import MavlinkMessage
 
 
 class ParamRequestRead(MavlinkMessage, frozen=True):
-    """PARAM_REQUEST_READ: by name, or by ``param_index`` where that is not negative."""
+    """PARAM_REQUEST_READ: by name, or by ``param_index`` if it is not negative."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ
     target_system: int
@@ -20,7 +20,7 @@ class ParamRequestRead(MavlinkMessage, frozen=True):
 
 
 class ParamRequestList(MavlinkMessage, frozen=True):
-    """PARAM_REQUEST_LIST: all of them."""
+    """PARAM_REQUEST_LIST: request for all parameters."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST
     target_system: int
@@ -30,8 +30,8 @@ class ParamRequestList(MavlinkMessage, frozen=True):
 class ParamValue(MavlinkMessage, frozen=True):
     """PARAM_VALUE: one parameter.
 
-    ``param_value`` is the 32 bits as they stand on the wire: PX4's integers are no float, and some of them
-    would not survive as one.
+    ``param_value`` has the 32 bits on the wire: PX4's integers are not floats, and some of them would not
+    survive a conversion.
     """
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_PARAM_VALUE
@@ -97,7 +97,7 @@ class LogData(MavlinkMessage, frozen=True):
 
 
 class LogRequestEnd(MavlinkMessage, frozen=True):
-    """LOG_REQUEST_END: enough; the autopilot goes on logging."""
+    """LOG_REQUEST_END: end of the transfer; the autopilot resumes logging."""
 
     message_id: ClassVar[int] = dialect.MAVLINK_MSG_ID_LOG_REQUEST_END
     target_system: int

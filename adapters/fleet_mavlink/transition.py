@@ -1,4 +1,4 @@
-"""Transitions of a VTOL between its hover and its flight on wings; done when it was seen to fly so."""
+"""Transitions of a VTOL between hover and forward flight; done when seen in its VTOL state."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ _PX4 = Px4Plane()
 
 
 class TransitionCommands(SessionAdapter):
-    """The command of a VTOL."""
+    """Command of VTOLs."""
 
     @command("transition", timeout=120.0)
     async def transition(self, *, to: To) -> AsyncIterator[Progress]:
-        """Go over to the hover, or to forward flight; a VTOL's."""
+        """Change to hover or to forward flight; VTOLs only."""
         async for progress in transition(self._session.flight, to):
             yield progress
 
 
 async def _begin(flight: Flight, to: To) -> None:
-    """Ask for a transition, unless the vehicle is in it already."""
+    """Request a transition, unless it is in progress already."""
     vehicle, flavour = flight.vehicle, flight.flavour
     mode = flavour.transitions[to]
     flight.give_way(flavour, mode or flavour.hold)
@@ -49,7 +49,7 @@ async def _begin(flight: Flight, to: To) -> None:
 
 
 async def transition(flight: Flight, to: To) -> AsyncIterator[Progress]:
-    """Go over to another way to fly, here; raises the refusal, and TimedOut when it is not seen to."""
+    """Change the flight state at this position; raises the refusal, TimedOut if it is not seen in time."""
     vehicle, authority = flight.vehicle, flight.authority
     require_control(vehicle, authority)
     require_has(vehicle, "transition")

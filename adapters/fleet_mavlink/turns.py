@@ -1,4 +1,4 @@
-"""Turns of the commands to one vehicle: one at a time, and what ends those that are not answered yet."""
+"""Turns of the commands to one vehicle: one at a time, and the conditions that end pending ones."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Superseded(Refused):
 
 
 class Exchange:
-    """A command's turn, entered when it is the one under way: what came back for it.
+    """The turn of one command, entered once it is the current one, with its acknowledgements.
 
-    ``yields``: it is nobody's wish, and gives its turn to whoever else wants it.
+    ``yields``: a request of the adapter itself, which gives its turn to any other command.
     """
 
     def __init__(self, turns: Turns, ask: Ask, *, effect: Effect = Effect.NONE, yields: bool = False) -> None:
@@ -31,11 +31,11 @@ class Exchange:
         self.refusal: CommandAck | None = None
         self.refused_at = 0.0
         self.superseded = ""
-        self._news: asyncio.Future[None] | None = None  # while somebody waits
+        self._news: asyncio.Future[None] | None = None  # while a task waits
         self._turns = turns
 
     async def __aenter__(self) -> Self:
-        """Wait for our turn, and listen for answers before the command is sent; raises Refused."""
+        """Wait for the turn, and listen for acknowledgements before the command is sent; raises Refused."""
         turns = self._turns
         if not self.yields:
             turns.end_yielding()
@@ -62,7 +62,7 @@ class Exchange:
         self.wake()
 
     def take(self, ack: CommandAck) -> None:
-        """Take an answer."""
+        """Add an acknowledgement."""
         self.acks.append(ack)
         self.wake()
 
@@ -72,7 +72,7 @@ class Exchange:
             self._news.set_result(None)
 
     async def next(self) -> CommandAck:
-        """Wait for an answer; raises Refused when something more urgent took over."""
+        """Wait for an acknowledgement; raises Refused if something more urgent took over."""
         while not self.acks and not self.superseded:
             self._news = asyncio.get_running_loop().create_future()
             await self._news
@@ -80,13 +80,13 @@ class Exchange:
         return self.acks.popleft()
 
     def require_wanted(self) -> None:
-        """Raise Refused when something more urgent took over."""
+        """Raise Refused if something more urgent took over."""
         if self.superseded:
             raise Superseded(f"superseded: {self.superseded}")
 
 
 class Turns:
-    """The command under way, and those that wait."""
+    """The current command, and the waiting ones."""
 
     def __init__(self, now: Callable[[], float]) -> None:
         self.lock = asyncio.Lock()
@@ -101,7 +101,7 @@ class Turns:
             exchange.supersede(reason)
 
     def end_yielding(self) -> None:
-        """End what gives its turn to others: nobody's command waits for an answer to it."""
+        """End commands that yield: no user waits for their result."""
         for exchange in self._all():
             if exchange.yields:
                 exchange.supersede("something else is asked")
@@ -114,7 +114,7 @@ class Turns:
                 self._halted = True
 
     def end_halted(self) -> bool:
-        """Wake what was halted by another thread; return whether there was any."""
+        """Wake the commands halted by another thread; return whether there were any."""
         halted, self._halted = self._halted, False
         for exchange in self._all() if halted else ():
             if exchange.superseded:
@@ -122,6 +122,6 @@ class Turns:
         return halted
 
     def _all(self) -> tuple[Exchange, ...]:
-        """Return the command under way, and those that wait."""
+        """Return the current command, and the waiting ones."""
         current = self.current
         return (*tuple(self.waiting), *((current,) if current else ()))

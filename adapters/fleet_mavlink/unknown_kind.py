@@ -12,7 +12,7 @@ from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 
 
 class UnknownKind(VehicleKind):
-    """Unknown vehicle without mode names. A stop asks it to pause, and fails unless it is seen to stand."""
+    """Unknown vehicle without mode names. A stop requests a pause, and fails unless it is seen to stand."""
 
     name: ClassVar[str] = "an unknown autopilot"
     modes: ClassVar[Mapping[int, str]] = {}
@@ -23,11 +23,11 @@ class UnknownKind(VehicleKind):
     bytewise_parameters: ClassVar[bool] = False
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:  # noqa: ARG002 - always the same
-        """Return DO_PAUSE_CONTINUE, which shows no mode: it must be seen to stand."""
+        """Return DO_PAUSE_CONTINUE, which shows no mode: its effect must be seen."""
         return (Brake("", CommandLong(Cmd.DO_PAUSE_CONTINUE)),)
 
     def position_usable(self, state: VehicleState, now: float) -> bool | None:
-        """Return whether positions come."""
+        """Return True while positions arrive."""
         return state.knows_where(now)
 
     def ready_to_arm(self, state: VehicleState) -> bool | None:

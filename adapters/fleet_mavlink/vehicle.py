@@ -40,7 +40,7 @@ Condition = Callable[[VehicleState], bool]
 class Vehicle:
     """The autopilot with one system id; only messages from its one known address are accepted.
 
-    ``send`` writes a message to it. ``on_heartbeat``, ``on_ack`` and ``on_sentence`` are called for its
+    ``send`` sends a message to it. ``on_heartbeat``, ``on_ack`` and ``on_sentence`` are called for its
     messages, before the tasks that wait for a state are woken.
     """
 
@@ -54,49 +54,49 @@ class Vehicle:
         self.system = system
         self.trust = trust or Trust()
         self.clock = clock
-        self.now = clock.monotonic  # seconds in which all that is known of it is stamped
+        self.now = clock.monotonic  # clock of all time stamps about it
         self.state = VehicleState()
         self.address: Address = None
         self.sentences: deque[Sentence] = deque(maxlen=_REMEMBERED)
         self.seen_at: dict[type[MavlinkMessage], float] = {}
-        self.shown_at: dict[int, float] | None = None  # messages to ground stations, by number; None: to none
+        self.shown_at: dict[int, float] | None = None  # messages to ground stations, by number; None: none
         self.on_heartbeat: Callable[[], None] = _nothing
         self.on_ack: Callable[[CommandAck], None] = _ignore
         self.on_sentence: Callable[[Sentence], None] = _ignore
-        self.needs_remote_id = False  # to take off, as fleet.yaml says
-        self.turns_in_place: bool | None = None  # of what moves on the surface; None: not known
+        self.needs_remote_id = False  # for take-off, by fleet.yaml
+        self.turns_in_place: bool | None = None  # on the surface; None: unknown
         self.camera: Part | None = None
         self.dictionary: EventDictionary | None = None  # of its events
-        self._event = -1  # the number of the last one
-        self.log = logging.getLogger(__name__)  # its robot's, once it has one
+        self._event = -1  # sequence number of the last one
+        self.log = logging.getLogger(__name__)  # replaced by its robot's
         self._send = send
         self._joiner = Joiner()
-        self.switches = 0  # of the way to it
-        self._ways: dict[int, tuple[Address, float]] = {}  # its address on each, and when it was heard
-        self._others: dict[int, deque[tuple[Address, float]]] = {}  # who else spoke since it did, and when
+        self.switches = 0  # changes of the link to it
+        self._ways: dict[int, tuple[Address, float]] = {}  # its address on each link, and when it was heard
+        self._others: dict[int, deque[tuple[Address, float]]] = {}  # other senders since its last message
         self._clash_at = -math.inf
         self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
         self._hearing: list[ReceivedMessages[Any]] = []
 
     @property
     def kind(self) -> VehicleKind | None:
-        """Of what kind it is, None before its first heartbeat."""
+        """Its kind, None before its first heartbeat."""
         return kind_of(self.state.heartbeat, self.state) if self.state.heartbeat else None
 
     @property
     def flavour(self) -> Flavour | None:
-        """The autopilot's flavour, None before its first heartbeat and for what is not flown."""
+        """Its flavour, None before its first heartbeat and for a vehicle that is not moved here."""
         return flavour_of(self.state.heartbeat, self.state) if self.state.heartbeat else None
 
     @property
     def what(self) -> str:
-        """What it is, for people: its type and its autopilot."""
+        """Type and autopilot, as text."""
         beat = self.state.heartbeat
         return "not known yet" if beat is None else what_is(beat)
 
     @property
     def connected(self) -> bool:
-        """True while heartbeats come."""
+        """True while heartbeats arrive."""
         return self.state.connected(self.now())
 
     @property
@@ -105,15 +105,15 @@ class Vehicle:
         return self.clashed(self.now())
 
     def clashed(self, now: float) -> bool:
-        """Return whether a second vehicle was heard lately that uses the same system id."""
+        """Return True if a second vehicle with the same system id was heard recently."""
         return now - self._clash_at <= SILENCE
 
     def send(self, message: MavlinkMessage) -> None:
-        """Write to the vehicle, by the address it was heard from; raises LinkLost."""
+        """Send to the vehicle, at the address it was heard from; raises LinkLost."""
         self._send(message, self.address)
 
     def take(self, message: MavlinkMessage, address: Address) -> None:
-        """Handle a message from this system's autopilot, unless it comes from another address."""
+        """Process a message from this system's autopilot, unless it comes from another address."""
         now = self.now()
         if isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT:
             return
@@ -135,7 +135,7 @@ class Vehicle:
         self._wake()
 
     def take_part(self, component: int, message: MavlinkMessage) -> None:
-        """Handle a message of another component of the vehicle: a camera, or a gimbal."""
+        """Process a message of another component of the vehicle: a camera, or a gimbal."""
         if isinstance(message, GimbalDeviceAttitudeStatus | OpenDroneIdArmStatus):
             self.state = reduce(self.state, message, self.now())
             self._wake()
@@ -147,7 +147,7 @@ class Vehicle:
                 camera.take(message, None)
 
     def _is_ours(self, address: Address, now: float) -> bool:
-        """Return True when an address is the vehicle's; learn a new one after 3 s of silence of the old one.
+        """Return True if an address is the vehicle's; learn a new one after 3 s of silence of the old one.
 
         If the known address stays active beside another one, that is a second vehicle with the same id; if
         not, the autopilot restarted with a new address. Of several links the first on which the vehicle is
@@ -174,7 +174,7 @@ class Vehicle:
         return way == best
 
     def _clash(self, others: deque[tuple[Address, float]]) -> None:
-        """Note that a second vehicle uses this id, with the addresses and times of its messages."""
+        """Record that a second vehicle uses this id, with the addresses and times of its messages."""
         other, at = others[-1]
         if not self.clashing:
             self.log.error("two vehicles use id %s: at %s and %s", self.system, self.address, other)
@@ -183,7 +183,7 @@ class Vehicle:
 
     @contextlib.contextmanager
     def hearing(self, *kinds: type[SaidT]) -> Iterator[ReceivedMessages[SaidT]]:
-        """Collect what it says of some kinds, for an exchange that needs each of them."""
+        """Collect its messages of some types, for an exchange that needs each of them."""
         heard = ReceivedMessages(kinds)
         self._hearing.append(heard)
         try:
@@ -196,14 +196,14 @@ class Vehicle:
         self._say(self._joiner.late(self.now()))
 
     def _happened(self, event: Event, now: float) -> None:
-        """Say an event in words, once."""
+        """Pass on an event as text, once."""
         said = self.dictionary.say(event) if self.dictionary and event.sequence != self._event else None
         self._event = event.sequence
         if said is not None:
             self._say([Sentence(said.text, said.severity, now, event=True)])
 
     def _say(self, sentences: list[Sentence]) -> None:
-        """Remember sentences and pass them on, but for what an event has just said more fully."""
+        """Store texts and pass them on, except repeats of an event in fewer words."""
         for sentence in sentences:
             if _is_repeated(sentence, self.sentences):
                 continue
@@ -212,18 +212,18 @@ class Vehicle:
             self._pass_on(sentence)
 
     def _pass_on(self, said: MavlinkMessage | Sentence) -> None:
-        """Give what was said to those who collect it."""
+        """Give a message to the queues that collect it."""
         for heard in self._hearing:
             heard.put(said)
 
     def _wake(self) -> None:
-        """Wake those whose condition has become true."""
+        """Wake the tasks whose condition has become true."""
         for condition, future in self._waiting:
             if not future.done() and condition(self.state):
                 future.set_result(None)
 
     async def restarted(self, reboots: int, seconds: float) -> None:
-        """Wait until it has restarted once more than so many times, ``seconds`` at most."""
+        """Wait until it has restarted more than ``reboots`` times, ``seconds`` at most."""
         await self.until(lambda state: state.reboots > reboots, seconds)
 
     async def until(self, condition: Condition, seconds: float) -> bool:
@@ -236,25 +236,25 @@ class Vehicle:
             async with asyncio.timeout(seconds):
                 await waiter[1]
         except TimeoutError:
-            return condition(self.state)  # it may have become true at the time-out itself
+            return condition(self.state)  # it may have become true at the timeout itself
         finally:
             self._waiting.remove(waiter)
         return True
 
 
 def what_is(heartbeat: Heartbeat) -> str:
-    """Return what a vehicle is, for people: its type and its autopilot."""
+    """Return type and autopilot of a vehicle, as text."""
     return f"a {type_name(heartbeat.type)} on {kind_of(heartbeat).name}"
 
 
 def not_moved(heartbeat: Heartbeat) -> str:
-    """Return what is said of a vehicle that is not moved here."""
+    """Return the text for a vehicle that is not moved here."""
     why = PX4_ROVER if heartbeat.autopilot == PX4 and heartbeat.type in ROVERS else ""
     return f"it is {what_is(heartbeat)}, which is not moved here: it is watched, and stopped{why}"
 
 
 def circle_of(state: VehicleState) -> float:
-    """Return within how many metres of its end a vehicle circles; 0 for one that stands."""
+    """Return the radius in metres within which a vehicle circles its goal; 0 for one that stands."""
     flavour = flavour_of(state.heartbeat, state) if state.heartbeat else None
     if flavour is None:
         return 0.0
@@ -264,7 +264,7 @@ def circle_of(state: VehicleState) -> float:
 
 
 def lacking_of(state: VehicleState) -> Mapping[str, str]:
-    """Return what a vehicle lacks of the vocabulary, with the reason; nothing before its first heartbeat."""
+    """Return the commands that a vehicle lacks, with reasons; none before its first heartbeat."""
     heartbeat = state.heartbeat
     if heartbeat is None:
         return {}
@@ -273,14 +273,14 @@ def lacking_of(state: VehicleState) -> Mapping[str, str]:
 
 
 class Part(Vehicle):
-    """A component beside the autopilot that is asked by itself; it is reached as its vehicle is."""
+    """A component beside the autopilot with its own commands; it is reached like its vehicle."""
 
     def __init__(self, whole: Vehicle, component: int) -> None:
         super().__init__(whole.system, whole.clock, lambda message, _address: whole.send(message))
         self.component = component
 
     def take(self, message: MavlinkMessage, address: Address) -> None:  # noqa: ARG002 - its vehicle's is used
-        """Believe what it says."""
+        """Process a message of the component."""
         self.state = reduce(self.state, message, self.now())
         if isinstance(message, CommandAck):
             self.on_ack(message)
@@ -289,7 +289,7 @@ class Part(Vehicle):
 
 
 def _is_repeated(sentence: Sentence, said: Iterable[Sentence]) -> bool:
-    """Return whether an event and a text say the same, one behind the other."""
+    """Return True if an event and a text with the same content follow each other."""
     return any(
         sentence.at - each.at <= _SAME_WITHIN
         and sentence.event is not each.event
@@ -307,9 +307,9 @@ def _ignore(_said: object) -> None:
 
 
 def holding_of(vehicle: Vehicle) -> Brake | None:
-    """Return the best brake of a vehicle, None for one that is not moved here.
+    """Return the best way to brake a vehicle, None for one that is not controlled here.
 
-    Of a vehicle that is not heard, position and flight state are not known: it may have moved since.
+    Without a connection, position and flight state count as unknown: the vehicle may have moved since.
     """
     state = vehicle.state
     if not vehicle.connected:

@@ -22,21 +22,21 @@ class StreamPhase(enum.Enum):
     """Phase of a drive."""
 
     IDLE = "idle"  # nothing is streamed
-    STARTING = "starting"  # the newest velocity, until the vehicle shows that it takes setpoints
+    STARTING = "starting"  # the newest velocity, until the vehicle shows that it accepts setpoints
     DRIVING = "driving"  # the newest velocity
-    BRAKING = "braking"  # zeros, until the vehicle holds by itself
+    BRAKING = "braking"  # zero velocity, until the vehicle holds by itself
 
 
 IDLE, STARTING, DRIVING, BRAKING = StreamPhase
-"""For what is asked of every setpoint: Python 3.11 takes ten times as long to look up an enumeration's."""
+"""For the checks of every setpoint: in Python 3.11 a lookup on the enumeration takes ten times as long."""
 
 
 class VelocityStream:
-    """Stream of setpoints to one vehicle; ``tick`` is called every ``PERIOD``; nothing here blocks.
+    """Stream of setpoints to one vehicle; ``tick`` is called every ``PERIOD``; no method blocks.
 
-    ``enter`` requests the mode that accepts setpoints, ``hold`` the mode that holds position; both run in the
-    background, by ``spawn``, until the heartbeat shows the mode. ``busy``: another command is running; its
-    mode may be shown late, and a hold after it would undo it.
+    ``enter`` requests the mode that accepts setpoints, ``hold`` the mode that holds the position; both run in
+    the background, by ``spawn``, until the heartbeat shows the mode. ``busy``: another command is running;
+    its mode may be shown late, and a hold after it would undo it.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class VelocityStream:
         self._spawn = spawn
         self._busy = busy
         self._wanted = ZERO_VELOCITY
-        self._since = 0.0  # when motion was last asked for
+        self._since = 0.0  # time of the last request for motion
         self._since_phase = 0.0
         self._task: asyncio.Task[None] | None = None
         self._refusal: FleetError | None = None
@@ -73,9 +73,9 @@ class VelocityStream:
         return self.phase is STARTING or self.phase is DRIVING
 
     def drive(self, velocity: Velocity) -> None:
-        """Take the newest velocity, and send it at once, not with the next tick.
+        """Set the newest velocity, and send it at once, not with the next tick.
 
-        Raises NotReady or Refused when the vehicle cannot be driven, LinkLost.
+        Raises NotReady or Refused if the vehicle cannot be driven, LinkLost.
         """
         moves = not velocity.is_zero
         if not moves and self.phase is IDLE:
@@ -86,7 +86,7 @@ class VelocityStream:
             self._since = self._vehicle.now()
         self._wanted = velocity
         if self.phase is IDLE or (self.phase is BRAKING and moves):
-            # After a brake the shown mode may be old: the hold may have been entered since.
+            # After braking the shown mode may be outdated: the hold may have been entered since.
             self._must_ask = self.phase is BRAKING
             self._again_at = -math.inf if self._refusal is None else self._again_at
             self._to(STARTING)
@@ -94,9 +94,9 @@ class VelocityStream:
             self._stream()
 
     def rest(self) -> bool:
-        """End a drive gently: zero velocity now, the hold a moment later; False when there is no drive.
+        """End a drive gently: zero velocity now, the hold a moment later; False without a drive.
 
-        So a drive in bursts does not wait for two changes of mode between the bursts.
+        This avoids two changes of mode between the bursts of an intermittent drive.
         """
         if not self.drives:
             return False
@@ -104,7 +104,7 @@ class VelocityStream:
         return True
 
     def _require(self, velocity: Velocity) -> None:
-        """Raise unless the vehicle may be moved by us now."""
+        """Raise unless we may move the vehicle now."""
         linear = velocity.linear
         if not math.isfinite(linear.x + linear.y + linear.z + velocity.yaw_rate):
             raise Refused("a velocity must be made of finite numbers")
@@ -114,14 +114,14 @@ class VelocityStream:
             raise NotReady(f"the vehicle does not take velocities: {self._refusal}")
 
     def _require_possible(self, velocity: Velocity) -> None:
-        """Raise Unsupported for a motion that this vehicle does not have."""
+        """Raise Unsupported for a motion that this vehicle lacks."""
         vehicle, flavour = self._vehicle, self._vehicle.flavour
         why = flavour.cannot(velocity, turns_in_place=vehicle.turns_in_place) if flavour else ""
         if why:
             raise Unsupported(why)
 
     def brake(self) -> None:
-        """Stream zeros until the vehicle holds by itself; the caller requests the hold."""
+        """Stream zero velocity until the vehicle holds by itself; the caller requests the hold."""
         self._wanted = ZERO_VELOCITY
         self._forget_start()
         if self.phase is not IDLE:
@@ -129,25 +129,25 @@ class VelocityStream:
             self._to(BRAKING)
 
     def give_way(self, flavour: Flavour, mode: str) -> None:
-        """End the stream for a command that leads to ``mode``; at once if that mode obeys setpoints."""
+        """End the stream for a command that leads to ``mode``; at once if that mode accepts setpoints."""
         if mode == flavour.external:
             self.end()
         else:
             self.brake()
 
     def end(self) -> None:
-        """End the stream at once: somebody else has the vehicle."""
+        """End the stream at once: the authority over the vehicle is lost."""
         self._wanted = ZERO_VELOCITY
         self._forget_start()
         self._to(IDLE)
 
     def _forget_start(self) -> None:
-        """Stop asking for the mode that takes setpoints."""
+        """Cancel the request for the mode that accepts setpoints."""
         if self.phase is STARTING and self._task is not None:
             self._task.cancel()
 
     def tick(self) -> None:
-        """Send one setpoint, and go on to the next phase when it is time; raises LinkLost."""
+        """Send one setpoint, and change the phase when it is due; raises LinkLost."""
         if self.halted:
             self.halted = False
             self.brake()
@@ -158,20 +158,20 @@ class VelocityStream:
             return
         mode = flavour.mode_of(self._vehicle.state)
         if self.phase is IDLE and mode == flavour.external != flavour.goto:
-            self._to(BRAKING)  # the vehicle waits for setpoints that nobody sends: a start was superseded
+            self._to(BRAKING)  # the vehicle waits for setpoints after a superseded start
         if self.phase is not IDLE:
             self._stream()
             _STEPS[self.phase](self, flavour, mode)
 
     def _is_ours(self) -> bool:
-        """Return whether setpoints may be sent."""
+        """Return True if setpoints may be sent."""
         return self._vehicle.connected and not self._vehicle.clashing and not self._authority.lost_to
 
     def _stream(self) -> None:
-        """Send the wanted velocity, or zero while braking.
+        """Send the requested velocity, or zero while braking.
 
-        It is also sent before the mode is shown: the vehicle obeys as soon as it accepts setpoints, and the
-        heartbeat that shows the mode comes up to a second later.
+        It is also sent before the mode is shown: the vehicle follows as soon as it accepts setpoints, and the
+        heartbeat that shows the mode arrives up to a second later.
         """
         state, flavour = self._vehicle.state, self._vehicle.flavour
         knows_where = state.knows_where(self._vehicle.now())
@@ -183,7 +183,7 @@ class VelocityStream:
             self._vehicle.send(ned_setpoint(Vector3(), 0.0, self._vehicle.system))
 
     def _starting(self, flavour: Flavour, mode: str) -> None:
-        """Ask for the mode once the vehicle has seen enough setpoints; drive when it is shown."""
+        """Request the mode once the vehicle has received enough setpoints; drive when it is shown."""
         if mode == flavour.external and not self._must_ask:
             self._to(DRIVING)
         elif self._refusal is not None and self._vehicle.now() < self._again_at:
@@ -192,36 +192,36 @@ class VelocityStream:
             self._ask(self._enter_external)
 
     async def _enter_external(self) -> None:
-        """Change to the mode that takes setpoints; from then on what the vehicle shows is believed."""
+        """Change to the mode that accepts setpoints; from then on the shown mode is valid."""
         await self._enter()
         self._must_ask = False
 
     def _driving(self, flavour: Flavour, mode: str) -> None:
-        """Brake after a rest; be silent when another command has changed the mode."""
+        """Brake after a rest; stop streaming if another command has changed the mode."""
         if mode != flavour.external:
             self._to(IDLE)
         elif self._wanted.is_zero and self._vehicle.now() - self._since >= flavour.rest:
             self._to(BRAKING)
 
     def _braking(self, flavour: Flavour, mode: str) -> None:
-        """Go on until the mode is left; then be silent, or start again for a velocity that came."""
+        """Continue until the mode is left; then stop streaming, or start again for a new velocity."""
         if mode != flavour.external:
             self._to(IDLE if self._wanted.is_zero else STARTING)
         elif not self._busy():
             self._ask(self._hold)
 
     def _ask(self, what: Callable[[], Awaitable[None]]) -> None:
-        """Do something in the background, one thing at a time, not again soon after it failed."""
+        """Run a request in the background, one at a time, with a pause after a failure."""
         if self._task is None and self._vehicle.now() >= self._again_at:
             self._task = self._spawn(self._done(what))
 
     async def _done(self, what: Callable[[], Awaitable[None]]) -> None:
-        """Carry it out and keep its refusal for the next who drives."""
+        """Run it, and keep its refusal for the next drive."""
         try:
             await what()
             self._refusal = None
         except Superseded as error:
-            self._vehicle.log.debug("%s", error)  # nothing that the vehicle refused
+            self._vehicle.log.debug("%s", error)  # not a refusal by the vehicle
         except FleetError as error:
             self._vehicle.log.warning("%s", error)
             self._refusal = error
@@ -243,7 +243,7 @@ _STEPS: dict[StreamPhase, Callable[[VelocityStream, Flavour, str], None]] = {
 
 
 def _below(velocity: Velocity, ceiling: float, altitude: float | None) -> Velocity:
-    """Return the velocity without its climb where the ceiling is reached or the altitude is unknown."""
+    """Return the velocity without its climb, at the ceiling or with an unknown altitude."""
     if velocity.linear.z <= 0 or (altitude is not None and altitude < ceiling):
         return velocity
     return Velocity(Vector3(velocity.linear.x, velocity.linear.y, 0.0), velocity.yaw_rate)

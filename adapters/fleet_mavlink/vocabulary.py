@@ -1,4 +1,4 @@
-"""What each kind of vehicle lacks of the adapter's vocabulary, by name, with the reason."""
+"""Commands of the adapter's vocabulary that each kind of vehicle lacks, by name, with the reason."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ON_WINGS = "it flies on its wings and never stands: it takes goals, which it cir
 NO_VELOCITIES = "ArduPlane takes no velocities, in its hover either: send a goal"
 PX4_ROVER = ", because nobody has measured how a rover on PX4 holds and stops; one on ArduPilot is moved"
 ONE_WAY: Mapping[str, str] = {"transition": _ONE_WAY}
-"""What all but VTOLs lack."""
+"""Lacking on all vehicles but VTOLs."""
 SURFACE: Mapping[str, str] = {
     **dict.fromkeys(
         ("takeoff", "land", "cancel_takeoff", "cancel_landing", "ascend", "descend"), _ON_THE_SURFACE
@@ -31,18 +31,18 @@ SURFACE: Mapping[str, str] = {
     **dict.fromkeys(("strafe_left", "strafe_right"), _ALONG_ITS_NOSE),
     **ONE_WAY,
 }
-"""A rover or a boat that moves along its nose."""
+"""Lacking on a rover or a boat that moves along its nose."""
 WINGS_AND_ROTORS: Mapping[str, str] = dict.fromkeys(_LEVEL, ON_WINGS)
-"""A VTOL on its wings."""
+"""Lacking on a VTOL on its wings."""
 WINGS: Mapping[str, str] = {**WINGS_AND_ROTORS, **ONE_WAY}
-"""A plane."""
+"""Lacking on a plane."""
 HOVERING: Mapping[str, str] = dict.fromkeys(_LEVEL, NO_VELOCITIES)
-"""A QuadPlane."""
+"""Lacking on a QuadPlane."""
 UNSET_QUADPLANE: Mapping[str, str] = {
     **HOVERING,
     **dict.fromkeys(("takeoff", "goto", "plan", "ascend", "descend", "transition"), _UNSET),
 }
-"""A QuadPlane whose GUIDED does not hover."""
+"""Lacking on a QuadPlane whose GUIDED does not hover."""
 
 OF_A_MOVED_VEHICLE = (
     *VERBS,
@@ -60,4 +60,4 @@ OF_A_MOVED_VEHICLE = (
     "start_compass_calibration",
     "stop_compass_calibration",
 )
-"""What takes an autopilot and a type of vehicle that are known here; a stop does not."""
+"""Commands that need a known autopilot and vehicle type; a stop does not."""

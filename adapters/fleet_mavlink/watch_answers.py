@@ -1,6 +1,6 @@
-"""Refusals of a ground station's messages, in the words of the protocol. Pure.
+"""Refusals of a ground station's messages, by the means of each protocol. Pure.
 
-Messages are pymavlink's. The answer is made in the name of the component that was asked.
+Messages are pymavlink's. A refusal is sent in the name of the addressed component.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.constants import Cmd, Result
 
 _NAK, _PROTECTED = 129, 9  # opcode and error of MAVLink FTP
-_FTP_HEAD = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, of which request, burst, offset
+_FTP_HEAD = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, requested opcode, burst, offset
 _FTP_BYTES = 251
 _TEXT = 50  # bytes in one STATUSTEXT
 _WARNING = 4
-_ID = 0x7FFF  # of a text in pieces; autopilots count theirs from 1
+_ID = 0x7FFF  # id of a text in chunks; autopilots count theirs from 1
 
 
 def refusal(message: Any) -> Any | None:
-    """Return the message that refuses another one, None where the protocol has no word for it."""
+    """Return the message that refuses another one, None if the protocol has none."""
     answer = _ANSWERS.get(message.get_type())
     return answer(message, message.get_srcSystem(), message.get_srcComponent()) if answer else None
 
@@ -72,9 +72,9 @@ _ANSWERS: Mapping[str, Callable[[Any, int, int], Any]] = {
 
 
 def unchanged(message: Any) -> Any | None:
-    """Return the request by which a station hears that a parameter has kept its value, None for the rest.
+    """Return the request that makes a refused parameter's value known again, None for other messages.
 
-    Stations that do not know PARAM_ERROR see a refusal by the PARAM_VALUE that follows a PARAM_SET.
+    Stations without PARAM_ERROR detect a refusal by the PARAM_VALUE that follows a PARAM_SET.
     """
     if message.get_type() != "PARAM_SET":
         return None
@@ -83,7 +83,7 @@ def unchanged(message: Any) -> Any | None:
 
 
 def words(text: str) -> list[Any]:
-    """Return a warning as STATUSTEXT, in pieces when it is longer than one."""
+    """Return a warning as STATUSTEXT, in chunks if it is too long for one."""
     data = text.encode()
     pieces = [data[at : at + _TEXT] for at in range(0, len(data), _TEXT)]
     number = _ID if len(pieces) > 1 else 0

@@ -1,6 +1,6 @@
-"""What a ground station beside the edge may send to a vehicle, by message. Pure.
+"""Permissions of a ground station beside the edge, by message. Pure.
 
-Messages are pymavlink's, decoded. What no table names is for nobody.
+Messages are pymavlink's, decoded. Messages in no table are never passed on.
 """
 
 from __future__ import annotations
@@ -14,24 +14,27 @@ from fleet_mavlink.codec import is_read
 from fleet_mavlink.constants import CUSTOM_MODE, Cmd
 from fleet_mavlink.messages import CommandLong
 
-_FASTEST = 200_000.0  # us between messages that a station may ask for by itself
-_HERE = -1.0  # speed of DO_REPOSITION: the autopilot's own
+_FASTEST = 200_000.0  # us, shortest interval between messages that a station may request by itself
+_HERE = -1.0  # speed of DO_REPOSITION: the autopilot's default
 
 
 class Need(enum.Enum):
-    """Who may send a message."""
+    """Permission that a message needs."""
 
-    NOBODY_HEARS = "it is the station's own"  # taken here, neither passed on nor refused
+    NOBODY_HEARS = "it is the station's own"  # handled by the edge, neither passed on nor refused
     ANYBODY = "reads"
     STOP = "stops the vehicle"
     OPERATOR = "changes something"
-    TAKES_OVER = "moves the vehicle"  # for an operator, who has taken it over then
+    TAKES_OVER = "moves the vehicle"  # for an operator, who has then taken the vehicle over
     NOBODY = "nobody may"
 
 
 _OWN = frozenset({"HEARTBEAT", "PING", "REQUEST_DATA_STREAM", "SYSTEM_TIME", "TIMESYNC"})
-"""Heartbeats are never passed on: an autopilot that heard them would not notice the loss of this edge. Nor
-are the old requests for streams: ArduPilot would change the rates by which this edge flies it."""
+"""Messages that are handled by the edge.
+
+Heartbeats are never passed on: an autopilot that received them would not detect the loss of this edge. Nor is
+REQUEST_DATA_STREAM: ArduPilot would change the rates that this edge needs.
+"""
 _READS = frozenset(
     {
         "MISSION_ACK",
@@ -64,17 +67,17 @@ _MOVES = frozenset(
 )
 _ITEMS = frozenset({"MISSION_ITEM", "MISSION_ITEM_INT"})
 _PLANS = _ITEMS | {"MISSION_CLEAR_ALL", "MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST"}
-"""Of a mission (``mission_type`` 0) they change where a vehicle goes that flies it; fences only limit it."""
-_GUIDED_ITEM = 2  # ``current`` of a mission item that is a place to fly to at once
+"""For a mission (``mission_type`` 0) they move a vehicle that flies it; fences only limit it."""
+_GUIDED_ITEM = 2  # ``current`` of a mission item that is a position to fly to at once
 _READ_COMMANDS = frozenset({410, 510, 512, 519, 520, 521, 522, 525, 527, 2504, 2505})
 _UNMOVING_COMMANDS = frozenset({*range(200, 207), 1000, 1001, *range(2000, 2600)})  # gimbal and camera
 _READ_FILES = frozenset({1, 2, 3, 4, 5, 14, 15})  # opcodes of MAVLink FTP that change no file
 _NAV_LAND = 21
-_FTP_OPCODE = 3  # its place in the payload
+_FTP_OPCODE = 3  # offset in the payload
 
 
 def need_of(message: Any, stops: Iterable[CommandLong] = ()) -> Need:
-    """Return who may send a message; ``stops`` are the commands that brake and hold this vehicle."""
+    """Return the permission for a message; ``stops``: commands that brake and hold this vehicle."""
     name = message.get_type()
     if name in {"COMMAND_LONG", "COMMAND_INT"}:
         return _need_of_command(message, stops)
@@ -100,7 +103,7 @@ _TABLES = (
 
 
 def _need_of_command(message: Any, stops: Iterable[CommandLong]) -> Need:
-    """Return who may send a COMMAND_LONG or COMMAND_INT."""
+    """Return the permission for a COMMAND_LONG or COMMAND_INT."""
     command = message.command
     if command in _READ_COMMANDS:
         return Need.ANYBODY
@@ -112,7 +115,7 @@ def _need_of_command(message: Any, stops: Iterable[CommandLong]) -> Need:
 
 
 def why_not_at_this_rate(message: Any) -> str:
-    """Return why a message is not streamed as SET_MESSAGE_INTERVAL asks, empty when it may be."""
+    """Return why SET_MESSAGE_INTERVAL is refused for a message, empty if it is permitted."""
     if not math.isfinite(message.param1) or is_read(int(message.param1)):
         return "this edge has set the rate of that message"
     if not message.param2 >= _FASTEST:
@@ -121,39 +124,40 @@ def why_not_at_this_rate(message: Any) -> str:
 
 
 def _is_stop(message: Any, stops: Iterable[CommandLong]) -> bool:
-    """Return whether a command brakes and holds the vehicle where it is, and does nothing else."""
+    """Return True if a command brakes and holds the vehicle where it is, and does nothing else."""
     if message.command == Cmd.DO_PAUSE_CONTINUE:
         return bool(message.param1 == 0.0)
     if message.get_type() == "COMMAND_LONG" and message.command == Cmd.DO_REPOSITION:
-        place = (message.param4, message.param5, message.param6, message.param7)  # so PX4 is paused
+        place = (message.param4, message.param5, message.param6, message.param7)  # this form pauses PX4
         return message.param1 == _HERE and all(math.isnan(each) for each in place)
     return _is_among(message, stops)
 
 
 def comes_down(message: Any, ways: Iterable[CommandLong]) -> bool:
-    """Return whether a message lands the vehicle or sends it home, by a command or by one of these modes."""
+    """Return True if a message lands the vehicle or sends it home, by a command or by one of these modes."""
     if message.get_type() not in {"COMMAND_LONG", "COMMAND_INT"}:
         return False
     return message.command in {Cmd.NAV_RETURN_TO_LAUNCH, _NAV_LAND} or _is_among(message, ways)
 
 
 def arms(message: Any) -> bool:
-    """Return whether a message arms the vehicle."""
+    """Return True if a message arms the vehicle."""
     is_command = message.get_type() in {"COMMAND_LONG", "COMMAND_INT"}
     return bool(is_command and message.command == Cmd.COMPONENT_ARM_DISARM and message.param1 == 1.0)
 
 
 def _is_among(message: Any, commands: Iterable[CommandLong]) -> bool:
-    """Return whether a COMMAND_LONG is one of these commands."""
+    """Return True if a COMMAND_LONG is one of these commands."""
     given = (message.command, message.param1, message.param2, message.param3)
     among = {(each.command, each.param1, each.param2, each.param3) for each in commands}
     return message.get_type() == "COMMAND_LONG" and given in among
 
 
 def _need_of_mode(message: Any, stops: Iterable[CommandLong]) -> Need:
-    """Return who may send SET_MODE, whose mode is the number that a heartbeat shows.
+    """Return the permission for SET_MODE, whose mode is the number in a heartbeat.
 
-    Without the flag of a custom mode the number means something else: ArduPilot's safety switch, or a mode.
+    Without the flag of a custom mode the number has another meaning: ArduPilot's safety switch, or a base
+    mode.
     """
     numbers = {_mode_number(stop) for stop in stops if stop.command == Cmd.DO_SET_MODE}
     is_stop = bool(message.base_mode & int(CUSTOM_MODE)) and message.custom_mode in numbers
@@ -161,5 +165,5 @@ def _need_of_mode(message: Any, stops: Iterable[CommandLong]) -> Need:
 
 
 def _mode_number(change: CommandLong) -> int:
-    """Return the number by which a heartbeat shows the mode of DO_SET_MODE; PX4's has two parts."""
+    """Return the heartbeat's mode number for a DO_SET_MODE; PX4's has two parts."""
     return int(change.param2) << 16 | int(change.param3) << 24 if change.param3 else int(change.param2)

@@ -1,4 +1,4 @@
-"""What the ground stations of one link may do with one vehicle: passes on, or refuses with the reason."""
+"""Access of the ground stations of one link to one vehicle: passes on, or refuses with the reason."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from fleet_mavlink.watch_rules import Need, arms, comes_down, need_of, why_not_a
 from fleet_mavlink.watcher import Watcher
 from fleet_mavlink.watcher_config import WatcherConfig
 
-_OUR_LINK = 2  # signature link id of what is written here: it has time stamps of its own
+_OUR_LINK = 2  # signature link id of frames created here, which have time stamps of their own
 _FOR_OPERATORS = frozenset({Need.OPERATOR, Need.TAKES_OVER})
 _TAKES = frozenset({Need.STOP, Need.TAKES_OVER})
 
@@ -32,7 +32,7 @@ _TAKES = frozenset({Need.STOP, Need.TAKES_OVER})
 class WatchedVehicle:
     """One vehicle for the stations of one link.
 
-    ``stopped``: whether an emergency stop is set; ``halt`` stops the vehicle by what this edge knows of it.
+    ``stopped``: whether an emergency stop is set; ``halt`` stops the vehicle by this edge's own means.
     """
 
     def __init__(
@@ -80,10 +80,10 @@ class WatchedVehicle:
         self._pass_on(frame.raw)
 
     def _give_up(self, need: Need, message: Any, who: str) -> None:
-        """Leave the vehicle to a station that commands it, or that arms it."""
+        """Yield authority to a station that commands the vehicle, or arms it."""
         kind, state = self._vehicle.kind, self._vehicle.state
         if need is Need.STOP:
-            self._halt()  # the station's own command may be one that this vehicle does not take
+            self._halt()  # this vehicle may not accept the station's own command
         if not isinstance(kind, Flavour):
             return
         if not state.armed:
@@ -93,7 +93,7 @@ class WatchedVehicle:
         self._authority.taken_by(who, kind.mode_of(state))
 
     def _why_not(self, need: Need, frame: Frame, message: Any) -> str:
-        """Return why a message is refused, empty when it is not."""
+        """Return why a message is refused, empty if it is permitted."""
         if (frame.system, frame.component) == (self._hub.system, self._hub.component):
             return "it has the ids of this edge (own_system, own_component)"
         signer = self._vehicle.trust.signer
@@ -109,7 +109,7 @@ class WatchedVehicle:
         return "" if comes_down(message, ways_down_of(self._vehicle)) else "an emergency stop is set"
 
     def _why_no_operator(self, frame: Frame) -> str:
-        """Return why a station does not operate the vehicle, empty when it does."""
+        """Return why a station may not operate the vehicle, empty if it may."""
         if self._config.may != "operate":
             return "may: watch"
         if frame.system != self._config.station:
@@ -117,7 +117,7 @@ class WatchedVehicle:
         return ""
 
     def _refuse(self, message: Any, why: str) -> None:
-        """Answer in the protocol's words, and say the reason once a minute."""
+        """Send a refusal by the means of the protocol, and its reason as text once a minute."""
         name = message.get_type()
         station = f"{message.get_srcSystem()}/{message.get_srcComponent()}"
         line = f"ground station {station} at {self._config.link}: {name} refused: {why}"
@@ -134,7 +134,7 @@ class WatchedVehicle:
             self._pass_on(self._framed(kept, *place))
 
     def _framed(self, message: Any, system: int, component: int) -> bytes:
-        """Return a message in the name of somebody, signed where the vehicle's own are."""
+        """Return a frame in the name of a component, signed if the vehicle's own are."""
         packer, signer = self._packer, self._vehicle.trust.signer
         packer.srcSystem, packer.srcComponent = system, component
         packer.seq = (packer.seq + 1) & 0xFF
@@ -144,7 +144,7 @@ class WatchedVehicle:
         return bytes(message.pack(packer))
 
     def _pass_on(self, frame: bytes) -> None:
-        """Write to the vehicle."""
+        """Send to the vehicle."""
         try:
             self._hub.link.send(frame, self._vehicle.address)
         except LinkLost as error:
@@ -152,9 +152,9 @@ class WatchedVehicle:
 
 
 def stops_of(vehicle: Vehicle) -> list[CommandLong]:
-    """Return the commands that brake and hold a vehicle as it moves now.
+    """Return the commands that brake and hold a vehicle in its present motion.
 
-    A place to hold at is not among them: with another place the same command would move it.
+    A position to hold at is not among them: with another position the same command would move it.
     """
     kind: VehicleKind | None = vehicle.kind
     if kind is None:
@@ -164,11 +164,11 @@ def stops_of(vehicle: Vehicle) -> list[CommandLong]:
     if isinstance(kind, Flavour) and isinstance(kind.hold_command(vehicle.state), CommandLong):
         stops.append(kind.mode_command(kind.hold))
     landing = kind.mode_command(kind.land) if isinstance(kind, Flavour) and kind.land else None
-    return [stop for stop in stops if stop != landing]  # where a QuadPlane cannot be held, it would be landed
+    return [stop for stop in stops if stop != landing]  # lands a QuadPlane that cannot hold
 
 
 def ways_down_of(vehicle: Vehicle) -> list[CommandLong]:
-    """Return the commands by which a vehicle lands, or returns home."""
+    """Return the commands that make a vehicle land, or return home."""
     kind = vehicle.kind
     if not isinstance(kind, Flavour):
         return []
@@ -178,7 +178,7 @@ def ways_down_of(vehicle: Vehicle) -> list[CommandLong]:
 
 
 def _why_nobody(message: Any) -> str:
-    """Return why a message is passed on for nobody."""
+    """Return why a message is never passed on."""
     if message.get_type() in {"COMMAND_LONG", "COMMAND_INT"}:
         return why_not_at_this_rate(message)
     return "it is not passed on through this edge"

@@ -1,7 +1,7 @@
 """A ground station beside the edge: one link to it, for all vehicles that are shown to it.
 
-What the vehicles say is collected for a moment and sent in few datagrams, because each costs a system call.
-Nothing of a station's link is waited for, and what does not fit is dropped: the next report is better.
+Frames of the vehicles are collected briefly and sent in few datagrams, because each costs a system call. The
+station's link is never waited for; frames that do not fit are dropped: newer ones follow.
 """
 
 from __future__ import annotations
@@ -21,29 +21,29 @@ from fleet_mavlink.redundant_links import Ways
 
 _LOG = logging.getLogger(__name__)
 _COLLECTED = 0.02  # s
-_DATAGRAM = 1400  # bytes, which fit into one packet of a network
+_DATAGRAM = 1400  # bytes; fits into one network packet
 _AT_ONCE = 16  # datagrams
 _MOST_WAITING = 2000  # frames
 _MOST_STATIONS = 16  # on one link
-_A_SECOND, _BURST = 100.0, 200.0  # messages that are taken from a link
+_A_SECOND, _BURST = 100.0, 200.0  # per second: messages accepted from a link
 
 
 class ShownVehicle(Protocol):
     """A vehicle that is shown to a station."""
 
     def hear(self, frame: Frame) -> None:
-        """Take what a station says to it; must not raise."""
+        """Process a message of a station; must not raise."""
 
 
 class Allowance:
-    """How many messages may still come: so many a second, and a number of them at once."""
+    """Token bucket: limits messages to a rate, with a burst."""
 
     def __init__(self, a_second: float, burst: float) -> None:
         self._a_second, self._burst = a_second, burst
         self._left, self._at = burst, 0.0
 
     def takes(self, now: float) -> bool:
-        """Return whether one more may come at ``now``, monotonic s."""
+        """Return True if one more message is permitted at ``now``, monotonic s."""
         self._left = min(self._burst, self._left + (now - self._at) * self._a_second)
         self._at = now
         if self._left < 1.0:
@@ -53,7 +53,7 @@ class Allowance:
 
 
 class Watcher:
-    """The stations behind one link; ``stations`` are those that were heard, by system and component id."""
+    """The stations behind one link; ``stations``: those heard, by system and component id."""
 
     def __init__(self, url: str, clock: Clock) -> None:
         self.url = url
@@ -69,7 +69,7 @@ class Watcher:
 
     @contextlib.contextmanager
     def showing(self, system: int, vehicle: ShownVehicle) -> Iterator[bool]:
-        """Show a vehicle; gives False when another with the same id is shown here already: then it is not."""
+        """Show a vehicle; gives False, and does not show it, if another one with its id is shown already."""
         free = system not in self._vehicles
         if free:
             self._vehicles[system] = vehicle
@@ -80,7 +80,7 @@ class Watcher:
                 del self._vehicles[system]
 
     def show(self, frame: bytes) -> None:
-        """Send a frame to the stations soon, unless it is meant for somebody else."""
+        """Send a frame to the stations soon, unless it is addressed to another station."""
         system, component = target_of(frame)
         if system and not self._is_here(system, component):
             return
@@ -92,13 +92,13 @@ class Watcher:
             self._timer = asyncio.get_running_loop().call_later(_COLLECTED, self._flush)
 
     def _is_here(self, system: int, component: int) -> bool:
-        """Return whether a station with this address was heard on this link."""
+        """Return True if a station with this address was heard on this link."""
         if component:
             return (system, component) in self.stations
         return any(station == system for station, _ in self.stations)
 
     def _flush(self) -> None:
-        """Send what was collected; the rest of more than a burst a moment later."""
+        """Send the collected frames; those beyond a burst a moment later."""
         self._timer = None
         for _ in range(_AT_ONCE):
             if not self._waiting:
@@ -107,7 +107,7 @@ class Watcher:
         self._timer = asyncio.get_running_loop().call_later(_COLLECTED, self._flush)
 
     def _datagram(self) -> bytes:
-        """Take as many whole frames as fit into a datagram."""
+        """Return as many whole frames as fit into a datagram."""
         frames = [self._waiting.popleft()]
         size = len(frames[0])
         while self._waiting and size + len(self._waiting[0]) <= _DATAGRAM:
@@ -116,20 +116,20 @@ class Watcher:
         return b"".join(frames)
 
     def _send(self, data: bytes) -> None:
-        """Write to the link; while it is down, what was to be shown is lost."""
+        """Send on the link; data is lost while it is down."""
         if self.link is not None:
             self.link.send(data)
 
     def receive(self, data: bytes, _address: Address) -> None:
-        """Take what stations send; never raises."""
+        """Process data from stations; never raises."""
         try:
             for frame in self._parser.feed(data, every=True):
                 self._take(frame)
-        except Exception:  # noqa: BLE001 - one bad message must not end what is shown
+        except Exception:  # noqa: BLE001 - exception barrier: one bad message must not end the view of all vehicles
             _LOG.exception("%s: dropped %d bytes", self.url, len(data))
 
     def _take(self, frame: Frame) -> None:
-        """Pass a message on to the vehicle that it names."""
+        """Pass a message on to its target vehicle."""
         if not frame.system:
             return
         if not self._allowance.takes(self._now()):
@@ -151,7 +151,7 @@ class Watcher:
             self._notices.add("an unknown vehicle", f"{self.url}: no vehicle {system} is shown here")
 
     def _meet(self, frame: Frame) -> None:
-        """Remember that a station is there."""
+        """Remember a station."""
         station = (frame.system, frame.component)
         if station not in self.stations:
             _LOG.info("%s: ground station %s/%s", self.url, *station)
@@ -170,7 +170,7 @@ class Watcher:
 
 @contextlib.asynccontextmanager
 async def open_watcher(url: str, clock: Clock) -> AsyncIterator[Watcher]:
-    """Give the way to the stations at a link, which is opened in the background, again and again."""
+    """Create a watcher whose link is opened, and reopened, in the background."""
     watcher = Watcher(url, clock)
     watcher.link = Ways([url], watcher.receive)
     try:

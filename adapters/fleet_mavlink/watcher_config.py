@@ -1,4 +1,4 @@
-"""What fleet.yaml says of ground stations beside the edge (``watchers``)."""
+"""Section ``watchers`` of fleet.yaml: ground stations beside the edge."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ May = Literal["watch", "operate"]
 
 
 class WatcherConfig(Model):
-    """A ground station that sees the vehicle through this edge, and what it may do with it."""
+    """A ground station that sees the vehicle through this edge, with its permissions."""
 
     link: str = Field(description="udpout:HOST:PORT, where the station listens; robots may share one.")
     may: May = Field(
@@ -27,7 +27,7 @@ class WatcherConfig(Model):
     @field_validator("link")
     @classmethod
     def _datagrams(cls, link: str) -> str:
-        """Raise ValueError for anything but one address to which datagrams go."""
+        """Raise ValueError for anything but one target address for datagrams."""
         try:
             scheme = parse_link_url(link).scheme
         except LinkRefused as error:

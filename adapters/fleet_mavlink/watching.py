@@ -1,4 +1,4 @@
-"""Shows a robot's vehicle to the ground stations that fleet.yaml names."""
+"""Shows a robot's vehicle to the ground stations in fleet.yaml."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from fleet_mavlink.watcher_config import WatcherConfig
 
 
 async def show(config: MavlinkConfig, robot: Robot, hub: LinkHub, session: VehicleSession) -> None:
-    """Show the vehicle until the robot's attempt ends; nothing of a station's is waited for."""
+    """Show the vehicle until the robot's attempt ends; never waits for a station."""
     shown: list[WatchedVehicle] = []
     for each in config.watchers:
         make = partial(open_watcher, each.link, robot.clock)
@@ -35,7 +35,7 @@ async def show(config: MavlinkConfig, robot: Robot, hub: LinkHub, session: Vehic
 async def _shown(
     config: WatcherConfig, watcher: Watcher, robot: Robot, hub: LinkHub, session: VehicleSession
 ) -> AsyncIterator[WatchedVehicle | None]:
-    """Show the vehicle at one link; None when a vehicle with its id is shown there already."""
+    """Show the vehicle at one link; None if a vehicle with its id is shown there already."""
     vehicle = WatchedVehicle(
         config,
         watcher,
@@ -55,7 +55,7 @@ async def _shown(
 
 @contextlib.asynccontextmanager
 async def _tapped(hub: LinkHub, vehicle: Vehicle, shown: list[WatchedVehicle]) -> AsyncIterator[None]:
-    """Give the frames of the vehicle to all who show it."""
+    """Pass the frames of the vehicle to all views of it."""
     shown_at = vehicle.shown_at = {}
 
     def give(frame: Frame) -> None:

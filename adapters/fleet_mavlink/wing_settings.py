@@ -1,4 +1,4 @@
-"""Reads the parameters by which an aircraft with wings is moved; its state keeps what it tells."""
+"""Reads the parameters that a winged aircraft needs for moving; its state keeps their values."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ _FOREVER, _AGAIN = 3600.0, 10.0  # s
 
 
 class WingSettings:
-    """The settings of one vehicle, read at each connect and after each reboot."""
+    """Parameters of one vehicle, read at each connect and after each reboot."""
 
     def __init__(self, vehicle: Vehicle, parameters: Parameters) -> None:
         self._vehicle = vehicle
         self._parameters = parameters
 
     async def keep(self) -> None:
-        """Read them, again after a reboot, until cancelled; nothing to do for what has no wings."""
+        """Read the parameters of a vehicle with wings, again after each reboot, until cancelled."""
         vehicle = self._vehicle
         while True:
             while not await vehicle.until(self._is_met, _FOREVER):
@@ -35,24 +35,24 @@ class WingSettings:
 
     @property
     def _is_known(self) -> bool:
-        """Whether all is known; one that is lost on the way looks like one that does not exist."""
+        """Whether all are known; a lost answer looks like a missing parameter."""
         state = self._vehicle.state
         has_rotors = bool(state.vtol_state)
         return all(name in state.settings for name in self._wanted if has_rotors or not name.startswith("Q_"))
 
     @property
     def _wanted(self) -> tuple[str, ...]:
-        """The parameters that it is moved by."""
+        """Parameters that it needs for moving."""
         flavour = self._vehicle.flavour
         return flavour.settings if flavour else ()
 
     async def _read(self, name: str) -> None:
-        """Read one."""
+        """Read one parameter."""
         try:
             await self._parameters.read([name])
         except CommandError as error:
             self._vehicle.log.info("%s is not known: %s", name, error)
 
     def _is_met(self, _state: VehicleState) -> bool:
-        """Return whether it answers, and has wings."""
+        """Return True while it answers, and has wings."""
         return self._vehicle.connected and bool(self._wanted)

@@ -18,7 +18,7 @@ _CLOSE = 3.0  # m below its height at which ArduPlane's TAKEOFF levels off
 
 
 class WingedTakeOff:
-    """One take-off. PX4 goes over into its circle by itself, ArduPlane is sent there."""
+    """One take-off. PX4 starts to circle on its own; ArduPlane is commanded to."""
 
     def __init__(self, flight: Flight, flavour: Winged, altitude: float) -> None:
         self._flight = flight
@@ -39,7 +39,7 @@ class WingedTakeOff:
         return min(own, self._altitude)
 
     async def climb(self) -> AsyncIterator[Progress]:
-        """Arm if need be, and take off; raises the refusal, Fault when its motor stopped, TimedOut."""
+        """Arm if necessary, and take off; raises the refusal, Fault if its motor stopped, TimedOut."""
         flight, flavour, vehicle = self._flight, self._flavour, self._vehicle
         flight.give_way(flavour, flavour.takeoff)
         if not vehicle.state.in_air:
@@ -67,13 +67,13 @@ class WingedTakeOff:
             yield self._progress()
 
     def _is_up(self, state: VehicleState) -> bool:
-        """Return whether the autopilot's own take-off is over, or as high as it gets."""
+        """Return True once the autopilot's own take-off is over, or as high as it gets."""
         if self._flavour.takeoff_height is not None:
             return height_of(state) >= self._own - _CLOSE
         return self._flight.mode(state) == self._flavour.hold and state.landed is Landed.IN_AIR
 
     async def _circle(self) -> AsyncIterator[Progress]:
-        """Let it climb to its height in a circle here."""
+        """Let it climb to its height in a circle at this position."""
         flight, vehicle = self._flight, self._vehicle
         if self._flavour.takeoff_height is None and self._at_height(vehicle.state):
             return
@@ -84,11 +84,11 @@ class WingedTakeOff:
             yield self._progress()
 
     def _at_height(self, state: VehicleState) -> bool:
-        """Return whether it is at its height."""
+        """Return True if it is at its height."""
         return abs(height_of(state) - self._altitude) <= HEIGHT
 
     def _progress(self) -> Progress:
-        """Return how far it has climbed."""
+        """Return the progress of its climb."""
         height = height_of(self._vehicle.state)
         percent = max(0.0, min(99.0, 100 * height / self._altitude))
         return Progress(percent, f"at {height:.1f} m of {self._altitude:g} m")

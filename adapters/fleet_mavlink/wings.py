@@ -1,4 +1,4 @@
-"""What flies on wings: it circles where a multirotor stands, and has a slowest airspeed."""
+"""Aircraft with wings: they circle where a multirotor stands, and have a lowest airspeed."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vocabulary import ON_WINGS, WINGS
 
-_WIDE = 120.0  # m, the radius of a circle while its parameter is unknown
-_LOOSE, _SHARE = 15.0, 0.15  # m, and share of its radius, by which a circle is flown wider, or beside
-HEIGHT = 8.0  # m; PX4 circles 2 to 7 m below its height for a minute, the more the faster it flies
+_WIDE = 120.0  # m, radius of a circle while its parameter is unknown
+_LOOSE, _SHARE = 15.0, 0.15  # m, and share of its radius: tolerance of a circle
+HEIGHT = 8.0  # m; PX4 circles 2 to 7 m below its height for a minute, more at higher speeds
 
 
 class Winged(Flavour):
@@ -21,30 +21,30 @@ class Winged(Flavour):
 
     wings: ClassVar[bool] = True
     tolerance: ClassVar[float] = HEIGHT
-    speed_kind: ClassVar[float] = 0.0  # through the air
+    speed_kind: ClassVar[float] = 0.0  # airspeed
     lowest: ClassVar[float] = 15.0
     passes: ClassVar[float] = 150.0
-    circle: ClassVar[str]  # the parameter with the radius at which it circles, m; its sign is the direction
-    airspeeds: ClassVar[tuple[str, str, str]]  # the parameters: slowest, cruise, fastest
+    circle: ClassVar[str]  # parameter with the radius of its circles, m; its sign is the direction
+    airspeeds: ClassVar[tuple[str, str, str]]  # parameters: lowest, cruise, highest
     lands_here: ClassVar[bool]  # RTL ends on the ground; False: it circles over its home
     lacking: ClassVar[Mapping[str, str]] = WINGS
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """The parameters by which it is moved."""
+        """Parameters that it needs for moving."""
         return (self.circle, *self.airspeeds)
 
     @property
     def stays_at_home(self) -> bool:
-        """Whether its way home does not end in a landing."""
+        """Whether its return home ends without a landing."""
         return not self.lands_here
 
     def stands(self, state: VehicleState) -> bool:  # noqa: ARG002 - never
         """Return False: it circles."""
         return False
 
-    def cannot(self, velocity: Velocity, *, turns_in_place: bool | None) -> str:  # noqa: ARG002 - any
-        """Refuse every velocity."""
+    def cannot(self, velocity: Velocity, *, turns_in_place: bool | None) -> str:  # noqa: ARG002 - for any
+        """Return the reason against every velocity."""
         return ON_WINGS
 
     def speed_to(
@@ -52,24 +52,24 @@ class Winged(Flavour):
         state: VehicleState,
         limit: float | None,
         wanted: float | None,
-        metres: float,  # noqa: ARG002 - it flies to any place on its wings
+        metres: float,  # noqa: ARG002 - always on its wings
     ) -> float:
         """Return the airspeed."""
         return self.airspeed(state, limit, wanted)
 
     def radius(self, state: VehicleState) -> float:
-        """Return the radius at which it circles, m."""
+        """Return the radius of its circles, m."""
         return abs(state.settings.get(self.circle, _WIDE)) or _WIDE
 
     def reach(self, state: VehicleState) -> float:
-        """Return how far from the middle of its circle it may be, m."""
+        """Return the largest distance from the centre of its circle, m."""
         radius = self.radius(state)
         return radius + max(_LOOSE, _SHARE * radius)
 
     def airspeed(self, state: VehicleState, limit: float | None, wanted: float | None) -> float:
-        """Return the airspeed to fly at, m/s: what is wanted, else its cruise, within the limit.
+        """Return the airspeed to fly at, m/s: the wanted one, else its cruise, within the limit.
 
-        Raises NotReady while its own airspeeds are unknown, Refused below the slowest.
+        Raises NotReady while its own airspeeds are unknown, Refused below the lowest.
         """
         told = [state.settings.get(name) for name in self.airspeeds]
         if None in told:

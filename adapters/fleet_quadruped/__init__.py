@@ -1,4 +1,4 @@
-"""Quadrupeds whose twelve joint drives sit on CAN: CiA 402 or MIT."""
+"""Quadrupeds with twelve joint drives on CAN: CiA 402, MIT, ODrive or moteus."""
 
 from fleet_quadruped.adapter import QuadrupedAdapter, QuadrupedConfig
 

@@ -1,4 +1,4 @@
-"""The quadruped as the fleet sees it: commands to orders, states to reports."""
+"""Adapter for quadrupeds: commands to orders of the body controller, states to reports."""
 
 from __future__ import annotations
 
@@ -40,22 +40,24 @@ from fleet_quadruped.robot.names import JOINTS
 
 __all__ = ["QuadrupedAdapter", "QuadrupedConfig"]
 
-_FOREVER = 3600.0  # s: the host ends velocities; our own dead-man watches the host
-_ALIVE, _LOOK, _MOTION, _SLOW = 0.1, 0.02, 0.05, 1.0  # s between two of them
+_FOREVER = 3600.0  # s: the host ends velocities; the body's own dead-man monitors the host
+# s: periods of orders, state checks, fast reports and slow reports
+_ALIVE, _LOOK, _MOTION, _SLOW = 0.1, 0.02, 0.05, 1.0
 _EMERGENCY = "emergency_stop"
-_LAMP = "lamp"  # the key of ``robot.state``: what was asked of the lamp outlives the body controller
-_Height = Annotated[float, Range(-1.0, 1.0, "m")]  # the word says up or down; the body bounds it further
+_LAMP = "lamp"  # key in ``robot.state``: the requested lamp state
+# the command gives the direction; the body limits the height further
+_Height = Annotated[float, Range(-1.0, 1.0, "m")]
 _POSING = "posing"
-_LED = 0.3  # s that the body leads joints on after it was told to
+_LED = 0.3  # s for which the body follows a joint target after it was sent
 _STANDS = frozenset({"standing", "walking"})
 _STILL = frozenset({"standing", "held", "off", "damped"})
 _RECOVERING = "recovering"
-_ANSWERED = _STILL | {_RECOVERING}  # where a plain stop ends, or needs something more
+_ANSWERED = _STILL | {_RECOVERING}  # modes that end a plain stop, or need a further request
 _STOPPED = 4.5  # s until it must stand still; the host waits half a second longer
 
 
 class QuadrupedAdapter(Adapter[QuadrupedConfig]):
-    """A dog that walks: its body controller is a process of its own, started by ``run``."""
+    """Controls a walking robot through its body controller, a process of its own that ``run`` monitors."""
 
     Config = QuadrupedConfig
     limits = Limits(speed=0.8, yaw_rate=1.0)
@@ -69,19 +71,19 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         super().__init__(config, robot)
         self._body = BodyClient(robot, lamp=robot.state.get(_LAMP))
         self._reporter = BodyReporter(robot, config.trim, lambda: self._body.state)
-        self._serves = True  # its body controller runs
+        self._serves = True  # the body controller is running
         self._dog: AnyBody
 
     @staticmethod
     def replayed(config: Any, robot: Robot) -> RecordedDog | None:
-        """Return what reads the recorded frames of a dog whose drives we lead."""
+        """Return the adapter for replays of recorded frames; None for a self-walking machine."""
         body = load_body(config.body_file)
         return RecordedDog(config, robot, body) if isinstance(body, DogDescription) else None
 
     async def connect(self) -> None:
         """Start the body controller; raises LinkLost or LinkRefused."""
         robot = self.robot
-        robot.health(Health(Level.OFFLINE, "its body controller has told no state yet"))
+        robot.health(Health(Level.OFFLINE, "its body controller has not reported a state yet"))
         self._dog = load_body(self.config.body_file)
         frames = await robot.enter(received(self._dog.buses, robot.log))
         process = await robot.enter(BodyProcess(self.config, self._dog.leave_time, frames.relay))
@@ -93,22 +95,22 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         robot.every(_SLOW, self._reporter.report_slow)
 
     async def run(self) -> None:
-        """Wait until the body controller ends; raises LinkLost or LinkRefused with what it said."""
+        """Wait until the body controller ends; raises LinkLost or LinkRefused with its last message."""
         try:
             await self._body.process.ended()
         finally:
             self._serves = False
 
     def drive(self, velocity: Velocity) -> None:
-        """Walk like this from now on; only a dog that stands walks."""
+        """Walk with this velocity from now on; only a standing robot accepts one."""
         if self._body.state.mode not in _STANDS and not velocity.is_zero:
             raise NotReady(f"the dog is {self._body.state.mode}", hint="send stand_up first")
         self._body.change(_walking(velocity, self._body.now()))
 
     async def stop(self, reason: str) -> None:
-        """Stand still; for an emergency stop give way with damping and go off, seen to be done.
+        """Stand still; in an emergency stop damp the joints, then disable the drives. Return once seen.
 
-        A dog that recovers cannot stand still: it gives way where it lies.
+        A robot in recovery cannot stand still: it sits down where it is.
         """
         if not self._serves:
             return
@@ -120,24 +122,24 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self.halt()
         await self._body.until(lambda: self._body.state.mode in _ANSWERED, "standing still", within=_STOPPED)
         if self._body.state.mode == _RECOVERING:
-            with contextlib.suppress(Refused):  # it has just come to its feet
+            with contextlib.suppress(Refused):  # recovery ended in the meantime
                 await self._body.request(BodyRequest.SIT)
             await self._body.until(lambda: self._body.state.mode in _STILL, "standing still", within=_STOPPED)
 
     def halt(self) -> None:
-        """Order to stand still, in the posture that it has; from any thread."""
+        """Order the robot to stand still in its present posture; from any thread."""
         self._body.change(_still(self._body.now()), halts=1)
 
     def emergency_halt(self) -> None:
-        """Order to give way with damping and go off, in the next cycle; from any thread."""
+        """Order damping, then disabled drives, in the next cycle; from any thread."""
         self._body.change(_still(self._body.now()), stops=1, halts=1)
 
     # -- joints --------------------------------------------------------------------------------------
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
-        """Return its joints, in joint_mode no farther than they are led from its posture."""
+        """Return the ranges of the joints; in joint_mode limited to a window around its posture."""
         dog = self._dog
-        if not isinstance(dog, DogDescription):  # a machine that walks by itself
+        if not isinstance(dog, DogDescription):  # a self-walking machine
             return {}
         margin, speed = dog.safety.margin, dog.safety.joint_speed
         bounds = tuple((joint.low + margin, joint.high - margin) for joint in dog.all_joints)
@@ -146,33 +148,33 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         return {name: JointRange(low, high, speed) for name, (low, high) in zip(JOINTS, bounds, strict=True)}
 
     def move_joints(self, targets: Mapping[str, float]) -> None:
-        """Lead joints there; only a dog in joint_mode is led."""
+        """Move joints towards the targets; only in joint_mode."""
         if self._body.state.mode != _POSING:
             raise NotReady(f"the dog is {self._body.state.mode}", hint="send joint_mode first")
         goal = tuple(targets.get(name) for name in JOINTS)
         self._body.change({"joints": goal, "joints_until": self._body.now() + _LED})
 
     def hold_joints(self) -> None:
-        """Order to hold the joints where they are; joint_mode goes on. From any thread."""
+        """Order the joints to hold where they are; joint_mode stays on. From any thread."""
         self._body.change({"joints": ()})
 
     # -- commands ------------------------------------------------------------------------------------
 
     @command("stand_up", timeout=8.0)
     async def stand_up(self, *, delta_z: _Height | None = None) -> AsyncIterator[Progress]:
-        """Stand up; with delta_z (m): stand that much higher."""
+        """Stand up; with delta_z (m): stand higher by that much."""
         async for progress in self._rise_or_lower(delta_z, up=True):
             yield progress
 
     @command("sit_down", timeout=12.0)
     async def sit_down(self, *, delta_z: _Height | None = None) -> AsyncIterator[Progress]:
-        """Sit down and take the torque off; with delta_z (m): stand that much lower."""
+        """Sit down and take the torque off; with delta_z (m): stand lower by that much."""
         async for progress in self._rise_or_lower(delta_z, up=False):
             yield progress
 
     @command("joint_mode", timeout=5.0)
     async def joint_mode(self) -> AsyncIterator[Progress]:
-        """Hold the posture that it has, and let its joints be led a little from it, until any stop."""
+        """Hold the present posture and accept small joint moves around it, until any stop."""
         if self._dog is not None and not isinstance(self._dog, DogDescription):
             raise Unsupported("this machine moves its joints by itself")
         await self._body.request(BodyRequest.POSE)
@@ -181,19 +183,19 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     @command("recovery_stand", timeout=30.0)
     async def recovery_stand(self) -> AsyncIterator[Progress]:
-        """Get up from whatever it lies on."""
+        """Get up from any position."""
         await self._body.request(BodyRequest.RECOVER)
         yield Progress(0.0)
         await self._body.reach(_STANDS, "standing up", within=29.0)
 
     @command("reset_faults", timeout=3.0, moves=False)
     async def reset_faults(self) -> None:
-        """Acknowledge latched faults, after a person has looked at the dog."""
+        """Acknowledge latched faults, after a person has inspected the robot."""
         await self._body.request(BodyRequest.RESET)
 
     @command("led_toggle", timeout=2.0, moves=False)
     async def led_toggle(self, *, enabled: bool | None = None) -> None:
-        """Turn the lamp on or off; without data, the other way round."""
+        """Turn the lamp on or off; without data, toggle it."""
         if self._dog.led is None:
             raise Unsupported("this dog's description has no led")
         lamp = not self._body.order.lamp if enabled is None else enabled
@@ -207,7 +209,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         if timeout is None:
             raise Unsupported("this dog's description has no battery")
         if self._body.state.battery_age is None or self._body.state.battery_age > timeout:
-            raise NotReady("the battery says nothing", hint="check its CAN frames")
+            raise NotReady("no data from the battery", hint="check its CAN frames")
         self._reporter.report_slow()
 
     @command("take_photo", timeout=10.0, moves=False, safe=True)
@@ -216,7 +218,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self.robot.report(await photograph(self.config.camera, self.robot.clock))
 
     async def _rise_or_lower(self, delta_z: float | None, *, up: bool) -> AsyncIterator[Progress]:
-        """Change the height, or all of the posture."""
+        """Change the height by delta_z, or stand up or sit down without it."""
         if delta_z is not None:
             await self._body.request(BodyRequest.HEIGHT, abs(delta_z) if up else -abs(delta_z))
             yield Progress(0.0)
@@ -233,11 +235,11 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
 
 def _still(now: float) -> dict[str, object]:
-    """Return what any stop changes in the order."""
+    """Return the changes of the order that any stop makes."""
     return {**_walking(ZERO_VELOCITY, now), "joints": ()}
 
 
 def _walking(velocity: Velocity, now: float) -> dict[str, object]:
-    """Return what a velocity changes in the order, at the monotonic time ``now``."""
+    """Return the changes of the order for a velocity; ``now`` is monotonic time in s."""
     move, gait = velocity.linear, "walk" if velocity.gait == "walk" else "trot"
     return {"x": move.x, "y": move.y, "turn": velocity.yaw_rate, "gait": gait, "until": now + _FOREVER}

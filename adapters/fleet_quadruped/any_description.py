@@ -1,4 +1,4 @@
-"""Any dog's description: one with joint drives of ours, or a machine that walks by itself."""
+"""Loader of both kinds of description: a robot with joint drives of ours, or a self-walking machine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ AnyBody = DogDescription | SelfWalker
 
 
 def load_body(path: Path) -> AnyBody:
-    """Read a description of either kind; raises ConfigError with every problem."""
+    """Load a description of either kind; raises ConfigError with all errors."""
     tree = read_tree(path)
     by_itself = isinstance(tree, dict) and not {"frames", "objects"}.isdisjoint(tree)
     return checked(path, tree, SelfWalker) if by_itself else checked(path, tree, DogDescription)

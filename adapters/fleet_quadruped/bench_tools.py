@@ -1,4 +1,4 @@
-"""A dog on the bench: its drives are heard. What the ``fleet can`` tools share."""
+"""Shared parts of the ``fleet can`` tools: a robot on the bench, with its drives only listened to."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from fleet_quadruped.selfwalk.description import SelfWalker
 
 _READ_DEVICE_TYPE = bytes.fromhex("4000100000000000")
 _GIVE_WAY = Layout(PROFILES["damiao-8006"]).pack_command(MitCommand(kd=3.0))
-"""No stiffness, only damping (N m s/rad): the same bytes for every profile."""
+"""No stiffness, damping only (N m s/rad): the same bytes for every profile."""
 _IDS = range(1, 128)
 _ANSWERED = 0x43
 _MOTORS = range(1, 16)
 _ORDERS = frozenset(
     {*map(to_servo, _IDS), SYNC, HEARTBEAT + MASTER, *_MOTORS, *(RPDO1 + number for number in _IDS)}
 )
-"""Frames that only a controller sends, whatever its drives are."""
+"""Identifiers that only a controller sends, for any kind of drive."""
 
 
 @contextlib.contextmanager
 def open_buses(
     urls: Mapping[str, str], described: Mapping[str, parts.Bus], clock: Clock
 ) -> Iterator[dict[str, CanBus]]:
-    """Open buses for the time of a block; raises LinkLost or LinkRefused."""
+    """Open buses for the duration of a block; raises LinkLost or LinkRefused."""
     with contextlib.ExitStack() as stack:
         buses: dict[str, CanBus] = {}
         for name, url in urls.items():
@@ -49,10 +49,10 @@ def open_buses(
 
 
 def scan(bus: CanBus, clock: Clock, seconds: float = 1.0) -> list[str]:
-    """Return a line for each device that is found. Nothing is asked that could move or change anything.
+    """Return one line per device found; no request of the scan can move or change a device.
 
-    CANopen nodes are asked for their device type (1000h), MIT motors are told to give way: those that are
-    off only answer it. So a bus with a controller on it is left alone; raises LinkLost.
+    CANopen nodes are asked for their device type (1000h). MIT motors receive a damping command, which a
+    disabled motor only answers. It would disturb a controller: a bus with one is refused; raises LinkLost.
     """
     require_sole_controller({bus.name: bus}, {(bus.name, number) for number in _ORDERS}, clock)
     found: dict[tuple[str, int], str] = {}
@@ -70,7 +70,7 @@ def scan(bus: CanBus, clock: Clock, seconds: float = 1.0) -> list[str]:
 
 
 def _note(frame: CanFrame, found: dict[tuple[str, int], str]) -> None:
-    """Note what a frame says about a device."""
+    """Note the device that sent a frame."""
     node = frame.id & 0x7F
     if frame.id & ~0x7F == SDO_RESPONSE and len(frame.data) == 8:
         if frame.data[0] == _ANSWERED:
@@ -78,7 +78,7 @@ def _note(frame: CanFrame, found: dict[tuple[str, int], str]) -> None:
             kind = "drive (CiA 402)" if profile == 402 else f"profile {profile}"
             found["canopen", node] = f"CANopen node {node}: {kind}"
         else:
-            found.setdefault(("canopen", node), f"CANopen node {node}: refuses to tell its device type")
+            found.setdefault(("canopen", node), f"CANopen node {node}: refuses to report its device type")
     elif frame.id & ~0x7F == HEARTBEAT:
         found.setdefault(("canopen", node), f"CANopen node {node}: heartbeat, state {frame.data[:1].hex()}h")
     elif len(frame.data) in {6, 7, 8} and (frame.id == 0 or 0x10 < frame.id < 0x20):
@@ -87,7 +87,7 @@ def _note(frame: CanFrame, found: dict[tuple[str, int], str]) -> None:
 
 
 class BenchSession:
-    """Configured drives of a dog, all or those of some joints; ``look`` keeps them off."""
+    """The configured drives of a robot, all or those of some joints; ``look`` keeps them disabled."""
 
     def __init__(
         self,
@@ -104,12 +104,12 @@ class BenchSession:
         self.drives = drives_of(dog, buses, self.joints)
         require_sole_controller(buses, self.drives.addresses, clock)
         self.drives.configure()
-        self._meet()
+        self._lower_if_held()
 
-    def _meet(self) -> None:
-        """Let a dog down that its motors may hold; raises LinkRefused for one that would fall.
+    def _lower_if_held(self) -> None:
+        """Lower a robot that its motors may be holding; raises LinkRefused if it would fall.
 
-        Without torque a dog that stands, or is held by drives that stopped alone, drops.
+        Without torque a robot drops if it stands, or if drives that stopped by themselves hold it.
         """
         safety = self.dog.safety
         gives_way = held = False
@@ -121,16 +121,16 @@ class BenchSession:
                 return
         if held and not gives_way:
             raise LinkRefused(
-                "the drives hold the dog, and it would fall: let it down with fleet run, or take their power "
+                "the drives hold the dog, and it would fall: lower it with fleet run, or switch their power "
                 "off while it hangs"
             )
 
     def look(self) -> tuple[JointFeedback, ...]:
-        """Run one cycle, with the torque off; return what the drives say."""
+        """Run one cycle with the torque off; return the feedback of the drives."""
         return self.cycle(self.drives.disable)
 
     def cycle(self, act: Callable[[], None]) -> tuple[JointFeedback, ...]:
-        """Run one cycle: hear the drives, then ``act``; return what they say."""
+        """Run one cycle: receive for one period, then ``act``; return the feedback of the drives."""
         now = self._clock.monotonic()
         self.drives.begin_cycle(now)
         until = now + self.dog.dt
@@ -143,7 +143,7 @@ class BenchSession:
         return self.drives.feedback(self._clock.monotonic()).each()
 
     def settle(self, cycles: int = 30) -> tuple[JointFeedback, ...]:
-        """Return what the drives say after some cycles."""
+        """Return the feedback of the drives after some cycles with the torque off."""
         told = self.look()
         for _ in range(cycles):
             told = self.look()
@@ -151,7 +151,7 @@ class BenchSession:
 
 
 def problems(joints: Sequence[Joint], told: tuple[JointFeedback, ...]) -> list[str]:
-    """Return what keeps these joints from being enabled, a line each."""
+    """Return the reasons against enabling these joints, one line each."""
     found = []
     for joint, feedback in zip(joints, told, strict=True):
         if feedback.age > 0.1:
@@ -167,7 +167,7 @@ def problems(joints: Sequence[Joint], told: tuple[JointFeedback, ...]) -> list[s
 
 
 def offsets(dog: DogDescription, told: tuple[JointFeedback, ...], pose: Twelve) -> dict[str, float]:
-    """Return the offset (rad) of each joint when the dog really is in ``pose``; signs are taken as right."""
+    """Return the offset (rad) of each joint if the robot really is in ``pose``; assumes correct signs."""
     return {
         joint.name: round(joint.motor(feedback.angle) / joint.kind.ratio - joint.sign * angle, 4)
         for joint, feedback, angle in zip(dog.all_joints, told, pose, strict=True)
@@ -175,7 +175,7 @@ def offsets(dog: DogDescription, told: tuple[JointFeedback, ...], pose: Twelve) 
 
 
 class MachineValues(NamedTuple):
-    """What a machine that walks by itself tells: values by name, and a line for each missing frame."""
+    """Values of a self-walking machine by name, and one line for each missing frame."""
 
     values: dict[str, float]
     missing: list[str]
@@ -184,7 +184,7 @@ class MachineValues(NamedTuple):
 def listen(
     walker: SelfWalker, buses: Mapping[str, CanBus], clock: Clock, seconds: float = 1.0
 ) -> MachineValues:
-    """Hear a machine for a while; it is asked for its state and told nothing else."""
+    """Listen to a self-walking machine for a while; it is asked for its state, nothing else is sent."""
     controller = SelfWalkController(walker, buses)
     require_sole_controller(buses, controller.addresses, clock)
     if walker.wire.node is not None:

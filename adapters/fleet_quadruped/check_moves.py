@@ -1,4 +1,4 @@
-"""The small moves of ``fleet can check --move``: gives a controller its orders, notes what is seen."""
+"""Small moves of ``fleet can check --move``: sends a controller its orders and collects observations."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from fleet_quadruped.control.orders import Activity, DogState, Order
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.safety.stages import Mode
 
-_HEARD = 0.3  # s until every drive and the IMU have been heard
+_HEARD = 0.3  # s until every drive and the IMU have sent feedback
 _ASKED = Activity(1, BodyRequest.CHECK)
 
 
-class Moves:
-    """Where orders come from and states go, for the time of a check.
+class CheckMoves:
+    """Source of orders and sink of states for one check.
 
-    ``interrupted`` is asked in every cycle whether a person wants it to end: that is an emergency stop.
-    ``looks`` is what was seen; ``ended`` says why there are not more, empty when it went to its end.
+    ``interrupted`` is polled in every cycle; True is an emergency stop by the person at the bench. ``looks``
+    holds the observations; ``ended`` is the reason of an early end, empty after a complete check.
     """
 
     def __init__(self, dog: DogDescription, clock: Clock, interrupted: Callable[[], bool]) -> None:
@@ -30,7 +30,7 @@ class Moves:
         self._clock = clock
         self._interrupted = interrupted
         self._begun = clock.monotonic()
-        self._moving: float | None = None  # since when
+        self._moving: float | None = None  # monotonic s of the first state in the check
         self._stop = 0
         self._leave = False
 
@@ -43,7 +43,7 @@ class Moves:
         return Order(alive=now, activity=activity, stop=self._stop, leave=self._leave)
 
     def put(self, state: DogState) -> None:
-        """Note what is seen whenever the trunk has come to rest, and whether it is over."""
+        """Record an observation whenever the trunk has come to rest; leave when the check is over."""
         if state.mode == Mode.CHECKING:
             self._moving = state.stamp if self._moving is None else self._moving
             self._look(state, state.stamp - self._moving)
@@ -52,7 +52,7 @@ class Moves:
             self._leave = True
 
     def _look(self, state: DogState, passed: float) -> None:
-        """Look once towards the end of each pause."""
+        """Record one observation towards the end of each pause."""
         number = len(self.looks)
         if number < len(self._times) and passed >= self._times[number] - HOLD_TIME / 4:
             self.looks.append(Observation(state.angles, Quaternion(*state.rotation)))

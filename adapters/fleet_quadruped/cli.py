@@ -1,4 +1,4 @@
-"""``fleet can``: a dog on the bench. ``jog`` enables one drive, ``check --move`` all; both ask first."""
+"""``fleet can``: tools for a robot on the bench. Only ``jog`` and ``check --move`` enable drives, and ask."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fleet_quadruped import commissioning
 from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.bench_tools import BenchSession, listen, offsets, open_buses, problems, scan
 from fleet_quadruped.can.capture import read_capture
-from fleet_quadruped.check_moves import Moves
+from fleet_quadruped.check_moves import CheckMoves
 from fleet_quadruped.commissioning import at_rest
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.loop import Loop
@@ -22,10 +22,10 @@ from fleet_quadruped.jog import (
     LEAST_DEGREES,
     MOST_DEGREES,
     MOST_SHARE,
+    AbortInput,
     Jog,
     Jogger,
     JogStopped,
-    Pressed,
     direction,
     verdict,
 )
@@ -48,7 +48,7 @@ def can(context: click.Context, *, as_json: bool) -> None:
 
 
 def _show(lines: list[str]) -> None:
-    """Write the result: a line each, or one JSON list."""
+    """Print the result: one line each, or one JSON list."""
     click.echo(json.dumps(lines, indent=2) if click.get_current_context().obj else "\n".join(lines))
 
 
@@ -86,24 +86,24 @@ def check_command(body: Path, buses: tuple[str, ...], *, move: bool) -> int:
         if isinstance(dog, DogDescription):
             found, good = _checked(dog, opened, move=move)
         else:
-            found, good = listen(dog, opened, SystemClock()).missing, "the machine tells its state"
+            found, good = listen(dog, opened, SystemClock()).missing, "the machine reports its state"
     verdict = f"{len(found)} problems" if found else good
     _show([*lines, *found, verdict])
     return 1 if found else 0
 
 
 def _checked(dog: DogDescription, buses: Mapping[str, CanBus], *, move: bool) -> tuple[list[str], str]:
-    """Return what is wrong with a dog's drives and joints, and what is good when nothing is."""
+    """Return the problems of a robot's drives and joints, and the verdict if there are none."""
     told = BenchSession(dog, buses, SystemClock()).settle()
     found = problems(dog.all_joints, told) or at_rest(dog, tuple(each.angle for each in told))
     if found or not move:
-        return found, "all twelve drives answer, where their joints can be; --move shows signs and offsets"
+        return found, "all twelve drives answer, within their joints' limits; --move shows signs and offsets"
     click.echo("It will fold its legs, crouch, and lean by up to 10 degrees. Any key stops it.", err=True)
     click.confirm("Does it lie on its belly on a level floor, and is everybody clear?", abort=True, err=True)
-    pressed, controller = Pressed(), Controller(dog, buses)
+    pressed, controller = AbortInput(), Controller(dog, buses)
     controller.configure()
     with pressed.watching():
-        moves = Moves(dog, SystemClock(), pressed)
+        moves = CheckMoves(dog, SystemClock(), pressed)
         Loop(controller, buses, moves, SystemClock()).run()
     return commissioning.problems(dog, moves.looks, moves.ended), "signs and offsets of all joints are right"
 
@@ -148,7 +148,7 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
 @click.argument("capture", type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--joint", "name", type=click.Choice(JOINTS), help="This joint; else the one farthest off.")
 def replay_command(body: Path, capture: Path, name: str | None) -> int:
-    """Tell what was on the buses before a fault: what was wanted, what was so, what the drives said."""
+    """Show the frames before a fault: targets, angles, and the state of each drive."""
     lines = list(Replay(_with_joints(body)).lines(read_capture(capture), name or ""))
     _show(lines or [f"{capture}: no frames"])
     return 0
@@ -194,7 +194,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
     most = MOST_SHARE * joint.kind.torque
     jog = Jog(joint, math.radians(degrees), torque or 0.1 * joint.kind.torque)
     if not abs(degrees) >= LEAST_DEGREES:
-        raise LinkRefused(f"--degrees {degrees:g}: less than {LEAST_DEGREES:g} is not seen")
+        raise LinkRefused(f"--degrees {degrees:g}: less than {LEAST_DEGREES:g} is not visible")
     if not jog.torque <= most:
         raise LinkRefused(f"--torque {jog.torque:g}: at most {most:.1f} N m for {name} on the bench")
     way = direction(joint, forwards=degrees > 0)
@@ -204,7 +204,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
         err=True,
     )
     click.confirm("Does the dog hang free, and is everybody clear?", abort=True, err=True)
-    pressed = Pressed()
+    pressed = AbortInput()
     with open_buses(_urls(dog, buses), dog.buses, SystemClock()) as opened:
         jogger = Jogger(dog, opened, SystemClock(), jog, pressed)
         try:
@@ -224,15 +224,15 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
 
 
 def _with_joints(body: Path) -> DogDescription:
-    """Return a dog's description; raises ConfigError for a machine that walks by itself."""
+    """Return the description of a robot with joints; raises ConfigError for a self-walking machine."""
     dog = load_body(body)
     if isinstance(dog, SelfWalker):
-        raise ConfigError(f"{body}: this machine walks by itself; it has no drives of ours")
+        raise ConfigError(f"{body}: this machine walks on its own; fleet does not control its drives")
     return dog
 
 
 def _urls(dog: AnyBody, given: tuple[str, ...]) -> dict[str, str]:
-    """Return the buses by name; raises LinkRefused when they are not those of the description."""
+    """Return the given buses by name; raises LinkRefused unless they are those of the description."""
     urls = {name: url for name, _, url in (text.partition("=") for text in given)}
     if set(urls) != set(dog.buses):
         raise LinkRefused(f"give --bus NAME=URL for each of {', '.join(dog.buses)}")

@@ -1,9 +1,9 @@
-"""Signs and offsets of the joints, from what a dog did in its small moves (``fleet can check --move``).
+"""Signs and offsets of the joints, estimated from the small moves of ``fleet can check --move``.
 
-The feet stay where they are on a level floor while the trunk is shifted and tilted. With right signs and
-offsets the joints and the IMU together put each foot at one place in all looks, and all feet on one plane.
-Which single joint, mirrored or shifted, explains best what is seen is found by least squares: this joint
-free, the offsets of all others as small as those of manufacturing, the floor and the IMU nearly level.
+The feet stay in place on a level floor while the trunk is shifted and tilted. With correct signs and offsets,
+joints and IMU together put each foot at one place in all observations, and all feet on one plane. Least
+squares finds the single mirrored or shifted joint that explains the observations best: this joint is free,
+the offsets of all others are as small as manufacturing errors, the floor and the IMU are nearly level.
 """
 
 from __future__ import annotations
@@ -18,33 +18,35 @@ from fleet_quadruped.body.turning import to_world
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS, LEGS, Twelve
 
-_FOOT = 0.0005  # m that a foot may seem to be above the floor
-_STUCK = 0.005  # m that a foot may slide
-_MADE = 0.02  # rad: offsets and tilts of manufacturing
-_FREE = 1.5  # rad: of the joint that is looked at
+_FOOT = 0.0005  # m: standard error of a foot's height above the floor
+_STUCK = 0.005  # m: standard error of a foot that stays in place
+_MADE = 0.02  # rad: manufacturing errors of offsets and mounting angles
+_FREE = 1.5  # rad: standard error of the offset of the joint under test
 _ROUNDS = 5
 _JOINTS = len(JOINTS)
 _COUNT = _JOINTS + 4  # offsets; the floor's slopes along x and y; the IMU's mounting about x and y
+# step of the numerical derivatives
 _SMALL = 1e-5
-_LEAST = 3  # looks from which anything can be told
-_UNLIKELY = 25.0  # cost that no right dog has: of 50 the worst has 16
-_BETTER, _OFF = 5.0, 0.06  # cost by which one joint must explain it better, with how much offset (rad)
-_EXPLAINED = 40.0  # cost up to which an offset is told with its size: feet have slid too far beyond
-_FOLDED, _APART = 0.9, 0.6  # rad from the fold, and from the other legs, of legs that nobody holds
+_LEAST = 3  # observations needed for any conclusion
+_UNLIKELY = 25.0  # cost that no correct robot reaches: the worst of 50 had 16
+_BETTER, _OFF = 5.0, 0.06  # lowest gain of cost, and lowest offset (rad), for blaming a joint
+_EXPLAINED = 40.0  # cost up to which the offset's size is reported: beyond it, feet have slid
+# rad: largest distance from the fold, and from the other legs, of legs that nothing holds
+_FOLDED, _APART = 0.9, 0.6
 _CHECK = "check its sign and offset, or lay it on its belly with its legs folded"
 
-Feet = list[list[Point]]  # by look and leg, m
+Feet = list[list[Point]]  # by observation and leg, m
 
 
 class Observation(NamedTuple):
-    """What was seen with the trunk at rest: joint angles (rad), and the IMU's rotation (body to world)."""
+    """Observation with the trunk at rest: joint angles (rad), and the IMU's rotation (body to world)."""
 
     angles: Twelve
     rotation: Quaternion
 
 
-class Guess(NamedTuple):
-    """One joint that is mirrored, or off by ``offset`` (rad); ``cost``: how badly that explains all."""
+class Hypothesis(NamedTuple):
+    """One joint that is mirrored, or off by ``offset`` (rad); ``cost``: misfit of this explanation."""
 
     cost: float
     joint: int | None
@@ -54,8 +56,8 @@ class Guess(NamedTuple):
 
 def explain(
     dog: DogDescription, looks: Sequence[Observation], joint: int | None, *, mirrored: bool = False
-) -> Guess:
-    """Return how badly this joint alone explains what is seen; None: manufacturing alone."""
+) -> Hypothesis:
+    """Return the fit with this joint alone as the cause; None: with manufacturing errors alone."""
     errors, first = [_MADE] * _COUNT, [0.0] * _COUNT
     if joint is not None:
         errors[joint] = _FREE
@@ -73,7 +75,7 @@ def explain(
             after = _residuals(dog, looks, moved)
             slopes.append([(b - a) / _SMALL for a, b in zip(residuals, after, strict=True)])
         values = _improved(residuals, slopes, values, priors, errors)
-    return Guess(cost, joint, mirrored, 0.0 if joint is None else values[joint])
+    return Hypothesis(cost, joint, mirrored, 0.0 if joint is None else values[joint])
 
 
 def _with_mirrored(look: Observation, joint: int) -> Observation:
@@ -82,7 +84,7 @@ def _with_mirrored(look: Observation, joint: int) -> Observation:
 
 
 def _residuals(dog: DogDescription, looks: Sequence[Observation], values: Sequence[float]) -> list[float]:
-    """Return by how much feet seem to move, and to be above the floor, over the error of that."""
+    """Return the residuals, each over its standard error: feet that move, feet above or below the floor."""
     slope_x, slope_y = values[_JOINTS : _JOINTS + 2]
     feet = [_feet(dog, look, values) for look in looks]
     stuck = [_centred(each) for each in _unrolled(dog, looks, feet)]
@@ -96,7 +98,7 @@ def _residuals(dog: DogDescription, looks: Sequence[Observation], values: Sequen
 
 
 def _feet(dog: DogDescription, look: Observation, values: Sequence[float]) -> list[Point]:
-    """Return the feet of one look from the trunk's centre, in the level frame."""
+    """Return the feet of one observation relative to the trunk's centre, in the level frame."""
     angles = [angle + offset for angle, offset in zip(look.angles, values, strict=False)]
     mount_x, mount_y = values[_JOINTS + 2 :]
     feet = []
@@ -109,7 +111,7 @@ def _feet(dog: DogDescription, look: Observation, values: Sequence[float]) -> li
 
 
 def _unrolled(dog: DogDescription, looks: Sequence[Observation], feet: Feet) -> Feet:
-    """Return the feet less what they have rolled on the floor since the first look."""
+    """Return the feet minus the distance that they have rolled on the floor since the first observation."""
     radius, begun = dog.geometry.foot_radius, _leans(looks[0])
     return [
         [
@@ -123,7 +125,7 @@ def _unrolled(dog: DogDescription, looks: Sequence[Observation], feet: Feet) -> 
 
 
 def _leans(look: Observation) -> list[tuple[float, float]]:
-    """Return how each calf leans, roll and pitch."""
+    """Return roll and pitch of each calf in the level frame, rad."""
     imu = Imu(look.rotation, Vector3(), Vector3())
     angles = look.angles
     return [
@@ -149,7 +151,7 @@ def _improved(
     priors: list[float],
     errors: list[float],
 ) -> list[float]:
-    """Return the values after one step of Gauss and Newton."""
+    """Return the values after one Gauss-Newton step."""
     matrix = [[sum(map(float.__mul__, one, two)) for two in slopes] for one in slopes]
     right = [-sum(map(float.__mul__, one, residuals)) for one in slopes]
     for number, error in enumerate(errors):
@@ -160,7 +162,7 @@ def _improved(
 
 
 def _solved(matrix: list[list[float]], right: list[float]) -> list[float]:
-    """Solve a symmetric, positive definite system; both arguments are used up."""
+    """Solve a symmetric, positive definite system by elimination; overwrites both arguments."""
     count = len(right)
     for pivot in range(count):
         for below in range(pivot + 1, count):
@@ -176,7 +178,7 @@ def _solved(matrix: list[list[float]], right: list[float]) -> list[float]:
 
 
 def at_rest(dog: DogDescription, angles: Twelve) -> list[str]:
-    """Return the joints that are not where those of a dog are that lies on its belly, its legs folded."""
+    """Return the joints that are not where they are on a robot that lies on its belly with folded legs."""
     fold, found = dog.posture(dog.poses.fold), []
     outward = [angle * leg.side if part == 0 else angle for leg, part, angle in _parts(dog, angles)]
     for number, (angle, folded) in enumerate(zip(angles, fold, strict=True)):
@@ -192,13 +194,13 @@ def at_rest(dog: DogDescription, angles: Twelve) -> list[str]:
 
 
 def _parts(dog: DogDescription, angles: Twelve) -> Iterator[tuple[Leg, int, float]]:
-    """Yield the leg, which of its joints, and the angle of each joint."""
+    """Yield the leg, the number of the joint in it, and the angle of each joint."""
     for number, angle in enumerate(angles):
         yield dog.legs[number // 3], number % 3, angle
 
 
 def problems(dog: DogDescription, looks: Sequence[Observation], ended: str = "") -> list[str]:
-    """Return what is wrong with the joints after the looks of a check; ``ended``: why there are not more."""
+    """Return the joint errors that the observations of a check show; ``ended``: reason of an early end."""
     found = [f"the moves ended early: {ended}"] if ended else []
     if len(looks) < _LEAST:
         return found

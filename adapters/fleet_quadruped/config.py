@@ -18,7 +18,7 @@ from fleet_quadruped.sim.worlds import WORLDS
 
 
 def simulation(link: str) -> tuple[str, dict[str, float]]:
-    """Return the world and the faults of ``sim:WORLD?faults=...``; raises ValueError with an example."""
+    """Return world and faults of ``sim:WORLD?faults=...``; raises ValueError with an example."""
     scheme, _, rest = link.partition(":")
     world, _, query = rest.partition("?")
     if scheme != "sim" or world not in WORLDS or (query and not query.startswith("faults=")):
@@ -35,7 +35,7 @@ def _checked(link: str) -> str:
 
 
 class QuadrupedConfig(AdapterConfig):
-    """A quadruped's fields in fleet.yaml: a real one has ``buses``, a simulated one ``link``."""
+    """A quadruped's fields in fleet.yaml: a real robot has ``buses``, a simulated one ``link``."""
 
     adapter: Literal["quadruped"]
     body: ExistingPath | None = Field(
@@ -58,23 +58,23 @@ class QuadrupedConfig(AdapterConfig):
 
     @model_validator(mode="after")
     def _one_way(self) -> QuadrupedConfig:
-        """Refuse a dog that is both real and simulated, or neither."""
+        """Refuse a robot that is both real and simulated, or neither."""
         if bool(self.buses) == (self.link is not None):
             raise ValueError("give either buses (a real dog) or link: sim:auto (a simulated one)")
         return self
 
     @property
     def body_file(self) -> Path:
-        """The description to load: what was given, else the example dog's."""
+        """The description to load: the configured one, else that of the example robot."""
         return self.body or EXAMPLE
 
     def body_parts(self) -> tuple[BodyPart, ...]:
-        """Return trunk and legs; nothing is known of those of a machine that walks by itself."""
+        """Return trunk and legs; nothing for a self-walking machine, whose parts are unknown."""
         dog = load_body(self.body_file)
         return body_parts(dog) if isinstance(dog, DogDescription) else ()
 
     @property
     def captures_folder(self) -> Path:
-        """Where captures go: what was given, else a folder of this dog's among the states."""
+        """Folder of the captures: the configured one, else one of this robot in the state folder."""
         states = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
         return self.captures or Path(states) / "fleet" / "captures" / self.name

@@ -1,6 +1,6 @@
-"""Values in CAN frames, by a map: which bytes of which identifier are which value.
+"""Values in CAN frames, defined by a map of identifiers, bytes and values.
 
-For sensors that have no standard (IMU, battery) and for machines that walk by themselves.
+Used for sensors without a standard protocol (IMU, battery) and for self-walking machines.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from fleet_quadruped.frame_integrity import Seal, Sealed
+from fleet_quadruped.frame_integrity import FrameIntegrity, ProtectedFrame
 
 Type = Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32"]
 _CODES: Mapping[str, str] = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
@@ -30,18 +30,18 @@ def _scale(value: float) -> float:
 
 
 class Number(BaseModel):
-    """How a value is stored: a raw number, times ``scale``, plus ``offset``."""
+    """Encoding of a value: a raw number, times ``scale``, plus ``offset``."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    type: Type = Field(description="How it is stored.")
-    scale: Annotated[float, AfterValidator(_scale)] = Field(1.0, description="Value of one unit.")
+    type: Type = Field(description="Raw data type.")
+    scale: Annotated[float, AfterValidator(_scale)] = Field(1.0, description="Value of one raw unit.")
     offset: float = Field(0.0, description="Value of raw zero.")
-    invalid: int | None = Field(None, description="Raw number that means: not known.")
+    invalid: int | None = Field(None, description="Raw number that means that the value is unknown.")
 
     @property
     def farthest(self) -> float:
-        """The value that is farthest from zero."""
+        """Largest magnitude that can be encoded."""
         return max(abs(raw * self.scale + self.offset) for raw in _RANGES[self.type])
 
 
@@ -53,28 +53,26 @@ class FieldMap(Number):
 
     @cached_property
     def layout(self) -> struct.Struct:
-        """How ``struct`` reads it."""
+        """Layout of the value for ``struct``."""
         return struct.Struct((">" if self.endian == "big" else "<") + _CODES[self.type])
 
 
-class FrameMap(Sealed):
-    """One frame and its values by name, with what else must be in it."""
+class FrameMap(ProtectedFrame):
+    """One frame: its values by name, its length, and its constant bytes."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    id: int = Field(ge=0, le=0x1FFFFFFF, description="Identifier; beyond 7FFh it is an extended one.")
-    fields: dict[str, FieldMap] = Field(min_length=1, description="The values in it.")
-    dlc: int | None = Field(
-        None, ge=1, le=8, description="Its bytes, where there are more than its values need."
-    )
+    id: int = Field(ge=0, le=0x1FFFFFFF, description="Identifier; extended above 7FFh.")
+    fields: dict[str, FieldMap] = Field(min_length=1, description="Values in the frame.")
+    dlc: int | None = Field(None, ge=1, le=8, description="Length in bytes, if longer than the values need.")
     data: str = Field(
-        "", pattern=r"^([0-9a-fA-F]{2}){0,8}$", description="Hex: what is in its bytes besides the values."
+        "", pattern=r"^([0-9a-fA-F]{2}){0,8}$", description="Constant data in the other bytes, hex."
     )
 
     @model_validator(mode="after")
     def _apart(self) -> FrameMap:
-        """Refuse two fields on the same byte, a constant under one, and what is beyond the frame's end."""
-        taken = dict(self.seal_bytes)
+        """Refuse overlapping fields, constants under a field, and bytes beyond the frame's end."""
+        taken = dict(self.integrity_bytes)
         if len(taken) < sum(part is not None for part in (self.counter, self.checksum)):
             raise ValueError("counter and checksum are in the same byte")
         constants = bytes.fromhex(self.data)
@@ -92,18 +90,18 @@ class FrameMap(Sealed):
 
     @property
     def needed(self) -> int:
-        """Bytes that its values, constants, counter and checksum take."""
+        """Number of bytes up to the last value, constant, counter or checksum."""
         ends = [field.at + field.layout.size for field in self.fields.values()]
-        return max([*ends, len(self.data) // 2, *(place + 1 for place in self.seal_bytes)])
+        return max([*ends, len(self.data) // 2, *(place + 1 for place in self.integrity_bytes)])
 
     @property
     def length(self) -> int:
-        """Bytes of the frame."""
+        """Number of bytes in the frame."""
         return self.dlc or self.needed
 
 
 def _layouts(frame: FrameMap) -> list[tuple[struct.Struct, list[str]]]:
-    """Return how a whole frame is read: for each byte order in it, a layout and the names of its values."""
+    """Return, for each byte order in the frame, a layout of the whole frame and the names of its values."""
     found = []
     for order, sign in (("little", "<"), ("big", ">")):
         fields = sorted((field.at, name) for name, field in frame.fields.items() if field.endian == order)
@@ -117,23 +115,25 @@ def _layouts(frame: FrameMap) -> list[tuple[struct.Struct, list[str]]]:
 
 
 class FrameDecoder:
-    """Reads values from the frames of a map.
+    """Decodes values from the frames of a map.
 
-    A frame with a wrong checksum, or a counter that stands still, does not count.
+    A frame with a wrong checksum or an unchanged counter is ignored.
     """
 
     def __init__(self, frames: Iterable[FrameMap]) -> None:
         frames = tuple(frames)
         self._plans = {frame.id: (frame.length, _readings(frame)) for frame in frames}
-        self._seals = {frame.id: Seal(frame.id, frame) for frame in frames if frame.seal_bytes}
+        self._integrity = {
+            frame.id: FrameIntegrity(frame.id, frame) for frame in frames if frame.integrity_bytes
+        }
 
     def decode(self, identifier: int, data: bytes) -> dict[str, float] | None:
-        """Return the known values of a frame; None for a frame that is not in the map or too short."""
+        """Return the valid values of a frame; None for an unknown, short or corrupt frame."""
         plan = self._plans.get(identifier)
         if plan is None or len(data) < plan[0]:
             return None
-        seal = self._seals.get(identifier)
-        if seal is not None and not seal.take(data):
+        integrity = self._integrity.get(identifier)
+        if integrity is not None and not integrity.take(data):
             return None
         found: dict[str, float] = {}
         for unpack_from, fields in plan[1]:
@@ -147,13 +147,13 @@ _Reading = tuple[Callable[[bytes], tuple[float, ...]], list[tuple[str, float, fl
 
 
 def _readings(frame: FrameMap) -> list[_Reading]:
-    """Return what unpacks a frame, and what its numbers mean: name, scale, offset, invalid."""
+    """Return the unpackers of a frame, each with name, scale, offset and invalid number of its values."""
     fields = {name: (name, field.scale, field.offset, field.invalid) for name, field in frame.fields.items()}
     return [(layout.unpack_from, [fields[name] for name in names]) for layout, names in _layouts(frame)]
 
 
 class FrameEncoder:
-    """Writes values into one frame of a map."""
+    """Encodes values into one frame of a map."""
 
     def __init__(self, frame: FrameMap) -> None:
         self._length = frame.length
@@ -165,9 +165,9 @@ class FrameEncoder:
         self._plan = [(layout.pack, [fields[name] for name in names]) for layout, names in _layouts(frame)]
 
     def encode(self, values: Mapping[str, float]) -> bytes:
-        """Return the data; values out of range are clamped, never wrapped; missing ones are raw zero.
+        """Return the data; values out of range are clamped, never wrapped; missing values are raw zero.
 
-        Raises ValueError for what is no number.
+        Raises ValueError for NaN.
         """
         data = self._constant
         for pack, fields in self._plan:
@@ -184,5 +184,5 @@ class FrameEncoder:
 
 
 def encode(frame: FrameMap, values: Mapping[str, float]) -> bytes:
-    """Return one frame's data; see ``FrameEncoder``, which is quicker for many."""
+    """Return the data of one frame; ``FrameEncoder`` is faster for many."""
     return FrameEncoder(frame).encode(values)

@@ -1,7 +1,7 @@
-"""Moving one joint a little, with a person beside the dog: ``fleet can jog``.
+"""Small move of one joint with a person beside the robot: ``fleet can jog``.
 
-Only this joint's drive is configured and enabled, its torque is limited, and however the jog ends (a key, an
-exception, the end) the joint is stopped by the drive's own means and the torque is taken off.
+Only this joint's drive is configured and enabled, and its torque is limited. However the jog ends (a key, an
+exception, completion), the drive stops the joint by its own means and the torque is taken off.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ log = logging.getLogger(__name__)
 
 SPEED = 0.1  # rad/s
 LEAST_DEGREES, MOST_DEGREES = 0.5, 10.0
-MOST_SHARE = 0.3  # of the highest torque
-_ENABLE, _STOP, _OFF = 1.0, 0.3, 1.0  # s: until enabled, of quick stop, until off
+MOST_SHARE = 0.3  # of the joint's maximum torque
+_ENABLE, _STOP, _OFF = 1.0, 0.3, 1.0  # s: limit for enabling, duration of the quick stop, limit for disabling
 _HOLD = 0.5  # s at the end of the step
 _WATCHED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
 
 
 class Jog(NamedTuple):
-    """What is to be done: radians from where the joint is, and N m at most."""
+    """Parameters of a jog: radians from the present angle, and the torque limit in N m."""
 
     joint: Joint
     step: float
@@ -45,11 +45,11 @@ class Jog(NamedTuple):
 
 
 class JogStopped(Exception):
-    """A person has ended the jog."""
+    """The person at the bench has ended the jog."""
 
 
 class Jogger:
-    """One joint on the bench. ``interrupted`` is asked in every cycle whether somebody wants it to end."""
+    """One joint on the bench; ``interrupted`` is polled in every cycle, True ends the jog."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Jogger:
         self._margin = dog.safety.margin
 
     def _check(self) -> None:
-        """Look at the joint with its torque off; raises Refused when it must not be moved."""
+        """Inspect the joint with its torque off; raises Refused if it must not be moved."""
         told = self._bench.settle()
         found = problems((self._jog.joint,), told)
         if found:
@@ -80,9 +80,9 @@ class Jogger:
             )
 
     def move(self) -> float:
-        """Make the step; return how far the joint was seen to go. It is off afterwards, whatever happens.
+        """Make the step; return how far the joint was seen to move, in rad. The drive is off afterwards.
 
-        Raises Refused when it must not be moved, Stopped, Fault or LinkLost when it was not moved to its end.
+        Raises Refused if the joint must not be moved; JogStopped, Fault or LinkLost if the move ended early.
         """
         drives = self._bench.drives
         try:
@@ -92,10 +92,10 @@ class Jogger:
             self._brake()
             try:
                 drives.limit_torque(None)
-            except LinkError:  # why the jog ended matters more, and is raised
+            except LinkError:  # the reason for the end matters more, and is raised
                 name = self._jog.joint.name
                 log.warning(
-                    "%s: its torque is limited still; take its power off and on before it stands", name
+                    "%s: its torque is still limited; switch its power off and on before it stands", name
                 )
             raise
         self._brake()
@@ -103,7 +103,7 @@ class Jogger:
         return moved
 
     def _stepped(self) -> float:
-        """Enable the drive and make the step; return how far the joint was seen to go."""
+        """Enable the drive and make the step; return how far the joint was seen to move, in rad."""
         self._check()
         start, drives = self._enabled(), self._bench.drives
         for target in ramp(start, self._jog.step, self._dt):
@@ -111,7 +111,7 @@ class Jogger:
         return told.angle - start
 
     def _enabled(self) -> float:
-        """Enable the drive; return where it is."""
+        """Enable the drive; return its angle in rad; raises Fault after a timeout."""
         until = self._clock.monotonic() + _ENABLE
         while self._clock.monotonic() < until:
             told = self._cycle(self._bench.drives.enable)
@@ -120,7 +120,7 @@ class Jogger:
         raise Fault(f"{self._jog.joint.name}: wanted enabled, the drive is {told.power.value}")
 
     def _cycle(self, act: Callable[[], None]) -> JointFeedback:
-        """Run a cycle; raises Stopped, Fault or LinkLost when the joint must not move on."""
+        """Run a cycle; raises JogStopped, Fault or LinkLost if the joint must not move on."""
         told = self._bench.cycle(act)[0]
         joint = self._jog.joint
         if self._interrupted():
@@ -132,25 +132,25 @@ class Jogger:
         return told
 
     def _brake(self) -> None:
-        """Brake, then take the torque off."""
+        """Stop the joint, then take the torque off."""
         drives = self._bench.drives
         for _ in range(math.ceil(_STOP / self._dt)):
             self._bench.cycle(drives.quick_stop)
         for _ in range(math.ceil(_OFF / self._dt)):
             if self._bench.look()[0].power in {Power.DISABLED, Power.FAULT}:
                 return
-        log.warning("%s: its drive was not seen to be off; take its power off", self._jog.joint.name)
+        log.warning("%s: its drive did not report off; switch its power off", self._jog.joint.name)
 
 
 def ramp(start: float, step: float, dt: float) -> Iterator[float]:
-    """Yield the targets of a step, one a cycle: slowly there, then a while at its end."""
+    """Yield the targets of a step, one per cycle: a ramp at SPEED, then a pause at its end."""
     count = max(1, math.ceil(abs(step) / (SPEED * dt)))
     yield from (start + step * number / count for number in range(1, count + 1))
     yield from [start + step] * math.ceil(_HOLD / dt)
 
 
 def direction(joint: Joint, *, forwards: bool) -> str:
-    """Return in words where the foot goes when the joint's angle grows (or shrinks) on a hanging leg."""
+    """Describe where the foot of a hanging leg goes when the joint's angle grows (or shrinks)."""
     grows, shrinks = (
         ("to its left", "to its right") if "abad" in joint.name else ("to the rear", "to the front")
     )
@@ -158,16 +158,16 @@ def direction(joint: Joint, *, forwards: bool) -> str:
 
 
 def verdict(joint: Joint, *, right: bool) -> str:
-    """Return what is to be written into the description when a joint went the right way, or the other."""
+    """Return the sign for the description, after a joint moved in the expected or the opposite direction."""
     if right:
         return f"sign: {joint.sign}"
     return f"sign: {-joint.sign}; then calibrate again, the offset was measured with the other sign"
 
 
-class Pressed:
-    """Says whether a key was pressed, a signal came, or the input has ended, since ``watching`` began.
+class AbortInput:
+    """Returns True after a key, a signal, or the end of the input since ``watching`` began.
 
-    A signal is only noted: an exception out of nowhere would cut short what brakes the joint.
+    A signal only sets a flag: an exception at an arbitrary place could interrupt the braking of the joint.
     """
 
     def __init__(self) -> None:
@@ -175,14 +175,14 @@ class Pressed:
         self._signalled = False
 
     def __call__(self) -> bool:
-        """Return True when the jog must end."""
+        """Return True if the jog must end."""
         if self._signalled or self._source is None:
             return self._signalled
         return bool(select.select([self._source], [], [], 0.0)[0])
 
     @contextlib.contextmanager
     def watching(self) -> Iterator[None]:
-        """Watch single keys and signals while the block runs."""
+        """Watch single keys and signals for the duration of the block."""
         source = self._source = sys.stdin.fileno()
         before = {number: signal.signal(number, self._note) for number in _WATCHED}
         modes = termios.tcgetattr(source) if os.isatty(source) else None

@@ -1,4 +1,4 @@
-"""The body controller as a subprocess: orders in, states out, one word when it ends."""
+"""The body controller as a subprocess: shared memory for orders and states, a message when it ends."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from fleet import LinkLost, LinkRefused, decode_json
 from fleet_quadruped.config import QuadrupedConfig, simulation
 from fleet_quadruped.control.exchange import SharedValue, new_memory
 from fleet_quadruped.control.orders import DogState, Order
-from fleet_quadruped.control.plan import ControlPlan, Word
+from fleet_quadruped.control.plan import ControlPlan, StatusMessage
 
 _START = 30.0  # s until it must be ready
 
 DISMISSED = b"leave\n"
-"""Written before the pipe is closed, so that an orderly end is told from the death of this process."""
+"""Written before the pipe is closed: distinguishes an orderly end from the death of this process."""
 
 
 class BodyProcess:
-    """A running body controller; an async context manager that leaves the dog sitting and off.
+    """A running body controller; an async context manager that leaves the robot sitting, its drives off.
 
-    ``leave``: seconds that it may take to sit the dog down. ``relay`` takes the frames of its buses.
+    ``leave``: seconds that it may take to sit the robot down. ``relay``: socket for the frames of its buses.
     """
 
     def __init__(self, config: QuadrupedConfig, leave: float, relay: socket.socket | None = None) -> None:
@@ -41,12 +41,12 @@ class BodyProcess:
 
     @property
     def pid(self) -> int:
-        """The process's id."""
+        """Process id."""
         assert self._process is not None
         return self._process.pid
 
     async def __aenter__(self) -> Self:
-        """Start it; return when the drives are configured; raises LinkLost or LinkRefused."""
+        """Start it and return once the drives are configured; raises LinkLost or LinkRefused."""
         try:
             await self._start()
             async with asyncio.timeout(_START):
@@ -62,12 +62,12 @@ class BodyProcess:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Tell it to leave, which sits the dog down; kill it when it does not."""
+        """Dismiss the process, which sits the robot down; kill it if that takes too long."""
         await self._close()
 
     async def ended(self) -> None:
-        """Wait until the process ends, then raise LinkLost or LinkRefused with what it said."""
-        raise _error(await self._word())
+        """Wait until the process ends, then raise LinkLost or LinkRefused with its last message."""
+        raise _error(await self._message())
 
     async def _start(self) -> None:
         """Start the process with its plan, and with the shared memory for orders and states."""
@@ -86,20 +86,20 @@ class BodyProcess:
         )
 
     async def _ready(self) -> None:
-        """Wait for the first word."""
-        word = await self._word()
-        if not word.ready:
-            raise _error(word)
+        """Wait for the first message; raises LinkLost or LinkRefused if it is not that it is ready."""
+        message = await self._message()
+        if not message.ready:
+            raise _error(message)
 
-    async def _word(self) -> Word:
-        """Return the next word; the status when it ended without one."""
+    async def _message(self) -> StatusMessage:
+        """Return the next message; the exit status if the process ended without one."""
         process = self._process
         assert process is not None
         assert process.stdout is not None
         line = await process.stdout.readline()
         if line:
-            return decode_json(line, Word)
-        return Word(lost=f"the body controller ended with status {await process.wait()}")
+            return decode_json(line, StatusMessage)
+        return StatusMessage(lost=f"the body controller ended with status {await process.wait()}")
 
     async def _close(self) -> None:
         process, self._process = self._process, None
@@ -115,9 +115,9 @@ class BodyProcess:
 
 
 async def _left(process: asyncio.subprocess.Process, within: float) -> None:
-    """Wait until the process has left; kill one that takes longer than ``within`` s.
+    """Wait until the process has ended; kill it after ``within`` s.
 
-    Whoever cancels waits as well: a dog whose controller is killed while it sits down falls.
+    Cancellation does not shorten the wait: a robot whose controller is killed while it sits down falls.
     """
     loop = asyncio.get_running_loop()
     until = loop.time() + within
@@ -130,7 +130,7 @@ async def _left(process: asyncio.subprocess.Process, within: float) -> None:
         await process.wait()
 
 
-def _error(word: Word) -> LinkLost | LinkRefused:
-    if word.refused:
-        return LinkRefused(word.refused)
-    return LinkLost(word.lost or "the body controller left")
+def _error(message: StatusMessage) -> LinkLost | LinkRefused:
+    if message.refused:
+        return LinkRefused(message.refused)
+    return LinkLost(message.lost or "the body controller ended")

@@ -1,7 +1,7 @@
-"""A dog in a replay: what its drives and sensors said, read again; nothing is thought and nothing is sent.
+"""Adapter for replays of recorded frames: decodes them again; controls nothing, sends nothing.
 
-Joints, IMU and battery follow from the frames alone. The pose is leg odometry, for which the gait is needed,
-and the gait is what was asked of the dog: that is not compared.
+Joints, IMU and battery follow from the frames alone. The pose is leg odometry, which needs the gait, and the
+gait depends on the commands: the pose is not compared.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from fleet import (
     open_link,
 )
 from fleet_quadruped.config import QuadrupedConfig
-from fleet_quadruped.control.sensors import Values, imu_of
+from fleet_quadruped.control.sensors import SensorValues, imu_of
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.replay import SilentBus
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS
 
 CHANNELS = frozenset({JointReport.channel, ImuReport.channel, BatteryReport.channel})
-"""What follows from the frames alone."""
+"""Channels whose reports follow from the frames alone."""
 TOLERANCE: Mapping[str, float] = MappingProxyType({"velocity": 0.1})
-"""Drives that tell no speed have it from two angles and the times at which they were read."""
+"""For drives that do not report a speed it is derived from two angles and their time of reception."""
 _SLOW = 1.0  # s between two reports of the battery
-_FRESH = 5.0  # s; an older battery is not told
+_FRESH = 5.0  # s; an older battery measurement is not reported
 
 
 class RecordedDog(Adapter[QuadrupedConfig]):
-    """The drives and sensors of a dog as they were heard; its links are the buses by their names."""
+    """Drives and sensors of a recorded robot; its links are its buses, by name."""
 
     Config = QuadrupedConfig
 
@@ -47,8 +47,8 @@ class RecordedDog(Adapter[QuadrupedConfig]):
         super().__init__(config, robot)
         self._dog = dog
         self._drives = drives_of(dog, {name: SilentBus(name) for name in dog.buses})
-        self._imu = Values(dog.imu, whole=True) if dog.imu else None
-        self._battery = Values(dog.battery) if dog.battery else None
+        self._imu = SensorValues(dog.imu, whole=True) if dog.imu else None
+        self._battery = SensorValues(dog.battery) if dog.battery else None
         self._measured: tuple[float, ...] = ()
         self._links: list[Link] = []
 
@@ -58,7 +58,7 @@ class RecordedDog(Adapter[QuadrupedConfig]):
         self.robot.every(_SLOW, self._report_battery)
 
     async def run(self) -> None:
-        """Wait until a bus was opened again; raises LinkLost."""
+        """Wait until a recorded bus is reopened; raises LinkLost."""
         await asyncio.gather(*(link.lost() for link in self._links))
 
     async def stop(self, reason: str) -> None:
@@ -68,7 +68,7 @@ class RecordedDog(Adapter[QuadrupedConfig]):
         """Do nothing: nothing moves."""
 
     def _arrived(self, bus: str, data: bytes, _address: Address) -> None:
-        """Read a frame, and report what it completes."""
+        """Decode a frame and report the measurement that it completes."""
         frame = CanFrame.unpack(data)
         if frame is None:
             return
@@ -83,7 +83,7 @@ class RecordedDog(Adapter[QuadrupedConfig]):
             self._report_joints(now)
 
     def _report_joints(self, now: float) -> None:
-        """Report the joints once all of them were measured anew."""
+        """Report the joints once all of them have a new measurement."""
         joints = self._drives.feedback(now)
         measured = tuple(now - age for age in joints.ages)
         before = self._measured or (float("-inf"),) * len(measured)
@@ -100,13 +100,13 @@ class RecordedDog(Adapter[QuadrupedConfig]):
         )
 
     def _report_imu(self) -> None:
-        """Report the IMU as it is known now."""
+        """Report the present IMU measurement."""
         imu = imu_of(self._imu.values) if self._imu is not None else None
         if imu is not None:
             self.robot.report(ImuReport(self.robot.clock.time(), imu.gyro, imu.accel))
 
     def _report_battery(self) -> None:
-        """Report the battery, where it was heard lately."""
+        """Report the battery if its measurement is recent."""
         battery = self._battery
         if battery is None or battery.age(self.robot.clock.monotonic()) >= _FRESH:
             return

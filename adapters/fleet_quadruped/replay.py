@@ -1,4 +1,4 @@
-"""What a capture tells a person: by joint, what was wanted, what was so, and which drive said what."""
+"""Text view of a capture: targets and angles of the joints, changes of state of the drives."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback
 from fleet_quadruped.robot.description import DogDescription, Joint
 
-_EVERY = 0.1  # s between two lines of the farthest joint
+_EVERY = 0.1  # s between two lines about a joint
 
 
 class SilentBus:
-    """A bus that carries nothing: drives are only told what was heard then."""
+    """A bus that carries nothing: for drives that only receive recorded frames."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -22,7 +22,7 @@ class SilentBus:
     def send(self, frame: CanFrame) -> None:
         """Send nothing."""
 
-    def receive(self, wait: float) -> list[CanFrame]:  # noqa: ARG002 - nothing ever comes
+    def receive(self, wait: float) -> list[CanFrame]:  # noqa: ARG002 - nothing ever arrives
         """Return nothing."""
         return []
 
@@ -31,7 +31,7 @@ class SilentBus:
 
 
 class Replay:
-    """A dog's drives as they were heard. ``wanted`` is where each joint was sent last, rad."""
+    """The drives of a robot, fed with captured frames; ``wanted``: the last target of each joint, rad."""
 
     def __init__(self, dog: DogDescription) -> None:
         self.dog = dog
@@ -40,7 +40,7 @@ class Replay:
         self.told: tuple[JointFeedback, ...] = self.drives.feedback(0.0).each()
 
     def take(self, captured: Captured) -> None:
-        """Take the next frame."""
+        """Apply the next frame."""
         if captured.sent:
             target = self.drives.target(captured.bus, captured.frame)
             if target is not None:
@@ -50,9 +50,9 @@ class Replay:
         self.told = self.drives.feedback(captured.time).each()
 
     def lines(self, frames: Iterable[Captured], only: str = "") -> Iterator[str]:
-        """Yield a line for each change of a drive's state or fault, and ten a second of a joint.
+        """Yield a line for each change of a drive's state or fault, and ten lines a second about one joint.
 
-        That is ``only``, else the one farthest from where it was sent. Times are before the last frame.
+        That joint is ``only``, else the one farthest from its target. Times are relative to the last frame.
         """
         found = list(frames)
         end = found[-1].time if found else 0.0
@@ -71,14 +71,14 @@ class Replay:
                 yield f"{when}  {self._farthest(only)}"
 
     def _farthest(self, only: str) -> str:
-        """Return the joint that is farthest from its target, in words."""
+        """Describe the joint that is farthest from its target."""
         pairs: list[tuple[Joint, JointFeedback]] = [
             (joint, told)
             for joint, told in zip(self.dog.all_joints, self.told, strict=True)
             if joint.name in self.wanted and (not only or joint.name == only)
         ]
         if not pairs:
-            return f"{only:8} was sent nowhere"
+            return f"{only:8} was sent no target"
         joint, told = max(pairs, key=lambda pair: abs(self.wanted[pair[0].name] - pair[1].angle))
         return (
             f"{joint.name:8} wanted {self.wanted[joint.name]:7.3f} rad, is at {told.angle:7.3f}, "

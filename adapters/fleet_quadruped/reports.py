@@ -1,4 +1,4 @@
-"""A state of the body controller as reports of the fleet."""
+"""Conversion of body controller states to reports."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from fleet_quadruped.control.orders import DogState
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import EMERGENCY_STOP
 
-SLOW_RATE = 0.8  # of the wanted rate, below which the dog is not safe to walk fast
+SLOW_RATE = 0.8  # of the configured rate; below it fast walking is not safe
 
 
 class MotionReports:
-    """What changes all the time, each measurement once and with its own time.
+    """Fast reports: each measurement once, with its own time stamp.
 
-    A drive or a sensor that is silent is not in what is told; a pose of which a part is old is not told.
+    Silent drives and sensors are left out; so is a pose with an old part.
     """
 
     def __init__(self, trim: float) -> None:
@@ -37,7 +37,7 @@ class MotionReports:
         self._posed = self._felt = -math.inf
 
     def reports(self, state: DogState, epoch: float) -> Iterator[PoseReport | JointReport | ImuReport]:
-        """Yield what is new in a state; ``epoch`` is Unix seconds at monotonic zero."""
+        """Yield the new measurements in a state; ``epoch`` is Unix seconds at monotonic zero."""
         before, self._measured = self._measured or (-math.inf,) * len(state.measured), state.measured
         new = [number for number, at in enumerate(state.measured) if at > before[number]]
         if new:
@@ -63,36 +63,36 @@ class BodyReporter:
         self._robot = robot
         self._state = state
         self._motion = MotionReports(trim)
-        self._origin = 0.0  # Unix s at which odometry began
+        self._origin = 0.0  # Unix s at which odometry was reset
 
     def begin(self) -> None:
-        """Report that odometry begins anew."""
+        """Report that odometry starts from zero."""
         self._origin = self._robot.clock.time()
         self._robot.report(new_origin(self._origin))
 
     def report_motion(self) -> None:
-        """Report what changes all the time, once there is a state."""
+        """Report the fast measurements, once there is a state."""
         if self._state().stamp:
             clock = self._robot.clock
             for report in self._motion.reports(self._state(), clock.time() - clock.monotonic()):
                 self._robot.report(report)
 
     def report_slow(self) -> None:
-        """Report what changes slowly, once there is a state."""
+        """Report the slow measurements, once there is a state."""
         if self._state().stamp:
             for report in slow_reports(self._state(), self._robot.clock.time(), self._origin):
                 self._robot.report(report)
 
 
 def new_origin(stamp: float) -> LogReport:
-    """Return the word that odometry has begun anew: what was at (0, 0) before is somewhere else now."""
-    return LogReport(stamp, "WARNING", "odometry begins anew: position 0, 0 is where the dog is now")
+    """Return the log message about a reset of odometry: former positions have another origin."""
+    return LogReport(stamp, "WARNING", "odometry was reset: position 0, 0 is where the dog is now")
 
 
 def slow_reports(
     state: DogState, stamp: float, origin: float = 0.0
 ) -> Iterator[BatteryReport | MetricsReport]:
-    """Yield what changes slowly; ``origin``: Unix seconds at which odometry began at (0, 0)."""
+    """Yield the slow reports; ``origin``: Unix seconds at which odometry started at (0, 0)."""
     if state.battery and state.battery_age is not None and state.battery_age < 5.0:
         given = {
             name: state.battery[name] for name in ("percent", "voltage", "current") if name in state.battery
@@ -121,7 +121,7 @@ def slow_reports(
 
 
 def health_of(state: DogState, cycle_hz: float) -> Health:
-    """Return how the dog is; of an emergency stop that is over only the host's latch keeps it from moving."""
+    """Return the health; after an emergency stop only the host's latch keeps the robot from moving."""
     if state.fault == EMERGENCY_STOP:
         return Health(Level.DEGRADED, state.fault)
     if state.fault:

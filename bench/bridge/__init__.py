@@ -1,6 +1,6 @@
-"""The bridge against the SDK's (the peer) and a bare relay (the floor), row by row.
+"""Our bridge compared with the SDK's bridge (the peer) and a bare relay (the floor), row by row.
 
-``python -m bench bridge:ROW,ROW=SIZE``: the rows that have a size have a long form by it.
+``python -m bench bridge:ROW,ROW=SIZE``. Rows with a size have a long form, selected by it.
 """
 
 import importlib

@@ -1,8 +1,8 @@
-"""From a command in the cloud to the adapter, while 5,000 messages a second flow out.
+"""Latency from a cloud command to the adapter, while 5,000 messages a second flow out.
 
-The broker and who sends the commands have the processors first; what the broker answers him nobody reads, for
-that would take a processor from who is measured just when the command comes. No processor sleeps meanwhile.
-The sides take turns: a shared computer changes its pace within a minute.
+The broker and the command sender have real-time priority. Nobody reads the broker's replies to the sender:
+reading would take a processor from the candidate just when the command arrives. No processor enters a deep
+sleep state. The candidates take turns, because the speed of a shared computer varies within a minute.
 """
 
 import contextlib
@@ -13,27 +13,27 @@ import time
 import mqtt5
 
 from bench.bridge.sides import SIDES, side, source
-from bench.common import at_once, awake, bare_client, line, listener, mosquitto, quantiles
+from bench.common import bare_client, line, listener, mosquitto, quantiles, set_realtime, without_deep_sleep
 
 ROUNDS = 3
-COMMANDS = 200  # a round
+COMMANDS = 200  # per round
 PAUSE = 0.01  # s
-OUT = 5000  # messages a second
-RATE = OUT / 50 / 4  # Hz of each of our 50 robots' four topics
+OUT = 5000  # messages per second
+RATE = OUT / 50 / 4  # Hz of each of the four topics of our 50 robots
 
 
 def measure(name):
-    """Return how long each command was under way, s."""
+    """Return the latency of each command that arrived, in seconds."""
     with contextlib.ExitStack() as stack:
         port = stack.enter_context(mosquitto())
         running = stack.enter_context(side(name, port, rate=RATE if name == "fleet" else 0.0))
         if name != "fleet":
             stack.enter_context(source(running, OUT))
         sender = stack.enter_context(bare_client(port, "sender"))
-        stack.enter_context(awake())
+        stack.enter_context(without_deep_sleep())
         time.sleep(2)
-        at_once()
-        at_once(listener(port).pid)
+        set_realtime()
+        set_realtime(listener(port).pid)
         sent = {}
         for number in range(1, COMMANDS + 1):
             message = {"command": "poke", "source_type": "tele", "data": {"number": number}}

@@ -1,9 +1,9 @@
-"""Durable messages out, QoS 1, 50 twins, as many as go: CPU for each."""
+"""Durable messages out at QoS 1 from 50 twins, at the maximum rate: CPU per message."""
 
 from bench.bridge.sides import SIDES, carried
 from bench.common import line, mosquitto
 
-OFFERED = 10_000  # messages a second
+OFFERED = 10_000  # messages per second
 
 
 def run():

@@ -1,8 +1,9 @@
-"""Faults between edge and cloud, ours and the peer side by side: what is lost, and what is done twice.
+"""Faults between edge and cloud, for our bridge and the peer: messages lost, commands executed twice.
 
-The broker is killed (SIGKILL) and started anew while a program on the bus says durable things; then the
-network resets connections while commands come. Ours is asked again for what it has not answered, as a
-careful client does, and the journal's promises are checked; the peer cannot answer, so it is asked once.
+The broker is killed (SIGKILL) and restarted while a program on the bus publishes durable messages. Then the
+network resets connections while commands arrive. Unanswered commands to our bridge are repeated, as a careful
+client does, and the guarantees are checked on the journal. The peer does not answer, so its commands are sent
+once.
 """
 
 import collections
@@ -10,26 +11,26 @@ import contextlib
 import random
 import time
 
-from bench.bridge.sides import Ears, side, source
+from bench.bridge.sides import DurableReceiver, side, source
 from bench.common import free_port, line, listener, mosquitto
 from tests.tools.asker import Asker, counted, executed
 from tests.tools.promises import Rules, What, broken
 from tests.tools.proxy import TcpProxy
 
 KILLS = 5
-COMMANDS = 60  # for each kill of the broker
+COMMANDS = 60  # per kill of the broker
 TWINS = 4
-RATE = 200  # durable messages a second
+RATE = 200  # durable messages per second
 SEED = 1
-AWAY = (0.2, 1.5)  # s that the broker is away
-BACK = 1.5  # s that it is there again
-RESET_EVERY = 50  # commands, which is once a second
+AWAY = (0.2, 1.5)  # s without the broker
+BACK = 1.5  # s with the broker
+RESET_EVERY = 50  # commands, about once a second
 PAUSE = 0.02  # s between commands
 PROMISES = Rules(max_age=6.0, gate=What.RECEIVED, replies=False)
 
 
 def settle(asker, within=60.0):
-    """Ask again until everything is answered."""
+    """Repeat commands until all are answered."""
     end = time.monotonic() + within
     while asker.unanswered() and time.monotonic() < end:
         time.sleep(0.5)
@@ -37,31 +38,31 @@ def settle(asker, within=60.0):
 
 
 def kills(name, number):
-    """Kill the broker so often; return how many durable messages were said, lost, and came out of order."""
+    """Kill the broker ``number`` times; return the durable messages published, lost, and out of order."""
     chance, port = random.Random(SEED), free_port()
     with contextlib.ExitStack() as stack:
         broker = stack.enter_context(contextlib.ExitStack())
         broker.enter_context(mosquitto(port))
         running = stack.enter_context(side(name, port, number=TWINS))
-        with Ears(port) as ears:
-            with source(running, RATE) as said:
+        with DurableReceiver(port) as receiver:
+            with source(running, RATE) as published:
                 time.sleep(BACK)
                 for _ in range(number):
                     listener(port).kill()
                     broker.close()
                     time.sleep(chance.uniform(*AWAY))
                     broker.enter_context(mosquitto(port))
-                    ears.again()
+                    receiver.reconnect()
                     time.sleep(BACK)
-            ears.quiet()
-            return said.total, *ears.lost(said)
+            receiver.wait_until_quiet()
+            return published.total, *receiver.lost(published)
 
 
 def storm(name, commands):
-    """Send commands through resets, while durable messages flow out.
+    """Send commands through connection resets, while durable messages flow out.
 
-    Return how many were done, done twice, why they were refused, how many durable messages were lost, and
-    the promises broken.
+    Returns the commands executed, those executed twice, the reasons of refusals, the durable messages lost,
+    and the broken guarantees.
     """
     with contextlib.ExitStack() as stack:
         port = stack.enter_context(mosquitto())
@@ -69,8 +70,8 @@ def storm(name, commands):
         running = stack.enter_context(side(name, proxy.port, number=TWINS, heard_at=port))
         names = {f"puppet-{number}": twin for number, twin in enumerate(running.twins)}
         asker = stack.enter_context(contextlib.closing(Asker(port, names)))
-        ears = stack.enter_context(Ears(port))
-        with source(running, RATE) as said:
+        receiver = stack.enter_context(DurableReceiver(port))
+        with source(running, RATE) as published:
             for number in range(commands):
                 asker.ask(f"puppet-{number % TWINS}")
                 if number % RESET_EVERY == RESET_EVERY - 1:
@@ -80,20 +81,20 @@ def storm(name, commands):
                 time.sleep(PAUSE)
         if name == "fleet":
             settle(asker)
-        ears.quiet()
+        receiver.wait_until_quiet()
         did = executed(running.journal, asker.asks)
         lines = broken([*asker.events(), *did], PROMISES) if name == "fleet" else []
         reasons = collections.Counter(ask.refusal for ask in asker.asks.values() if ask.refusal)
     counts = counted(did).values()
-    return len(counts), sum(count > 1 for count in counts), reasons, ears.lost(said)[0], lines
+    return len(counts), sum(count > 1 for count in counts), reasons, receiver.lost(published)[0], lines
 
 
 def run(number=KILLS):
     number = int(number)
     commands = number * COMMANDS
     for name in ("fleet", "peer"):
-        said, lost, unordered = kills(name, number)
-        what = f"broker killed {number} times, {said} durable messages"
+        published, lost, unordered = kills(name, number)
+        what = f"broker killed {number} times, {published} durable messages"
         line(f"{what}: {name}", f"{lost} lost, {unordered} unordered", "aim: 0 lost, 0 unordered")
     for name in ("fleet", "peer"):
         done, twice, reasons, lost, lines = storm(name, commands)

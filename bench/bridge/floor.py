@@ -1,6 +1,6 @@
-"""The floor: the smallest bridges that can be written, without translation, validation, reconnect or spool.
+"""The floor: minimal bridges without translation, validation, reconnect or spool.
 
-Bounds, not designs that could ship. Run as a process: ``python -m bench.bridge.floor ROLE ARGUMENTS``.
+They are lower bounds, not shippable designs. Run as ``python -m bench.bridge.floor ROLE ARGUMENTS``.
 """
 
 import collections
@@ -18,11 +18,11 @@ import zenoh
 from bench.common import bare_client
 from fleet.cloud.packets import PacketDecoder
 
-WINDOW = 2000  # QoS 1 messages under way
+WINDOW = 2000  # QoS 1 messages in flight
 
 
 def session(listen="", connect=""):
-    """Open a Zenoh session that connects on loopback, or listens there and carries between who connects."""
+    """Open a Zenoh session on loopback: a client with ``connect``, a router with ``listen``, else a peer."""
     config = zenoh.Config()
     config.insert_json5("mode", '"router"' if listen else '"client"' if connect else '"peer"')
     config.insert_json5("scouting/multicast/enabled", "false")
@@ -38,7 +38,7 @@ def topic_of(key):
 
 
 class Head:
-    """The bytes of a PUBLISH before its payload, made once for each topic."""
+    """Builder of PUBLISH packets that caches the encoded topic."""
 
     def __init__(self):
         self._made = {}
@@ -72,7 +72,7 @@ class Joints(msgspec.Struct):
 
 
 def state(port, robots, rate):
-    """Make, put and send the state of many robots: four topics each, a wheel of 10 ms, a send per 20 ms."""
+    """Publish, collect and send the state of many robots: four topics each, a send every 20 ms."""
     bus, out, head = session(), bare_client(int(port), "floor"), Head()
     encode, latest = msgspec.json.Encoder().encode, {}
 
@@ -107,7 +107,7 @@ def state(port, robots, rate):
 
 
 def relay(port, bus_port, *twins):
-    """Relay both ways: a ring and a thread outward at QoS 1, a reading thread inward."""
+    """Relay both ways: a ring and this thread outward at QoS 1, a reader thread inward."""
     bus, out, head = session(connect=bus_port), bare_client(int(port), "floor-out"), Head()
     free, topics, identifiers = threading.Semaphore(WINDOW), {}, itertools.cycle(range(1, 0xFFFF))
     threading.Thread(target=_acks, args=(out, free), daemon=True).start()
@@ -127,7 +127,7 @@ def relay(port, bus_port, *twins):
 
 
 def _acks(opened, free):
-    """Count the acknowledgements: four or more bytes each, whose second says how many follow."""
+    """Release a slot for each acknowledgement, of four or more bytes. The second is the remaining length."""
     rest = b""
     while data := opened.recv(65536):
         rest += data
@@ -137,7 +137,7 @@ def _acks(opened, free):
 
 
 def _inward(port, bus, twins):
-    """Put what comes from the broker on the bus."""
+    """Put messages from the broker on the bus."""
     opened, decoder, keys = bare_client(int(port), "floor-in"), PacketDecoder(5, 1 << 20), {}
     filters = [mqtt5.TopicFilter(f"cyberwave/twin/{twin}/command", max_qos=mqtt5.QoS(1)) for twin in twins]
     opened.sendall(mqtt5.SubscribePacket(1, filters).write())

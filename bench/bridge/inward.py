@@ -1,6 +1,6 @@
-"""Messages in, QoS 1, 20 k/s offered to 50 twins: CPU for each.
+"""Messages in at QoS 1, 20,000 a second offered to 50 twins: CPU per message.
 
-Ours decodes each as a velocity, admits it and drives a robot; peer and floor put the bytes on the bus.
+Our edge decodes each as a velocity, admits it and drives a robot. Peer and floor put the bytes on the bus.
 """
 
 import json
@@ -10,13 +10,13 @@ from bench.bridge.sides import SIDES, side
 from bench.common import cpu_seconds, line, mosquitto
 from tests.tools.mqtt import Mqtt
 
-OFFERED = 20_000  # messages a second
+OFFERED = 20_000  # messages per second
 SECONDS = 4
 BURST = 0.01  # s
 
 
 def measure(name):
-    """Return CPU us for each of the messages, and how many seconds they took."""
+    """Return the CPU per message (us), and the seconds until all were processed."""
     with mosquitto() as port, side(name, port) as running, Mqtt(port, "sender") as sender:
         before, began, sent = cpu_seconds(running.pid), time.monotonic(), 0
         while sent < OFFERED * SECONDS:
@@ -34,7 +34,7 @@ def measure(name):
 
 
 def _idle(pid):
-    """Wait until a process has done its work: it uses next to nothing for three seconds in a row."""
+    """Wait until a process has used almost no CPU for three seconds in a row."""
     used, quiet = cpu_seconds(pid), 0
     while quiet < 3:
         time.sleep(1)

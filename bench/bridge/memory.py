@@ -1,8 +1,8 @@
-"""Memory under load: an outage of an hour, compressed; and a slow way, beside the peer.
+"""Memory under load: an hour's outage compressed in time, and a slow link compared with the peer.
 
-An hour of outage at full load is 3.6 million durable messages, 1,000 a second; here they come as fast as they
-are taken, while 50 robots report at 10 Hz besides (``bridge:memory=3600`` is the whole hour). The short form
-has so small a file that it is filled, and what is oldest pushed out of it, as the hour does with the default.
+An hour's outage at full load is 3.6 million durable messages, 1,000 a second. Here they come as fast as they
+are accepted, while 50 robots report at 10 Hz (``bridge:memory=3600`` is the whole hour). The short form has a
+spool so small that it fills up and drops its oldest messages, as the hour does with the default size.
 """
 
 import contextlib
@@ -10,15 +10,15 @@ import time
 
 import psutil
 
-from bench.bridge.sides import Ears, side, source
+from bench.bridge.sides import DurableReceiver, side, source
 from bench.common import free_port, line, listener, mosquitto
 from tests.tools.proxy import TcpProxy
 
-THOUSANDS = 150  # messages of the short form
-OFFERED = 8000  # messages a second
-FILE = 32  # MiB of the short form's spool
+THOUSANDS = 150  # thousands of messages of the short form
+OFFERED = 8000  # messages per second
+FILE = 32  # MiB, the short form's spool
 HOUR = 3600  # thousands of messages
-PAD = 750  # bytes that make a message 1 kB
+PAD = 750  # bytes that make a message 1 kB long
 LOOK = 0.25  # s
 ROUND_TRIP = 0.05  # s
 SLOW_SECONDS = 20.0
@@ -26,12 +26,12 @@ SLOW_RATE = 1000
 
 
 def rss(pid):
-    """Return the memory of a process, MiB."""
+    """Return the resident memory of a process, MiB."""
     return psutil.Process(pid).memory_info().rss / 2**20
 
 
 def growth(pid, seconds):
-    """Watch a process for so long; return how much its memory grew at most, MiB."""
+    """Return the greatest growth of a process's memory within ``seconds``, MiB."""
     before = most = rss(pid)
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -41,38 +41,38 @@ def growth(pid, seconds):
 
 
 def outage(thousands):
-    """Take the broker away under full load; return MiB grown, and how many messages were said meanwhile."""
+    """Take the broker away under full load; return the memory growth (MiB) and the messages published."""
     port = free_port()
     size = {} if thousands >= HOUR else {"edge": {"id": "bench", "spool": {"size": FILE}}}
     with contextlib.ExitStack() as stack:
         stack.enter_context(mosquitto(port))
         running = stack.enter_context(side("fleet", port, rate=10.0, **size))
-        ears = stack.enter_context(Ears(port))
+        receiver = stack.enter_context(DurableReceiver(port))
         with source(running, SLOW_RATE):
-            time.sleep(5)  # what it needs to carry this at all is no growth of the outage
-        ears.quiet(1.0)
+            time.sleep(5)  # what the process needs to carry traffic at all does not count as growth
+        receiver.wait_until_quiet(1.0)
         listener(port).kill()
-        with source(running, OFFERED) as said:
+        with source(running, OFFERED) as published:
             grown = growth(running.pid, thousands * 1000 / OFFERED)
-    return grown, said.total
+    return grown, published.total
 
 
 def slow_way(name):
-    """Carry 1 kB messages over a slow way; return MiB grown, and how many came a second."""
+    """Carry 1 kB messages over a slow link; return the growth (MiB) and the messages received per second."""
     with (
         mosquitto() as port,
         TcpProxy(port, delay=ROUND_TRIP / 2) as proxy,
         side(name, proxy.port, heard_at=port) as running,
-        Ears(port) as ears,
+        DurableReceiver(port) as receiver,
         source(running, SLOW_RATE, PAD),
     ):
         grown = growth(running.pid, SLOW_SECONDS)
-        return grown, len(ears.ages) / SLOW_SECONDS
+        return grown, len(receiver.ages) / SLOW_SECONDS
 
 
 def run(thousands=THOUSANDS):
-    grown, said = outage(thousands)
-    what = f"outage at full load, {said} messages ({said / 60_000:.0f} min at 1,000 /s)"
+    grown, published = outage(thousands)
+    what = f"outage at full load, {published} messages ({published / 60_000:.0f} min at 1,000 /s)"
     line(f"{what}: memory", f"{grown:+.1f} MiB", "aim: at most +20")
     for name in ("fleet", "peer"):
         grown, rate = slow_way(name)

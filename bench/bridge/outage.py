@@ -1,7 +1,7 @@
-"""The broker is away while durable messages flow, the edge is killed inside: what is lost, how it returns.
+"""Durable messages during a broker outage in which the edge is killed: losses and recovery.
 
-``SECONDS`` is the short form, ``bridge:outage=60`` the long one. 10 puppets say 1,000 durable messages a
-second. What the killed process had said in its last turn, and no spool can have, is not counted.
+``SECONDS`` is the short form, ``bridge:outage=60`` the long one. Ten puppets publish 1,000 durable messages a
+second. Messages of the killed process's last loop iteration, which no spool can hold, are not counted.
 """
 
 import collections
@@ -17,18 +17,18 @@ from bench.common import fleet, free_port, line, listener, mosquitto, puppets, w
 from tests.tools.mqtt import Mqtt
 
 ROBOTS = 10
-RATE = 100.0  # durable messages a second of each robot
+RATE = 100.0  # durable messages per second and robot
 SECONDS = 10.0
 STATUS = "cyberwave/twin/+/navigate/status"
 POSITION = "cyberwave/twin/+/position"
 
 
 class Heard:
-    """The numbers of the durable messages by robot and life of the edge, and the ages of the first states."""
+    """Numbers of the durable messages by robot and edge process, and the age of the first state."""
 
     def __init__(self):
         self.numbers = collections.defaultdict(list)
-        self.first = None  # when the first state came, and how old it was
+        self.first = None  # when the first state arrived, and its age
         self.live = False
 
     def took(self, packet, now):
@@ -40,7 +40,7 @@ class Heard:
         self.numbers[told["action_id"], life].append(int(number))
 
     def lost(self):
-        """Return how many numbers are missing below the last that came, and how many came out of order."""
+        """Return the numbers missing below the highest received one, and how many arrived out of order."""
         missing = unordered = 0
         for numbers in self.numbers.values():
             missing += max(numbers) - len(set(numbers))
@@ -59,7 +59,7 @@ def run(seconds=SECONDS):
             Mqtt(port, "ears", topics=[STATUS], took=heard.took),
             fleet(robots, port, folder) as edge,
         ):
-            edge.all_well(ROBOTS)
+            edge.all_healthy(ROBOTS)
             time.sleep(3)
             memory = psutil.Process(edge.pid).memory_info().rss
             listener(port).kill()
@@ -67,7 +67,7 @@ def run(seconds=SECONDS):
             grown = psutil.Process(edge.pid).memory_info().rss - memory
             psutil.Process(edge.pid).kill()
         edge = stack.enter_context(fleet(robots, port, folder))
-        edge.all_well(ROBOTS)
+        edge.all_healthy(ROBOTS)
         time.sleep(seconds / 2)
         stack.enter_context(mosquitto(port))
         began = time.monotonic()

@@ -1,6 +1,7 @@
-"""The peer: the SDK's ZenohMqttBridge, and the smallest adapter behind a bridge; run as processes.
+"""The peer: the SDK's ZenohMqttBridge and a minimal adapter behind it, run as processes.
 
-``python -m bench.bridge.peer bridge PORT BUS QUEUE TWIN...``, ``... adapter BUS JOURNAL``.
+``python -m bench.bridge.peer bridge PORT BUS QUEUE TWIN...``
+``python -m bench.bridge.peer adapter BUS JOURNAL``
 """
 
 import json
@@ -16,9 +17,9 @@ from bench.bridge.floor import session
 
 
 def bridge(port, bus, queue, *twins):
-    """Run the SDK's bridge between a broker and the bus that listens on ``bus``."""
+    """Run the SDK's bridge between the broker and the bus that listens on ``bus``."""
     os.environ["CYBERWAVE_BRIDGE_QUEUE_DIR"] = queue
-    from cyberwave.zenoh_mqtt.bridge import ZenohMqttBridge  # noqa: PLC0415 - reads the folder
+    from cyberwave.zenoh_mqtt.bridge import ZenohMqttBridge  # noqa: PLC0415 - reads the variable on import
     from cyberwave.zenoh_mqtt.config import BridgeConfig  # noqa: PLC0415
 
     config = BridgeConfig(
@@ -35,7 +36,7 @@ def bridge(port, bus, queue, *twins):
 
 
 def adapter(bus, journal):
-    """Note each command that arrives on the bus, as the puppets do; the bus listens here."""
+    """Listen as the bus, and record each command that arrives, as the puppets do."""
     out = os.open(journal, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
 
     def command(sample):
@@ -51,5 +52,5 @@ def adapter(bus, journal):
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # its threads do not let it end otherwise
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # its threads would keep it running otherwise
     {"bridge": bridge, "adapter": adapter}[sys.argv[1]](*sys.argv[2:])

@@ -1,11 +1,11 @@
-"""Durable messages out over a way of 50 ms there and back."""
+"""Durable messages out over a link with a round-trip time of 50 ms."""
 
 from bench.bridge.sides import SIDES, carried
 from bench.common import line, mosquitto, quantiles
 from tests.tools.proxy import TcpProxy
 
 ROUND_TRIP = 0.05  # s
-OFFERED = {"fleet": 1000, "peer": 200, "floor": 1000}  # messages a second; the peer carries 20
+OFFERED = {"fleet": 1000, "peer": 200, "floor": 1000}  # messages per second; the peer carries 20
 
 
 def run():

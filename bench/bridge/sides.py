@@ -1,4 +1,4 @@
-"""The three sides of a comparison, each a process between a broker and a bus: ours, peer, floor."""
+"""The three candidates, each a process between a broker and a bus: our edge, the peer, the floor."""
 
 import contextlib
 import itertools
@@ -13,12 +13,12 @@ from bench.common import cpu_seconds, fleet, free_port, process, puppets, twin_o
 from tests.tools.mqtt import Mqtt
 
 TWINS = 50
-READY = 10**9  # the number of the command by which a side is seen to be ready
+READY = 10**9  # the number of the command that shows a candidate to be ready
 SIDES = ("fleet", "peer", "floor")
 
 
 class Side:
-    """One side while it runs: whose CPU counts, its twins, and where its adapter writes."""
+    """A running candidate: the process whose CPU counts, its twins, and its adapter's journal."""
 
     def __init__(self, pid, twins, bus, journal, runtime=""):
         self.pid, self.twins, self.bus, self.journal, self.runtime = pid, twins, bus, journal, runtime
@@ -31,10 +31,11 @@ class Side:
 
 @contextlib.contextmanager
 def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), **sections):
-    """Run a side. ``rate``: our robots' own reports; the others are given as much by a source.
+    """Run a candidate.
 
-    ``heard_at``: the broker's own port, where ``port`` is a proxy's. ``workers``: of ours, each with a
-    robot of its own. ``sections``: more of our fleet.yaml.
+    ``rate`` is our robots' own report rate; the others are loaded by a source instead. ``heard_at`` is the
+    broker's own port if ``port`` is a proxy's. ``workers`` are workers of our edge, each with a robot of its
+    own. ``sections`` are further sections of our fleet.yaml.
     """
     bus = str(free_port())
     with contextlib.ExitStack() as stack:
@@ -50,8 +51,8 @@ def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), **sectio
                 for each, robot in zip(workers, robots, strict=False)
             ]
             edge = stack.enter_context(fleet(robots + more, port, folder, **listen, **sections))
-            edge.all_well(number + len(more))
-            time.sleep(6)  # it settles
+            edge.all_healthy(number + len(more))
+            time.sleep(6)  # startup load
             yield Side(edge.pid, twins, bus, journal, edge.runtime)
             return
         run = (sys.executable, "-m")
@@ -68,7 +69,7 @@ def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), **sectio
 
 
 def _poked(side, port):
-    """Ask for something on the way through the broker; tell whether it arrived at the adapter."""
+    """Send a numbered command through the broker, and return whether it arrived at the adapter."""
     payload = json.dumps({"command": "poke", "source_type": "tele", "data": {"number": READY}}).encode()
     with Mqtt(port, "ready") as sender:
         for twin in side.twins:
@@ -77,8 +78,8 @@ def _poked(side, port):
     return READY in side.executed()
 
 
-class Said:
-    """How many messages a source has said, once it has ended."""
+class PublishedCount:
+    """Number of messages that a source has published, known once it has ended."""
 
     def __init__(self):
         self.total = 0
@@ -86,40 +87,40 @@ class Said:
 
 @contextlib.contextmanager
 def source(side, rate, pad=0):
-    """Say durable things on a side's bus, each ``pad`` bytes longer than it need be."""
-    said = Said()
+    """Publish durable messages on a candidate's bus, each padded by ``pad`` bytes."""
+    published = PublishedCount()
     command = (sys.executable, "-m", "bench.bridge.source", side.bus, str(rate), str(pad), *side.twins)
     with tempfile.TemporaryFile("w+") as told:
         with process(*command, stdout=told):
-            yield said
+            yield published
         told.seek(0)
         total = told.read()
         if not total:
-            sys.exit("the source was killed before it told how much it has said")
-        said.total = int(total)
+            sys.exit("the source was killed before it printed how many it has published")
+        published.total = int(total)
 
 
-class Ears:
-    """Hears the durable messages of all twins, and how old they are."""
+class DurableReceiver:
+    """Subscriber to the durable messages of all twins, and their ages."""
 
     def __init__(self, port):
         self.ages, self.numbers = [], {}
         self._port = port
         self.mqtt = self._opened()
 
-    def again(self):
-        """Hear a broker that has been started anew."""
+    def reconnect(self):
+        """Connect to a restarted broker."""
         self.mqtt.close()
         self.mqtt = self._opened()
 
-    def lost(self, said):
-        """Return how many never came of what was said, and how many came first after a later one."""
+    def lost(self, published):
+        """Return how many published messages never arrived, and how many first arrived after a later one."""
         firsts = [list(dict.fromkeys(numbers)) for numbers in self.numbers.values()]
         unordered = sum(later < earlier for each in firsts for earlier, later in itertools.pairwise(each))
-        return said.total - sum(map(len, firsts)), unordered
+        return published.total - sum(map(len, firsts)), unordered
 
-    def quiet(self, seconds=3.0, within=60.0):
-        """Wait until nothing has come for so long."""
+    def wait_until_quiet(self, seconds=3.0, within=60.0):
+        """Wait until no message has arrived for ``seconds``."""
         end, count, since = time.monotonic() + within, -1, 0.0
         while time.monotonic() < end:
             if count != len(self.ages):
@@ -145,12 +146,19 @@ class Ears:
 
 
 def carried(name, port, heard_at, *, offered, seconds):
-    """Offer durable messages to a side at ``port``; return delivered a second, CPU us each, and the ages."""
-    with side(name, port, heard_at=heard_at) as running, Ears(heard_at) as ears, source(running, offered):
-        wait_for(lambda: ears.ages)
+    """Offer durable messages to a candidate.
+
+    Returns the messages received per second, the CPU per message (us), and the ages of the messages.
+    """
+    with (
+        side(name, port, heard_at=heard_at) as running,
+        DurableReceiver(heard_at) as receiver,
+        source(running, offered),
+    ):
+        wait_for(lambda: receiver.ages)
         time.sleep(2)
-        count, before, began = len(ears.ages), cpu_seconds(running.pid), time.monotonic()
+        count, before, began = len(receiver.ages), cpu_seconds(running.pid), time.monotonic()
         time.sleep(seconds)
         spent, used = time.monotonic() - began, cpu_seconds(running.pid) - before
-        ages = ears.ages[count:]
+        ages = receiver.ages[count:]
         return len(ages) / spent, used / max(1, len(ages)) * 1e6, ages

@@ -1,6 +1,6 @@
-"""A program on the bus that says durable things, numbered and stamped: ``... BUS RATE PAD TWIN...``.
+"""Publisher of numbered, timestamped durable messages on the bus: ``... BUS RATE PAD TWIN...``.
 
-``PAD``: bytes that each is made longer by. At its end it prints how many it has said.
+Each message is padded by ``PAD`` bytes. At its end the program prints how many it has published.
 """
 
 import json
@@ -13,7 +13,7 @@ TICK = 0.01  # s
 
 
 def main(bus, rate, pad, *twins):
-    """Publish so many a second, in bursts of 10 ms, in turn for each twin."""
+    """Publish ``rate`` messages a second in bursts of 10 ms, for each twin in turn."""
     opened = session(connect=bus)
     publishers = [opened.declare_publisher(f"cw/{twin}/data/navigate_status") for twin in twins]
     number, began, pad = 0, time.monotonic(), " " + "x" * int(pad) if int(pad) else ""

@@ -1,6 +1,7 @@
-"""State out: 100 and 1,000 robots, four topics each at 10 Hz, translated and validated; and what they cost.
+"""State out, translated and validated: 100 and 1,000 robots with four topics each at 10 Hz, and their cost.
 
-The floor makes, puts and sends as much in the smallest way, without translation and validation.
+The floor produces, publishes and sends the same amount in the simplest way, without translation and
+validation.
 """
 
 import sys
@@ -17,7 +18,7 @@ RATE = 10.0  # Hz of each topic
 
 
 class Heard:
-    """How many messages of some robots came."""
+    """Count of the messages received from some robots."""
 
     def __init__(self):
         self.count = 0
@@ -27,7 +28,7 @@ class Heard:
 
 
 def measure(pid, port, twins):
-    """Return percent of a core, Hz that each topic of some robots was seen with, MiB and threads."""
+    """Return percent of a core, the rate received per topic (Hz), memory (MiB) and threads."""
     heard = Heard()
     leaves = ("position", "rotation", "joint_states", "imu")
     topics = [f"cyberwave/twin/{twin}/{suffix}" for twin in twins[:LOOKED_AT] for suffix in leaves]
@@ -47,8 +48,8 @@ def measure(pid, port, twins):
 def ours(number):
     robots = puppets(number, rate=RATE)
     with mosquitto() as port, fleet(robots, port) as edge:
-        edge.all_well(number)
-        time.sleep(6)  # it settles
+        edge.all_healthy(number)
+        time.sleep(6)  # startup load
         return measure(edge.pid, port, [robot["twin"] for robot in robots])
 
 
@@ -69,7 +70,7 @@ def run():
         cpu, rate, _, _ = mine[number]
         line(f"state out, {number} robots x 4 topics x 10 Hz", f"{cpu:.1f} % ({rate:.1f} Hz)", aim)
         line("  floor", f"{bare[number][0]:.1f} % ({bare[number][1]:.1f} Hz)")
-        floor_cpu, floor_rate = bare[number][:2]  # which does not keep its rate either: it sleeps as long
+        floor_cpu, floor_rate = bare[number][:2]  # the floor misses its rate too
         line("  a message, against the floor", f"{cpu / rate / (floor_cpu / floor_rate):.2f} x")
     ratio = mine[many][0] / many / (mine[few][0] / few)
     line("CPU of a robot at 1,000 against 100", f"{ratio:.2f} x", "aim: at most 0.6")

@@ -1,9 +1,10 @@
-"""A stop on the bus while a telemetry consumer is blocked: from the put to the robot's halt.
+"""A stop on the bus while a telemetry consumer is blocked: time from the put to the robot's halt.
 
-Ours: a program on the bus reads reports with Zenoh's default callback and takes 10 ms for each of the
-thousands a second that there are, and the broker is frozen. The same is measured without both ("unloaded").
-The peer is what a program gets that uses Zenoh as it is, as the SDK does: reports and stops on one session,
-default callbacks, a slow consumer of reports in the process that must stop.
+With our edge, a program on the bus reads reports with Zenoh's default callback, takes 10 ms for each of the
+thousands per second, and the broker is frozen. The same is measured without either ("unloaded").
+
+The peer is a program that uses Zenoh with its defaults, as the SDK does: reports and stops on one session,
+default callbacks, and a slow consumer of reports in the process that must stop.
 
 ``python -m bench.bridge.stop slow BUS`` and ``... plain BUS JOURNAL`` are the processes of a run.
 """
@@ -27,17 +28,17 @@ from fleet.bus.zenoh_session import ZenohSession
 
 STOPS = 2000
 ROBOTS = 50
-RATE = 50.0  # Hz of each robot's three reports
-PAUSE = 0.005  # s between stops; a robot's turn comes again after 50 of them
+RATE = 50.0  # Hz of each of a robot's three reports
+PAUSE = 0.005  # s between stops; each robot is stopped every 50th time
 SLOW = 0.01  # s that the consumer takes for each report
 PLAIN_STOPS = 40
-FLOOD = 10_000  # reports a second that the peer's consumer is offered
+FLOOD = 10_000  # reports per second offered to the peer's consumer
 STOP_KEY = "fleet/bench/stop"
 
 
 def slow(bus):
-    """Read all reports, slowly."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # it does not finish what it has not read
+    """Read all reports slowly."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends without processing unread reports
     opened = session(connect=bus)
     kept = opened.declare_subscriber("cw/**", lambda _: time.sleep(SLOW))
     threading.Event().wait()
@@ -45,7 +46,7 @@ def slow(bus):
 
 
 def plain(bus, journal):
-    """Take reports slowly and stops at once, by default callbacks of one session."""
+    """Process reports slowly and stops immediately, with the default callbacks of one session."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     out = Path(journal)
     opened = session(listen=bus)
@@ -61,7 +62,7 @@ def plain(bus, journal):
 
 
 class Operator:
-    """Somebody on a lane of the bus who stops robots, as ``fleet stop`` does."""
+    """A client on the control session of the bus that stops robots, as ``fleet stop`` does."""
 
     def __init__(self, bus_session):
         self.bus_session = bus_session
@@ -74,7 +75,7 @@ class Operator:
 
 
 def taken(asked, lines):
-    """Return how long each stop took, s; one counts that halts its robot before its next stop is asked."""
+    """Return the latency of each stop (s) that halted its robot before the robot's next stop."""
     halts, until, took = {}, {}, []
     for halt in lines:
         halts.setdefault(halt["robot"], []).append(halt["at"])
@@ -86,7 +87,7 @@ def taken(asked, lines):
 
 
 def ours(stops, *, loaded):
-    """Return how long stops took, with the consumer blocked and the broker frozen or with neither."""
+    """Return the stop latencies, with the consumer blocked and the broker frozen, or with neither."""
     port = free_port()
     with contextlib.ExitStack() as stack:
         journal = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))) / "journal"
@@ -94,7 +95,7 @@ def ours(stops, *, loaded):
         broker = stack.enter_context(mosquitto())
         listen = {"listen": [f"tcp/127.0.0.1:{port}"], "insecure": "local"}
         edge = stack.enter_context(fleet(robots, broker, bus=listen))
-        edge.all_well(ROBOTS)
+        edge.all_healthy(ROBOTS)
         time.sleep(3)
         if loaded:
             stack.enter_context(process(sys.executable, "-m", "bench.bridge.stop", "slow", str(port)))
@@ -113,7 +114,7 @@ def ours(stops, *, loaded):
 
 
 def peers():
-    """Return how long stops took that reached a plain program."""
+    """Return the latencies of the stops that reached a program with Zenoh's defaults."""
     bus = str(free_port())
     with tempfile.NamedTemporaryFile() as journal:
         with process(sys.executable, "-m", "bench.bridge.stop", "plain", bus, journal.name):
@@ -137,7 +138,7 @@ def peers():
 
 
 def _flood(bus_session, ended):
-    """Put reports, in bursts of 10 ms."""
+    """Put reports in bursts of 10 ms."""
     while not ended.wait(0.01):
         for number in range(FLOOD // 100):
             bus_session.put(f"cw/{number}/data/position", b"x" * 150)
@@ -145,7 +146,7 @@ def _flood(bus_session, ended):
 
 @contextlib.contextmanager
 def frozen(port):
-    """Freeze whoever listens on a port, our Mosquitto."""
+    """Suspend the process that listens on ``port``, our Mosquitto."""
     broker = listener(port)
     broker.send_signal(signal.SIGSTOP)
     try:

@@ -26,8 +26,8 @@ Made from the commands by `docs/reference/make_cli_reference.py`; do not edit.
 
 Results go to stdout, everything else to stderr. `--json` prints one JSON document for programs;
 where a command fails it is `{"error": "...", "code": 4}`, with the exit code, and `problems` of a fleet file.
-Colours are left out with `--no-color`, with `NO_COLOR=1`, and when the output is no terminal.
-Tables fit the terminal; on a narrow one each row becomes a block. `fleet ps` suffixes out whole columns and
+Colours are off with `--no-color`, with `NO_COLOR=1`, and when the output is no terminal.
+Tables fit the terminal; on a narrow one each row becomes a block. `fleet ps` omits whole columns and
 rows that do not fit, and says which.
 """
 

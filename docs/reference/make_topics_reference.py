@@ -10,7 +10,7 @@ import pathlib
 import re
 from collections.abc import Iterable, Iterator
 
-from fleet.bridge.event_limits import A_MINUTE, LOOP, OTHERWISE
+from fleet.bridge.event_limits import A_MINUTE, DEFAULT_A_MINUTE, LOOP
 from fleet.bus import keys
 from fleet.model.event import EventKind
 from fleet.wire.navigation import CONTROLS, MOST_LOOPS, MOST_WAYPOINTS, TASKS, WORLD_FRAMES
@@ -373,7 +373,7 @@ def channels() -> Iterator[str]:
 def events() -> Iterator[str]:
     """Yield the rows of the table of events."""
     for kind, what in WHAT_HAPPENED.items():
-        yield f"| `{kind.value}` | {what} | {A_MINUTE.get(kind, OTHERWISE)} |"
+        yield f"| `{kind.value}` | {what} | {A_MINUTE.get(kind, DEFAULT_A_MINUTE)} |"
 
 
 def fleet_keys() -> Iterator[str]:

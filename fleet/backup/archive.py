@@ -1,7 +1,7 @@
 """The archive of a backup: a compressed tar file whose first member lists all others with their hashes.
 
-An archive comes from outside. Reading is strict: only regular files with the names of the manifest, each of
-its size and hash, within bounds; nothing is unpacked to a path that the archive chooses.
+An archive is untrusted input. Reading is strict: only regular files with the names of the manifest, each with
+its size and hash, within limits; nothing is extracted to a path from the archive.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class BackupError(FleetError):
     """A backup cannot be made, or cannot be used."""
 
 
-class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class FileEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One file: its size in bytes and its SHA-256."""
 
     size: int
@@ -38,30 +38,30 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Manifest(msgspec.Struct, frozen=True):
-    """What an archive holds. ``made`` is Unix seconds.
+    """Contents of an archive. ``made`` is Unix seconds.
 
-    ``secrets`` are the names in secrets.yaml, ``keys`` the private keys that fleet.yaml names, ``masked`` the
-    configuration files in which a value stands as ``****``: none of their values is in the archive.
+    ``secrets`` are the names in secrets.yaml, ``keys`` the private keys named in fleet.yaml, ``masked`` the
+    configuration files with values replaced by ``****``: none of these values is in the archive.
     """
 
     format: int
     edge: str
     version: str
     made: float
-    files: dict[str, Entry]
+    files: dict[str, FileEntry]
     config_file: str = ""
     secrets: tuple[str, ...] = ()
     keys: tuple[str, ...] = ()
     masked: tuple[str, ...] = ()
 
 
-def entry_of(content: bytes) -> Entry:
+def entry_of(content: bytes) -> FileEntry:
     """Return the entry of a file."""
-    return Entry(len(content), hashlib.sha256(content).hexdigest())
+    return FileEntry(len(content), hashlib.sha256(content).hexdigest())
 
 
 def write_archive(path: Path, manifest: Manifest, contents: Mapping[str, bytes]) -> None:
-    """Write an archive for this user alone, whole or not at all; never over another file.
+    """Write an archive for this user only, atomically; never replaces a file.
 
     Raises BackupError.
     """
@@ -90,7 +90,7 @@ def _add(archive: tarfile.TarFile, name: str, content: bytes, stamp: float) -> N
 
 
 def read_archive(path: Path) -> tuple[Manifest, dict[str, bytes]]:
-    """Return what an archive holds, with every hash checked; raises BackupError."""
+    """Return the contents of an archive, with every hash verified; raises BackupError."""
     try:
         with tarfile.open(path, mode="r:gz") as archive:
             manifest = _manifest(archive, path)
@@ -98,14 +98,14 @@ def read_archive(path: Path) -> tuple[Manifest, dict[str, bytes]]:
             listed = {member.name for member in archive.getmembers()} - {MANIFEST}
     except (tarfile.TarError, EOFError, OSError, KeyError, ValueError) as error:
         words = getattr(error, "strerror", None) or error
-        raise BackupError(f"{path} is no whole backup: {words}; take another copy of it") from None
+        raise BackupError(f"{path} is no complete backup: {words}; take another copy of it") from None
     if extra := listed - contents.keys():
         raise BackupError(f"{path}: {min(extra)} is not in its manifest: it is not as fleet backup made it")
     return manifest, contents
 
 
 def _manifest(archive: tarfile.TarFile, path: Path) -> Manifest:
-    """Return the manifest; raises BackupError for one that this fleet cannot use."""
+    """Return the manifest; raises BackupError for one that this version cannot use."""
     first = archive.next()
     if first is None or first.name != MANIFEST or not first.isreg() or first.size > LARGEST_MANIFEST:
         raise BackupError(f"{path} is no backup of fleet: it does not begin with {MANIFEST}")
@@ -126,15 +126,15 @@ def _manifest(archive: tarfile.TarFile, path: Path) -> Manifest:
 
 
 def _check_name(name: str, path: Path) -> None:
-    """Refuse a name that leads anywhere else than below state or config."""
+    """Refuse a name outside of state and config."""
     parts = PurePosixPath(name).parts
     plain = len(parts) > 1 and parts[0] in (STATE, CONFIG) and not {"..", "."} & set(parts)
     if not plain or "\0" in name or "\\" in name or str(PurePosixPath(name)) != name:
         raise BackupError(f"{path}: {name!r} is no name of a file of a backup")
 
 
-def _content(archive: tarfile.TarFile, name: str, entry: Entry) -> bytes:
-    """Return a file that is as its entry says; raises BackupError, KeyError for one that is missing."""
+def _content(archive: tarfile.TarFile, name: str, entry: FileEntry) -> bytes:
+    """Return a file that matches its entry; raises BackupError, or KeyError if it is missing."""
     member = archive.getmember(name)
     if not member.isreg() or member.size != entry.size:
         raise BackupError(f"{name} in the backup has not the size of its manifest: take another copy of it")

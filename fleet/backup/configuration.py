@@ -1,4 +1,4 @@
-"""The files of an edge's configuration: the fleet file, what it includes, its drop-ins, and what it names."""
+"""The files of an edge's configuration: the fleet file, its includes, drop-ins and named files."""
 
 from __future__ import annotations
 
@@ -18,15 +18,14 @@ from fleet.config.yaml import SECRETS, Document
 LARGEST = 16 << 20  # bytes of one file of the configuration
 _PRIVATE = b"PRIVATE KEY"
 _LARGEST_KEY = 64 << 10  # bytes
-_DER = b"\x30"  # the first byte of every key in this form
+_DER = b"\x30"  # the first byte of every DER key
 _KEY_FIELDS, _PEOPLE_FIELD = ("key", "private_key"), "people"
 
 
 class Configuration(msgspec.Struct):
     """The files of the configuration, by their path below the folder of the fleet file.
 
-    ``keys`` are private keys, and ``telling`` files with the value of a secret in them; of both, only the
-    names are here.
+    ``keys`` are private keys, and ``telling`` files with the value of a secret; only their names are here.
     """
 
     files: dict[str, bytes] = {}
@@ -37,7 +36,7 @@ class Configuration(msgspec.Struct):
 
 
 def collect(file: Path, document: Document, config: Sections, masking: Masking) -> Configuration:
-    """Collect the fleet file, what it includes, its drop-ins, and the files beside it that it names."""
+    """Collect the fleet file, its includes, its drop-ins, and the named files beside it."""
     found = Configuration()
     for name, lines in document.lines.items():
         text = masking.config(lines)
@@ -60,7 +59,7 @@ def collect(file: Path, document: Document, config: Sections, masking: Masking) 
 
 
 def _paths(value: object, fields: tuple[str, ...]) -> Iterator[Path]:
-    """Yield the paths that stand in fields of these names."""
+    """Yield the paths in fields of these names."""
     if isinstance(value, BaseModel):
         for name in type(value).model_fields:
             found = getattr(value, name)
@@ -74,14 +73,14 @@ def _paths(value: object, fields: tuple[str, ...]) -> Iterator[Path]:
 
 
 def _is_private_key(content: bytes) -> bool:
-    """Return whether a file is a private key, as PEM or DER, also with a password."""
+    """Return True if a file is a private key, as PEM or DER, also if encrypted."""
     if _PRIVATE in content:
         return True
     if not content.startswith(_DER) or len(content) > _LARGEST_KEY:
         return False
     try:
         load_der_private_key(content, None)
-    except TypeError:  # it needs its password
+    except TypeError:  # it is encrypted
         return True
     except (ValueError, UnsupportedAlgorithm):
         return False
@@ -89,7 +88,7 @@ def _is_private_key(content: bytes) -> bool:
 
 
 def _add(path: Path, folder: Path, found: Configuration, masking: Masking, *, is_key: bool) -> None:
-    """Add a file that fleet.yaml names; of a private key and of what tells a secret only the name."""
+    """Add a file named in fleet.yaml; for private keys and files with secrets only the name."""
     try:
         if not path.is_file():
             return
@@ -111,7 +110,7 @@ def _add(path: Path, folder: Path, found: Configuration, masking: Masking, *, is
 
 
 def _inside(path: Path, folder: Path, found: Configuration) -> str:
-    """Return a path as seen from the folder of the fleet file; empty, and told, for one that is outside."""
+    """Return a path relative to the folder of the fleet file; empty, and reported, if it is outside."""
     try:
         return path.resolve().relative_to(folder.resolve()).as_posix()
     except ValueError:

@@ -1,4 +1,4 @@
-"""Makes a backup: copies the state of an edge, which may run meanwhile, and its configuration."""
+"""Creation of a backup: copies the configuration and the state of an edge, which may be running."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from fleet.config.schema import Sections
 from fleet.config.yaml import SECRETS, read, secret_names
 from fleet.version import __version__
 
-BUSY = 5.0  # s to wait for the edge's own write
+BUSY = 5.0  # s to wait for a write of the edge
 
 
 class Packed(msgspec.Struct, frozen=True):
-    """A backup before it is written; ``left_out`` says in words what is not in it."""
+    """A backup before it is written; ``left_out`` describes the missing parts."""
 
     manifest: Manifest
     contents: Mapping[str, bytes]
@@ -32,7 +32,7 @@ class Packed(msgspec.Struct, frozen=True):
 def pack(file: Path, config: Sections, state: Path, environ: Mapping[str, str], now: float) -> Packed:
     """Return the backup of an edge; ``now`` is Unix seconds. Raises BackupError.
 
-    An edge without state yet has none in its backup.
+    The backup of an edge that has never run has no state.
     """
     contents = {f"{STATE}/{name}": content for name, content in _state(state)}
     document = read(file, environ)
@@ -55,7 +55,7 @@ def pack(file: Path, config: Sections, state: Path, environ: Mapping[str, str], 
 
 
 def _state(folder: Path) -> Iterator[tuple[str, bytes]]:
-    """Yield the state files that exist."""
+    """Yield the existing state files."""
     for name in NEWEST:
         if (folder / name).exists():
             yield name, _copied(folder / name)

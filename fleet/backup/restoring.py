@@ -1,7 +1,7 @@
-"""Puts a backup on this computer: everything is checked first, and the state appears whole or not at all.
+"""Restores a backup on this computer: everything is checked first, and the state is replaced atomically.
 
-A backup is older than what happened after it. An emergency stop may have been set since, and nobody
-knows: so every robot is stopped after a restore, until a person releases it.
+A backup does not contain later events. An emergency stop may have been set after it, so every robot is
+stopped after a restore, until a person releases it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _DAY = "%Y-%m-%d %H:%M"
 
 
 class Restored(msgspec.Struct, frozen=True):
-    """What a restore did: the folder of state, where the one before is now, and files of configuration."""
+    """Result of a restore: the state folder, the place of the previous one, and the configuration files."""
 
     state: Path
     before: Path | None
@@ -36,7 +36,7 @@ class Restored(msgspec.Struct, frozen=True):
 
 
 def check_contents(contents: Mapping[str, bytes]) -> None:
-    """Refuse state files that this fleet cannot use; raises BackupError. Nothing is written."""
+    """Refuse state files that this version cannot use; raises BackupError. Writes nothing."""
     for name, content in contents.items():
         folder, _, file = name.partition("/")
         if folder != STATE or file in PLAIN:
@@ -72,10 +72,10 @@ def restore(
     replace: bool,
     now: float,
 ) -> Restored:
-    """Write state and, with ``config``, the configuration; ``now`` is Unix seconds. Raises BackupError.
+    """Write the state and, with ``config``, the configuration; ``now`` is Unix seconds. Raises BackupError.
 
-    State or files that are there already are refused; with ``replace`` the state before is renamed aside,
-    and files of the configuration are overwritten. Of an edge that runs, nothing is touched.
+    Existing state or files are refused; with ``replace`` the previous state is renamed, and configuration
+    files are overwritten. If the edge runs, nothing is touched.
     """
     check_contents(contents)
     files = _config_files(contents, config)
@@ -92,7 +92,7 @@ def restore(
 
 
 def _exchanged(fresh: Path, state: Path, files: Mapping[Path, bytes], now: float) -> Path | None:
-    """Put everything in its place; return where the state before is now. Undoes itself on OSError."""
+    """Move everything into place; return the new name of the previous state. Reverts itself on OSError."""
     before: Path | None = None
     try:
         _write_all(files)
@@ -108,7 +108,7 @@ def _exchanged(fresh: Path, state: Path, files: Mapping[Path, bytes], now: float
 
 
 def _config_files(contents: Mapping[str, bytes], config: Path | None) -> dict[Path, bytes]:
-    """Return the files of the configuration with the places they go to."""
+    """Return the configuration files by their target paths."""
     if config is None:
         return {}
     start = f"{CONFIG}/"
@@ -118,7 +118,7 @@ def _config_files(contents: Mapping[str, bytes], config: Path | None) -> dict[Pa
 
 
 def _refuse_existing(state: Path, files: Mapping[Path, bytes]) -> None:
-    """Refuse to touch what is there; a file with the same content is no matter."""
+    """Refuse to replace existing files, except those with the same content."""
     if _has_state(state):
         raise BackupError(f"{state} has the state of an edge already; --replace renames it aside")
     for path, content in files.items():
@@ -133,7 +133,7 @@ def _has_state(state: Path) -> bool:
 
 @contextlib.contextmanager
 def _taken(state: Path) -> Iterator[None]:
-    """Hold the locks of an edge's state inside a ``with`` block; raises BackupError while an edge has one."""
+    """Hold the locks of an edge's state inside a ``with`` block; raises BackupError if an edge holds one."""
     locks = [FileLock(state / name) for name in (SPOOL, JOURNAL)] if state.is_dir() else []
     try:
         for lock in locks:
@@ -145,11 +145,11 @@ def _taken(state: Path) -> Iterator[None]:
         ) from None
     finally:
         for lock in locks:
-            lock.let_go()
+            lock.release()
 
 
 def _written(manifest: Manifest, contents: Mapping[str, bytes], state: Path) -> Path:
-    """Write the state into a folder beside its place, and return that."""
+    """Write the state to a new folder beside its target, and return that folder."""
     state.parent.mkdir(parents=True, exist_ok=True)
     fresh = Path(tempfile.mkdtemp(prefix=f".{state.name}.restoring-", dir=state.parent))
     try:
@@ -167,9 +167,9 @@ def _written(manifest: Manifest, contents: Mapping[str, bytes], state: Path) -> 
 
 
 def _stop_everything(journal: Path, manifest: Manifest) -> None:
-    """Set the emergency stop of every robot; those that were set keep their cause, releases do not count."""
+    """Set the emergency stop of every robot; set stops keep their cause, releases are removed."""
     made = time.strftime(_DAY, time.localtime(manifest.made))
-    why = f"restored from a backup of {made}: nobody knows whether a stop was set since"
+    why = f"restored from a backup of {made}: a stop may have been set since"
     with contextlib.closing(sqlite3.connect(journal, isolation_level=None)) as database:
         if database.execute("PRAGMA user_version").fetchone()[0] == 0:  # a backup without a journal
             steps = "; ".join(JOURNAL_FORMATS)
@@ -181,7 +181,7 @@ def _stop_everything(journal: Path, manifest: Manifest) -> None:
 
 
 def _write_all(files: Mapping[Path, bytes]) -> None:
-    """Write the files of the configuration: beside their places first, so that a full disk changes none."""
+    """Write the configuration files: first beside their targets, so that a full disk changes none."""
     fresh = {path: path.with_name(f".{path.name}.new") for path in files}
     try:
         for path, content in files.items():
@@ -195,7 +195,7 @@ def _write_all(files: Mapping[Path, bytes]) -> None:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a new file to the disk, for this user alone."""
+    """Write a new file to disk, for this user only."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
     with os.fdopen(descriptor, "wb") as file:
         file.write(content)
@@ -204,25 +204,25 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _give(folder: Path, like: os.stat_result) -> None:
-    """Give a folder and its files to the owner of the folder above: the user of the service."""
+    """Give a folder and its files to the owner of the parent folder: the user of the service."""
     for path in (folder, *folder.iterdir()):
         os.chown(path, like.st_uid, like.st_gid)
 
 
 def _aside(state: Path, now: float) -> Path:
-    """Rename the state before; its log and recordings stay with it."""
+    """Rename the previous state, with its log and recordings."""
     before = state.with_name(f"{state.name}.before-{int(now)}")
     state.rename(before)
     return before
 
 
 def _into_place(fresh: Path, state: Path) -> None:
-    """Make the new folder the folder of state."""
+    """Make the new folder the state folder."""
     fresh.rename(state)
 
 
 def _confirm(state: Path, before: Path | None) -> None:
-    """Wait until the disk has the new folder in its place; raises BackupError: the state is not as it was."""
+    """Wait until the rename is on disk; raises BackupError: by then the state is replaced."""
     try:
         descriptor = os.open(state.parent, os.O_RDONLY | os.O_DIRECTORY)
         try:

@@ -1,4 +1,4 @@
-"""The files of an edge's lasting state that a backup has, and their newest formats."""
+"""The state files of an edge that a backup contains, and their newest formats."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ NEWEST: Mapping[str, int] = {
     MISSIONS: len(MISSIONS_FORMATS),
     SCHEDULES: len(SCHEDULES_FORMATS),
 }
-"""The databases, each with the newest format number that this fleet reads."""
+"""The databases, each with the newest format number that this version reads."""
 PLAIN = (PASSES, PEOPLE)
-"""The other files: rehearsals that were passed, and people who may log in at the console."""
+"""The other files: passed rehearsals, and people who may log in at the console."""

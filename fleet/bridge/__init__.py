@@ -1,1 +1,1 @@
-"""Between bus and cloud: what crosses, translated, how often, and what is dropped first."""
+"""Bridge between the bus and the cloud: forwarding rules, translation, rates, and the order of dropping."""

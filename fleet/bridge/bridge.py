@@ -1,4 +1,4 @@
-"""The bridge of one edge: its own twins, both ways, their heartbeat, and who else claims them."""
+"""The bridge of one edge: both directions of its twins, their heartbeats, and conflicts with other edges."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fleet.bridge.round_trip import RoundTrip
 from fleet.bridge.twin_conflicts import TwinConflictMonitor
 from fleet.bridge.uplink import Uplink
 from fleet.clock import Clock
-from fleet.cloud.client import CloudClient, Way
+from fleet.cloud.client import CloudClient, PublishRoute
 from fleet.cloud.credentials import client_id
 from fleet.cloud.values import CloudMessage, CloudSettings, CloudState, Will
 from fleet.model.health import Health, Level, degraded
@@ -41,9 +41,9 @@ HEARTBEAT = 5.0  # s between edge_health messages of a twin (contract 9.2)
 
 
 class BridgeRules(msgspec.Struct, frozen=True):
-    """What crosses: of each twin, environment and workflow (by uuid), and of workflow runs of any uuid.
+    """Forwarding rules: by UUID for each twin, environment and workflow; one rulebook for all workflow runs.
 
-    ``ignored_edges`` are edges whose heartbeat does not claim a twin.
+    Heartbeats of ``ignored_edges`` claim no twin.
     """
 
     twins: dict[str, Rulebook]
@@ -54,13 +54,13 @@ class BridgeRules(msgspec.Struct, frozen=True):
 
 
 class Bridge:
-    """Everything between the bus and one broker.
+    """The connection between the bus and one broker.
 
-    ``alive`` tells whether a robot answers. ``put`` publishes on the bus. ``claimed`` hears twin and edge
-    when the cloud shows another edge that has the twin, with an empty name when it has let go. ``spool``
-    keeps what is durable; it is closed with the bridge. ``handlers`` take, by suffix, what the edge itself
-    is asked.
-    ``voice`` says what the edge says itself, ``streams`` are what programs on the bus send by themselves.
+    ``alive`` returns whether a robot answers. ``put`` publishes on the bus. ``claimed`` is called with twin
+    and edge when heartbeats in the cloud show that another edge serves the twin, and with an empty edge name
+    when that edge is gone. ``spool`` stores durable messages; it is closed with the bridge. ``handlers``
+    handle, by topic suffix, requests to the edge itself. ``publisher`` publishes the edge's own messages;
+    ``streams`` are the video streams of programs on the bus.
     """
 
     def __init__(
@@ -88,9 +88,9 @@ class Bridge:
         self.refusals = RateLimitedCounter(log, clock)
 
         def publish(topic: str, payload: bytes, **how: Any) -> bool:
-            return self.client.publish(topic, payload, **how)  # it is built after those that publish
+            return self.client.publish(topic, payload, **how)  # the client is built after its publishers
 
-        self.voice = EdgePublisher(topics, edge=edge, session=session, publish=publish, clock=clock)
+        self.publisher = EdgePublisher(topics, edge=edge, session=session, publish=publish, clock=clock)
         self._held: dict[str, str] = {}
         self.streams = OwnedStreams(ports, self.refusals, clock)
         self._conflicts = TwinConflictMonitor(
@@ -103,14 +103,14 @@ class Bridge:
             books={**rules.twins, **rules.environments, **rules.workflows},
             any_run=rules.any_run,
             session=session,
-            send=self.voice.answer,
+            send=self.publisher.answer,
             put=put,
             own={
                 "edge_health": lambda topic, message: self._conflicts.heard(
                     topic.twin, read_heartbeat(message.payload)
                 ),
-                "ping:request": self._heard_ping,
-                "pong:response": self._heard_pong,
+                "ping:request": self._handle_ping,
+                "pong:response": self._handle_pong,
                 **handlers,
             },
             refusals=self.refusals,
@@ -127,14 +127,14 @@ class Bridge:
         )
         self._infos = _infos(ports, rules)
 
-        def open_way(topic: str, rule: TopicRule) -> Way:
-            return self.client.way(topic, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None)
+        def open_route(topic: str, rule: TopicRule) -> PublishRoute:
+            return self.client.route(topic, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None)
 
         self.uplink = Uplink(
             topics,
             self._infos,
             session=session,
-            open_way=open_way,
+            open_route=open_route,
             client=self.client,
             alive=alive,
             waiting=lambda: self.client.stats.queued_bytes,
@@ -146,27 +146,27 @@ class Bridge:
 
     @property
     def health(self) -> Health:
-        """How the cloud's connection is."""
+        """Health of the cloud connection."""
         client = self.client
-        if client.state is CloudState.CONNECTED:  # its cause is what the broker does not let us hear
+        if client.state is CloudState.CONNECTED:  # the cause: subscriptions that the broker refuses
             return degraded(client.cause or client.spool.problem)
         level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
         return Health(level, f"cloud {client.state.value}: {client.cause}")
 
     def start(self) -> None:
-        """Begin to connect."""
+        """Start to connect."""
         self.client.start()
 
     def close(self) -> None:
-        """Say that every twin is disconnected, and leave."""
+        """Report every twin as disconnected, then close the connection."""
         for port in self._served():
-            self.voice.tell(port, "disconnected", {"reason": "the edge ends"})
+            self.publisher.queue_telemetry(port, "disconnected", {"reason": "the edge ends"})
             if self._alive(port.name) and port.twin not in self.uplink.streaming:
-                self.voice.tell(port, TELEMETRY_END, {})
+                self.publisher.queue_telemetry(port, TELEMETRY_END, {})
         self.client.close()
 
     def join(self, port: RobotPort, rules: Rulebook) -> None:
-        """Serve a twin from now on, or another robot of a twin that is served; on the loop."""
+        """Start to serve a twin, or replace the robot of a twin that is served; on the loop."""
         before = self._ports.get(port.twin)
         if before is None:
             self.streams.join(port.twin)
@@ -180,12 +180,12 @@ class Bridge:
         self._resubscribe()
 
     def leave(self, twin: str) -> None:
-        """Serve a twin no more, and say that it is disconnected; on the loop."""
+        """Stop serving a twin and report it as disconnected; on the loop."""
         port = self._ports.get(twin)
         if port is None:
             return
         if twin not in self._held:
-            self.voice.tell(port, "disconnected", {"reason": "the edge has it no more"})
+            self.publisher.queue_telemetry(port, "disconnected", {"reason": "the edge no longer serves it"})
         for table in (self._ports, self._rules.twins, self._infos):
             table.pop(twin)
         self._held.pop(twin, None)
@@ -196,35 +196,35 @@ class Bridge:
         self._resubscribe()
 
     def _resubscribe(self) -> None:
-        """Hear what is for the twins that are served now."""
+        """Subscribe to the topics of the twins that are served now."""
         self._pings = any("pong:response" in book.inward for book in self._rules.twins.values())
         self.client.resubscribe(subscriptions(self._topics, self._rules))
         self.client.flush_queued()
 
     def heard(self, samples: Iterable[tuple[str, bytes]]) -> None:
-        """Take what others said on the bus, by key; on the bus's thread. Events of it leave at once."""
+        """Handle samples of other programs on the bus, by key; on the bus thread. Events are sent at once."""
         for key, sample in samples:
             self.uplink.arrived(key, sample)
         self.client.flush_queued()
 
-    def turn(self) -> Iterator[None]:
-        """Publish what is due, step by step; at the end of each turn of the wheel."""
-        self.downlink.deny()
-        yield from self.uplink.turn()
+    def tick(self) -> Iterator[None]:
+        """Publish the due messages step by step; at the end of each tick of the scheduler."""
+        self.downlink.send_refusals()
+        yield from self.uplink.tick()
         self.client.flush_queued()
 
-    def last_words(self) -> DisconnectPlan:
-        """Return what the cloud is to be told when this process dies."""
+    def disconnect_plan(self) -> DisconnectPlan:
+        """Return the plan that reports the twins as disconnected if this process dies."""
         topics = tuple(self._topics.twin(port.twin, "telemetry") for port in self._served())
         return DisconnectPlan(self._settings, self.session, topics)
 
     def hold(self, twin: str, holder: str) -> bool:
-        """Leave a twin to another edge, or take it back when ``holder`` is empty; False: it is so already."""
+        """Leave a twin to another edge, or take it back if ``holder`` is empty; False if nothing changes."""
         if twin not in self._ports or holder == self._held.get(twin, ""):
             return False
         if holder:
             self._held[twin] = holder
-            line = "%s: edge %s has its twin: nothing crosses for it here"
+            line = "%s: edge %s holds its twin: this edge forwards nothing for it"
             log.warning(line, self._ports[twin].name, holder)
         else:
             del self._held[twin]
@@ -235,9 +235,9 @@ class Bridge:
     def beat(
         self, extra: Mapping[str, object], edge: EdgeState | None = None, robots: Iterable[RobotState] = ()
     ) -> None:
-        """Publish the heartbeat of every twin, with how its robot is, and the edge's own.
+        """Publish the heartbeat of every twin, with the health of its robot, and the state of the edge.
 
-        ``extra``: host figures.
+        ``extra`` holds figures of the host.
         """
         states = {state.twin: state for state in robots}
         self._conflicts.look()
@@ -246,81 +246,84 @@ class Bridge:
         for port in self._served():
             state = states.get(port.twin)
             how = {"health": state.health, "cause": state.cause} if state else {}
-            self.voice.beat(port, {**extra, **how}, self.streams.of(port.twin))
+            self.publisher.queue_heartbeat(port, {**extra, **how}, self.streams.of(port.twin))
         if edge is not None:
-            self.voice.beat_edge(edge, states.values())
+            self.publisher.queue_edge_state(edge, states.values())
         if self.client.state is CloudState.CONNECTED:
             for gap in (
                 *self.client.spool.take_gaps(),
-                *self.uplink.events.take_cuts(self._clock.monotonic()),
+                *self.uplink.events.take_suppressed(self._clock.monotonic()),
             ):
-                self._tell_gap(gap)
+                self._report_gap(gap)
         self.client.flush_queued()
 
     def _will(self) -> Will | None:
-        """Return what the broker says when we vanish; a connection has one will, so for one twin."""
+        """Return the will. A connection has only one, so it covers the first twin only."""
         for port in list(self._ports.values()):
-            topic, payload = self.voice.telemetry(port, "disconnected", {"reason": "the edge vanished"})
+            topic, payload = self.publisher.telemetry(port, "disconnected", {"reason": "the edge vanished"})
             return Will(topic, payload, qos=1)
         return None
 
     def _served(self) -> list[RobotPort]:
-        """Return the robots whose twins no other edge has."""
+        """Return the robots whose twins no other edge holds."""
         return [port for twin, port in list(self._ports.items()) if twin not in self._held]
 
     def _ping(self) -> None:
-        """Ask how far the cloud is, by the first twin."""
+        """Ping the cloud on the first twin, to measure the round trip."""
         for twin in self._ports:
-            self.voice.ping(twin)
+            self.publisher.ping(twin)
             return
 
-    def _heard_ping(self, topic: Topic, message: CloudMessage) -> None:
-        """Answer a ping at one of our twins."""
+    def _handle_ping(self, topic: Topic, message: CloudMessage) -> None:
+        """Answer a ping on one of our twins."""
         check_ping(message.payload)
         if topic.twin in self._ports and topic.twin not in self._held:
-            self.voice.pong(self._ports[topic.twin])
+            self.publisher.pong(self._ports[topic.twin])
 
-    def _heard_pong(self, _topic: Topic, message: CloudMessage) -> None:
-        """Take the cloud's answer to our ping."""
+    def _handle_pong(self, _topic: Topic, message: CloudMessage) -> None:
+        """Handle the pong of the cloud."""
         self.round_trip.heard(message.payload)
 
-    def _tell_gap(self, gap: Gap) -> None:
-        """Say on the twin's telemetry that messages of a topic were lost."""
+    def _report_gap(self, gap: Gap) -> None:
+        """Report on the telemetry of a twin that messages of a topic were lost."""
         parsed = self._topics.parse(gap.topic)
         port = self._ports.get(parsed.twin) if parsed else None
         if parsed is None or port is None:
             return
         log.warning("%s: %d messages on %s were lost (%s)", port.name, gap.lost, parsed.suffix, gap.reason)
-        self.voice.tell_gap(port, parsed.suffix, gap)
+        self.publisher.queue_gap(port, parsed.suffix, gap)
 
     def _state_changed(self, state: CloudState, cause: str) -> None:
-        """Tell how the connection stands, and a broker that is back how everything is now."""
+        """Log the new connection state; after a reconnect, publish the current state of everything."""
         fallen = state in (CloudState.DISCONNECTED, CloudState.REFUSED)
         deaf = state is CloudState.CONNECTED and cause
         level = logging.WARNING if fallen or deaf else logging.INFO
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
         if state is CloudState.CONNECTED:
-            self.uplink.say_newest()
-            self.client.flush_queued()  # how everything is now, before what waited meanwhile
-            self._say_who_is_connected()
+            self.uplink.publish_newest()
+            self.client.flush_queued()  # the current state first, then the queue
+            self._publish_connections()
 
-    def _say_who_is_connected(self) -> None:
-        """Take back the will: the broker may have told everybody that we vanished.
+    def _publish_connections(self) -> None:
+        """Correct the connection states in the cloud.
 
-        What an edge before this one said last may be that a robot is connected which does not answer now.
+        The broker may have published our will, and a previous run of the edge may have left robots as
+        connected that do not answer now.
         """
         first = self.client.stats.connects == 1
         for port in self._served():
             alive = self._alive(port.name)
             if alive and not first:
-                self.voice.tell(port, "connected", {})
+                self.publisher.queue_telemetry(port, "connected", {})
             elif first and not alive:
-                self.voice.tell(port, "disconnected", {"reason": "it does not answer yet: the edge begins"})
+                self.publisher.queue_telemetry(
+                    port, "disconnected", {"reason": "no answer yet: the edge has just started"}
+                )
         self.client.flush_queued()
 
 
 def subscriptions(topics: Topics, rules: BridgeRules) -> dict[str, int]:
-    """Return what to subscribe to: filter to QoS; no two of them overlap."""
+    """Return the subscriptions: filter to QoS. No two filters overlap."""
     filters = {
         topics.filter(rule.suffix, uuid): rule.qos
         for books in (rules.twins, rules.environments, rules.workflows)
@@ -332,6 +335,6 @@ def subscriptions(topics: Topics, rules: BridgeRules) -> dict[str, int]:
 
 
 def _infos(ports: Mapping[str, RobotPort], rules: BridgeRules) -> dict[str, TwinInfo]:
-    """Return what the uplink knows of each twin, and of each environment, which has no robot."""
+    """Return the outbound settings of each twin, and of each environment, which has no robot."""
     twins = {twin: TwinInfo(port.name, port.source_type, rules.twins[twin]) for twin, port in ports.items()}
     return twins | {uuid: TwinInfo("", "edge", book) for uuid, book in rules.environments.items()}

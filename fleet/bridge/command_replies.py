@@ -1,4 +1,4 @@
-"""How what the cloud asked is answered: once, to who asked, and once more when a command has ended."""
+"""Replies to requests from the cloud: one receipt for the sender, and a second reply when a command ends."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from fleet.wire.topics import Topics
 from fleet.wire.video import VIDEO_TYPES, video_status
 
 STREAMED = VELOCITY_WORDS | {"motion", "joints", JOINT_TARGETS}
-"""Commands that come many times a second: their success is not worth a status message each."""
+"""Commands that arrive many times a second: their success is not worth a status message each."""
 SAME_REFUSAL_EVERY = 1.0  # s
-LONGEST_CORRELATION = 64  # bytes of Correlation Data that a status repeats
-TOLD_BY_STATUS: frozenset[Kind] = frozenset({"command", "motion", "joints"})
-"""What is answered with a status on the command topic when it brings no inbox."""
+LONGEST_CORRELATION = 64  # bytes of Correlation Data that a status echoes
+ANSWERED_BY_STATUS: frozenset[Kind] = frozenset({"command", "motion", "joints"})
+"""Requests without a reply inbox that are answered with a status on the command topic."""
 
 
-Tell = Callable[[Reply], None]
+SendReply = Callable[[Reply], None]
 
 
 class RobotPort(Protocol):
-    """A robot as the bridge sees it, here or in a worker."""
+    """The bridge's view of a robot, in this process or in a worker."""
 
     name: str
     twin: str
@@ -46,37 +46,38 @@ class RobotPort(Protocol):
         waits: bool = False,
         unread: str = "",
     ) -> Request | None:
-        """Read a message, from any thread; an emergency stop is made there and then.
+        """Decode a message, from any thread; an emergency stop is executed immediately.
 
-        What is returned takes the message, on the loop, and answers it once, and with ``waits`` once more
-        when a command that was accepted has ended; None: it asks nothing.
-        ``unread``: why its payload must not be read; where stops come it is taken for one.
+        The returned request is called on the loop with the callback for replies. It replies once; with
+        ``waits``, a command that was accepted replies a second time when it ends. None: the message is not a
+        request. ``unread``: why the payload must not be read; on a topic that takes stops, the message then
+        counts as a stop.
         """
 
 
 class PublishReply(Protocol):
-    """How answers are published."""
+    """Publisher of replies."""
 
     def __call__(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
         """Publish at once, QoS 1."""
 
 
 class MessageReplies:
-    """The answers to one message: the receipt, and of a command that was accepted its end."""
+    """Replies to one message: the receipt, then, for an accepted command, its end."""
 
-    def __init__(self, receipt: Tell, end: Tell) -> None:
-        self._tell, self._end = receipt, end
+    def __init__(self, receipt: SendReply, end: SendReply) -> None:
+        self._next, self._end = receipt, end
         self.answered = False
 
     def __call__(self, reply: Reply) -> None:
-        """Give an answer; the first is the receipt."""
+        """Send a reply; the first one is the receipt."""
         self.answered = True
-        tell, self._tell = self._tell, self._end
-        tell(reply)
+        send, self._next = self._next, self._end
+        send(reply)
 
 
 class CommandReplies:
-    """Makes what answers one message."""
+    """Factory for the replies to messages."""
 
     def __init__(
         self, topics: Topics, send: PublishReply, refusals: RateLimitedCounter, clock: Clock
@@ -85,27 +86,35 @@ class CommandReplies:
         self._send = send
         self._refusals = refusals
         self._clock = clock
-        self._told: dict[tuple[str, str, str], float] = {}
+        self._refused_at: dict[tuple[str, str, str], float] = {}
 
-    def to(self, port: RobotPort, message: CloudMessage, kind: Kind, *, once: bool = False) -> MessageReplies:
-        """Return what answers a message: a response to who asked for one, else a status.
+    def replies_to(
+        self, port: RobotPort, message: CloudMessage, kind: Kind, *, once: bool = False
+    ) -> MessageReplies:
+        """Return the replies to a message: a response in the sender's inbox, or else a status.
 
-        How a command ended that was accepted before is told by a status, to all who hear of the twin. What
-        came of ``start_video`` and ``stop_video`` is told on their own topics besides, where the frontend
-        waits for it. ``once``: it is no part of a stream, whatever its verb is.
+        The end of a command that was accepted is published as a status, for all subscribers of the twin.
+        Results of ``start_video`` and ``stop_video`` are also published on topics of their own, where the
+        frontend waits for them. ``once``: the message is not part of a stream, whatever its command.
         """
-        receipt, end = self._tellers(port, message, kind, once)
+        receipt, end = self._senders(port, message, kind, once)
         if kind == "command":
             return MessageReplies(
-                partial(self._tell_with_video, port, receipt), partial(self._tell_with_video, port, end)
+                partial(self._send_with_video, port, receipt), partial(self._send_with_video, port, end)
             )
         return MessageReplies(receipt, end)
 
-    def _tellers(self, port: RobotPort, message: CloudMessage, kind: Kind, once: bool) -> tuple[Tell, Tell]:  # noqa: FBT001 - by position
-        """Return what tells the receipt, and the end."""
+    def _senders(
+        self,
+        port: RobotPort,
+        message: CloudMessage,
+        kind: Kind,
+        once: bool,  # noqa: FBT001 - by position
+    ) -> tuple[SendReply, SendReply]:
+        """Return the senders of the receipt and of the end."""
         inbox, status = message.response_topic, _no_answer
-        if kind in TOLD_BY_STATUS and port.legacy_status:
-            status = partial(self._tell_status, port, _text(message.correlation), once)
+        if kind in ANSWERED_BY_STATUS and port.legacy_status:
+            status = partial(self._send_status, port, _text(message.correlation), once)
         if inbox is None:
             return status, status
         if not self._topics.is_own_inbox(inbox, port.twin):
@@ -114,15 +123,15 @@ class CommandReplies:
             return _no_answer, status
         return self._responder(port, inbox, message.correlation), status
 
-    def _tell_with_video(self, port: RobotPort, tell: Tell, reply: Reply) -> None:
-        """Tell who asked and, once it is known what came of a command for video, who waits for that."""
-        tell(reply)
+    def _send_with_video(self, port: RobotPort, send: SendReply, reply: Reply) -> None:
+        """Send a reply; publish the result of a video command on the topic of that command as well."""
+        send(reply)
         if reply.command in VIDEO_TYPES and (reply.done is not None or not reply.ok):
             payload = video_status(reply, stamp=self._clock.time(), source_type=port.source_type)
             self._send(self._topics.twin(port.twin, f"{reply.command}/status"), payload)
 
-    def _responder(self, port: RobotPort, inbox: str, correlation: bytes | None) -> Tell:
-        """Return what sends the one ``twin.command_response.v1``."""
+    def _responder(self, port: RobotPort, inbox: str, correlation: bytes | None) -> SendReply:
+        """Return the sender of the one ``twin.command_response.v1``."""
 
         def respond(reply: Reply) -> None:
             payload = command_response(
@@ -132,30 +141,30 @@ class CommandReplies:
 
         return respond
 
-    def _tell_status(self, port: RobotPort, request: str, once: bool, reply: Reply) -> None:  # noqa: FBT001 - by position
-        """Put a status message on the command topic."""
-        if once or self._worth_telling(port, reply):
+    def _send_status(self, port: RobotPort, request: str, once: bool, reply: Reply) -> None:  # noqa: FBT001 - by position
+        """Publish a status message on the command topic."""
+        if once or self._is_worth_sending(port, reply):
             payload = legacy_status(
                 reply, stamp=self._clock.time(), source_type=port.source_type, request=request
             )
             self._send(self._topics.twin(port.twin, "command"), payload)
 
-    def _worth_telling(self, port: RobotPort, reply: Reply) -> bool:
-        """Return False for the success of a setpoint, and for a refusal that was told just now."""
+    def _is_worth_sending(self, port: RobotPort, reply: Reply) -> bool:
+        """Return False for the success of a setpoint, and for a refusal that was reported a moment ago."""
         if reply.command not in STREAMED:
             return True
         if reply.ok:
             return False
         now = self._clock.monotonic()
         refusal = (port.name, reply.command, reply.status.value)
-        if now - self._told.get(refusal, float("-inf")) < SAME_REFUSAL_EVERY:
+        if now - self._refused_at.get(refusal, float("-inf")) < SAME_REFUSAL_EVERY:
             return False
-        self._told[refusal] = now
+        self._refused_at[refusal] = now
         return True
 
 
 def _text(correlation: bytes | None) -> str:
-    """Return Correlation Data that is text, empty for what is not; the SDK's is 32 letters."""
+    """Return Correlation Data as text, empty if it is not printable ASCII; the SDK sends 32 letters."""
     if not correlation or len(correlation) > LONGEST_CORRELATION or not correlation.isascii():
         return ""
     text = correlation.decode("ascii")
@@ -163,4 +172,4 @@ def _text(correlation: bytes | None) -> str:
 
 
 def _no_answer(_reply: Reply) -> None:
-    """Answer nobody."""
+    """Send no reply."""

@@ -1,7 +1,8 @@
 """From the cloud to the robots and to programs on the bus.
 
-``arrived`` reads the messages, and makes an emergency stop there and then: on the loop, or on another thread
-while that is stuck. ``take`` obeys, on the loop. Commands wait for nothing that goes outward.
+``arrived`` decodes messages and executes emergency stops immediately, on the loop or, while the loop is
+stuck, on the thread of the fallback reader. ``take`` dispatches the messages on the loop. Commands never wait
+for outbound traffic.
 """
 
 from __future__ import annotations
@@ -32,21 +33,21 @@ from fleet.wire.topics import Topic, Topics
 log = logging.getLogger(__name__)
 
 Handler = Callable[[Topic, CloudMessage], None]
-"""What the bridge itself does with a message; may raise WireError."""
+"""Handler of a message for the bridge itself; may raise WireError."""
 
-_CLOUD = Transport.CLOUD  # looked up once: that of an enumeration is slow
+_CLOUD = Transport.CLOUD  # looked up once: attribute access of an enum is slow
 
-TURN = 0.005  # s that messages are taken before others have their turn of the loop
-DENIED_AFTER = 1.0  # s that the edge which has a twin has to answer before us: who asks takes the first
-MOST_DENIED = 1_000  # denials that wait for that; of more the oldest are not told
+TIME_SLICE = 0.005  # s of dispatching before the loop runs other work
+REFUSE_AFTER = 1.0  # s for the edge that holds a twin to answer first: the sender takes the first reply
+MOST_REFUSALS = 1_000  # delayed refusals; beyond it the oldest are dropped
 MOST_WAITING = 10_000
-"""Messages that wait for a loop which does not take them, at most; the watchdog ends such a process."""
+"""Bound of the inbox, in messages; a loop that leaves it full is stuck, and the watchdog ends the process."""
 MOST_BYTES = 32 << 20
-"""Bytes of them, at most."""
+"""Bound of the inbox, in bytes."""
 
 
 class InboundRoute(msgspec.Struct, frozen=True):
-    """Whom a topic's messages are for, and by which rule; ``port``: the robot that is asked, if one is."""
+    """Recipient and rule of a topic; ``port`` is the robot, if the topic carries requests to one."""
 
     topic: Topic
     rule: InboundRule
@@ -55,7 +56,7 @@ class InboundRoute(msgspec.Struct, frozen=True):
 
 
 class InboundMessage(msgspec.Struct, frozen=True, gc=False):
-    """A message on its way; ``asked`` is what a robot made of it, None where it asks nothing."""
+    """A received message; ``asked`` is the decoded request, None if it is no request to a robot."""
 
     route: InboundRoute
     message: CloudMessage
@@ -66,13 +67,14 @@ class InboundMessage(msgspec.Struct, frozen=True, gc=False):
 class Downlink:
     """The cloud-to-edge half of the bridge.
 
-    Nothing in here stands between a stop and its robot: not what it carries of ours, not its size, not that
-    the broker kept it, not how much waits before it, not another edge that has the twin.
+    An emergency stop always passes: with our own session id in it, above the size limit, retained (once),
+    while the inbox is full, and for a twin that another edge holds.
 
-    ``books`` has the rules by uuid (of twins and of environments), ``any_run`` those of workflow runs,
-    whose uuids nobody knows. ``own`` has what the bridge itself does, by suffix. ``held``: the twins that
-    another edge has, by whom: nothing but a stop is obeyed for them. The other edge answers, and a moment
-    later we do, who it is: if it is not there, nobody else would.
+    ``books`` has the rules by UUID (of twins, environments and workflows), ``any_run`` those of workflow
+    runs, whose UUIDs are not known in advance. ``own`` has the handlers of the bridge itself, by suffix.
+    ``held`` maps twins that another edge holds to the name of that edge: only stops are executed for them.
+    The other edge answers first; a moment later this edge also answers, with the name of the other, so that
+    the sender gets an answer even if the other edge is gone.
     """
 
     def __init__(
@@ -100,82 +102,83 @@ class Downlink:
         self._answers = CommandReplies(topics, send, refusals, clock)
         self._relay = Relay(put, refusals, clock)
         self._inbox: deque[InboundMessage] = deque()
-        self._waiting = 0  # bytes in it, about: two threads count
-        self._stops: dict[str, dict[str, InboundMessage]] = {}  # beyond the bound, by twin and topic
-        self._kept = RetainedStops()
-        self._known: dict[str, InboundRoute] = {}  # of our own twins, by topic: there are not many
+        self._waiting = 0  # bytes in it, approximate: two threads count
+        self._stops: dict[str, dict[str, InboundMessage]] = {}  # accepted above the bound, by twin and topic
+        self._retained_stops = RetainedStops()
+        self._routes: dict[str, InboundRoute] = {}  # routes of our own twins, by topic; there are few
         self.held: Mapping[str, str] = {}
-        self._denied: deque[tuple[float, Callable[[Reply], None], Reply]] = deque(maxlen=MOST_DENIED)
+        self._late_refusals: deque[tuple[float, Callable[[Reply], None], Reply]] = deque(maxlen=MOST_REFUSALS)
         self.refusals = refusals
         self.received: Counter[str] = Counter()
         self.answered: Counter[str] = Counter()
         self.latencies: dict[str, Latencies] = {port.name: Latencies() for port in ports.values()}
 
     def join(self, port: RobotPort, book: Rulebook) -> None:
-        """Take what is for a twin from now on to its new robot; messages of before go where they were to."""
+        """Deliver new messages of a twin to its new robot; messages received before go to the old one."""
         self.latencies[port.name] = Latencies()
         self._books[port.twin] = book
-        self._forget(port.twin)
+        self._drop_routes(port.twin)
 
     def leave(self, twin: str, name: str) -> None:
-        """Take nothing more for a twin; the figures of its robot end."""
+        """Stop delivering messages of a twin, and drop the figures of its robot."""
         self._books.pop(twin, None)
-        self._forget(twin)
+        self._drop_routes(twin)
         self.latencies.pop(name, None)
 
-    def _forget(self, twin: str) -> None:
-        """Find the ways of a twin's topics anew."""
-        known = self._known.items()
-        self._known = {topic: route for topic, route in list(known) if route.topic.twin != twin}
+    def _drop_routes(self, twin: str) -> None:
+        """Drop the cached routes of a twin."""
+        routes = self._routes.items()
+        self._routes = {topic: route for topic, route in list(routes) if route.topic.twin != twin}
 
     def arrived(self, messages: list[CloudMessage]) -> None:
-        """Read what has come; from one thread at a time."""
+        """Decode received messages; from one thread at a time."""
         now = self._clock.monotonic()
         for message in messages:
             try:
                 self._arrived(message, now)
-            except Exception:  # there may be a stop among what follows
+            except Exception:  # one of the next messages may be a stop
                 log.exception("a message on %.120r was lost", message.topic)
 
     def _arrived(self, message: CloudMessage, now: float) -> None:
-        """Read one message."""
-        route = self._known.get(message.topic)
+        """Decode one message."""
+        route = self._routes.get(message.topic)
         if route is None or (route.port is not None and route.port is not self._ports.get(route.topic.twin)):
-            route = self._find(message)  # also where another thread found it just before its robot changed
-        if route is None or (message.retain and self._kept.counted(message.topic, message.payload)):
+            route = self._find(message)  # or cached by the other thread just before the robot changed
+        if route is None or (message.retain and self._retained_stops.counted(message.topic, message.payload)):
             return
         asked = self._read(route, route.port, message) if route.port else None
         stops = asked is not None and asked.stops
         if stops:
-            self._kept.note(message.topic, message.payload)
+            self._retained_stops.note(message.topic, message.payload)
         elif self._is_barred(message, asked):
             return
         self._put(InboundMessage(route, message, now, asked), stops=stops)
 
     def _put(self, one: InboundMessage, *, stops: bool) -> None:
-        """Let a message wait for the loop, behind all that came before it.
+        """Queue a message for the loop, behind all earlier ones.
 
-        Beyond the bound a stop waits all the same, unless one of its topic does and nothing for the robot has
-        found room since: so many more wait than the bound as there are topics that take stops.
+        A stop is queued even above the bound, unless one of the same topic is already queued above it and no
+        other message for the robot has found room since. So the excess is at most the number of topics that
+        take stops.
         """
         topic, twin = one.message.topic, one.route.topic.twin
         if len(self._inbox) < MOST_WAITING and self._waiting < MOST_BYTES:
-            self._stops.pop(twin, None)  # the next stop ends what this one may begin
+            self._stops.pop(twin, None)  # this message may start motion: the next stop counts again
         elif stops and topic not in self._stops.setdefault(twin, {}):
             self._stops[twin][topic] = one
         else:
-            self.refusals.add("too many", "a message on %s finds too many before it", topic)
+            self.refusals.add("too many", "dropped a message on %s: the queue is full", topic)
             return
         self._inbox.append(one)
         self._waiting += len(one.message.payload)
 
     def take(self) -> bool:
-        """Hand what has arrived to whom it is for, as far as its turn goes; on the loop.
+        """Dispatch received messages to their recipients, for a bounded time; on the loop.
 
-        Returns True when there is more, for which the loop has to come back: another thread reads on
-        meanwhile, so that a flood would never end here, and no robot have its turn.
+        Return True when messages are left, for which the loop must call again. Another thread may go on
+        reading, so without the bound a flood would keep the loop here and no robot would be served.
         """
-        end = self._clock.monotonic() + TURN
+        end = self._clock.monotonic() + TIME_SLICE
         while self._inbox:
             if self._clock.monotonic() > end:
                 return True
@@ -185,13 +188,13 @@ class Downlink:
             if waiting and waiting.get(one.message.topic) is one:
                 waiting.pop(one.message.topic, None)
             try:
-                self._hand_over(one)
-            except Exception:  # what follows must not wait for the next message: it would be late
-                log.exception("a message on %s could not be taken", one.message.topic)
+                self._dispatch(one)
+            except Exception:  # the other messages must not wait for the next read: they would be late
+                log.exception("a message on %s could not be dispatched", one.message.topic)
         return False
 
     def _read(self, route: InboundRoute, port: RobotPort, message: CloudMessage) -> Request | None:
-        """Have a robot read a message; what fails in one must not keep the others' from them."""
+        """Have a robot decode a message; an error in one must not keep the other messages from the robots."""
         size, unread = len(message.payload), ""
         if size > route.rule.size:
             unread = f"{size} bytes are more than the {route.rule.size} that are read"
@@ -200,7 +203,7 @@ class Downlink:
         try:
             asked = message.correlation
             request = _request_id(message.response_topic, asked) if asked else ""
-            waits = route.kind == "command"  # how a goal ends is told by its status
+            waits = route.kind == "command"  # the end of a goal is reported by its status
             return port.read(
                 route.kind, message.payload, way=_CLOUD, request_id=request, waits=waits, unread=unread
             )
@@ -210,7 +213,7 @@ class Downlink:
             return Request(lambda answer: answer(refusal))
 
     def _find(self, message: CloudMessage) -> InboundRoute | None:
-        """Find whom a message is for, None for what is nobody's here; a twin's topic is found once."""
+        """Return the route of a message, None if it has no recipient here; routes of own twins are cached."""
         found = self._find_rule(message)
         if found is None:
             return None
@@ -218,11 +221,11 @@ class Downlink:
         kind = cast("Kind", rule.taker.value)
         route = InboundRoute(topic, rule, kind, self._ports[topic.twin] if rule.taker.asks else None)
         if topic.twin in self._ports:
-            self._known[message.topic] = route
+            self._routes[message.topic] = route
         return route
 
     def _find_rule(self, message: CloudMessage) -> tuple[Topic, InboundRule] | None:
-        """Find whom a message is for and by which rule."""
+        """Return topic and rule of a message, None if it has no recipient here."""
         topic = self._topics.parse(message.topic)
         book = None
         if topic is not None:
@@ -230,7 +233,7 @@ class Downlink:
             if topic.suffix.startswith("workflow-run:"):
                 book = self._any_run
         if topic is None or book is None:
-            self.refusals.add("foreign topic", "a message on %.120r is for nobody here", message.topic)
+            self.refusals.add("foreign topic", "a message on %.120r has no recipient here", message.topic)
             return None
         rule = book.inward.get(ENVIRONMENT if topic.suffix.startswith("environment:") else topic.suffix)
         if rule is None:
@@ -239,9 +242,9 @@ class Downlink:
         return topic, rule
 
     def _is_barred(self, message: CloudMessage, asked: Request | None) -> bool:
-        """Return True for what only a stop gets past, and tell it: kept, damaged, or said by ourselves."""
+        """Refuse retained, damaged and our own messages, and count them. Not called for stops."""
         if message.retain:
-            # The broker kept it from some earlier time: whatever it asks is not asked now.
+            # A retained message is old: its request is not meant for now.
             line = "refused a retained message on %s; clear it on the broker"
             self.refusals.add("retained", line, message.topic)
         elif message.flaw:
@@ -255,14 +258,14 @@ class Downlink:
         return True
 
     def _is_ours(self, payload: bytes) -> bool:
-        """Return True for a message that we sent: its own ``session_id`` is ours, whatever it carries."""
+        """Return True for a message that we sent: its own ``session_id`` is ours, not one in its content."""
         try:
             return parse_object(payload, limit=len(payload)).get("session_id") == self._session
         except WireError:
             return False
 
-    def _hand_over(self, one: InboundMessage) -> None:
-        """Hand one message to whom it is for."""
+    def _dispatch(self, one: InboundMessage) -> None:
+        """Dispatch one message to its recipient."""
         route = one.route
         self.received[route.kind] += 1
         if route.port and one.asked:
@@ -270,41 +273,41 @@ class Downlink:
         elif route.rule.taker is Recipient.RELAY:
             self._relay.take(route.topic, route.rule, one.message)
         elif route.port is None:
-            self._do(route.topic, one.message, self._own[route.rule.suffix])
+            self._handle(route.topic, one.message, self._own[route.rule.suffix])
 
     def _ask(self, one: InboundMessage, port: RobotPort, asked: Request) -> None:
-        """Ask a robot, or say a moment later which edge has its twin."""
+        """Pass a request to its robot, or answer a moment later which edge holds its twin."""
         route, message = one.route, one.message
-        tell = self._answers.to(port, message, route.kind, once=asked.once)
-        answer = partial(self._answer, port, tell, one.at)
+        replies = self._answers.replies_to(port, message, route.kind, once=asked.once)
+        answer = partial(self._answer, port, replies, one.at)
         holder = self.held.get(route.topic.twin)
         if holder is None:
             asked(answer)
             return
-        self.refusals.add("held elsewhere", "%s is for another edge, which has the twin", message.topic)
-        due = self._clock.monotonic() + DENIED_AFTER
+        self.refusals.add("held elsewhere", "%s is for another edge, which holds the twin", message.topic)
+        due = self._clock.monotonic() + REFUSE_AFTER
         if asked.stops:
-            asked(lambda reply: self._denied.append((due, answer, reply)))
+            asked(lambda reply: self._late_refusals.append((due, answer, reply)))
             return
         why = f"edge {holder} has its twin; this edge leaves the robot to it"
-        self._denied.append((due, answer, Reply(route.kind, ReplyStatus.REJECTED, why)))
+        self._late_refusals.append((due, answer, Reply(route.kind, ReplyStatus.REJECTED, why)))
 
-    def deny(self) -> None:
-        """Tell who asked for twins of another edge, once that had its time to answer; on the loop."""
-        while self._denied and self._denied[0][0] <= self._clock.monotonic():
-            _, answer, denial = self._denied.popleft()
-            answer(denial)
+    def send_refusals(self) -> None:
+        """Send the refusals for twins of another edge, once that edge has had time to answer; on the loop."""
+        while self._late_refusals and self._late_refusals[0][0] <= self._clock.monotonic():
+            _, answer, refusal = self._late_refusals.popleft()
+            answer(refusal)
 
-    def _answer(self, port: RobotPort, tell: MessageReplies, arrived: float, reply: Reply) -> None:
-        """Answer, and note how long the receipt took."""
-        if not tell.answered:
+    def _answer(self, port: RobotPort, replies: MessageReplies, arrived: float, reply: Reply) -> None:
+        """Send a reply; record the latency of the first one, the receipt."""
+        if not replies.answered:
             self.answered[reply.status.value] += 1
-            if latencies := self.latencies.get(port.name):  # of a robot that is still there
+            if latencies := self.latencies.get(port.name):  # None: the robot was removed meanwhile
                 latencies.add(self._clock.monotonic() - arrived)
-        tell(reply)
+        replies(reply)
 
-    def _do(self, topic: Topic, message: CloudMessage, handle: Handler) -> None:
-        """Do what the bridge itself does with a message."""
+    def _handle(self, topic: Topic, message: CloudMessage, handle: Handler) -> None:
+        """Handle a message for the bridge itself."""
         try:
             handle(topic, message)
         except WireError as error:
@@ -312,8 +315,8 @@ class Downlink:
 
 
 def _request_id(response_topic: str | None, correlation: bytes) -> str:
-    """Return what tells a request from all others, of short and harmless letters.
+    """Return an id that is unique among all requests, from a safe alphabet.
 
-    Correlation Data means something to who sent it alone: two may well count from 1.
+    Correlation Data is unique for its sender only: two senders may both count from 1.
     """
     return digest((response_topic or "").encode() + b"\0" + correlation)

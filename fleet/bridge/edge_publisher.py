@@ -1,4 +1,4 @@
-"""What the edge says itself to the cloud: heartbeats, pings, who came and went, what was lost, answers."""
+"""Messages of the edge itself to the cloud: heartbeats, pings, connections, lost messages, replies."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ from fleet.wire.topics import Topics
 
 
 class EdgePublisher:
-    """Says it on the topics of twins; ``publish`` is the client's, ``session`` stands on every message.
+    """Publishes the edge's own messages on the topics of its twins.
 
-    ``said`` counts the messages. Queued messages are sent when the client is flushed.
+    ``publish`` belongs to the client; ``session`` is in every message; ``published`` counts the messages.
+    Queued messages are sent when the client is flushed.
     """
 
     def __init__(
         self, topics: Topics, *, edge: str, session: str, publish: Callable[..., bool], clock: Clock
     ) -> None:
-        self.said = ClassCounts()
+        self.published = ClassCounts()
         self._topics = topics
         self._edge = edge
         self._session = session
@@ -42,13 +43,13 @@ class EdgePublisher:
         ((suffix, payload),) = to_mqtt(report, sender(source_type=port.source_type, session=self._session))
         return self._topics.twin(port.twin, suffix), payload
 
-    def tell(self, port: RobotPort, kind: str, fields: dict[str, object]) -> None:
+    def queue_telemetry(self, port: RobotPort, kind: str, fields: dict[str, object]) -> None:
         """Queue a telemetry message."""
-        self.said.add(TrafficClass.EVENT)
+        self.published.add(TrafficClass.EVENT)
         self._publish(*self.telemetry(port, kind, fields), qos=1, later=True)
 
-    def tell_gap(self, port: RobotPort, suffix: str, gap: Gap) -> None:
-        """Queue that messages of a twin's topic were lost."""
+    def queue_gap(self, port: RobotPort, suffix: str, gap: Gap) -> None:
+        """Queue a report that messages of a twin's topic were lost."""
         fields = {
             "leaf": suffix,
             "reason": gap.reason,
@@ -56,20 +57,21 @@ class EdgePublisher:
             "since": gap.since,
             "until": gap.until,
         }
-        self.tell(port, "gap", fields)
+        self.queue_telemetry(port, "gap", fields)
 
-    def beat_edge(self, edge: EdgeState, robots: Iterable[RobotState]) -> None:
-        """Queue the edge's own roll-up."""
-        self.said.add(TrafficClass.LATEST)
+    def queue_edge_state(self, edge: EdgeState, robots: Iterable[RobotState]) -> None:
+        """Queue the state of the edge with all its robots."""
+        self.published.add(TrafficClass.LATEST)
         payload = edge_state(edge, robots, session=self._session)
         self._publish(self._topics.edge(self._edge), payload, later=True)
 
-    def beat(
+    def queue_heartbeat(
         self, port: RobotPort, extra: Mapping[str, object], streams: Mapping[str, Mapping[str, object]]
     ) -> None:
-        """Queue the heartbeat of a twin; ``extra``: figures of the host, and how the robot is.
+        """Queue the heartbeat of a twin.
 
-        ``streams`` are those of the bus's programs.
+        ``extra`` holds figures of the host and the health of the robot; ``streams`` are those of programs on
+        the bus.
         """
         payload = edge_health(
             twin=port.twin,
@@ -81,46 +83,46 @@ class EdgePublisher:
             extra=extra,
             streams=streams,
         )
-        self.said.add(TrafficClass.LATEST)
+        self.published.add(TrafficClass.LATEST)
         self._publish(self._topics.twin(port.twin, "edge_health"), payload, later=True)
 
     def ping(self, twin: str) -> None:
-        """Ask how far the cloud is, at once, for it is timed."""
+        """Ping the cloud; sent immediately, because the round trip is measured."""
         payload = ping(stamp=self._clock.time(), session=self._session)
-        self.said.add(TrafficClass.LATEST)
+        self.published.add(TrafficClass.LATEST)
         self._publish(self._topics.twin(twin, "ping:request"), payload)
 
     def pong(self, port: RobotPort) -> None:
-        """Answer a ping at a twin, at once, for it is timed."""
+        """Answer a ping on a twin; sent immediately, because the round trip is measured."""
         payload = pong(
             stamp=self._clock.time(),
             edge_id=self._edge,
             source_type=port.source_type,
             session=self._session,
         )
-        self.said.add(TrafficClass.LATEST)
+        self.published.add(TrafficClass.LATEST)
         self._publish(self._topics.twin(port.twin, "pong:response"), payload)
 
     def status(self, uuid: str, suffix: str, payload: bytes) -> None:
-        """Publish a status at once, on the topic of a suffix; it is kept until the cloud has it."""
+        """Publish a status immediately on the topic of a suffix; it is kept until acknowledged."""
         rule = rule_of(suffix)
-        self.said.add(TrafficClass.STATUS)
+        self.published.add(TrafficClass.STATUS)
         topic = self._topics.twin(uuid, suffix)
         self._publish(
             topic, payload, qos=1, expiry=(rule and rule.max_age) or None, traffic=TrafficClass.STATUS
         )
 
-    def tell_end(self, port: RobotPort, reply: Reply) -> None:
-        """Publish the final status of a command for which no process waits any more."""
+    def publish_end(self, port: RobotPort, reply: Reply) -> None:
+        """Publish the final status of a command whose process is gone."""
         if port.legacy_status:
             payload = legacy_status(reply, stamp=self._clock.time(), source_type=port.source_type)
             self.answer(self._topics.twin(port.twin, "command"), payload)
 
     def answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
-        """Publish an answer at once; nobody waits for it longer than its rule says."""
+        """Publish a reply immediately; it expires as the rule of its topic says."""
         parsed = self._topics.parse(topic)
         rule = rule_of(parsed.suffix) if parsed else None
-        self.said.add(TrafficClass.REPLY)
+        self.published.add(TrafficClass.REPLY)
         self._publish(
             topic,
             payload,

@@ -1,10 +1,10 @@
-"""One channel of one twin on its way to the cloud: how it is carried, its newest sample, when it may go."""
+"""One channel of one twin towards the cloud: its route, its newest sample, and when that is due."""
 
 from __future__ import annotations
 
 import msgspec
 
-from fleet.cloud.client import Way
+from fleet.cloud.client import PublishRoute
 from fleet.errors import WireError
 from fleet.model.report import Report
 from fleet.wire.parts import PARTED, rule_of_part
@@ -13,23 +13,21 @@ from fleet.wire.rulebook import Rulebook
 from fleet.wire.rules import CHANNEL_SUFFIXES, INWARD, KIB, RULES, TopicForm, TopicRule, TrafficClass
 from fleet.wire.topics import DataKey
 
-REPEAT_LOOK = 0.2  # s between looks for what must be repeated
+REPEAT_CHECK = 0.2  # s between two checks for samples to repeat
 HEAVY = 64 * KIB
-"""Bytes that a message may have above which it is sent by itself: translating it may take milliseconds."""
-MOST_PARTS = 64  # of one channel of one twin; anybody on the bus can invent more
+"""Bytes above which a message is sent in a step of its own: its translation may take milliseconds."""
+MOST_PARTS = 64  # of one channel of one twin; any program on the bus can create more
 SHARED = frozenset({"metrics"})
-"""State of which a robot tells a part, and local programs others; events anybody may tell."""
-SLACK = (
-    0.001  # s by which a message may be early, so that a source of just its rate does not lose every other
-)
+"""State channels that a robot shares with local programs. Events are shared by all."""
+SLACK = 0.001  # s that a message may be early: a source at exactly its rate must not lose every other message
 
 
 LOCAL = frozenset({"cloud", "frames", "local", *(rule.channel for rule in INWARD.values())})
-"""Channels that are for programs on the bus alone."""
+"""Channels for programs on the bus only."""
 
 
 def is_left_out(key: DataKey) -> bool:
-    """Return True for a channel that its program may think crosses: neither local nor switched off."""
+    """Return True for a channel that is neither local nor switched off and yet has no rule."""
     if key.channel.startswith("commands") or key.channel in LOCAL:
         return False
     suffixes = CHANNEL_SUFFIXES.get(key.channel)
@@ -37,7 +35,7 @@ def is_left_out(key: DataKey) -> bool:
 
 
 class TwinInfo(msgspec.Struct, frozen=True):
-    """What the uplink knows of a twin: its robot's name, the source type of its state, and its rules."""
+    """Outbound settings of a twin: its robot's name, the source type of its state, and its rules."""
 
     robot: str
     source_type: str
@@ -45,9 +43,9 @@ class TwinInfo(msgspec.Struct, frozen=True):
 
 
 class OutboundChannel:
-    """One channel of one twin: how it is carried, its newest sample, and when it may go."""
+    """One channel of one twin: its route, its newest sample, and when that is due."""
 
-    __slots__ = (  # four for each robot, all looked at many times a second
+    __slots__ = (  # four instances for each robot, read many times a second
         "at_once",
         "backlog",
         "by",
@@ -68,6 +66,7 @@ class OutboundChannel:
         "rate",
         "refused",
         "repeat",
+        "routes",
         "rule",
         "sample",
         "sensor",
@@ -79,7 +78,6 @@ class OutboundChannel:
         "streams",
         "traffic",
         "twin",
-        "ways",
     )
 
     def __init__(self, key: DataKey, info: TwinInfo, rule: TopicRule, session: str) -> None:
@@ -95,32 +93,32 @@ class OutboundChannel:
         self.document = rule.form is TopicForm.DOCUMENT
         self.traffic = int(rule.traffic)
         self.size = rule.size
-        self.ways: dict[str, Way] = {}  # by suffix
+        self.routes: dict[str, PublishRoute] = {}  # by suffix
         self.durable = rule.traffic.durable
         self.shared = self.durable or key.channel in SHARED
-        self.ours = False  # a robot of this process tells it; shared or not, nobody else says it in its name
+        self.ours = False  # reported by a robot of this process: others may not publish in its name
         self.streams = rule.traffic is TrafficClass.STREAM
         self.heavy = self.document or rule.size > HEAVY
         self.parted = key.channel in PARTED
-        self.parts: dict[str, OutboundChannel] = {}  # of a channel whose messages are several states, by part
+        self.parts: dict[str, OutboundChannel] = {}  # of a channel that carries several states, by part
         self.at_once = not (self.durable or self.heavy or self.parted)
         self.backlog = info.rules.backlog
         self.rate = rule.max_rate
         self.period = 1.0 / rule.max_rate - SLACK if rule.max_rate else 0.0
         self.repeat = 1.0 / rule.repeat if rule.repeat else 0.0
-        # Rather early than late: a parked robot's messages are never farther apart than 1 / repeat.
-        self.silence = max(self.repeat - 1.5 * REPEAT_LOOK, self.period)
+        # Early rather than late: messages of a parked robot are at most 1 / repeat apart.
+        self.silence = max(self.repeat - 1.5 * REPEAT_CHECK, self.period)
         self.sample: Report | bytes = b""
         self.fresh = False
         self.sent = float("-inf")
-        self.due = float("-inf")  # when the next one may go
-        self.credit = 0.0  # events that may go now
+        self.due = float("-inf")  # monotonic time from which the next may be sent
+        self.credit = 0.0  # events that may be sent now (token bucket)
         self.refused = False  # the last sample could not be translated
 
     def part(self, name: str) -> OutboundChannel:
-        """Return where one of the channel's states crosses; itself for what its row is about.
+        """Return the outbound channel of one part; itself for an empty name.
 
-        Raises WireError for more of them than a channel has.
+        Raises WireError above the limit of parts of a channel.
         """
         if not name:
             return self
@@ -132,10 +130,10 @@ class OutboundChannel:
             found = self.parts.setdefault(name, OutboundChannel(self.key, self.info, rule, self.session))
         return found
 
-    def takes_event(self, now: float) -> bool:
-        """Return False for an event above the channel's rate; the events of one second may come at once.
+    def admits_event(self, now: float) -> bool:
+        """Return False for an event above the channel's rate; the events of one second may arrive as a burst.
 
-        Two threads that bring events of one channel at once may let one too many or too few pass.
+        Two threads with events of one channel at the same time may let one too many or too few pass.
         """
         self.credit = min(max(self.rate, 1.0), self.credit + (now - self.sent) * self.rate)
         self.sent = now
@@ -144,17 +142,18 @@ class OutboundChannel:
         self.credit -= 1.0
         return True
 
-    def goes(self, now: float) -> None:
-        """Note that its newest sample goes.
+    def mark_sent(self, now: float) -> None:
+        """Record that the newest sample is sent, and when the next is due.
 
-        One that was late does not put off those behind it: that would add up, and now and then lose one.
+        A late sample does not delay the ones behind it: the delays would add up and, now and then, lose a
+        sample.
         """
         self.sent = now
         self.due = max(self.due + self.period, now + self.period / 2)
 
     @property
     def suffix(self) -> str:
-        """The suffix of a document; the sensor takes its place in it, or comes behind it."""
+        """The topic suffix of a document; the sensor replaces the ``+`` in it, or is appended."""
         if "+" in self.rule.suffix:
             return self.rule.suffix.replace("+", self.sensor or "")
         return f"{self.rule.suffix}/{self.sensor}" if self.sensor else self.rule.suffix

@@ -1,4 +1,4 @@
-"""The streams that programs on the bus own, until they end or are not told any more."""
+"""Video streams of programs on the bus; each lasts until its end or until its reports stop."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ MOST = 16  # streams of one twin
 
 
 class OwnedStreams:
-    """What is told of the streams of some twins; any thread."""
+    """The reported streams of some twins; any thread."""
 
     def __init__(self, twins: Collection[str], refusals: RateLimitedCounter, clock: Clock) -> None:
-        self._told: dict[str, dict[str, tuple[StreamState, float]]] = {twin: {} for twin in twins}
+        self._streams: dict[str, dict[str, tuple[StreamState, float]]] = {twin: {} for twin in twins}
         self._lock = threading.Lock()
         self._refusals = refusals
         self._clock = clock
 
     def join(self, twin: str) -> None:
-        """Listen for the streams of one more twin, from the beginning."""
+        """Start to track the streams of one more twin."""
         with self._lock:
-            self._told[twin] = {}
+            self._streams[twin] = {}
 
     def leave(self, twin: str) -> None:
-        """Listen for the streams of a twin no more."""
+        """Stop tracking the streams of a twin."""
         with self._lock:
-            self._told.pop(twin, None)
+            self._streams.pop(twin, None)
 
     def listen(self, subscribe: Callable[[str, Callable[[str, bytes], None]], object]) -> None:
-        """Have ``subscribe`` call with what programs tell."""
+        """Subscribe to the stream reports of programs with ``subscribe``."""
         subscribe(f"cw/*/data/{CHANNEL}/*", self.heard)
 
     def heard(self, key: str, sample: bytes) -> None:
-        """Take what a program tells of one stream; an empty sample ends it. Other twins' are left alone."""
+        """Handle a program's report of one stream; an empty sample ends it. Other twins are ignored."""
         parsed = parse_data_key(key)
-        if parsed is None or parsed.sensor is None or parsed.twin not in self._told:
+        if parsed is None or parsed.sensor is None or parsed.twin not in self._streams:
             return
         try:
             stream = read_stream(sample)
@@ -48,12 +48,12 @@ class OwnedStreams:
             self._refusals.add("unreadable", "a stream on %s cannot be read: %s", key, error)
             return
         with self._lock:
-            if parsed.twin not in self._told:  # it has just left
+            if parsed.twin not in self._streams:  # the twin was removed meanwhile
                 return
-            told = self._current(parsed.twin)
-            told.pop(parsed.sensor, None)
-            if stream is not None and len(told) < MOST:
-                told[parsed.sensor] = (stream, self._clock.monotonic())
+            streams = self._current(parsed.twin)
+            streams.pop(parsed.sensor, None)
+            if stream is not None and len(streams) < MOST:
+                streams[parsed.sensor] = (stream, self._clock.monotonic())
             elif stream is not None:
                 self._refusals.add("too many", "%s has more than %d streams", parsed.twin, MOST)
 
@@ -61,13 +61,13 @@ class OwnedStreams:
         """Return ``edge_health.streams`` of a twin."""
         now = self._clock.time()
         with self._lock:
-            told = dict(self._current(twin))
-        return {name: health_of(name, stream, now=now) for name, (stream, _) in sorted(told.items())}
+            streams = dict(self._current(twin))
+        return {name: health_of(name, stream, now=now) for name, (stream, _) in sorted(streams.items())}
 
     def _current(self, twin: str) -> dict[str, tuple[StreamState, float]]:
-        """Return what is told of a twin, without what has not been told again in time."""
+        """Return the streams of a twin, without those whose reports have stopped."""
         since = self._clock.monotonic() - LIFETIME
-        told = self._told[twin]
-        for name in [name for name, (_, at) in told.items() if at < since]:
-            del told[name]
-        return told
+        streams = self._streams[twin]
+        for name in [name for name, (_, at) in streams.items() if at < since]:
+            del streams[name]
+        return streams

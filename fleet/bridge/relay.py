@@ -1,4 +1,4 @@
-"""From the cloud to programs on the bus: documents, checked, bounded in size and rate."""
+"""Documents from the cloud to programs on the bus: checked, and bounded in size and rate."""
 
 from __future__ import annotations
 
@@ -13,40 +13,40 @@ from fleet.wire.rules import ENVIRONMENT, InboundRule
 from fleet.wire.topics import Topic, data_key
 
 Put = Callable[[str, bytes], None]
-MOST_ALLOWANCES = 10_000  # of uuids and topics; runs of workflows are without end
+MOST_ALLOWANCES = 10_000  # of UUIDs and topics; workflow runs keep adding new ones
 
 
 class Relay:
-    """Puts on the bus what is for a program there. On the loop only."""
+    """Forwards documents from the cloud to the bus. On the loop only."""
 
     def __init__(self, put: Put, refusals: RateLimitedCounter, clock: Clock) -> None:
         self._put = put
         self._refusals = refusals
         self._clock = clock
-        self._allowances: dict[tuple[str, str], tuple[float, float]] = {}  # how many may pass, and since when
+        self._allowances: dict[tuple[str, str], tuple[float, float]] = {}  # tokens left, last update
         self.passed = 0
 
     def take(self, topic: Topic, rule: InboundRule, message: CloudMessage) -> None:
-        """Check one message and put it on the bus, or count why not."""
+        """Check one message and publish it on the bus, or count why it is refused."""
         if is_for_the_cloud(topic.suffix, message.payload) or is_state_of_another(
             topic.suffix, message.payload
         ):
             return
         if not self._allowed(topic, rule):
-            line = "%s comes more than %g times a second"
+            line = "%s arrives more than %g times a second"
             self._refusals.add("too often", line, message.topic, rule.max_rate)
             return
         try:
             sample = document_in(topic.suffix, message.payload, size=rule.size, now=self._clock.time())
             key = _key(topic, rule)
         except WireError as error:
-            self._refusals.add("unreadable", "a message on %s did not cross: %s", message.topic, error)
+            self._refusals.add("unreadable", "a message on %s was not forwarded: %s", message.topic, error)
             return
         self.passed += 1
         self._put(key, sample)
 
     def _allowed(self, topic: Topic, rule: InboundRule) -> bool:
-        """Return False above the rate; what one second allows may come at once."""
+        """Return False above the rate; the messages of one second may arrive as a burst."""
         if not rule.max_rate:
             return True
         now = self._clock.monotonic()
@@ -61,6 +61,6 @@ class Relay:
 
 
 def _key(topic: Topic, rule: InboundRule) -> str:
-    """Return where on the bus a message goes; an update's type takes the place of the sensor."""
+    """Return the bus key of a message; the type of an update takes the place of the sensor."""
     sensor = word_of_update(topic.suffix.partition(":")[2]) if rule.suffix == ENVIRONMENT else None
     return data_key(topic.twin, rule.channel, sensor)

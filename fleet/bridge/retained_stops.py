@@ -1,7 +1,7 @@
-"""Stops that a broker keeps: each counts once, and not again whenever the connection is made anew.
+"""Retained stops: each is executed once, not again after every reconnect.
 
-One that was obeyed when it was sent is known too: the broker may have kept it since. What is known is lost
-with the process: the next one obeys a kept stop once more.
+Stops that arrived without the retain flag are remembered too: the broker may have retained them since. The
+memory is lost with the process, so its successor executes a retained stop once more.
 """
 
 from __future__ import annotations
@@ -10,32 +10,32 @@ from collections import OrderedDict
 
 from fleet.wire.envelope import digest
 
-MOST = 1024  # stops remembered; one that is forgotten counts again
+MOST = 1024  # stops remembered; a forgotten one is executed again
 
 
 class RetainedStops:
-    """The stops that have counted."""
+    """The stops that were executed."""
 
     def __init__(self) -> None:
         self._counted: OrderedDict[str, None] = OrderedDict()
 
     def note(self, topic: str, payload: bytes) -> None:
-        """Remember a stop that is obeyed."""
-        mark = _mark(topic, payload)
-        self._counted[mark] = None
-        self._counted.move_to_end(mark)
+        """Remember a stop that is executed."""
+        key = _key(topic, payload)
+        self._counted[key] = None
+        self._counted.move_to_end(key)
         if len(self._counted) > MOST:
             self._counted.popitem(last=False)
 
     def counted(self, topic: str, payload: bytes) -> bool:
-        """Return True for a stop that was obeyed; it is remembered for as long as the broker sends it."""
-        mark = _mark(topic, payload)
-        if mark not in self._counted:
+        """Return True for a stop that was executed, and keep remembering it while the broker sends it."""
+        key = _key(topic, payload)
+        if key not in self._counted:
             return False
-        self._counted.move_to_end(mark)
+        self._counted.move_to_end(key)
         return True
 
 
-def _mark(topic: str, payload: bytes) -> str:
-    """Return what tells a stop from every other message."""
+def _key(topic: str, payload: bytes) -> str:
+    """Return a digest that identifies a stop."""
     return digest(topic.encode(errors="replace") + b"\0" + payload)

@@ -1,4 +1,4 @@
-"""How long the way to the cloud and back takes: one ping now and then, and the cloud's pong."""
+"""Round-trip time to the cloud, from occasional pings and the cloud's pongs."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from fleet.clock import Clock
 from fleet.wire.ping import is_clouds_pong
 
 PING_EVERY = 10.0  # s between pings
-LOST_AFTER = 30.0  # s; a pong that comes later is of no ping that we remember
+LOST_AFTER = 30.0  # s; later pongs belong to no known ping
 
 
 class RoundTrip:
-    """Measures with one twin.
+    """Measures the round trip on one twin.
 
-    ``seconds`` is the last round trip; None before the first, and when pongs stay out.
+    ``seconds`` is the last round trip; None before the first, and when pongs are missing.
     """
 
     def __init__(self, send: Callable[[], object], clock: Clock) -> None:
@@ -25,7 +25,7 @@ class RoundTrip:
         self.seconds: float | None = None
 
     def ask(self) -> None:
-        """Send a ping, where it is time for one and none is under way."""
+        """Send a ping if one is due and none is in flight."""
         now = self._clock.monotonic()
         if now < self._next:
             return
@@ -38,7 +38,7 @@ class RoundTrip:
         self._send()
 
     def heard(self, payload: bytes) -> None:
-        """Take a pong; raises WireError for what is none. Another edge's says nothing about the cloud."""
+        """Handle a pong; raises WireError if malformed. Pongs of other edges say nothing about the cloud."""
         if is_clouds_pong(payload) and self._sent is not None:
             self.seconds = self._clock.monotonic() - self._sent
             self._sent = None

@@ -1,4 +1,4 @@
-"""Other edges that serve one of our twins, as the cloud shows them: the later one gives way."""
+"""Other edges that serve one of our twins, seen by their heartbeats in the cloud: the later edge yields."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Callable
 from fleet.clock import Clock
 from fleet.wire.claims import EdgeHeartbeat
 
-WITHIN = 12.0  # s in which two heartbeats of an edge must come to be believed; it sends one every 5 s
-MOST = 10_000  # edges that are remembered; anybody in the cloud can invent more
-GONE_AFTER = 16.0  # s without a heartbeat after which the other edge has let go
+WITHIN = 12.0  # s within which two heartbeats of an edge must arrive to count; an edge sends one every 5 s
+MOST = 10_000  # claims remembered; any client in the cloud can create more
+GONE_AFTER = 16.0  # s without a heartbeat after which the other edge has given the twin up
 
 
 class TwinConflictMonitor:
-    """Watches the heartbeats of our twins.
+    """Monitors the heartbeats of other edges on our twins.
 
-    ``changed`` hears twin and holder, which is empty when nobody has it before us. ``ignored`` holds edges
-    whose heartbeat claims nothing.
+    ``changed`` is called with twin and holder; the holder is empty when no other edge precedes us. Heartbeats
+    of ``ignored`` edges claim nothing.
     """
 
     def __init__(
@@ -34,11 +34,11 @@ class TwinConflictMonitor:
         self._changed = changed
         self._clock = clock
         self._began = clock.monotonic()
-        self._seen: dict[tuple[str, str], float] = {}  # when the last heartbeat of (twin, edge) came
+        self._seen: dict[tuple[str, str], float] = {}  # time of the last heartbeat, by (twin, edge)
         self._holders: dict[str, str] = {}
 
     def heard(self, twin: str, beat: EdgeHeartbeat) -> None:
-        """Take the heartbeat of an edge for one of our twins."""
+        """Handle the heartbeat of an edge on one of our twins."""
         if beat.edge in self._ignored or beat.session == self._session:
             return
         now = self._clock.monotonic()
@@ -53,7 +53,7 @@ class TwinConflictMonitor:
             self._hold(twin, beat.edge)
 
     def look(self) -> None:
-        """Take back the twins whose other edge has gone silent; now and then."""
+        """Take back the twins whose other edge has gone silent; call it periodically."""
         now = self._clock.monotonic()
         for (twin, edge), at in list(self._seen.items()):
             if now - at > GONE_AFTER:
@@ -62,7 +62,7 @@ class TwinConflictMonitor:
                     self._hold(twin, "")
 
     def _hold(self, twin: str, holder: str) -> None:
-        """Tell of a change, once."""
+        """Report a change of holder, once."""
         if self._holders.get(twin, "") != holder:
             self._holders[twin] = holder
             self._changed(twin, holder)

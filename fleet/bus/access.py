@@ -39,19 +39,19 @@ PROGRAM_CHANNELS = (
 _REPORTS = "cw/*/data/**"
 _STOP = "fleet/*/stop"
 _DESCRIPTION = "fleet/*/robots/*/description"
-_OF_CONSOLES = (
+_CONSOLE_KEYS = (
     keys.command("*", "*"),
     keys.mission("*", "*"),
     keys.run("*", "*"),
     keys.schedules("*"),
 )
-_OF_COMMAND_LINES = (keys.prepare("*", "*"), keys.starts("*"))
+_COMMAND_LINE_KEYS = (keys.prepare("*", "*"), keys.starts("*"))
 _BY_CERTIFICATE = frozenset({"tls", "quic"})
 
 _LISTEN = ("declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
-_SAY = ("put", "delete")
+_PUBLISH = ("put", "delete")
 _ANSWER = ("declare_queryable", "reply")
-_ALL = (*_SAY, "query", *_ANSWER, "liveliness_token", *_LISTEN)
+_ALL = (*_PUBLISH, "query", *_ANSWER, "liveliness_token", *_LISTEN)
 
 
 class Access(msgspec.Struct, frozen=True):
@@ -105,11 +105,11 @@ _STOPS = (
 
 
 _NO_FRAMES = _Rule(("put",), ("fleet/*/frames/*",), "deny", flow="egress")
-"""The bytes on the links are for who records: a console, or a program of the edge's own computer."""
+"""The bytes on the links are for recorders only: a console, or a program on the edge's own computer."""
 
 
 _START_TOKEN = _Rule(("liveliness_token",), (keys.starting("*", "*"),))
-"""Shows that who asks for a common start is there."""
+"""Shows that the requester of a common start is up."""
 
 
 def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, ...]:
@@ -124,7 +124,7 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
         channels = (*PROGRAM_CHANNELS, *access.channels)
         return (
             _NO_FRAMES,
-            _Rule((*_SAY, *_ANSWER), tuple(f"cw/*/data/{channel}/**" for channel in channels)),
+            _Rule((*_PUBLISH, *_ANSWER), tuple(f"cw/*/data/{channel}/**" for channel in channels)),
             _Rule(_ANSWER, ("fleet/*/robots/*/video",)),
         )
     if role == "worker":
@@ -135,20 +135,20 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
     return (
         _NO_FRAMES,
         *((_Rule(("query",), coordinated),) if name in access.coordinators else ()),
-        _Rule((*_SAY, *_ANSWER, "liveliness_token"), own),
-        _Rule((*_SAY, *_ANSWER), (_REPORTS,)),
-        _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**", *foreign), "deny"),
+        _Rule((*_PUBLISH, *_ANSWER, "liveliness_token"), own),
+        _Rule((*_PUBLISH, *_ANSWER), (_REPORTS,)),
+        _Rule((*_PUBLISH, *_ANSWER), ("cw/*/data/commands/**", *foreign), "deny"),
     )
 
 
 def _console_rules(name: str, most: Permission) -> tuple[_Rule, ...]:
     """Return the rules of a console: keys with its own name, and no permission above ``most``.
 
-    One that may give every permission also runs the command line, which gives none.
+    A console that may give every permission also runs the command line, whose keys name no permission.
     """
     given = [each.word for each in Permission if each <= most]
-    asked = [keys.as_console(key, word, name) for key in _OF_CONSOLES for word in given]
-    plain = () if most < Permission.ADMIN else (*_OF_CONSOLES, *_OF_COMMAND_LINES)
+    asked = [keys.as_console(key, word, name) for key in _CONSOLE_KEYS for word in given]
+    plain = () if most < Permission.ADMIN else (*_CONSOLE_KEYS, *_COMMAND_LINE_KEYS)
     watches = (_Rule(("put",), ("cw/*/data/local/webrtc_answer",)),) if most >= Permission.OPERATE else ()
     return (
         _Rule(("query",), ("fleet/*/history", *asked, *plain)),
@@ -158,11 +158,12 @@ def _console_rules(name: str, most: Permission) -> tuple[_Rule, ...]:
 
 
 def _person_rules(name: str, permission: Permission) -> tuple[_Rule, ...]:
-    """Return the rules of a person: keys with the own name, where the edge refuses with words.
+    """Return the rules of a person: keys with the own name, on which the edge can answer with a reason.
 
-    Who may not operate tells no instant of a common start, which would set others' robots in motion.
+    Without the permission to operate, a person must not set the instant of a common start, which would move
+    the robots of others.
     """
-    asked = [keys.as_person(key, name) for key in (*_OF_CONSOLES, keys.prepare("*", "*"))]
+    asked = [keys.as_person(key, name) for key in (*_CONSOLE_KEYS, keys.prepare("*", "*"))]
     together = (_Rule(("query",), (keys.starts("*"),)), _START_TOKEN)
     return (
         _NO_FRAMES,
@@ -177,14 +178,14 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
     return (
         _NO_FRAMES,
         _Rule(("liveliness_token",), (own, robots, f"fleet/{edge}/claims/*/*")),
-        _Rule(_SAY, (f"{own}/beat", f"{robots}/state", f"fleet/{edge}/places/{name}", _REPORTS)),
-        _Rule(_SAY, (f"fleet/{edge}/frames/{name}",)),
+        _Rule(_PUBLISH, (f"{own}/beat", f"{robots}/state", f"fleet/{edge}/places/{name}", _REPORTS)),
+        _Rule(_PUBLISH, (f"fleet/{edge}/frames/{name}",)),
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
         _Rule(_ANSWER, (f"{robots}/command{keys.ASKER}", f"{robots}/description", f"fleet/{edge}/history")),
         _Rule(_ANSWER, (f"{robots}/prepare", f"{robots}/prepare{keys.ASKER}", f"fleet/{edge}/starts")),
         _Rule(_ANSWER, (f"{own}/reload", f"{own}/hold")),
-        _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
+        _Rule((*_PUBLISH, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
     )
 
 

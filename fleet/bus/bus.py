@@ -23,10 +23,10 @@ from fleet.errors import BusError
 
 
 class Bus:
-    """The two sessions of a process; ``connect`` are the endpoints of others that they are to join.
+    """The two sessions of a process; ``connect`` are the endpoints of other edges or routers to join.
 
-    ``consoles`` are the identities on it that are consoles, and ``people`` those of persons with what they
-    may do, by the edge's access rules.
+    ``consoles`` are the identities on the bus that are consoles, and ``people`` those of persons with their
+    permissions, by the edge's access rules.
     """
 
     def __init__(
@@ -46,9 +46,9 @@ class Bus:
     @property
     def problem(self) -> str:
         """Why an endpoint in ``connect`` is not joined; empty when all are."""
-        reached = {_place(endpoint) for endpoint in self.reports.reached()} if self._connect else set()
-        missing = [endpoint for endpoint in self._connect if _place(endpoint) not in reached]
-        return _shut_out(missing) if missing else ""
+        reached = {_stable_part(endpoint) for endpoint in self.reports.reached()} if self._connect else set()
+        missing = [endpoint for endpoint in self._connect if _stable_part(endpoint) not in reached]
+        return _join_error(missing) if missing else ""
 
     def close(self) -> None:
         """Close both sessions."""
@@ -89,7 +89,7 @@ def _listening(settings: BusSettings, directory: Path, users: Path | None) -> Bu
             zenoh_settings(
                 settings,
                 mode="peer",
-                listen=(control_socket, *(_beside(endpoint) for endpoint in settings.listen)),
+                listen=(control_socket, *(_control_endpoint(endpoint) for endpoint in settings.listen)),
                 connect=(reports_socket, *settings.connect),
                 users=users,
             )
@@ -134,20 +134,20 @@ def _join(settings: BusSettings, bus_session: str, directory: Path) -> ZenohSess
     try:
         session = ZenohSession(zenoh_settings(settings, mode="client", listen=(), connect=endpoints))
     except BusError:
-        raise BusError(_shut_out(endpoints)) from None
+        raise BusError(_join_error(endpoints)) from None
     if not here:
         session.identity, session.person = _identity(settings)
     return session
 
 
 def _identity(settings: BusSettings) -> tuple[str, str]:
-    """Return the name by which others know us, that of our certificate where every endpoint takes one.
+    """Return the name by which others know us: the name in our certificate if every endpoint checks it.
 
-    Then again, where it is the certificate of a person; empty where it is not.
+    The second item is the same name if the certificate is that of a person, otherwise empty.
     """
     if not settings.tls.certificate or not all(map(is_encrypted, settings.connect)):
         return LOCAL, ""
-    from fleet.config.certificates import read_identity  # noqa: PLC0415 - slow to import; few have any
+    from fleet.config.certificates import read_identity  # noqa: PLC0415 - slow to import, rarely needed
 
     try:
         identity = read_identity(Path(settings.tls.certificate).read_bytes())
@@ -156,18 +156,21 @@ def _identity(settings: BusSettings) -> tuple[str, str]:
     return identity.name, identity.name if identity.role == PERSON else ""
 
 
-def _shut_out(endpoints: Iterable[str]) -> str:
+def _join_error(endpoints: Iterable[str]) -> str:
     """Return the error text for endpoints that cannot be joined; Zenoh gives no reason."""
-    return f"nobody lets us in at {', '.join(endpoints)}: gone, frozen, or with other user, password or tls"
+    where = ", ".join(endpoints)
+    return (
+        f"cannot join the bus at {where}: peer down or frozen, or its user, password or TLS settings differ"
+    )
 
 
-def _place(endpoint: str) -> tuple[str, str]:
+def _stable_part(endpoint: str) -> tuple[str, str]:
     """Return protocol and port, or path, of an endpoint: the parts that name resolution does not change."""
     protocol, _, rest = re.split("[?#]", endpoint)[0].partition("/")
     return protocol, rest.rpartition(":")[2]
 
 
-def _beside(endpoint: str) -> str:
+def _control_endpoint(endpoint: str) -> str:
     """Return the endpoint of the control session that belongs to one of the reports session.
 
     It has a port chosen by the system (others learn it by gossip), or, without ports, another name.

@@ -1,6 +1,6 @@
-"""The buses of several edges: joins those that run, leaves those that are gone, and joins them again.
+"""The buses of several edges: joins running edges, leaves those that are gone, and rejoins them.
 
-An edge that is away, frozen, or lets nobody in is told as such and tried again; nothing waits for it.
+An edge that is away, frozen, or refuses the connection is reported and retried; nothing waits for it.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from fleet.bus.settings import BusSettings, running_edges
 from fleet.clock import Clock
 from fleet.errors import BusError
 
-LOOK = 0.25  # s between looks at which edges run
-AGAIN = 2.0  # s until an edge that let nobody in is tried again
+SCAN_EVERY = 0.25  # s between two scans for running edges
+RETRY_AFTER = 2.0  # s until a failed join is retried
 
 
 class EdgeBuses:
     """The buses that are joined now, by edge, in ``joined``.
 
-    ``edges`` are reached besides, or with ``only`` instead of, all that run on this computer. ``opened`` is
-    called in a thread with each edge and bus that was joined, and may block. ``told`` hears, on the event
-    loop, which edge is joined, and of one that is not, why.
+    ``edges`` are joined in addition to all edges that run on this computer, or instead of them with ``only``.
+    ``opened`` is called in a thread with each edge and its newly joined bus, and may block. ``changed`` is
+    called on the event loop with an edge and None when it is joined, or else the reason why it is not.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class EdgeBuses:
         *,
         only: bool,
         opened: Callable[[str, Bus], None],
-        told: Callable[[str, str | None], None],
+        changed: Callable[[str, str | None], None],
     ) -> None:
         self.joined: dict[str, Bus] = {}
         self._edges = {settings.edge: settings for settings in edges}
@@ -42,26 +42,26 @@ class EdgeBuses:
         self._directory = directory
         self._clock = clock
         self._opened = opened
-        self._told = told
+        self._changed = changed
         self._joining: dict[str, asyncio.Task[None]] = {}
         self._closing: set[asyncio.Task[None]] = set()
         self._not_before: dict[str, float] = {}
 
     async def run(self) -> None:
-        """Join edges as they come, and leave those that are gone, until cancelled."""
+        """Join edges as they start and leave those that are gone, until cancelled."""
         try:
             while True:
-                self._look()
-                await asyncio.sleep(LOOK)
+                self._scan()
+                await asyncio.sleep(SCAN_EVERY)
         finally:
-            # What is being opened is waited for, and closed: a thread inside Zenoh must not outlive us.
+            # Wait for joins in progress, then close them: a thread inside Zenoh must not outlive us.
             await asyncio.gather(*self._joining.values(), return_exceptions=True)
             for edge in list(self.joined):
                 self._leave(edge)
             await asyncio.gather(*self._closing, return_exceptions=True)
 
-    def _look(self) -> None:
-        """Begin to join what runs and is not joined; leave what is gone."""
+    def _scan(self) -> None:
+        """Start to join running edges that are not joined; leave those that are gone."""
         wanted = self._edges
         running = set(running_edges(self._directory))
         if not self._only:
@@ -73,7 +73,7 @@ class EdgeBuses:
                 if not reachable or not self.joined[edge].control.reached():
                     self._leave(edge)
             elif not reachable:
-                self._told(edge, "it does not run")
+                self._changed(edge, "it does not run")
             elif edge not in self._joining and now >= self._not_before.get(edge, now):
                 self._joining[edge] = asyncio.create_task(self._join(settings), name=f"join:{edge}")
         for edge in self.joined.keys() - wanted.keys():
@@ -82,22 +82,22 @@ class EdgeBuses:
     def _leave(self, edge: str) -> None:
         """Close the bus of an edge that is gone; it is joined again when it is back."""
         bus = self.joined.pop(edge)
-        self._told(edge, "it has gone")
+        self._changed(edge, "it has gone")
         closing = asyncio.create_task(asyncio.to_thread(bus.close), name=f"close:{edge}")
         self._closing.add(closing)
         closing.add_done_callback(self._closing.discard)
 
     async def _join(self, settings: BusSettings) -> None:
-        """Join one edge, or tell why not."""
+        """Join one edge, or report why it cannot be joined."""
         edge = settings.edge
         try:
             bus = await asyncio.to_thread(join, settings, self._directory)
         except BusError as error:
-            self._not_before[edge] = self._clock.monotonic() + AGAIN
-            self._told(edge, str(error))
+            self._not_before[edge] = self._clock.monotonic() + RETRY_AFTER
+            self._changed(edge, str(error))
         else:
             self.joined[edge] = bus
-            self._told(edge, None)
+            self._changed(edge, None)
             await asyncio.to_thread(self._opened, edge, bus)
         finally:
             del self._joining[edge]

@@ -19,12 +19,12 @@ key                                    what
 ``fleet/{edge}/robots/{robot}/state``  publication, and query for the last: a robot's state
 ``fleet/{edge}/held``                 publication: robots of its workers that stop inputs hold, and why
 ``fleet/{edge}/places/{process}``      publication: positions and destinations of a process's robots
-``fleet/{edge}/frames/{process}``      publication: bytes on the links of a process, while somebody records
+``fleet/{edge}/frames/{process}``      publication: bytes on the links of a process, while a recorder runs
 ``fleet/{edge}/holders``               publication: other holders of the edge's twins, seen in the cloud
 ``fleet/{edge}/health``                publication, and query for the last: the edge's state
 ``fleet/{edge}/summary``               publication, and query for the last: the edge in 1 kB at the most
 ``fleet/{edge}/schedules``             query: list its schedules, switch one, or start it now
-``fleet/{edge}/changes``               query: read fleet.yaml again, and tell or take over what has changed
+``fleet/{edge}/changes``               query: read fleet.yaml again, and show or apply the changes
 ``fleet/{edge}/history``               query: events of its robots, with the senders of requests
 ``fleet/{edge}/missions/{name}``       query: parameters of a mission; with ``do=``, start it or rehearse it
 ``fleet/{edge}/runs/{run}``            publication, and query: a run's state; queries also control it
@@ -32,9 +32,9 @@ key                                    what
 ``fleet/{edge}/stop``                  emergency stop; publish or query on ``fleet/*/stop``
 =====================================  ====================================================
 
-The questions of a console have ``/as/{permission}/{console}`` after the keys of commands, missions, runs and
-schedules: what its person may do, and its own identity. Those of a person with a certificate have
-``/as/person/{name}``, also after ``prepare``: fleet.yaml of the edge says what that person may do.
+The queries of a console have the suffix ``/as/{permission}/{console}`` on the keys of commands, missions,
+runs and schedules: the permission of its person, and its own identity. Those of a person with a certificate
+have the suffix ``/as/person/{name}``, also on ``prepare``: the edge's fleet.yaml has the person's permission.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ LOCAL = "_local"
 """The identity of a console without a certificate; no common name begins so."""
 
 ASKER = "/as/*/*"
-"""What the keys of questions for a person have in addition: a permission and a console, or the person."""
+"""Suffix of the keys of queries for a person: a permission and a console, or the person."""
 
 
 def as_console(key: str, permission: str, console: str) -> str:
-    """Return the key by which a console asks for a person with this permission."""
+    """Return the key of a console's query for a person with this permission."""
     return f"{key}/as/{permission}/{console}"
 
 
 def as_person(key: str, name: str) -> str:
-    """Return the key by which a person with a certificate asks; without a name the key as it is."""
+    """Return the key of a query of a person with a certificate; the plain key without a name."""
     return f"{key}/as/{PERSON}/{name}" if name else key
 
 
@@ -69,7 +69,7 @@ def robot(edge_id: str, name: str) -> str:
 
 
 HELD = "-held"
-"""Suffix of a claim's key when the edge has the twin; without it the edge only wants it."""
+"""Suffix of a claim's key when the edge owns the twin; without it the edge only wants it."""
 
 
 def claim(edge_id: str, twin: str, since: int, *, held: bool = False) -> str:
@@ -88,17 +88,17 @@ def command(edge_id: str, name: str) -> str:
 
 
 def prepare(edge_id: str, name: str) -> str:
-    """Return the key on which a robot is asked to prepare what it is to begin together with others."""
+    """Return the key of queries to prepare a robot for a common start with others."""
     return f"fleet/{edge_id}/robots/{name}/prepare"
 
 
 def starts(edge_id: str) -> str:
-    """Return the key on which an edge's processes tell their time, and are told the instant of a start."""
+    """Return the key on which processes report their time, and receive the instant of a common start."""
     return f"fleet/{edge_id}/starts"
 
 
 def starting(edge_id: str, start: str) -> str:
-    """Return the key of the token of who asks for a common start; ``*`` is every start."""
+    """Return the key of the token of the requester of a common start; ``*`` is every start."""
     return f"fleet/{edge_id}/starts/{start}"
 
 
@@ -148,12 +148,12 @@ def halt(edge_id: str, name: str) -> str:
 
 
 def hold(edge_id: str, name: str) -> str:
-    """Return the key by which a worker is asked to hold its robots to other settings."""
+    """Return the key of queries to hold the robots of a worker to stricter settings."""
     return f"fleet/{edge_id}/workers/{name}/hold"
 
 
 def reload(edge_id: str, name: str) -> str:
-    """Return the key on which a worker is asked to start again with a changed file or configuration."""
+    """Return the key of queries to restart a worker with a changed file or configuration."""
     return f"fleet/{edge_id}/workers/{name}/reload"
 
 
@@ -178,32 +178,32 @@ def history(edge_id: str) -> str:
 
 
 def schedules(edge_id: str) -> str:
-    """Return the key on which an edge tells its schedules, and takes what is asked of them."""
+    """Return the key on which an edge reports and controls its schedules."""
     return f"fleet/{edge_id}/schedules"
 
 
 def changes(edge_id: str) -> str:
-    """Return the key on which an edge tells and takes over what has changed in its fleet.yaml."""
+    """Return the key on which an edge reports and applies changes of its fleet.yaml."""
     return f"fleet/{edge_id}/changes"
 
 
 def failover(edge_id: str) -> str:
-    """Return the key on which an edge of a pair takes the request to hand its lease over."""
+    """Return the key of queries to hand over the lease of an edge of a pair."""
     return f"fleet/{edge_id}/failover"
 
 
 def mission(edge_id: str, name: str) -> str:
-    """Return the key of a mission that an edge knows; ``*`` is every one."""
+    """Return the key of a mission of an edge; ``*`` is every mission."""
     return f"fleet/{edge_id}/missions/{name}"
 
 
 def run(edge_id: str, run_id: str) -> str:
-    """Return the key of a run of a mission; ``*`` is every one."""
+    """Return the key of a run of a mission; ``*`` is every run."""
     return f"fleet/{edge_id}/runs/{run_id}"
 
 
 def coordinator(edge_id: str) -> str:
-    """Return the key on which an edge lets another coordinate its robots in a run."""
+    """Return the key on which an edge lets another edge coordinate its robots in a run."""
     return f"fleet/{edge_id}/coordinator"
 
 

@@ -65,7 +65,8 @@ SERVICE_RUNTIME = Path("/run/fleet")
 def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
     """Return the directory of the edges' sockets, private to this user: access to them allows commands.
 
-    FLEET_RUNTIME_DIR, or within XDG_RUNTIME_DIR, or in memory where the system has that, or a temporary one.
+    It is FLEET_RUNTIME_DIR, or a folder in XDG_RUNTIME_DIR, or one in memory if the system has that, or a
+    temporary one.
     """
     path = _runtime_path(environ)
     try:
@@ -75,14 +76,14 @@ def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
             raise BusError(f"{path} is not a directory of this user; set FLEET_RUNTIME_DIR to one that is")
         path.chmod(0o750 if path == SERVICE_RUNTIME else 0o700)
     except OSError as error:
-        raise BusError(f"cannot make {path} for the bus's sockets: {error.strerror}") from None
+        raise BusError(f"cannot create {path} for the bus's sockets: {error.strerror}") from None
     return path
 
 
 def client_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
     """Return the directories in which a program of this user finds edges: its own, and that of services.
 
-    Only FLEET_RUNTIME_DIR where it is set. Raises BusError like ``runtime_dir``.
+    Only FLEET_RUNTIME_DIR if it is set. Raises BusError like ``runtime_dir``.
     """
     own = runtime_dir(environ)
     return (
@@ -93,15 +94,15 @@ def client_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
 
 
 def _is_shared(path: Path) -> bool:
-    """Return True when edges of services can be found there by this user; systemd made the directory."""
+    """Return True when this user can find the edges of services there; systemd created the directory."""
     return path.is_dir() and os.access(path, os.R_OK | os.X_OK)
 
 
 def runtime_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
     """Return the existing directories that may hold sockets of edges which this user can stop.
 
-    Only FLEET_RUNTIME_DIR where it is set. Else all directories of this user, whatever the environment in
-    which the edge was started, and that of services for their group; for root, those of all users.
+    Only FLEET_RUNTIME_DIR if it is set. Otherwise all directories of this user, whatever the environment of
+    the edge, and that of services for their group; for root, those of all users.
     """
     if given := environ.get("FLEET_RUNTIME_DIR"):
         return [Path(given)]
@@ -210,7 +211,7 @@ def zenoh_settings(
         # A client must not wait long for an edge that is frozen.
         values["transport/unicast/open_timeout"] = LEASE_MS
     else:
-        # An edge opens at once, and keeps trying to reach the others for as long as it lives.
+        # An edge opens immediately, and keeps trying to reach the others.
         values["connect/timeout_ms"] = -1
         values["connect/exit_on_failure"] = False
         values["open/return_conditions/connect_scouted"] = False
@@ -228,8 +229,8 @@ def zenoh_settings(
 def _protocols(settings: BusSettings) -> list[str]:
     """Return the protocols that the session may use at all, also for peers that it learns of by gossip.
 
-    A program that joins announces the peers that it knows, and Zenoh would connect to them: a program that
-    also listens on the network would bring in strangers.
+    A program that joins announces the peers that it knows, and Zenoh connects to them. So a program that also
+    listens on the network would connect us to unknown peers.
     """
     spoken = {end.partition("/")[0] for end in (*settings.listen, *settings.connect)} | {SOCKET}
     if settings.scouting and spoken == {SOCKET}:

@@ -56,14 +56,14 @@ class Publisher:
         self._publisher.put(payload)
 
     def _changed(self, status: zenoh.MatchingStatus) -> None:
-        """Note whether there is a subscriber; on Zenoh's thread."""
+        """Record whether there is a subscriber; on Zenoh's thread."""
         self.wanted = status.matching
 
 
 class Publishers:
-    """Publishers of keys under ``pattern``; none is declared until somebody subscribes to one of the keys.
+    """Publishers of keys under ``pattern``; none is declared until one of the keys has a subscriber.
 
-    Zenoh keeps 3 kB for each, and on most edges the only subscriber is the bridge of their own process.
+    Zenoh needs 3 kB for each, and on most edges the only subscriber is the bridge of their own process.
     """
 
     def __init__(self, session: zenoh.Session, pattern: str) -> None:
@@ -73,7 +73,7 @@ class Publishers:
         self._unsure: dict[str, int] = {}  # samples still to send without a known subscriber
 
     def wanted(self, key: str) -> Publisher | None:
-        """Return the publisher of a key; None when nobody subscribes to it."""
+        """Return the publisher of a key; None while it has no subscriber."""
         publisher = self._made.get(key)
         if publisher is None:
             if not self._any.wanted:
@@ -92,8 +92,8 @@ class Publishers:
 class Query:
     """A received query; may be answered later, from any thread, more than once, until ``close``.
 
-    ``key`` is that of the queryable, ``asked`` the key expression of the query (it may have wildcards);
-    neither contains ``suffix``, what the query's key has in addition (see ``ZenohSession.answer``).
+    ``key`` is the key of the queryable, ``asked`` the key expression of the query (it may have wildcards).
+    ``suffix`` is the additional part of the query's key (see ``ZenohSession.answer``); neither contains it.
     """
 
     def __init__(self, query: zenoh.Query, key: str, more: str = "") -> None:
@@ -129,12 +129,12 @@ class ZenohSession:
             self._session = zenoh.open(_config(settings))
         except zenoh.ZError as error:
             raise BusError(f"the bus cannot be opened: {_first_line(error)}") from None
-        self.identity, self.person = LOCAL, ""  # the name of its certificate; again, if it is a person's
+        self.identity, self.person = LOCAL, ""  # the name in its certificate; again, if it is a person's
         self._kept: list[object] = []
         self._threads: list[threading.Thread] = []
 
     def close(self) -> None:
-        """Close the session; its tokens and queryables disappear for everyone at once."""
+        """Close the session; its tokens and queryables disappear immediately."""
         self._kept.clear()
         self._session.close()
         # A thread that returns from Zenoh after the interpreter has ended would abort the process.
@@ -171,7 +171,7 @@ class ZenohSession:
             self._session.put(key, payload, attachment=note)
 
     def subscribe(self, key: str, call: OnSample) -> Callable[[], None]:
-        """Call ``call`` with key and payload of each sample published under ``key``; returns what ends it."""
+        """Call ``call`` with key and payload of each sample under ``key``; return a function that ends it."""
 
         def arrived(sample: zenoh.Sample) -> None:
             call(*_read(sample))
@@ -179,7 +179,7 @@ class ZenohSession:
         return self._keep(self._session.declare_subscriber(key, _direct(arrived)))
 
     def _keep(self, *declared: Any) -> Callable[[], None]:
-        """Keep what was declared until the session is closed; returns what ends it before."""
+        """Keep declarations until the session is closed; return a function that ends them before."""
         self._kept += declared
 
         def end() -> None:
@@ -202,12 +202,10 @@ class ZenohSession:
     def subscribe_many(
         self, pattern: str, calls: Mapping[str, Callable[[bytes], None]]
     ) -> Callable[[], None]:
-        """Call the function that ``calls`` has for the key of each sample published under ``pattern``.
+        """Call the function in ``calls`` for the key of each sample published under ``pattern``.
 
-        Returns what ends it; ``calls`` may change meanwhile.
-
-        One subscription, not one per key: a session compares every sample that it receives with every
-        subscription that it has.
+        Return a function that ends it; ``calls`` may change meanwhile. This is one subscription, not one per
+        key: a session compares every received sample with all its subscriptions.
         """
 
         def arrived(key: str, payload: bytes) -> None:
@@ -220,10 +218,9 @@ class ZenohSession:
     def gather(self, key: str, call: OnSamples) -> Callable[[], None]:
         """Call ``call`` with batches of the samples of other sessions under ``key``, in order.
 
-        Returns what ends it; a last call may come while that runs.
-
-        It is called on a thread of its own and may work, but not wait. A callback per sample would take the
-        GIL from the running thread each time, which costs more than the work itself at high rates.
+        Return a function that ends it; a last call may come while that runs. The calls are made on a thread
+        of their own and may work, but not wait. A callback per sample would take the GIL from the running
+        thread each time, which costs more than the work itself at high rates.
         """
         origin = zenoh.Locality.REMOTE
         samples = self._session.declare_subscriber(
@@ -246,7 +243,7 @@ class ZenohSession:
     def answer(self, key: str, call: Callable[[Query], None], *, more: str = "") -> Callable[[], None]:
         """Call ``call`` with each query on ``key``; it, or other code later, must reply to and close it.
 
-        With ``more`` (``/as/*/*``) also on a key that has so many more chunks. Returns what ends it.
+        With ``more`` (``/as/*/*``) also on keys with these additional chunks. Return a function that ends it.
         """
         asked = {suffix: partial(_asked, call, key, suffix) for suffix in ("", more)}
         return self._keep(
@@ -300,17 +297,17 @@ class ZenohSession:
         )
 
     def token(self, key: str) -> Callable[[], None]:
-        """Declare a liveliness token on ``key``; returns a function that withdraws it."""
+        """Declare a liveliness token on ``key``; return a function that withdraws it."""
         return self._keep(self._session.liveliness().declare_token(key))
 
     def tokens(self, key: str, *, timeout: float) -> list[str]:
-        """Return the keys of the tokens that live now; waits for everybody, up to ``timeout`` s."""
+        """Return the keys of the live tokens; waits for all answers, up to ``timeout`` s."""
         return [key for key, _ in _answers(self._session.liveliness().get(key, timeout=timeout))]
 
     def watch_tokens(self, key: str, call: Callable[[str, bool], None]) -> Callable[[], None]:
         """Call ``call`` with each token's key and whether it lives: for existing tokens, then each change.
 
-        Returns what ends it.
+        Return a function that ends it.
         """
 
         def changed(sample: zenoh.Sample) -> None:
@@ -336,7 +333,7 @@ def keys_intersect(one: str, other: str) -> bool:
 
 
 def _asked(call: Callable[[Query], None], key: str, more: str, query: zenoh.Query) -> None:
-    """Pass a query on."""
+    """Pass on a query."""
     call(Query(query, key, more))
 
 
@@ -382,7 +379,7 @@ def _guarded(call: Callable[..., None]) -> Callable[..., None]:
     def guarded(*arguments: Any) -> None:
         try:
             call(*arguments)
-        except Exception:  # the bus must go on for the others
+        except Exception:  # other subscribers of this process must still be served
             log.exception("a bus callback failed")
 
     return guarded

@@ -1,7 +1,7 @@
-"""Commands of ``fleet`` that packages of adapters bring, by the entry point ``fleet.commands``.
+"""Commands of ``fleet`` from packages of adapters, by the entry point ``fleet.commands``.
 
-A package names a click command, as in ``can = "fleet_quadruped.cli:can"``. Nothing is imported before the
-command is used, and the commands of ``fleet`` itself cannot be replaced.
+A package names a click command, as in ``can = "fleet_quadruped.cli:can"``. It is imported only when it is
+used, and cannot replace a command of ``fleet`` itself.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ GROUP = "fleet.commands"
 
 @functools.cache
 def adapter_commands() -> Mapping[str, EntryPoint]:
-    """Return the entry points of installed packages by the name of their command, sorted."""
+    """Return the entry points of installed packages by command name, sorted."""
     found = importlib.metadata.entry_points(group=GROUP)
     return {point.name: point for point in sorted(found, key=lambda point: (point.name, point.value))}
 
 
 def package_of(point: EntryPoint) -> str:
-    """Return the package that brings a command."""
+    """Return the package of a command."""
     return point.dist.name if point.dist else point.module
 
 
 def load_command(point: EntryPoint) -> click.Command:
-    """Import a command; raises ClickException with the reason for what cannot be loaded."""
+    """Import a command; raises ClickException with the reason if it cannot be loaded."""
     try:
         command = point.load()
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""``fleet adapters``: what was found, how far it came, why it failed, and what it can do."""
+"""``fleet adapters``: the adapters, their states, errors and vocabulary."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ file_option = click.option(
 
 
 def registry_of(file: str | None) -> Registry:
-    """Return the adapters that a fleet file can use; without one, those that are installed.
+    """Return the adapters available to a fleet file; without a file, the installed ones.
 
-    Raises ConfigError when the file cannot be read.
+    Raises ConfigError if the file cannot be read.
     """
     if file is None and not pathlib.Path("fleet.yaml").exists():
         return Registry()
@@ -38,10 +38,10 @@ def registry_of(file: str | None) -> Registry:
 
 
 class _ShownByDefault(click.Group):
-    """A group that shows when it is told nothing else."""
+    """A group whose default command is ``show``."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Put ``show`` in front of a line that names no command."""
+        """Insert ``show`` if the line names no command."""
         if not args or (args[0] not in self.commands and args[0] not in ctx.help_option_names):
             args = ["show", *args]
         return super().parse_args(ctx, args)
@@ -51,7 +51,7 @@ class _ShownByDefault(click.Group):
 def adapters() -> None:
     """Show the kinds of robots that can be used, make new ones, reload changed ones.
 
-    Without a command it shows them; with a NAME all that this one takes.
+    Without a command, all kinds are listed; with a NAME, everything about this one.
     """
 
 
@@ -64,10 +64,10 @@ adapters.add_command(reload)
 @file_option
 @with_output
 def show(out: Output, name: str | None, file: str | None) -> None:
-    """Show the kinds of robots that can be used; with its NAME all that one takes.
+    """Show the kinds of robots that can be used; with its NAME, everything about one.
 
-    Imports every adapter that is installed, and those in a drop-in folder of the fleet file in a process of
-    their own. One that failed is shown with the reason; it matters only for the robots that name it.
+    Imports every installed adapter; drop-in files of the fleet file are imported by separate processes. A
+    failed adapter is shown with the reason; it affects only the robots that name it.
     """
     plugins = registry_of(file).load_all()
     if name is not None:
@@ -81,7 +81,7 @@ def show(out: Output, name: str | None, file: str | None) -> None:
 
 
 def _named(name: str, plugins: Iterable[Plugin]) -> Plugin:
-    """Return the plugin of a name; raises ConfigError for one that is not there."""
+    """Return the plugin of a name; raises ConfigError if there is none."""
     found = {plugin.name: plugin for plugin in plugins}
     if name not in found:
         cure = "install its package here, or name the folder of its file in plugins of fleet.yaml"
@@ -106,7 +106,7 @@ def _show(out: Output, plugin: Plugin) -> None:
 
 
 def _detail(plugin: Plugin) -> str:
-    """Return what the plugin takes, or why it failed; and where it comes from."""
+    """Return the vocabulary of a plugin, or why it failed; and its origin."""
     can = _description(plugin)
     if can is None:
         return f"{plugin.report} [{plugin.origin}]"
@@ -119,7 +119,7 @@ def _detail(plugin: Plugin) -> str:
 
 
 def _description(plugin: Plugin) -> AdapterDescription | None:
-    """Return what a plugin is; None for one that failed."""
+    """Return the description of a plugin; None if it failed."""
     if plugin.adapter is not None:
         return described(plugin.name, plugin.adapter, schema=False)
     return plugin.description

@@ -1,4 +1,4 @@
-"""``fleet adapters new``: a package for a new kind of robot, whose tests pass before anything is changed."""
+"""``fleet adapters new``: a package for a new kind of robot, with tests that pass from the start."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _RESERVED = frozenset({"new", "reload", "show", "test", "testing"})
 
 
 class _Kind(NamedTuple):
-    """What differs in the texts that all kinds have in common."""
+    """Texts of the templates that depend on the kind."""
 
     extra: str
     speech: str
@@ -59,7 +59,7 @@ _FILES: Mapping[str, str] = MappingProxyType(
         "tests/test_adapter.py": "@kind@/test_adapter.py",
     }
 )
-"""Files of a package, and the templates that they are made from; none is an empty file."""
+"""Files of a package with their templates; an empty template is an empty file."""
 
 
 @click.command("new")
@@ -75,13 +75,13 @@ _FILES: Mapping[str, str] = MappingProxyType(
     "--into",
     type=click.Path(file_okay=False, path_type=pathlib.Path),
     default=pathlib.Path(),
-    help="The folder that the package's folder is made in. [the current one]",
+    help="The folder in which the package's folder is created. [the current one]",
 )
 @with_output
 def new(out: Output, name: str, kind: str, into: pathlib.Path) -> None:
     """Write a package for a new kind of robot.
 
-    Makes the folder NAME with an adapter, a simulated robot, tests (the contract that the host relies on,
+    Creates the folder NAME with an adapter, a simulated robot, tests (the contract that the host relies on,
     and some of its own), pyproject.toml with the entry point, and a README. All tests pass as they are:
     replace the example's protocol by your robot's. NAME is the name in fleet.yaml (adapter: NAME): small
     letters, digits and hyphens. Never overwrites: a folder of this name is an error.
@@ -137,14 +137,14 @@ def _filled(text: str, tokens: Mapping[str, str]) -> str:
 
 
 def _install() -> str:
-    """Return the command that installs into this environment; one that uv made (run.py does) has no pip."""
+    """Return the command that installs into this environment; environments made by uv have no pip."""
     if importlib.util.find_spec("pip"):
         return "python -m pip install"
     return f"uv pip install --python {shlex.quote(sys.executable)}"
 
 
 def _check_name(name: str) -> None:
-    """Refuse a name that fleet.yaml, Python or a package index would not take, and one that is taken."""
+    """Refuse a name that is taken, or invalid in fleet.yaml, Python or a package index."""
     if _NAME.fullmatch(name) is None or len(name) > _LONGEST:
         raise click.BadParameter(
             f"{name!r}: use small letters, digits and single hyphens, beginning with a letter, "
@@ -161,7 +161,7 @@ def _check_name(name: str) -> None:
 
 
 def _write(path: pathlib.Path, text: str) -> None:
-    """Write a file that is not there yet."""
+    """Write a new file."""
     try:
         path.parent.mkdir(exist_ok=True)
         with path.open("x", encoding="utf-8") as file:

@@ -1,4 +1,4 @@
-"""``fleet adapters reload``: a changed drop-in file, taken into use while its robots rest."""
+"""``fleet adapters reload``: load a changed drop-in file while its robots rest."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from fleet.client.edges import Edges, UnknownRobot
 from fleet.config.text import nearest
 from fleet.model.state import RobotState
 
-_ANSWER_WITHIN = 90.0  # s: the file is imported, and each robot's config is checked by it
+_ANSWER_WITHIN = 90.0  # s: the file is imported, and validates each robot's config
 _BACK_WITHIN = 30.0  # s
-_LOOK = 0.25  # s
+_POLL_EVERY = 0.25  # s
 
 
 @click.command("reload")
@@ -23,10 +23,10 @@ _LOOK = 0.25  # s
 @reach_option
 @with_output
 def reload(out: Output, name: str, file: str | None) -> ExitCode:
-    """Take the changed drop-in file of the adapter NAME into use.
+    """Load the changed drop-in file of the adapter NAME.
 
-    The file is tried first; then the worker of its robots ends in order and is started again. Refused while a
-    robot of that worker moves or is commanded, and for a file that cannot be used: then the old one goes on.
+    The file is checked first; then the worker of its robots ends and is started again. Refused while a robot
+    of that worker moves or is commanded, and for an invalid file: then the old one stays in use.
     """
     with Edges.reach(file) as edges:
         robots = _robots(edges.states(), name)
@@ -53,7 +53,7 @@ def _robots(states: Sequence[RobotState], name: str) -> list[RobotState]:
 
 
 def _reloaded(out: Output, edges: Edges, edge: str, worker: str, name: str) -> bool:
-    """Have one worker reloaded, and wait until its robots are back; False when it refuses, or is not back."""
+    """Reload one worker and wait until its robots are back; False if it refuses or they are not back."""
     reply = edges.reload(edge, worker, name, within=_ANSWER_WITHIN)
     if reply is None or not reply.ok:
         out.note(f"worker {worker}: not reloaded: {reply.reason if reply else 'it does not answer'}")
@@ -66,6 +66,6 @@ def _reloaded(out: Output, edges: Edges, edge: str, worker: str, name: str) -> b
             out.say(f"worker {worker}: reloaded; back are {', '.join(state.name for state in mine)}")
             return True
         gone = gone or not here
-        time.sleep(_LOOK)
+        time.sleep(_POLL_EVERY)
     out.note(f"worker {worker}: was started again, and its robots do not answer yet: see fleet ps")
     return False

@@ -24,8 +24,8 @@ _SECONDS = "%Y%m%d-%H%M%S"
 def backup(out: Output, file: Path, *, output: Path | None) -> None:
     """Pack state and configuration of the edge of FILE, to replace a dead computer.
 
-    The edge may run. In it are emergency stops, begun commands, history, messages for the cloud, runs and
-    schedules; fleet.yaml with what it includes and names beside it; and the names of secrets, not their
+    The edge may run. The backup has emergency stops, begun commands, history, messages for the cloud, runs
+    and schedules; fleet.yaml with its included and named files beside it; and the names of secrets, not their
     values. Logs and recordings are not in it. The state of a service needs sudo.
     """
     config = sections_of(file)

@@ -34,7 +34,7 @@ def bundle() -> None:
 def key(out: Output, name: str) -> None:
     """Make a pair of keys: NAME.key signs bundles, NAME.pub is copied to each edge.
 
-    Who has NAME.key decides what the edges run. Keep it off the edges.
+    The owner of NAME.key decides what the edges run. Keep it off the edges.
     """
     pair = new_key()
     for suffix, content in ((".key", pair.pem()), (".pub", pair.public.pem())):
@@ -45,10 +45,10 @@ def key(out: Output, name: str) -> None:
 
 @bundle.command("make")
 @click.argument("file", default="fleet.yaml", type=file_path)
-@click.option("--key", "key_file", required=True, type=file_path, help="The key that signs.")
+@click.option("--key", "key_file", required=True, type=file_path, help="The private key for the signature.")
 @click.option("--version", required=True, type=click.IntRange(1), help="Higher than that of any before.")
 @click.option(
-    "--edge", "edges", multiple=True, help="An edge that may take it; repeatable. Left out: its own."
+    "--edge", "edges", multiple=True, help="An edge that may install it; repeatable. Left out: its own."
 )
 @click.option("-o", "into", type=file_path, help="The bundle's file. Left out: EDGE-VERSION.bundle.")
 @with_output
@@ -57,7 +57,7 @@ def make(
 ) -> None:
     """Make a bundle of FILE (fleet.yaml when left out) and the files that it needs.
 
-    Values of secrets are never in it, only their names; a private key, or a secret that stands in the file
+    It never contains the values of secrets, only their names; a private key, or a secret written in the file
     itself, is refused.
     """
     found = made(file, edges, version, os.environ, time.time())
@@ -74,7 +74,7 @@ def make(
 @click.option("--trust", required=True, multiple=True, type=file_path, help="A public key; repeatable.")
 @with_output
 def show(out: Output, bundle: Path, *, trust: tuple[Path, ...]) -> None:
-    """Check a bundle as an edge does, and show what it holds."""
+    """Check a bundle as an edge does, and show its contents."""
     address, found = opened(read_bundle(bundle), by_name(public_key(_read(path)) for path in trust))
     _show(out, address, found, str(bundle))
 
@@ -117,7 +117,7 @@ def install(out: Output, bundle: Path, *, folder: Path) -> ExitCode:
 
 
 def read_bundle(path: Path) -> bytes:
-    """Return the bytes of a bundle's file, at most one more than is allowed."""
+    """Return the bytes of a bundle's file, at most one more than permitted."""
     try:
         with path.open("rb") as file:
             return file.read(LARGEST + 1)
@@ -126,7 +126,7 @@ def read_bundle(path: Path) -> bytes:
 
 
 def _show(out: Output, address: str, bundle: Bundle, what: str) -> None:
-    """Show what a bundle holds."""
+    """Show the contents of a bundle."""
     out.data(
         {
             "bundle": address,
@@ -154,7 +154,7 @@ def _read(path: Path) -> bytes:
 
 
 def _write_new(path: Path, content: bytes) -> None:
-    """Write a new file for us alone; raises FleetError where one is."""
+    """Write a new file for this user only; raises FleetError if it exists."""
     try:
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
             file.write(content)

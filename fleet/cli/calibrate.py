@@ -1,4 +1,4 @@
-"""``fleet calibrate``: drives a metre and a turn, asks what they truly were, and writes what follows."""
+"""``fleet calibrate``: drive a metre and a turn, ask for the true values, write the calibration."""
 
 from __future__ import annotations
 
@@ -18,24 +18,26 @@ from fleet.model.geometry import Vector3
 from fleet.model.state import RobotState
 
 WAY = 1.0  # m
-SPEED = 0.15  # m/s; slow, so that nothing slips
+SPEED = 0.15  # m/s; slow, so that no wheel slips
 WITHIN = 120.0  # s for each drive
 STOP_WITHIN = 5.0  # s for the answer to a stop
-SANE = (0.5, 2.0)  # factors beyond are a mistake in measuring
+SANE = (0.5, 2.0)  # factors outside indicate an error in measuring
 
 
 def calibrated(
     before: dict[str, float], *, told: float, way: float, off: float, track: float
 ) -> dict[str, float]:
-    """Return new calibration values; ``before`` are those that were in use.
+    """Return new calibration values from the ones in use (``before``).
 
-    ``told`` and ``way``: metres by the robot and in truth; ``off``: degrees that it truly turned beyond a
-    full turn, left positive; ``track``: the effective track in use, m. Raises Refused for what cannot be.
+    ``told`` and ``way``: metres by the robot and in truth; ``off``: degrees of the true rotation beyond a
+    full turn, left positive; ``track``: the effective track in use, m. Raises Refused for implausible values.
     """
     further, turned = way / max(told, 1e-6), 1.0 + off / 360.0
     for what, factor in (("way", further), ("turn", turned)):
         if not SANE[0] <= factor <= SANE[1]:
-            raise Refused(f"a {what} of {factor:.2f} times what was told cannot be", hint="measure again")
+            raise Refused(
+                f"a {what} of {factor:.2f} times the reported value is not plausible", hint="measure again"
+            )
     return {
         "track": round(track * further / turned, 5),
         "left": round(before.get("left", 1.0) * further, 5),
@@ -51,7 +53,7 @@ def calibrated(
 )
 @with_output
 def calibrate(out: Output, robot: str, file: str) -> ExitCode:
-    """Measure ROBOT's wheels and turns: it drives 1 m and turns once, each after you said yes.
+    """Measure ROBOT's wheels and turns: it drives 1 m and turns once, each after your confirmation.
 
     Needs a running edge and 2 m of free floor. Writes ROBOT.calibration.yaml beside the fleet file.
     """
@@ -82,7 +84,7 @@ def _in_use(name: str, file: str) -> tuple[dict[str, float], float]:
 
 
 def _drive(edges: Edges, name: str) -> float:
-    """Drive straight on; return the metres by the robot's own reckoning."""
+    """Drive straight ahead; return the distance in metres by the robot's odometry."""
     click.confirm(f"{name} will drive {WAY:g} m straight on. Is the way free?", abort=True, err=True)
     start = _place(edges, name)
     _go(edges, name, "relative_move", relative_translation=[WAY, 0.0, 0.0], frame="body")
@@ -90,7 +92,7 @@ def _drive(edges: Edges, name: str) -> float:
 
 
 def _turn(edges: Edges, name: str) -> None:
-    """Turn to a heading, let it be marked, and turn once round to the left."""
+    """Turn to a heading, let the user mark it, and turn once around to the left."""
     click.confirm(f"{name} will turn on the spot, to be marked. Is it free?", abort=True, err=True)
     at = _place(edges, name)
     here = {"position": [at.x, at.y, 0.0]}
@@ -101,7 +103,7 @@ def _turn(edges: Edges, name: str) -> None:
 
 
 def _go(edges: Edges, name: str, command: str, **fields: object) -> None:
-    """Have a robot go somewhere and wait until it is there; raises Refused with the reason."""
+    """Send a robot to a goal and wait until it is there; raises Refused with the reason."""
     message = {"command": command, "action_id": uuid.uuid4().hex, **fields}
     message["constraints"] = {"max_speed_ms": SPEED}
     robot, standing = _robot(edges, name), False
@@ -112,20 +114,20 @@ def _go(edges: Edges, name: str, command: str, **fields: object) -> None:
                 raise Refused(f"{name}: {last.reason}")
         if not standing:
             raise Refused(f"{name} did not get there within {WITHIN:g} s")
-    finally:  # whoever interrupts this means the robot
+    finally:  # an interrupt is meant for the robot as well
         if not standing:
             _stop(edges, robot)
 
 
 def _stop(edges: Edges, robot: RobotState) -> None:
-    """Have a robot stand still."""
+    """Stop a robot."""
     message = stamped({"command": "stop", "data": {}})
     for _ in edges.command(robot, message, kind="command", wait=False, timeout=STOP_WITHIN):
         pass
 
 
 def _place(edges: Edges, name: str) -> Vector3:
-    """Return where a robot says it is."""
+    """Return the reported position of a robot."""
     position = _robot(edges, name).position
     if position is None:
         raise Refused(f"{name} does not tell where it is")
@@ -133,5 +135,5 @@ def _place(edges: Edges, name: str) -> Vector3:
 
 
 def _robot(edges: Edges, name: str) -> RobotState:
-    """Return the robot of this name, as it is now."""
+    """Return the present state of the robot of this name."""
     return RobotQuery(edges, name).robot

@@ -23,7 +23,7 @@ from fleet.host.edge.certificate_expiry import ending
 
 AUTHORITY = "ca"
 REVOKED = "revoked"
-LONGEST_DAYS = 825  # what common libraries still take
+LONGEST_DAYS = 825  # limit of common libraries
 ROLES = (*(role for role in get_args(Role) if role not in PERSONS), PERSON)
 
 folder_option = click.option(
@@ -33,14 +33,14 @@ folder_option = click.option(
     default="certs",
     show_default=True,
     type=click.Path(file_okay=False, path_type=Path),
-    help="Where the site's certificates are.",
+    help="The folder of the site's certificates.",
 )
 days_option = click.option(
     "--days",
     default=365,
     show_default=True,
     type=click.IntRange(1, LONGEST_DAYS),
-    help="How long it is good.",
+    help="Days until it expires.",
 )
 
 
@@ -48,8 +48,8 @@ days_option = click.option(
 def certs() -> None:
     """Make and renew the certificates by which edges, workers, consoles and programs know each other.
 
-    All are in one folder, with the authority that signs them. Keep that folder on one computer that is
-    backed up and no edge; to each computer go ca.pem and the two files of its own name.
+    All are in one folder, with the authority that signs them. Keep that folder on one computer that is backed
+    up and is no edge; copy ca.pem and the two files of its own name to each computer.
     """
 
 
@@ -58,7 +58,7 @@ def certs() -> None:
 @folder_option
 @with_output
 def init(out: Output, site: str, folder: Path) -> None:
-    """Make the authority of SITE, good for ten years. Never overwrites one."""
+    """Make the authority of SITE, valid for ten years. Never overwrites one."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
@@ -71,7 +71,7 @@ def init(out: Output, site: str, folder: Path) -> None:
 
 @certs.command()
 @click.argument("name")
-@click.option("--as", "role", required=True, type=click.Choice(ROLES), help="What it is there for.")
+@click.option("--as", "role", required=True, type=click.Choice(ROLES), help="Its role on the bus.")
 @click.option("--host", "hosts", multiple=True, help="Name or address at which others reach it; repeatable.")
 @days_option
 @folder_option
@@ -79,16 +79,16 @@ def init(out: Output, site: str, folder: Path) -> None:
 def issue(out: Output, name: str, *, role: str, hosts: tuple[str, ...], days: int, folder: Path) -> None:
     """Make a key and a certificate for NAME: an edge's id, a worker's name, a person, or a name you choose.
 
-    A person commands robots with it from another computer (fleet send -f FILE), as far as each edge permits.
+    With it, a person commands robots from another computer (fleet send -f FILE), if the edge permits it.
     """
     if _checked(name) in _revoked(folder):
         raise click.ClickException(
-            f"{name} is revoked: what was issued for it would come in again; take another"
+            f"{name} is revoked: its old certificate would be accepted again; choose another name"
         )
     until = _now() + timedelta(days=days)
     identity = Identity(name, role, tuple(dict.fromkeys((*hosts, name, "localhost", "127.0.0.1"))), until)
     _save(folder, name, issue_pair(_authority(folder), identity, _now()), new=True)
-    _told(out, folder, identity)
+    _report_written(out, folder, identity)
     given = f"{role}}}" if role != PERSON else "operate}, or view, or admin"
     out.note(
         f"in fleet.yaml of the edges it joins, bus.access: {{{name}: {given}; they take it when they restart"
@@ -107,7 +107,7 @@ def renew(out: Output, name: str, days: int, folder: Path) -> None:
     before = read_identity(_read(folder / f"{name}.pem"))
     identity = before._replace(until=_now() + timedelta(days=days))
     _save(folder, name, issue_pair(_authority(folder), identity, _now()), new=False)
-    _told(out, folder, identity)
+    _report_written(out, folder, identity)
     out.note("copy both to its computer and restart what uses them; the one before is good until it expires")
 
 
@@ -116,11 +116,11 @@ def renew(out: Output, name: str, days: int, folder: Path) -> None:
 @folder_option
 @with_output
 def revoke(out: Output, name: str, folder: Path) -> None:
-    """Note that NAME is no longer trusted, and say what makes it so.
+    """Mark NAME as no longer trusted, and say how to enforce it.
 
-    Zenoh reads no revocation lists: edges let in every certificate of their authority until it expires, and
-    bus.access is what decides what its name may do. So a revoked name must leave bus.access of every edge,
-    and the edges must be restarted; an edge without bus.access goes on trusting it.
+    Zenoh reads no revocation lists: edges accept every certificate of their authority until it expires, and
+    bus.access decides what its name may do. So a revoked name must be removed from bus.access of every edge,
+    and the edges must be restarted; an edge without bus.access continues to trust it.
     """
     _read(folder / f"{_checked(name)}.pem")
     revoked = _revoked(folder) | {name}
@@ -136,7 +136,7 @@ def revoke(out: Output, name: str, folder: Path) -> None:
 @folder_option
 @with_output
 def ls(out: Output, folder: Path) -> None:
-    """Show every certificate of the site, and when it ends."""
+    """Show every certificate of the site with its expiry."""
     revoked, now = _revoked(folder), _now()
     rows = [(path.stem, read_identity(_read(path))) for path in sorted(folder.glob("*.pem"))]
     if not rows:
@@ -170,12 +170,12 @@ def ls(out: Output, folder: Path) -> None:
 
 
 def _now() -> datetime:
-    """Return the time by which certificates are made and judged."""
+    """Return the current time."""
     return datetime.now(UTC)
 
 
 def _checked(name: str) -> str:
-    """Return a name that can be a common name and a file's; raises UsageError."""
+    """Return a valid name; raises UsageError for other names."""
     if not COMMON_NAME.fullmatch(name) or name == AUTHORITY:
         raise click.UsageError(
             f"{name!r} is no name for it: letters, digits, and . _ - within; not {AUTHORITY}"
@@ -183,8 +183,8 @@ def _checked(name: str) -> str:
     return name
 
 
-def _told(out: Output, folder: Path, identity: Identity) -> None:
-    """Say which certificate was made, and how fleet.yaml names it."""
+def _report_written(out: Output, folder: Path, identity: Identity) -> None:
+    """Report a written certificate."""
     out.data({"name": identity.name, "role": identity.role, "until": identity.until.isoformat()})
     out.say(f"wrote {folder / identity.name}.pem and .key, good until {identity.until:%Y-%m-%d}")
 
@@ -195,13 +195,13 @@ def _authority(folder: Path) -> Pair:
 
 
 def _revoked(folder: Path) -> set[str]:
-    """Return the names that are no longer trusted."""
+    """Return the revoked names."""
     path = folder / REVOKED
     return set(path.read_text(encoding="utf-8").split()) if path.exists() else set()
 
 
 def _save(folder: Path, name: str, pair: Pair, *, new: bool) -> None:
-    """Write a key, readable by us alone, and its certificate."""
+    """Write a key, readable only by this user, and its certificate."""
     for suffix, _ in _files(pair):
         path = folder / f"{name}.{suffix}"
         if new and path.exists():
@@ -211,13 +211,13 @@ def _save(folder: Path, name: str, pair: Pair, *, new: bool) -> None:
 
 
 def _files(pair: Pair) -> Iterator[tuple[str, bytes]]:
-    """Yield what is written of a pair, by suffix."""
+    """Yield the files of a pair, by suffix."""
     yield "key", pair.key
     yield "pem", pair.certificate
 
 
 def _write(path: Path, content: bytes, *, new: bool) -> None:
-    """Write a file for us alone, whole or not at all."""
+    """Write a file for this user only; an existing one is replaced atomically."""
     place = path if new else path.with_suffix(".new")
     try:
         handle = os.open(place, os.O_WRONLY | os.O_CREAT | (os.O_EXCL if new else os.O_TRUNC), 0o600)

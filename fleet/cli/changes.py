@@ -1,4 +1,4 @@
-"""``fleet diff`` and ``fleet apply``: a changed fleet file, and the edge that runs with the one before."""
+"""``fleet diff`` and ``fleet apply``: a changed fleet file and its running edge."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SAID = {
     Outcome.FAILED: "failed",
 }
 
-SOON = 2.0  # s
+SOON = 2.0  # s before a note that the edge has not answered yet
 TAKES = "one robot after the other; a rebuilt one has 20 s to answer, a worker that is asked has 10 s"
 
 file_argument = click.argument("file", default="fleet.yaml", type=click.Path())
@@ -42,9 +42,9 @@ file_argument = click.argument("file", default="fleet.yaml", type=click.Path())
 def diff(out: Output, file: str) -> ExitCode:
     """Show what FILE (fleet.yaml when left out) would change in the edge that runs with it.
 
-    Each robot on one line: rebuilt, settings only, added, removed, untouched; what needs a restart,
-    and what would be refused now, with the reason. Secrets are masked. An edge that does not run is compared
-    with what it last ran with. Exit code 0: the same, 7: different.
+    One line for each robot: rebuilt, settings only, added, removed, untouched; needs a restart; or would be
+    refused now, with the reason. Secrets are masked. If the edge does not run, its last configuration is
+    compared. Exit code 0: the same, 7: different.
     """
     loaded = load(file)
     outline = outline_of(loaded)
@@ -61,23 +61,22 @@ def diff(out: Output, file: str) -> ExitCode:
 
 @click.command()
 @click.argument("files", nargs=-1, type=click.Path())
-@click.option(
-    "--force", is_flag=True, help="Also rebuild or remove robots that move, after they were stopped."
-)
+@click.option("--force", is_flag=True, help="Also rebuild or remove moving robots, after stopping them.")
 @click.option("--fleet", "is_fleet", is_flag=True, help="Roll FILES, which are bundles, out to their edges.")
 @with_waves
 @with_output
 def apply(
     out: Output, files: tuple[str, ...], *, force: bool, is_fleet: bool, wanted: WavesWanted
 ) -> ExitCode:
-    """Have the edge that runs with FILE (fleet.yaml when left out) read it again and take it over.
+    """Apply the changed FILE (fleet.yaml when left out) to the edge that runs with it.
 
-    Robot by robot; the others go on. A robot that is commanded, armed or moves, or that somebody controls, is
-    not rebuilt or removed; of its settings only what is stricter is taken over. What fails is taken back for
+    Robot by robot; the others go on. A robot that is commanded, armed, moving or controlled by somebody is
+    not rebuilt or removed; of its settings only stricter ones are applied. A failed change is reverted for
     that robot.
-    Exit code 0: all is taken over, 5: nothing, 7: a part; fleet diff shows what is left.
 
-    With --fleet, roll bundles out to many edges in waves. Exit code 0: every wave went through, 7: it ended
+    Exit code 0: everything is applied, 5: nothing, 7: a part; fleet diff shows the rest.
+
+    With --fleet, roll bundles out to many edges in waves. Exit code 0: every wave succeeded, 7: it ended
     before.
     """
     if is_fleet:
@@ -101,7 +100,7 @@ def apply(
 
 @contextlib.contextmanager
 def _told_to_wait(out: Output, edge: str) -> Iterator[None]:
-    """Say that the edge is at work when it does not answer soon."""
+    """Print a note if the edge does not answer soon."""
     timer = threading.Timer(SOON, out.note, [f"waiting for edge {edge}: {TAKES}"])
     timer.daemon = True
     timer.start()
@@ -112,7 +111,7 @@ def _told_to_wait(out: Output, edge: str) -> Iterator[None]:
 
 
 def _code(changes: Iterable[Change]) -> ExitCode:
-    """Return what came of all changes together."""
+    """Return the exit code of all changes together."""
     asked = [change for change in changes if change.kind is not ChangeKind.UNTOUCHED]
     done = [change for change in asked if change.outcome is Outcome.DONE]
     if len(done) == len(asked):
@@ -122,7 +121,7 @@ def _code(changes: Iterable[Change]) -> ExitCode:
 
 
 def _since_the_last_run(out: Output, outline: Outline, folder: Path) -> tuple[Change, ...]:
-    """Return what has changed since an edge that is stopped last ran; raises NotRunning, StateError."""
+    """Return the changes since the last run of a stopped edge; raises NotRunning, StateError."""
     last = last_configuration(folder)
     if last is None:
         raise NotRunning(
@@ -136,7 +135,7 @@ def _since_the_last_run(out: Output, outline: Outline, folder: Path) -> tuple[Ch
 
 
 def _show(out: Output, changes: Iterable[Change]) -> None:
-    """Show changes, each on one line; robots that stay as they are together."""
+    """Show changes, each on one line; untouched robots together on one line."""
     changes = tuple(changes)
     out.data([msgspec.to_builtins(change) for change in changes])
     for change in changes:
@@ -148,7 +147,7 @@ def _show(out: Output, changes: Iterable[Change]) -> None:
 
 
 def line_of(change: Change) -> str:
-    """Return a change in words."""
+    """Return a change as text."""
     words = f"{change.name}: {change.kind.value}"
     if change.fields:
         words += f" because of {'; '.join(change.fields)}"

@@ -1,4 +1,4 @@
-"""``fleet check``: every problem of a fleet file, or one line that says it is well."""
+"""``fleet check``: every error in a fleet file, or one line that confirms it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fleet.config.problems import InvalidConfig, Problem
 def check(out: Output, file: str) -> ExitCode:
     """Check a fleet file and report every error.
 
-    Reads FILE (fleet.yaml when left out) and all it includes, and imports the adapters that its robots
+    Reads FILE (fleet.yaml when left out) and its included files, and imports the adapters that its robots
     name. Opens no link and no connection. Exit code 3 for an error; a warning does not change it.
     """
     try:
@@ -48,7 +48,7 @@ def check(out: Output, file: str) -> ExitCode:
 
 
 def _invalid(out: Output, file: str, error: InvalidConfig) -> ExitCode:
-    """Show what is wrong."""
+    """Show the errors."""
     problems = [msgspec.to_builtins(problem) for problem in error.problems]
     out.data({"ok": False, "file": file, "problems": problems})
     if not out.as_json:
@@ -57,7 +57,7 @@ def _invalid(out: Output, file: str, error: InvalidConfig) -> ExitCode:
 
 
 def _of_login(loaded: Loaded) -> tuple[Problem, ...]:
-    """Return why nobody could log in at the console, where people shall."""
+    """Return why nobody could log in at the console, if a login is configured."""
     if loaded.config.console is None or loaded.config.console.listen is None:
         return ()
     from fleet.cli.console_login import login_problems  # noqa: PLC0415 - not needed without a login
@@ -66,7 +66,7 @@ def _of_login(loaded: Loaded) -> tuple[Problem, ...]:
 
 
 def _of_certificates(loaded: Loaded) -> list[Problem]:
-    """Return what a person should know of the certificates' ends."""
+    """Return warnings about the expiry of certificates."""
     if not (loaded.config.bus.tls or (loaded.config.console and loaded.config.console.tls)):
         return []
     from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of  # noqa: PLC0415 - not needed without certificates
@@ -79,7 +79,7 @@ def _of_certificates(loaded: Loaded) -> list[Problem]:
 
 
 def _moved_after(loaded: Loaded) -> dict[str, float | None]:
-    """Return after how many seconds the standby of a pair moves each robot; None: once somebody stops it."""
+    """Return the seconds after which a standby moves each robot; None: only after somebody stops it."""
     if loaded.config.pair is None:
         return {}
     from fleet.standby.bound import Bound  # noqa: PLC0415 - not needed without a pair
@@ -90,12 +90,12 @@ def _moved_after(loaded: Loaded) -> dict[str, float | None]:
 
 
 def _in_words(seconds: float | None) -> str:
-    """Return a bound for people."""
+    """Return a bound as text."""
     return "once somebody has stopped it from there" if seconds is None else f"{seconds:g} s"
 
 
 def _summary(loaded: Loaded) -> dict[str, object]:
-    """Return what the file says, for programs."""
+    """Return a summary of the file, for programs."""
     cloud = loaded.config.cloud
     return {
         "edge": loaded.config.edge.id,
@@ -109,7 +109,7 @@ def _summary(loaded: Loaded) -> dict[str, object]:
 
 
 def _sentence(loaded: Loaded) -> str:
-    """Return what the file says, in one line."""
+    """Return a summary of the file on one line."""
     kinds = Counter(plugin.name for _, plugin in loaded.robots)
     robots = ", ".join(f"{number} {name}" for name, number in sorted(kinds.items()))
     cloud = loaded.config.cloud

@@ -1,4 +1,4 @@
-"""Declared commands as text: how one is written, its parameters with type, range, unit and default."""
+"""Declared commands as text: usage, and parameters with type, range, unit and default."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from fleet.model.description import CommandDescription, ParameterDescription
 
 
 def parameters(one: CommandDescription) -> str:
-    """Return the parameters of a command as one writes them."""
+    """Return the usage of a command's parameters."""
     return " ".join(map(usage, one.parameters)) or "-"
 
 
 def usage(each: ParameterDescription) -> str:
-    """Return a parameter as one writes it; in brackets when it may be left out."""
+    """Return the usage of a parameter, in brackets if it is optional."""
     text = f"{each.name}={each.type.upper().replace(' ', '-')}"
     return text if each.required else f"[{text}]"
 
 
 def show(out: Output, one: CommandDescription) -> None:
-    """Show help, parameters and traits of one command."""
+    """Show help, parameters and properties of one command."""
     if one.summary:
         out.say(one.summary)
     if one.parameters:
@@ -45,5 +45,5 @@ def _range(each: ParameterDescription) -> str:
 
 
 def _default(each: ParameterDescription) -> str:
-    """Return what stands for a parameter that is left out."""
+    """Return the default of a parameter."""
     return "(must be given)" if each.required else each.default or "-"

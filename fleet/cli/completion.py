@@ -1,4 +1,4 @@
-"""Completion of commands, robots and their commands by the shell, and ``fleet completion`` to install it."""
+"""Shell completion of commands, robots and their commands, and ``fleet completion`` to install it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ VARIABLE = "_FLEET_COMPLETE"
 
 
 class RunningName(click.ParamType):  # type: ignore[type-arg]  # generic in newer clicks alone
-    """A name that the edges which run here know; ``names`` asks them, with what stands before it."""
+    """A name known by the running edges; ``names`` queries them, with the preceding parameters."""
 
     def __init__(self, name: str, names: Callable[[Edges, Mapping[str, object]], set[str]]) -> None:
         self.name = name
@@ -31,7 +31,7 @@ class RunningName(click.ParamType):  # type: ignore[type-arg]  # generic in newe
         param: click.Parameter,  # noqa: ARG002 - click's signature
         incomplete: str,
     ) -> list[CompletionItem]:
-        """Return the names that begin with what is written already; none where no edge answers."""
+        """Return the names with the typed prefix; none if no edge answers."""
         from fleet.client.edges import Edges  # noqa: PLC0415 - the bus is not needed without completion
 
         try:
@@ -49,7 +49,7 @@ def _robots(edges: Edges, _given: Mapping[str, object]) -> set[str]:
 
 
 def _commands(edges: Edges, given: Mapping[str, object]) -> set[str]:
-    """Return what the robot of the same line takes."""
+    """Return the commands of the robot on the same line."""
     (robot, *_) = edges.named(str(given.get("robot")))
     return {one.name for one in edges.description(robot).commands}
 
@@ -76,10 +76,10 @@ COMMAND = RunningName("command", _commands)
 def completion(out: Output, shell: str) -> None:
     """Print the completion of commands, robots and their commands for SHELL.
 
-    Install it with one of:  eval "$(fleet completion bash)"  in ~/.bashrc,  eval "$(fleet completion zsh)"
-    in ~/.zshrc,  fleet completion fish > ~/.config/fish/completions/fleet.fish
+    Install it with one of:  eval "$(fleet completion bash)"  in ~/.bashrc,  eval "$(fleet completion zsh)" in
+    ~/.zshrc,  fleet completion fish > ~/.config/fish/completions/fleet.fish
     """
-    from fleet.cli.main import fleet  # noqa: PLC0415 - which imports this
+    from fleet.cli.main import fleet  # noqa: PLC0415 - circular import
 
     made = get_completion_class(shell)
     assert made is not None

@@ -43,7 +43,7 @@ from fleet.spool.state_folder import state_folder
     type=click.Choice([each.word for each in Permission]),
     default=Permission.ADMIN.word,
     show_default=True,
-    help="What the link lets its user do; everybody may stop robots.",
+    help="Permission of the link's user; everybody may stop robots.",
 )
 @click.option(
     "--recordings",
@@ -64,10 +64,10 @@ def console(
 ) -> ExitCode:
     """Show the fleet in a browser: a map, what each robot does, and a stop for all of them.
 
-    Serves a page on this computer alone until Ctrl-C, and prints a link to it. A link is good once, for ten
-    minutes; --link prints another. It shows every edge that runs on this computer, now or later, or those
-    that the file reaches. With console.listen in the file, people log in from other computers too, unless
-    the file's edge runs here: then they log in at the console of that edge.
+    Serves a page on this computer only, until Ctrl-C, and prints a link to it. A link works once, within ten
+    minutes; --link prints another. The page shows every edge that runs on this computer, now or later, or
+    those that the file reaches. With console.listen in the file, people log in from other computers too,
+    unless the file's edge runs here: then they log in at the console of that edge.
     """
     if click.get_current_context().invoked_subcommand is not None:
         return ExitCode.OK
@@ -86,7 +86,7 @@ console.add_command(people)
 
 
 def _task(port: int | None, recordings: str | None) -> ConsoleTask:
-    """Return the console of all edges that run here."""
+    """Return the task of a console for all edges on this computer."""
     return ConsoleTask(
         str(os.getpid()),
         PORT if port is None else port,
@@ -97,9 +97,9 @@ def _task(port: int | None, recordings: str | None) -> ConsoleTask:
 
 
 def _task_of(file: str, port: int | None, recordings: str | None) -> ConsoleTask:
-    """Return the console of the edges that a fleet file reaches, with the login that it asks for.
+    """Return the task of a console for the edges that a fleet file reaches, with its login.
 
-    The login of an edge that runs here is at the console beside it, which has the port.
+    The login of an edge that runs here is served by the console beside it, which has the port.
     """
     from fleet.cli.console_login import basemap_of, login_task  # noqa: PLC0415 - pydantic is not needed without a file
     from fleet.cli.record_task import folder_of  # noqa: PLC0415
@@ -123,7 +123,7 @@ def _task_of(file: str, port: int | None, recordings: str | None) -> ConsoleTask
 
 
 def _links(out: Output, asked: LinkAsked) -> ExitCode:
-    """Print a new link of each console that runs."""
+    """Print a new link to each running console."""
     links = all_links(runtime_dir(), asked)
     if not links:
         raise NotRunning("no console is running here; start one with: fleet console")

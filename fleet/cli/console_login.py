@@ -1,4 +1,4 @@
-"""What ``console:`` of fleet.yaml means for a console: its login, its map, and what they need."""
+"""Login and map of a console from ``console:`` in fleet.yaml, and their requirements."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def people_file(config: Sections) -> Path:
 
 
 def login_task(config: Sections) -> LoginTask | None:
-    """Return what the console's port beyond loopback is, None where there is none."""
+    """Return the settings of the console's port beyond loopback, None if there is none."""
     console = config.console
     if console is None or console.endpoint is None or console.tls is None:
         return None
@@ -42,7 +42,7 @@ def login_task(config: Sections) -> LoginTask | None:
 
 
 def basemap_of(config: Sections) -> Basemap | None:
-    """Return the map that the console shows under the robots, None where there is none."""
+    """Return the map that the console shows under the robots, None if there is none."""
     console, origin = config.console, config.site.origin
     if console is None or console.map is None or origin is None:
         return None
@@ -50,7 +50,7 @@ def basemap_of(config: Sections) -> Basemap | None:
 
 
 def login_problems(loaded: Loaded) -> tuple[Problem, ...]:
-    """Return why nobody could log in: a certificate that does not fit its key, or no people."""
+    """Return why nobody could log in: a certificate that does not match its key, or no people."""
     task = login_task(loaded.config)
     if task is None:
         return ()

@@ -1,4 +1,4 @@
-"""``fleet console people``: who may log in at the console of an edge from other computers."""
+"""``fleet console people``: the people who may log in at the console of an edge from other computers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def people() -> None:
     """Say who may log in at the console from other computers (console.listen in the fleet file).
 
     Each person has a name, a permission and a password, which is kept as an argon2id hash, in a file for the
-    edge's user alone. Run it as that user. A running console takes changes over at once.
+    edge's user only. Run it as that user. A running console applies changes at once.
     """
 
 
@@ -44,7 +44,7 @@ def people() -> None:
 @file_option
 @with_output
 def add(out: Output, name: str, *, permission: str, file: str) -> None:
-    """Add NAME; asks for the password, or reads it from the standard input.
+    """Add NAME; asks for the password, or reads it from standard input.
 
     view: see everything. operate: also command robots. admin: also change them. Everybody may stop robots.
     """
@@ -94,7 +94,7 @@ def permit(out: Output, name: str, *, permission: str, file: str) -> None:
 @file_option
 @with_output
 def list_(out: Output, *, file: str) -> None:
-    """Show who may log in, with which permission."""
+    """Show the people who may log in, with their permissions."""
     path = people_file(sections_of(file))
     found = sorted(read_people(path).values(), key=lambda person: person.name)
     shown = [{"name": person.name, "permission": person.permission} for person in found]
@@ -106,7 +106,7 @@ def list_(out: Output, *, file: str) -> None:
 
 
 def _hashed_password() -> str:
-    """Ask for a password, or read it from the standard input; return its hash."""
+    """Ask for a password, or read it from standard input; return its hash."""
     if not is_installed():
         raise click.ClickException(EXTRA)
     from fleet.console.passwords import hash_password, password_problem  # noqa: PLC0415 - of the extra

@@ -1,4 +1,4 @@
-"""``fleet demo``: simulated robots, a broker, the bus and the bridge, with nothing else needed."""
+"""``fleet demo``: simulated robots, a broker, the bus and the bridge, without any setup."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ UGV = "waveshare-beast"
 
 
 PATROL = "patrol"
-ROUND = {"mission": PATROL, "every": "10 min", "enabled": False}  # nothing moves until somebody says so
-"""The mission of a demo that has a drone or a wheeled robot."""
+ROUND = {"mission": PATROL, "every": "10 min", "enabled": False}  # disabled, so that nothing moves by itself
+"""The mission of a demo with a drone or a wheeled robot."""
 
 
 class DemoExample(NamedTuple):
-    """What to try with the first robot of a kind: a command, its data, and a goal (m)."""
+    """Example for the first robot of a kind: a command, its data, and a goal (m)."""
 
     robot: str
     command: str
@@ -62,30 +62,30 @@ TRIES = (
 
 
 def twin_of(name: str, edge: str = EDGE) -> str:
-    """Return the twin of an edge's robot; the same every time, so that scripts can name it."""
+    """Return the twin of an edge's robot; always the same, so that scripts can use it."""
     return str(uuid.uuid5(NAMESPACE, name if edge == EDGE else f"{edge}/{name}"))
 
 
 def _link(number: int) -> str:
-    """Return the simulated drone's link: the flavours in turn, side by side in a field near Zurich."""
+    """Return the link of a simulated drone: alternating autopilots, side by side in a field near Zurich."""
     latitude, longitude, altitude = FIELD
     home = f"{latitude + SPACING * number:.6f},{longitude},{altitude:g},0"
     return f"sim:{FLAVOURS[(number - 1) % 2]}?home={home}"
 
 
 def _start(number: int) -> list[float]:
-    """Return where the robot on the ground of this number stands: it looks east, away from the row."""
+    """Return the start of a ground robot; it faces east, away from the row."""
     return [0.0, -ROW * number, 0.0]
 
 
 def _robot(name: str, edge: str, **fields: object) -> dict[str, object]:
-    """Return one simulated robot that obeys whoever tries the demo."""
+    """Return one simulated robot that obeys every user of the demo."""
     accepts = {"command": ["tele", "sim_tele"], "navigate": ["tele", "edge", "sim", "sim_tele"]}
     return {"name": name, "twin": twin_of(name, edge), **fields, "accepts": accepts}
 
 
 def _patrol(kinds: Mapping[str, Sequence[object]]) -> dict[str, object]:
-    """Return the demo's mission for the robots that are there; none for dogs alone."""
+    """Return the demo's mission for the robots present; none for dogs alone."""
     there = [kind for kind in ("drones", "ugvs") if kinds[kind]]
     roles = {"drones": "eye", "ugvs": "feet"}
     ways = {"drones": {"goto": [6, 0, 5]}, "ugvs": {"goto": [2, -ROW]}}
@@ -115,7 +115,7 @@ def _patrol(kinds: Mapping[str, Sequence[object]]) -> dict[str, object]:
 
 
 def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0, edge: str = EDGE) -> str:
-    """Return the fleet file of the demo, as JSON (which is YAML); it keeps its state beside itself."""
+    """Return the fleet file of the demo as JSON (which is YAML); its state is beside the file."""
     kinds = {
         "drones": [
             _robot(f"drone-{n}", edge, adapter="mavlink", link=_link(n)) for n in range(1, drones + 1)
@@ -169,10 +169,9 @@ def demo(  # noqa: PLR0917 - click's options
     """Run simulated robots; nothing else is needed.
 
     Starts an MQTT broker, simulated drones that speak real MAVLink (PX4 and ArduPilot in turn), wheeled
-    robots that speak on a serial device, quadrupeds whose drives speak CAN, the bus and the bridge, and
-    shows one line for each robot until Ctrl-C. It prints a link to the console, where the robots are on a
-    map in the browser. A second demo beside it needs an --edge-id of its own; taken
-    ports are replaced by free ones.
+    robots on serial devices, quadrupeds with CAN drives, the bus and the bridge, and shows one line for each
+    robot until Ctrl-C. It prints a link to the console, which shows the robots on a map in the browser. A
+    second demo beside it needs an --edge-id of its own; free ports are used instead of taken ones.
     """
     if drones + ugvs + dogs == 0:
         raise click.UsageError("there is nothing to show: ask for one of --drones, --ugvs, --dogs at least")
@@ -197,7 +196,7 @@ def demo(  # noqa: PLR0917 - click's options
 
 
 def _require_free(edge: str) -> None:
-    """Raise BusError, saying how to start another demo, when an edge of this id runs here."""
+    """Raise BusError, with the option for another demo, if an edge of this id runs here."""
     directory = runtime_dir()
     if is_running(edge, directory):
         taken = running_edges(directory)
@@ -209,11 +208,11 @@ def _require_free(edge: str) -> None:
 
 
 def _welcome(out: Output, host: str, port: int, tries: Sequence[DemoExample], edge: str = EDGE) -> None:
-    """Say where to look and what to try, with a robot that is there."""
+    """Print addresses and examples for a robot that is present."""
     out.note(f"MQTT broker       {host}:{port}")
     for robot, command, data, goal in tries[:1]:
         topic = f"cyberwave/twin/{twin_of(robot, edge)}"
-        name = robot if edge == EDGE else f"{edge}/{robot}"  # the first demo has a robot of this name, too
+        name = robot if edge == EDGE else f"{edge}/{robot}"  # the first demo has a robot of this name too
         message = json.dumps({"command": command, "source_type": "tele", "data": data})
         words = " ".join([command, *(f"{name}={value}" for name, value in data.items())])
         label = f"{robot}'s topics"
@@ -231,7 +230,7 @@ def _welcome(out: Output, host: str, port: int, tries: Sequence[DemoExample], ed
 
 
 def fleet_program() -> str:
-    """Return how the user can call ``fleet`` from here: by its name, or by its path."""
+    """Return how the user can call ``fleet`` from here: by name or by path."""
     if shutil.which("fleet"):
         return "fleet"
     path = Path(sys.executable).with_name("fleet")
@@ -239,7 +238,7 @@ def fleet_program() -> str:
 
 
 def _port() -> int:
-    """Return MQTT's own port when it is free, else 0 (any)."""
+    """Return the standard port of MQTT if it is free, else 0 (any)."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -250,7 +249,7 @@ def _port() -> int:
 
 
 def _address(text: str) -> tuple[str, int]:
-    """Read HOST:PORT."""
+    """Parse HOST:PORT."""
     host, _, port = text.rpartition(":")
     if not host or not port.isdigit():
         raise click.BadParameter(f"{text!r} is not HOST:PORT (as in localhost:1883)", param_hint="--broker")

@@ -1,4 +1,4 @@
-"""``fleet describe``: what a robot takes, and whether it would take it now."""
+"""``fleet describe``: the commands of a robot, and whether it would accept them now."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def describe(out: Output, robot: str, command: str | None, *, file: str | None) 
 
     The robot's own process answers, from the declarations of its adapter and the present state of its safety
     rules. A command is judged as one from this computer, without its data. A group has one line for each
-    robot: what it would accept now and what it refuses, or whether it would accept COMMAND.
+    robot: the commands that it would accept or refuse now, or whether it would accept COMMAND.
     """
     with Edges.reach(file) as edges:
         robots = edges.named(robot)
@@ -47,7 +47,7 @@ def describe(out: Output, robot: str, command: str | None, *, file: str | None) 
 
 
 def _group(out: Output, edges: Edges, robots: list[RobotState], command: str | None) -> ExitCode:
-    """Show the robots of a group, each in one line; one that does not answer is no reason to hide others."""
+    """Show the robots of a group, one line each; a robot without an answer must not hide the others."""
     document: list[dict[str, object]] = []
     codes: list[tuple[str, ExitCode]] = []
     rows = []
@@ -69,7 +69,7 @@ def _group(out: Output, edges: Edges, robots: list[RobotState], command: str | N
 
 
 def _in_one_line(found: RobotDescription, command: str | None) -> tuple[bool, str]:
-    """Return whether a robot has a command (any, without one), and what it would take now, in words."""
+    """Return whether a robot has a command (any, without one), and what it would accept now, as text."""
     named = {one.name: one for one in found.commands}
     if command is not None:
         return command in named, _now(named[command]) if command in named else "there is no such command"
@@ -79,7 +79,7 @@ def _in_one_line(found: RobotDescription, command: str | None) -> tuple[bool, st
 
 
 def _show_all(out: Output, found: RobotDescription) -> None:
-    """Show a robot's commands, one in a line, and what it takes besides."""
+    """Show a robot's commands, one per line, and the rest of its vocabulary."""
     rows = [
         (one.name, "no" if one.refusal else "yes", command_text.parameters(one)) for one in found.commands
     ]
@@ -99,7 +99,7 @@ def _show_all(out: Output, found: RobotDescription) -> None:
 
 
 def _show_one(out: Output, robot: str, one: CommandDescription) -> None:
-    """Show all about one command."""
+    """Show everything about one command."""
     out.say(
         f"fleet send {robot} {one.name}{''.join(f' {command_text.usage(each)}' for each in one.parameters)}"
     )
@@ -108,7 +108,7 @@ def _show_one(out: Output, robot: str, one: CommandDescription) -> None:
 
 
 def _now(one: CommandDescription) -> str:
-    """Return whether a command would be taken."""
+    """Return whether a command would be accepted."""
     return f"no: {one.refusal}" if one.refusal else "yes"
 
 

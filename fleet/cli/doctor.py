@@ -1,4 +1,4 @@
-"""``fleet doctor``: looks at everything around an edge, and says what to do."""
+"""``fleet doctor``: checks of everything around an edge, with remedies."""
 
 from __future__ import annotations
 
@@ -20,14 +20,13 @@ from fleet.doctor.finding import Finding, Verdict
 )
 @with_output
 def doctor(out: Output, file: Path, *, plugins: bool) -> ExitCode:
-    """Look at everything around the edge of FILE, and say what to do.
+    """Check everything around the edge of FILE, and suggest remedies.
 
     Clock, disk, permissions, devices, CAN, ports, broker, certificates, state, versions and other edges. It
-    changes nothing, opens no device and sends robots nothing, so that it can run beside the edge. With an
-    installed service, permissions are judged for its user; what only root can see needs sudo.
+    changes nothing, opens no device and sends nothing to robots, so it can run beside the edge. With an
+    installed service, permissions are checked for its user; some checks need sudo.
 
-    Exit code 0 when nothing is wrong (warnings count as nothing), 1 for an error, 3 when the fleet file is
-    invalid.
+    Exit code 0 without errors (warnings do not count), 1 for an error, 3 for an invalid fleet file.
     """
     findings = examine(file, os.environ, plugins=plugins)
     code = code_of(findings)
@@ -49,7 +48,7 @@ def code_of(findings: list[Finding]) -> ExitCode:
 
 
 def _summary(findings: list[Finding]) -> str:
-    """Return in one line how many findings there are of which verdict."""
+    """Return the numbers of findings by verdict, on one line."""
     numbers = {verdict: sum(each.verdict is verdict for each in findings) for verdict in Verdict}
     return (
         f"{counted(numbers[Verdict.ERROR], 'error')}, {counted(numbers[Verdict.WARNING], 'warning')}, "

@@ -1,4 +1,4 @@
-"""``fleet failover``: hand the robots of a pair over to its other edge, on purpose."""
+"""``fleet failover``: hand the robots of a pair over to the other edge."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from fleet.model.command import Reply
 from fleet.model.state import EdgeState
 
 HOLDER = "holder"
-GIVEN_WITHIN = 15.0  # s for the robots to hold and the lease to be given
-LOOK = 0.2  # s between two looks
+GIVEN_WITHIN = 15.0  # s for the robots to hold and the lease to be released
+LOOK = 0.2  # s between polls
 
 
 class HandOver(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The request to hand the lease over; ``accept``: to a standby, to take over though its file differs."""
+    """Request to release the lease; ``accept``: a standby takes over although its file differs."""
 
     accept: bool = False
 
@@ -31,16 +31,16 @@ class HandOver(msgspec.Struct, frozen=True, omit_defaults=True):
 @click.option(
     "--accept-file",
     is_flag=True,
-    help="Have EDGE, a standby with another file than its dead partner, take the robots over.",
+    help="Have EDGE, a standby with a different file than its dead partner, take the robots over.",
 )
 @reach_option
 @with_output
 def failover(out: Output, edge: str | None, *, accept_file: bool, file: str | None) -> ExitCode:
     """Hand the robots of a pair over to its other edge.
 
-    EDGE is the one that has them; it may be left out where only one edge here has. Its robots are held,
-    their links closed, and the other edge takes over; missions that run on this edge end. If the other edge
-    does not run, this one takes the robots again.
+    EDGE is the one that has them; it may be left out if only one edge here has. Its robots are held, their
+    links closed, and the other edge takes over; missions that run on this edge end. If the other edge does
+    not run, this one takes the robots again.
     """
     with Edges.reach(file) as edges:
         if accept_file:
@@ -60,7 +60,7 @@ def failover(out: Output, edge: str | None, *, accept_file: bool, file: str | No
 
 
 def _accepted(out: Output, edges: Edges, edge: str | None) -> ExitCode:
-    """Have a standby take over that has another file."""
+    """Have a standby with a different file take over."""
     if edge is None:
         raise click.UsageError("--accept-file needs EDGE: the standby that is to take over")
     reply = edges.one(keys.failover(edge), Reply, HandOver(accept=True))
@@ -72,7 +72,7 @@ def _accepted(out: Output, edges: Edges, edge: str | None) -> ExitCode:
 
 
 def _holder(states: list[EdgeState], edge: str | None) -> str:
-    """Return the edge that is meant; raises NotRunning or Refused."""
+    """Return the selected edge; raises NotRunning or Refused."""
     paired = {state.edge: state.pair for state in states if state.pair}
     if edge is not None:
         if edge not in paired:
@@ -89,5 +89,5 @@ def _holder(states: list[EdgeState], edge: str | None) -> str:
 
 
 def _role(states: list[EdgeState], edge: str) -> str:
-    """Return what an edge is in its pair."""
+    """Return the role of an edge in its pair."""
     return next((state.pair for state in states if state.edge == edge), "")

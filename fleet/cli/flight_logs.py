@@ -1,4 +1,4 @@
-"""``fleet flight-logs``: the logs that a robot keeps on board, by its commands list_logs and read_log."""
+"""``fleet flight-logs``: a robot's onboard logs, by its commands list_logs and read_log."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from fleet.client.edges import Edges
 from fleet.errors import Refused
 from fleet.runtime.decoding import convert_strictly
 
-_PIECE = 32 * 1024  # bytes asked for at once
+_PIECE = 32 * 1024  # bytes per request
 _LIST_WITHIN = 35.0  # s
 _PIECE_WITHIN = 95.0  # s
 
 
 class _Log(msgspec.Struct):
-    """One log: its number, bytes, and Unix seconds of its begin (0: unknown)."""
+    """One log: its number, size in bytes, and start in Unix seconds (0: unknown)."""
 
     id: int
     size: int
@@ -69,7 +69,7 @@ def list_logs(out: Output, robot: str, *, file: str | None) -> ExitCode:
 def get(out: Output, robot: str, log: int, path: Path | None, *, file: str | None) -> ExitCode:
     """Fetch a log of ROBOT to FILE (ROBOT-LOG.bin when left out).
 
-    What was interrupted is kept as FILE.part, and asked again it goes on from there.
+    An interrupted download is kept as FILE.part; the same command continues it.
     """
     path = path or Path(f"{robot.rpartition('/')[2]}-{log}.bin")
     if path.exists():
@@ -86,7 +86,7 @@ def get(out: Output, robot: str, log: int, path: Path | None, *, file: str | Non
 
 
 def _fetch(asker: RobotQuery, log: _Log, path: Path) -> None:
-    """Write a log to a file, going on where an earlier attempt ended; the bar is drawn on a terminal."""
+    """Write a log to a file, continuing an earlier attempt; shows a progress bar on a terminal."""
     part = path.with_name(f"{path.name}.part")
     done = part.stat().st_size if part.exists() else 0
     if done > log.size:
@@ -102,7 +102,7 @@ def _fetch(asker: RobotQuery, log: _Log, path: Path) -> None:
 
 
 def _pieces(asker: RobotQuery, log: _Log, at: int) -> Iterator[bytes]:
-    """Yield a log from an offset on, a piece at a time; raises Refused for one that is not what was asked."""
+    """Yield a log from an offset, piece by piece; raises Refused for a wrong piece."""
     while at < log.size:
         count = min(_PIECE, log.size - at)
         asked = {"id": log.id, "offset": at, "count": count}
@@ -111,7 +111,7 @@ def _pieces(asker: RobotQuery, log: _Log, at: int) -> Iterator[bytes]:
             piece = convert_strictly(said, _Piece)
             data = base64.b64decode(piece.data, validate=True)
         except (msgspec.ValidationError, binascii.Error) as error:
-            raise Refused(f"{asker.robot.name} answers what is no log: {error}") from None
+            raise Refused(f"{asker.robot.name} does not answer with a log: {error}") from None
         if piece.offset != at or not 0 < len(data) <= count:
             raise Refused(f"{asker.robot.name} gave {len(data)} bytes at {piece.offset}, not {count} at {at}")
         yield data
@@ -124,7 +124,7 @@ def _list(asker: RobotQuery) -> list[_Log]:
     try:
         return convert_strictly(said, list[_Log])
     except msgspec.ValidationError as error:
-        raise Refused(f"{asker.robot.name} answers what are no logs: {error}") from None
+        raise Refused(f"{asker.robot.name} does not answer with logs: {error}") from None
 
 
 def _when(seconds: int) -> str:

@@ -1,4 +1,4 @@
-"""``fleet goto``: sending a robot, or the robots of a group, to a place."""
+"""``fleet goto``: send a robot, or the robots of a group, to a place."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from fleet.wire.goals import GotoTarget, goals, target_of
 @click.option(
     "--spacing",
     type=click.FloatRange(min=0, min_open=True),
-    help="Spread the robots of a group around the place, so many metres from each other.",
+    help="Spread the robots of a group around the place, by this distance in metres.",
 )
 @wait_option
 @timeout_option
@@ -65,12 +65,12 @@ def goto(
 
     Several places:  fleet goto kestrel 10,0,5 10,10,5 0,0,5
 
-    The file of --path has a place a line (CSV: x,y[,z], or below a heading latitude,longitude[,altitude]), or
-    is GeoJSON: one LineString, or Points in their order. Altitudes count from the take-off point; aircraft
-    need one at each place.
+    The file of --path has one place per line (CSV: x,y[,z], or below a heading
+    latitude,longitude[,altitude]), or is GeoJSON: one LineString, or Points in order. Altitudes are above the
+    take-off point; aircraft need one at each place.
 
-    The robots of a group go to places around the one that is said, --spacing metres from each other, as many
-    as PLACE has room for. With --at all are prepared first and begin at one instant, or nobody moves.
+    The robots of a group go to places around the given one, --spacing metres from each other, as many as
+    PLACE has room for. With --at, all are prepared first and begin at one instant, or none moves.
     """
     if geo and site:
         raise click.UsageError("--geo and --site contradict each other")
@@ -94,7 +94,7 @@ def goto(
 
 
 def _aim(places: tuple[str, ...], path: Path | None, *, geo: bool, site: bool) -> GotoTarget:
-    """Return where the command line, or its file, says to go."""
+    """Return the target from the command line or its file."""
     route = read_route(path) if path is not None else _said(places)
     if route.geo and site:
         raise click.UsageError("--site is metres, and the places of the file are on Earth")

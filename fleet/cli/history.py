@@ -1,4 +1,4 @@
-"""``fleet history``: what was asked of robots, by whom, and what became of it."""
+"""``fleet history``: requests to robots, their senders and outcomes."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ _LAST = 100
 def history(out: Output, robot: str | None, *, since: float, last: int | None, file: str | None) -> None:
     """Show the commands to ROBOT (or to a group, or to all), their senders and outcomes, the newest last.
 
-    A running edge answers; else its file is read, which needs -f only where edge.spool.path is set. An asker
-    is proven where the transport authenticates the name, else claimed by the message.
+    A running edge answers; otherwise its file is read, which needs -f only if edge.spool.path is set. An
+    asker is proven if the transport authenticates the name, else claimed by the message.
 
     Events: command and outcome belong to one request, found and lost say that the robot answers or no longer
     answers, health is a change of its health.
@@ -67,11 +67,11 @@ def history(out: Output, robot: str | None, *, since: float, last: int | None, f
 
 
 def _found(robot: str | None, since: float, most: int, file: str | None) -> list[Record]:
-    """Return what the running edges tell, or what is in the files where none runs."""
+    """Return the events from the running edges, or from the files if none runs."""
     wanted = EventFilter((robot,) if robot else (), since, most)
     try:
         with Edges.reach(file) as edges:
-            told = _told(edges, robot, since, most)
+            told = _from_edges(edges, robot, since, most)
     except (NotRunning, BusError):
         folders = _folders(file)
         if not any((folder / HISTORY).exists() for folder in folders):
@@ -83,11 +83,11 @@ def _found(robot: str | None, since: float, most: int, file: str | None) -> list
 
 
 def _read(folders: Iterable[Path], wanted: EventFilter) -> list[Record]:
-    """Return what is in files; raises StateError when none can be read."""
+    """Return the events in files; raises StateError if none can be read."""
     records: list[Record] = []
     problems: list[StateError] = []
     for folder in folders:
-        with _kept(problems):
+        with _collected_error(problems):
             found = read(folder, wanted)
             records += [msgspec.structs.replace(record, edge=folder.name) for record in found]
     if problems and not records:
@@ -95,8 +95,8 @@ def _read(folders: Iterable[Path], wanted: EventFilter) -> list[Record]:
     return newest(records, wanted)
 
 
-def _told(edges: Edges, robot: str | None, since: float, most: int) -> list[Record]:
-    """Return what running edges tell; also of a robot that they have no more. Raises UnknownRobot."""
+def _from_edges(edges: Edges, robot: str | None, since: float, most: int) -> list[Record]:
+    """Return the events from running edges, also of a removed robot. Raises UnknownRobot."""
     if robot is None:
         return edges.history(EventFilter((), since, most))
     try:
@@ -113,8 +113,8 @@ def _told(edges: Edges, robot: str | None, since: float, most: int) -> list[Reco
 
 
 @contextlib.contextmanager
-def _kept(problems: list[StateError]) -> Iterator[None]:
-    """Keep a file's problem: the other files are read all the same."""
+def _collected_error(problems: list[StateError]) -> Iterator[None]:
+    """Collect the error of a file, so that the other files are still read."""
     try:
         yield
     except StateError as error:
@@ -124,10 +124,10 @@ def _kept(problems: list[StateError]) -> Iterator[None]:
 def _folders(
     file: str | None, environ: Mapping[str, str] = os.environ, *, running: bool = True
 ) -> list[Path]:
-    """Return the folders of the lasting state: of a fleet file's edge, else of all of this user's.
+    """Return the state folders: of a fleet file's edge, else of all edges of this user.
 
-    Not ``running``: only where no edge of this name runs here that tells its history itself. A console
-    without an edge writes its logins there.
+    Not ``running``: empty if the edge runs here, because it sends its history itself. A console without an
+    edge writes its logins there.
     """
     if file is None:
         return sorted(state_folder("edge", environ=environ).parent.glob("*/"))
@@ -140,7 +140,7 @@ def _folders(
 
 
 def who(record: Record) -> str:
-    """Return who asked, for people."""
+    """Return the asker of an event, as text."""
     asker = record.asker
     if asker is None:
         return "-"

@@ -1,4 +1,4 @@
-"""``fleet init``: a commented fleet.yaml and a place for secrets, to begin with."""
+"""``fleet init``: a commented fleet.yaml and a file for secrets."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ _SECRETS = """\
 def init(out: Output, folder: str) -> None:
     """Write an example fleet.yaml to begin with.
 
-    Makes fleet.yaml, with fresh twin uuids, and secrets.yaml (mode 0600) in FOLDER, the current one when
-    left out. Never overwrites: an existing fleet.yaml is an error, an existing secrets.yaml is kept.
+    Creates fleet.yaml, with new twin uuids, and secrets.yaml (mode 0600) in FOLDER, the current one when left
+    out. Never overwrites: an existing fleet.yaml is an error, an existing secrets.yaml is kept.
     """
     place = pathlib.Path(folder)
     example = resources.files("fleet.cli").joinpath("example.yaml").read_text(encoding="utf-8")
@@ -48,7 +48,7 @@ def init(out: Output, folder: str) -> None:
 
 
 def _write_new(path: pathlib.Path, text: str, mode: int) -> bool:
-    """Write a file that is not there yet; False when it is."""
+    """Write a new file; return False if it exists."""
     try:
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
     except FileExistsError:

@@ -1,4 +1,4 @@
-"""The live view of ``fleet run`` and ``fleet demo``: one line a robot on a terminal, changes elsewhere."""
+"""Live view of ``fleet run`` and ``fleet demo``: a table on a terminal, changes as lines elsewhere."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 REFRESH = 0.5  # s
-AT_ONCE = 20  # robots looked at before commands have their turn
-PAUSE = 0.04  # s between so many: a thousand robots take two seconds, and one percent of a processor
+AT_ONCE = 20  # robots processed before other tasks run
+PAUSE = 0.04  # s between such batches: a thousand robots take two seconds, and one percent of a processor
 
 
 async def show(edge: Edge, out: Output) -> None:
@@ -39,7 +39,7 @@ async def _table(edge: Edge) -> None:
     from rich.live import Live  # noqa: PLC0415
 
     console = Console()
-    # What goes to a file must not be drawn above the table instead.
+    # Logs redirected to a file must not be drawn above the table instead.
     on_it = sys.stderr.isatty()
     with Live(_drawn(edge, console), console=console, auto_refresh=False, redirect_stderr=on_it) as live:
         while True:
@@ -48,7 +48,7 @@ async def _table(edge: Edge) -> None:
 
 
 def _drawn(edge: Edge, console: Console) -> Text:
-    """Return what ``fleet ps`` would show now, as much as fits."""
+    """Return the present output of ``fleet ps``, as much as fits."""
     from rich.text import Text  # noqa: PLC0415
 
     width, height = console.size
@@ -69,7 +69,7 @@ async def _lines(edge: Edge, said: Callable[[RobotState], str]) -> None:
             mark += f" {state.separation}"
             if before.get(state.name) != mark:
                 before[state.name] = mark
-                with contextlib.suppress(OSError):  # who reads it is gone, or its disk is full
+                with contextlib.suppress(OSError):  # the reader is gone, or its disk is full
                     sys.stdout.write(f"{said(state)}\n")
                     sys.stdout.flush()
             if not number % AT_ONCE:
@@ -83,7 +83,7 @@ def _as_json(state: RobotState) -> str:
 
 
 def _as_text(state: RobotState) -> str:
-    """Return a state as one line for people."""
+    """Return a state as one line of text."""
     parts = [state.health, mode_of(state), battery_of(state), place_of(state), state.activity, state.cause]
     parts.append(f"separation {state.separation}" if state.separation else "")
     return printable(f"{state.name}: " + ", ".join(part for part in parts if part and part != "-"))

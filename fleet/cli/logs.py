@@ -1,4 +1,4 @@
-"""``fleet logs``: the log of an edge and of its workers, as they keep it on this computer."""
+"""``fleet logs``: the logs of the edges and workers on this computer."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from fleet.host.logs.line_format import FORMAT, LogLine, as_text
 from fleet.runtime.decoding import decode_with, json_decoder
 from fleet.spool.state_folder import state_folder
 
-LOOK = 0.25  # s between looks for more
+LOOK = 0.25  # s between checks for new lines
 _LAST = 100
 _decode = partial(decode_with, json_decoder(LogLine))
 
 
 @click.command()
 @click.argument("robot", required=False)
-@click.option("-f", "--follow", is_flag=True, help="Go on with what comes, until Ctrl-C.")
+@click.option("-f", "--follow", is_flag=True, help="Follow new lines until Ctrl-C.")
 @since_option
 @click.option(
     "-n",
@@ -41,10 +41,10 @@ _decode = partial(decode_with, json_decoder(LogLine))
 def logs(
     out: Output, robot: str | None, *, follow: bool, since: float, last: int | None, file: str | None
 ) -> None:
-    """Show the log of the edges of this computer and their workers, or what is in it about ROBOT.
+    """Show the log of the edges of this computer and their workers, or its lines about ROBOT.
 
-    It is there while the edge runs and after its end, from level INFO on, whatever -v says. With --json
-    each line is one JSON object. What a robot keeps on board has  fleet flight-logs.
+    It is available while the edge runs and after its end, from level INFO on, whatever -v says. With --json
+    each line is one JSON object. For the logs on board of a robot see  fleet flight-logs.
     """
     folders = _folders(file)
     if not folders:
@@ -67,21 +67,21 @@ def logs(
 
 
 def _more(folders: Iterable[Path], tails: dict[Path, Tail]) -> list[LogLine]:
-    """Return what has come since the last time, of all processes, in order; ``tails`` are those known."""
+    """Return the new lines of all processes, in order; ``tails`` are the known files."""
     for path in (path for folder in folders for path in folder.glob("*.jsonl")):
         tails.setdefault(path, Tail(path))
     return sorted((line for tail in tails.values() for line in tail.more()), key=lambda line: line.stamp)
 
 
 def _show(out: Output, line: LogLine) -> None:
-    """Show a line at once: for programs it is one JSON object."""
+    """Show a line at once; for programs it is one JSON object."""
     click.echo(msgspec.json.encode(line).decode() if out.as_json else as_text(line))
 
 
 class Tail:
-    """One file that grows, with those that it was before it was rotated.
+    """One growing file with its rotated predecessors.
 
-    ``newer`` counts the lines of a format that this fleet does not know.
+    ``newer`` counts the lines in a format that this version does not know.
     """
 
     def __init__(self, path: Path) -> None:
@@ -91,7 +91,7 @@ class Tail:
         self._at = 0
 
     def more(self) -> Iterator[LogLine]:
-        """Yield what has come since; the first time all there is. Half a line waits for its other half."""
+        """Yield the new lines; the first time, all lines. An incomplete line waits for its rest."""
         try:
             found = self.path.stat()
         except OSError:
@@ -105,12 +105,12 @@ class Tail:
         yield from self._lines(whole)
 
     def _rest(self, older: list[Path]) -> Iterator[LogLine]:
-        """Yield what was rotated away: the first time all, later what came at the end of the last file."""
+        """Yield the lines of rotated files: the first time all, later the rest of the last file."""
         for path in older if not self._inode else older[-1:]:
             yield from self._lines(_content(path)[self._at if self._inode else 0 :])
 
     def _lines(self, content: bytes) -> Iterator[LogLine]:
-        """Yield the lines of a part of the file; what is none is left out."""
+        """Yield the lines in a part of the file; invalid lines are skipped."""
         for each in content.splitlines():
             try:
                 line = _decode(each)
@@ -123,7 +123,7 @@ class Tail:
 
 
 def _content(path: Path) -> bytes:
-    """Return a file's content; nothing of one that is gone."""
+    """Return a file's content; empty if the file is gone."""
     try:
         return path.read_bytes()
     except OSError:
@@ -137,12 +137,12 @@ def _number(path: Path) -> int:
 
 
 def _is_about(line: LogLine, robot: str) -> bool:
-    """Return whether a line is about a robot; the host's own lines begin with its name."""
+    """Return True if a line is about a robot; the host's own lines begin with its name."""
     return not robot or line.robot == robot or line.message.startswith(f"{robot}: ")
 
 
 def _folders(file: str | None) -> list[Path]:
-    """Return the folders of the logs of a fleet file's edge, else of all edges of this user."""
+    """Return the log folders: of a fleet file's edge, else of all edges of this user."""
     if file is None:
         return list(log_folders(runtime_dirs()).values())
     edge = load(file, partial=True).config.edge

@@ -1,4 +1,4 @@
-"""The group of commands. Each is imported when it is used, so that help and errors come at once."""
+"""The group of commands. Each is imported when it is used, so that help and errors are fast."""
 
 from __future__ import annotations
 
@@ -64,20 +64,20 @@ COMMANDS: Mapping[str, str] = {
     "completion": "fleet.cli.completion:completion",
 }
 HIDDEN: Mapping[str, str] = {"run-edge": "fleet.cli.run_edge:run_edge"}
-"""Commands that programs of ours start, and people do not."""
+"""Commands for the project's own programs, not for users."""
 SUMMARIES: Mapping[str, str] = {
     "init": "Write an example fleet.yaml.",
     "check": "Check a fleet file and report every error.",
     "run": "Run the fleet of a fleet file.",
     "diff": "Show what a changed fleet file would change in the running edge.",
-    "apply": "Have the running edge take over its changed fleet file.",
+    "apply": "Apply a changed fleet file to the running edge.",
     "bundle": "Make, show and install signed bundles of a configuration.",
     "rollout": "Run the agent of an edge, and control roll-outs to many edges.",
     "demo": "Run simulated robots; nothing else is needed.",
     "ps": "Show the running robots and their health.",
-    "top": "Show a site or a whole fleet, live: what is wrong, by cause.",
+    "top": "Show a site or a whole fleet, live: troubles by cause.",
     "console": "Show the fleet in a browser.",
-    "record": "Record what robots report and are told, in files that Foxglove opens.",
+    "record": "Record reports and requests of robots in files for Foxglove.",
     "replay": "Play a recording again, or feed its raw frames to today's adapters.",
     "describe": "Show the commands of a robot, and whether it would accept them now.",
     "send": "Send a command to a robot and wait for its answer.",
@@ -92,13 +92,13 @@ SUMMARIES: Mapping[str, str] = {
     "params": "Read and write a robot's own parameters.",
     "logs": "Show the log of an edge and its workers.",
     "flight-logs": "List and fetch the logs that a robot keeps on board.",
-    "video": "Send a camera's pictures as video when the cloud asks for it.",
+    "video": "Send a camera's pictures as video on request of the cloud.",
     "spool": "Show or delete the messages that are queued for the cloud on disk.",
     "failover": "Hand the robots of a pair over to its other edge.",
     "service": "Run the edge as a service of systemd: install, status, logs, uninstall.",
-    "doctor": "Look at everything around an edge, and say what to do.",
+    "doctor": "Check everything around an edge, and suggest remedies.",
     "backup": "Pack state and configuration, to replace a dead computer.",
-    "restore": "Put the backup of an edge on this computer.",
+    "restore": "Restore the backup of an edge on this computer.",
     "support": "Pack configuration, logs and history, without secrets, for support.",
     "certs": "Make and renew the certificates of a site's bus.",
     "calibrate": "Measure a wheeled robot's wheels and turns.",
@@ -116,7 +116,7 @@ class LazyGroup(click.Group):
         return list(dict.fromkeys((*COMMANDS, *adapter_commands())))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        """Import a command; None when there is none of this name."""
+        """Import a command; None if there is none of this name."""
         found = COMMANDS.get(cmd_name) or HIDDEN.get(cmd_name)
         point = None if found else adapter_commands().get(cmd_name)
         if not found and point is None:
@@ -135,7 +135,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command of a line; an unknown one is told with the nearest."""
+        """Find the command of a line; for an unknown one, suggest the most similar."""
         known = COMMANDS.keys() | HIDDEN.keys()
         if args[0] not in known and not args[0].startswith("-") and args[0] not in adapter_commands():
             near = nearest(args[0], self.list_commands(ctx))
@@ -158,14 +158,14 @@ def fleet() -> None:
     """One fleet.yaml, one command: drones, quadrupeds and wheeled robots as one fleet.
 
     Results go to stdout, everything else to stderr; with --json an error is {"error": ..., "code": ...} on
-    stdout as well. Exit codes: 0 ok, 1 runtime error, 2 usage,
-    3 configuration invalid, 4 edge not running, 5 command rejected or denied, 6 timeout, 7 some robots
-    failed, 8 mission not completed, 9 unknown how it ended, 130 interrupted.
+    stdout as well. Exit codes: 0 ok, 1 runtime error, 2 usage, 3 configuration invalid, 4 edge not running, 5
+    command rejected or denied, 6 timeout, 7 some robots failed, 8 mission not completed, 9 outcome unknown,
+    130 interrupted.
     """
 
 
 def _tell_programs(arguments: Sequence[str], error: FleetError | str, code: int) -> None:
-    """Write an error as one line of JSON to stdout, where that was asked for."""
+    """Write an error as one line of JSON to stdout, if --json was given."""
     if "--json" not in arguments:
         return
     problems = [str(problem) for problem in getattr(error, "problems", ())]
@@ -175,10 +175,10 @@ def _tell_programs(arguments: Sequence[str], error: FleetError | str, code: int)
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run one command line; return its exit code. Errors are one line (or one a problem) on stderr."""
-    for name in ("stdout", "stderr"):  # closed by who started us: a stop goes out all the same
+    """Run one command line; return its exit code. Errors are one line each on stderr."""
+    for name in ("stdout", "stderr"):  # closed by the parent process: a stop must be sent nevertheless
         if getattr(sys, name) is None:
-            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - to the end
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - until the end
     try:
         result: object = fleet.main(args=list(arguments), prog_name="fleet", standalone_mode=False)
         sys.stdout.flush()
@@ -192,7 +192,7 @@ def main(arguments: Sequence[str]) -> int:
         show_error(error)
         _tell_programs(arguments, error, exit_code_of(error))
         return exit_code_of(error)
-    except OSError as error:  # the reader of our output went away, as head does, or its disk is full
+    except OSError as error:  # the reader of our output is gone (as with head), or its disk is full
         if not isinstance(error, BrokenPipeError):
             log.debug("the command failed", exc_info=True)
             sys.stderr.write(f"fleet: {error}\n")

@@ -1,4 +1,4 @@
-"""``fleet mission``: missions of a fleet, started, followed and controlled."""
+"""``fleet mission``: start, follow and control missions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fleet.cli.completion import ROBOT
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, show_error, with_output
 from fleet.cli.rehearsals import follow_rehearsal
-from fleet.cli.runs import follow, lane_lines
+from fleet.cli.runs import follow, run_lines
 from fleet.cli.send import pair
 from fleet.client import mission_requests
 from fleet.client.edges import Edges
@@ -36,13 +36,13 @@ from fleet.missions.words import told_line
 
 @click.group()
 def mission() -> None:
-    """Missions: what several robots shall do together, and how it ends.
+    """Start, follow and control missions of one or several robots.
 
-    Before: ls, show, check, rehearse. Then run. While it runs: ps, pause, resume, answer, abort; fleet take
+    Before a run: ls, show, check, rehearse. Then run. During it: ps, pause, resume, answer, abort; fleet take
     takes one robot out of it, fleet stop stops robots whatever they do. Afterwards: log, results.
 
-    RUN is the id that run and ps show, or its beginning. Left out, it is the only run under way; for log and
-    results the newest.
+    RUN is the id that run and ps show, or its beginning. Left out, it is the only run in progress; for log
+    and results the newest.
     """
 
 
@@ -50,7 +50,7 @@ def mission() -> None:
 @reach_option
 @with_output
 def ls(out: Output, *, file: str | None) -> ExitCode:
-    """List the missions that the running edges know."""
+    """List the missions of the running edges."""
     with Edges.reach(file) as edges:
         found = mission_requests.missions(edges, "*")
     out.data({"missions": [msgspec.to_builtins(each) for each in found]})
@@ -66,7 +66,7 @@ def ls(out: Output, *, file: str | None) -> ExitCode:
 @reach_option
 @with_output
 def show(out: Output, name: str, *, file: str | None) -> ExitCode:
-    """Show what a mission takes, its roles and its steps."""
+    """Show the inputs, roles and steps of a mission."""
     with Edges.reach(file) as edges:
         found = known_mission(edges, name)
     out.data(msgspec.to_builtins(found))
@@ -83,10 +83,10 @@ def show(out: Output, name: str, *, file: str | None) -> ExitCode:
 @click.argument("path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
 @with_output
 def check(out: Output, path: Path) -> ExitCode:
-    """Check a mission file, or a plan, and tell every problem in it, with line and column.
+    """Check a mission file, or a plan, and report every error in it, with line and column.
 
-    Robots, groups, places and commands are not known here: missions in fleet.yaml are checked against them
-    by fleet check, and any mission when it is started. Exit code 3 when there is a problem.
+    Robots, groups, places and commands are not known here: missions in fleet.yaml are checked against them by
+    fleet check, and any mission when it is started. Exit code 3 for an error.
     """
     from fleet.config.missions import Known, read_mission  # noqa: PLC0415 - pydantic is slow to import
     from fleet.config.problems import InvalidConfig  # noqa: PLC0415
@@ -108,7 +108,7 @@ def check(out: Output, path: Path) -> ExitCode:
 
 
 def _check_plan(out: Output, path: Path) -> ExitCode:
-    """Check a plan file and tell what is wrong with it."""
+    """Check a plan file and report its error."""
     try:
         plan_mission(path)
     except Refused as error:
@@ -124,8 +124,8 @@ def _check_plan(out: Output, path: Path) -> ExitCode:
 @mission.command("run")
 @click.argument("what", metavar="MISSION")
 @click.argument("inputs", nargs=-1, metavar="[INPUT=VALUE]...")
-@click.option("--robot", "robots", multiple=True, type=ROBOT, help="[ROLE=]ROBOT: who fills a role.")
-@click.option("--detach", is_flag=True, help="Start it, and do not follow it.")
+@click.option("--robot", "robots", multiple=True, type=ROBOT, help="[ROLE=]ROBOT: a robot for a role.")
+@click.option("--detach", is_flag=True, help="Start it without following it.")
 @reach_option
 @with_output
 def run(
@@ -141,7 +141,7 @@ def run(
 
     MISSION is one of fleet.yaml, a mission file (.yaml), or a plan that one aircraft flies from its memory
     (.plan of QGroundControl, or JSON). Ctrl-C leaves the mission running. Exit code 0: completed, 7: with
-    losses, 8: ended otherwise, 9: nobody knows.
+    losses, 8: ended otherwise, 9: unknown.
 
     For example:  fleet mission run survey.plan --robot kestrel
     """
@@ -164,17 +164,17 @@ def run(
 @mission.command("rehearse")
 @click.argument("what", metavar="MISSION")
 @click.argument("inputs", nargs=-1, metavar="[INPUT=VALUE]...")
-@click.option("--robot", "robots", multiple=True, type=ROBOT, help="[ROLE=]ROBOT: who fills a role.")
+@click.option("--robot", "robots", multiple=True, type=ROBOT, help="[ROLE=]ROBOT: a robot for a role.")
 @reach_option
 @with_output
 def rehearse(
     out: Output, what: str, inputs: tuple[str, ...], *, robots: tuple[str, ...], file: str | None
 ) -> ExitCode:
-    """Carry a mission out with simulated robots, where the robots are now, and tell how it goes.
+    """Execute a mission with simulated robots, from the robots' present positions, and show the result.
 
-    No robot moves: the edge does it in a process of its own, faster than real time. MISSION and the exit
-    codes are those of run. A mission with rehearse: required is started for an hour after a rehearsal that
-    went well.
+    No robot moves: the edge does it in a separate process, faster than real time. MISSION and the exit codes
+    are those of run. A mission with rehearse: required can be started for an hour after a successful
+    rehearsal.
     """
     _require_a_pilot(what, robots)
     name, sent = mission_named(what)
@@ -191,19 +191,19 @@ def rehearse(
 @reach_option
 @with_output
 def ps(out: Output, *, ended: bool, file: str | None) -> ExitCode:
-    """Show the runs that are under way, with a lane for each of their robots: what it did, and does.
+    """Show the runs in progress, with the past and present acts of each of their robots.
 
-    On a terminal it follows them until they have ended, or until Ctrl-C; they go on.
+    On a terminal it follows them until they have ended, or until Ctrl-C, which does not end them.
     """
     with Edges.reach(file) as edges:
         while True:
             found = [each for each in mission_requests.runs(edges, "*") if ended or not each.outcome]
             if out.as_json or out.height is None or not any(not each.outcome for each in found):
                 break
-            out.screen(lane_lines(found, out.width))
+            out.screen(run_lines(found, out.width))
             time.sleep(LOOK)
     out.data({"runs": [msgspec.to_builtins(each) for each in found]})
-    out.lines(lane_lines(found, out.width))
+    out.lines(run_lines(found, out.width))
     return ExitCode.OK
 
 
@@ -218,9 +218,9 @@ def _control(name: str, summary: str) -> None:
         return _controlled(out, file, run, lambda who: ControlAsk(name, session_id=who))  # type: ignore[arg-type]
 
 
-_control("pause", "Let the robots of RUN hold where they are, until resume; its deadline runs on.")
-_control("resume", "Let RUN go on; where something has changed meanwhile it asks a question first.")
-_control("abort", "End RUN in the way that its mission says (on_abort); this cannot be taken back.")
+_control("pause", "Pause RUN: its robots hold their positions until resume; its deadline continues.")
+_control("resume", "Resume RUN; if something has changed meanwhile, it asks a question first.")
+_control("abort", "End RUN as its mission defines it (on_abort); this cannot be undone.")
 
 
 @mission.command("answer")
@@ -241,7 +241,7 @@ def answer(out: Output, answer: str, run: str, *, file: str | None) -> ExitCode:
 @reach_option
 @with_output
 def story(out: Output, run: str, *, file: str | None) -> ExitCode:
-    """Tell what happened in RUN, step by step; of the newest run when left out."""
+    """Show the log of RUN, step by step; of the newest run when left out."""
     with Edges.reach(file) as edges:
         state = find_run(edges, run, ended=True)
         lines = mission_requests.story(edges, state.edge, state.run)
@@ -257,7 +257,7 @@ def story(out: Output, run: str, *, file: str | None) -> ExitCode:
 @reach_option
 @with_output
 def results(out: Output, run: str, *, file: str | None) -> ExitCode:
-    """List what RUN left behind on its edge's disk: tracks, pictures, its log; of the newest when left out.
+    """List the results of RUN on its edge's disk: tracks, pictures, its log; of the newest when left out.
 
     A track is CSV: Unix seconds, then x, y, z in metres.
     """
@@ -281,7 +281,7 @@ def results(out: Output, run: str, *, file: str | None) -> ExitCode:
 def _controlled(
     out: Output, file: str | None, run: str, ask: Callable[[str], ControlAsk], *, asks: bool = False
 ) -> ExitCode:
-    """Control a run; tell that it was taken."""
+    """Control a run and confirm it."""
     with Edges.reach(file) as edges:
         state = find_run(edges, run)
         wanted = ask(local_user())
@@ -296,7 +296,7 @@ def _controlled(
 
 
 def _require_a_pilot(what: str, robots: tuple[str, ...]) -> None:
-    """Raise UsageError for a plan that nobody is to fly."""
+    """Raise UsageError for a plan without an aircraft."""
     if Path(what).suffix in PLAN_FILES and not robots:
         raise click.UsageError("a plan is flown by one aircraft: --robot NAME")
 
@@ -309,7 +309,7 @@ def _roles_of(what: str) -> list[str]:
 
 
 def _chosen(robots: tuple[str, ...], what: str) -> dict[str, list[str]]:
-    """Return the robots that a person chose, by role; without a role where the mission has only one."""
+    """Return the chosen robots by role; the role is optional if the mission has only one."""
     chosen: dict[str, list[str]] = {}
     for each in robots:
         role, equals, name = each.rpartition("=")

@@ -1,7 +1,7 @@
-"""As little of a fleet file as a stop needs: the edge's id, and how its bus is reached.
+"""The part of a fleet file that a stop needs: the edge's id and its bus settings.
 
-Read without its models and adapters: an error anywhere else, a secret that is not there or a plugin that
-hangs keeps nobody from stopping the robots.
+Read without models and adapters, so that an error elsewhere, a missing secret or a hanging plugin cannot
+prevent a stop.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ _ID_IN_TEXT = re.compile(
 
 
 class Outline(msgspec.Struct, frozen=True):
-    """How to reach the edge of a file, as far as it can be read; ``problems`` says what could not."""
+    """Bus settings of a file's edge, as far as they are readable; ``problems`` lists the unreadable parts."""
 
     settings: BusSettings
     problems: tuple[str, ...] = ()
 
 
 def outline(file: str, environ: Mapping[str, str] = os.environ) -> Outline:
-    """Read a file; never raises for what is in it. An edge without an id is left with an empty one."""
+    """Read a file; never raises for its content. An edge without a readable id has an empty one."""
     path = Path(file)
     document = read_sections(path, environ, ("edge", "bus"))
     data = document.data if isinstance(document.data, dict) else {}
@@ -54,7 +54,7 @@ def outline(file: str, environ: Mapping[str, str] = os.environ) -> Outline:
 
 
 def _edge(data: Mapping[str, object], document: Document) -> str:
-    """Return the edge's id, from the text where the section is broken; empty when there is none."""
+    """Return the edge's id, by text search if the section is broken; empty if there is none."""
     found = _text(_mapping(data, "edge"), "id") or ""
     if not found:
         text = "\n".join(line for lines in document.lines.values() for line in lines)
@@ -64,24 +64,24 @@ def _edge(data: Mapping[str, object], document: Document) -> str:
 
 
 def _mapping(data: Mapping[str, object], name: str) -> Mapping[str, object]:
-    """Return a section; empty when it is none."""
+    """Return a section; empty if it is no mapping."""
     section = data.get(name)
     return section if isinstance(section, dict) else {}
 
 
 def _text(section: Mapping[str, object], name: str) -> str | None:
-    """Return a text of a section, None when there is none; a number may be meant as one."""
+    """Return a text of a section, None if there is none; numbers are converted."""
     value = section.get(name)
     return None if value is None or isinstance(value, dict | list) or value == "" else str(value)
 
 
 def _texts(value: object) -> tuple[str, ...]:
-    """Return a list of texts; what is none is left out."""
+    """Return a list of texts; other items are skipped."""
     return tuple(one for one in value if isinstance(one, str)) if isinstance(value, list) else ()
 
 
 def _tls(bus: Mapping[str, object], folder: Path) -> BusTls:
-    """Return the certificates, whose files stand beside the fleet file."""
+    """Return the certificates, whose paths are relative to the fleet file."""
     tls = _mapping(bus, "tls")
     places = {name: str(folder / given) for name in ("root_ca", "cert", "key") if (given := _text(tls, name))}
     return BusTls(

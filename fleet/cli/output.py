@@ -1,4 +1,4 @@
-"""What every command shares: exit codes, results on stdout, the rest on stderr, tables, JSON, colours."""
+"""Shared by all commands: exit codes, results on stdout, notes on stderr, tables, JSON, colours."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from fleet.config.text import printable
 from fleet.errors import CommandError, ConfigError, FleetError, NotRunning, TimedOut
 
 GAP = "  "
-_TO_THE_TOP = "\x1b[H"  # ANSI: home, erase to the end of the line, erase to the end of the screen
+_TO_THE_TOP = "\x1b[H"  # ANSI: cursor home, erase to end of line, erase to end of screen
 _TO_ITS_END = "\x1b[K"
 _TO_THE_END = "\x1b[J"
-NARROWEST_TEXT = 24  # a last column narrower than this is shown below, not beside
+NARROWEST_TEXT = 24  # a narrower last column is shown below, not beside
 
 
 class ExitCode(enum.IntEnum):
-    """How a command ended; the only place where the numbers are given."""
+    """How a command ended; numbers are defined only here."""
 
     OK = 0
     RUNTIME_ERROR = 1
-    USAGE = 2  # the command line was wrong
+    USAGE = 2  # the command line is invalid
     CONFIG_INVALID = 3  # fleet.yaml cannot be used
     NOT_RUNNING = 4  # no edge answers
-    REJECTED = 5  # the host or the robot said no
+    REJECTED = 5  # refused by the host or the robot
     TIMEOUT = 6  # the robot did not answer in time
-    SOME_FAILED = 7  # of several robots, some
-    ENDED = 8  # a mission ended, and was not completed
-    UNKNOWN = 9  # nobody knows how a mission ended
-    INTERRUPTED = 130  # ctrl-c
+    SOME_FAILED = 7  # some of several robots failed
+    ENDED = 8  # a mission ended without being completed
+    UNKNOWN = 9  # the outcome of a mission is unknown
+    INTERRUPTED = 130  # Ctrl-C
 
 
 _EXIT_OF: Mapping[type[FleetError], ExitCode] = {
@@ -50,13 +50,13 @@ _EXIT_OF: Mapping[type[FleetError], ExitCode] = {
 
 
 def exit_code_of(error: FleetError) -> ExitCode:
-    """Return the exit code that tells this error; the most specific class decides."""
+    """Return the exit code of an error, by its most specific class."""
     codes = (_EXIT_OF[kind] for kind in type(error).__mro__ if kind in _EXIT_OF)
     return next(codes, ExitCode.RUNTIME_ERROR)
 
 
 def show_error(error: FleetError) -> None:
-    """Write an error to stderr; the problems of a fleet file each with its line and a caret."""
+    """Write an error to stderr; errors in a fleet file with their line and a caret."""
     problems = getattr(error, "problems", ())
     for problem in problems:
         sys.stderr.write(f"{problem.shown()}\n")
@@ -72,14 +72,14 @@ def counted(number: int, word: str) -> str:
 
 
 _WORSE = (ExitCode.TIMEOUT, ExitCode.REJECTED)
-"""What one robot's answer may be besides ok, the worst first: nobody knows what a silent one does."""
+"""Failures of one robot, worst first: without an answer its state is unknown."""
 _TOGETHER = {ExitCode.OK: "ok", ExitCode.REJECTED: "refused or failed", ExitCode.TIMEOUT: "not known"}
 
 
 def together(out: Output, answered: Sequence[tuple[str, ExitCode]]) -> ExitCode:
-    """Say in one line how several robots answered, by name; return what that means together.
+    """Summarise the answers of several robots on one line; return the common exit code.
 
-    All alike: that; some ok: 7; none ok: the worst. One robot alone needs no such line.
+    All equal: that code; some ok: 7; none ok: the worst. A single robot gets no such line.
     """
     by_code: dict[ExitCode, list[str]] = {}
     for name, code in answered:
@@ -96,7 +96,7 @@ def together(out: Output, answered: Sequence[tuple[str, ExitCode]]) -> ExitCode:
 
 
 class Output:
-    """Where one command writes. With ``as_json`` only ``data`` reaches stdout, and nothing else does."""
+    """Output of one command. With ``as_json``, only ``data`` writes to stdout."""
 
     def __init__(
         self,
@@ -117,21 +117,21 @@ class Output:
 
     @property
     def width(self) -> int | None:
-        """The columns of the terminal; None where the output is none."""
+        """The columns of the terminal; None if the output is none."""
         return self._width if self.height is not None else None
 
     @property
     def height(self) -> int | None:
-        """The lines of the terminal; None where the output is none."""
+        """The lines of the terminal; None if the output is none."""
         return self._height
 
     def say(self, text: str) -> None:
-        """Write a result for people."""
+        """Write a line of a result for people."""
         if not self.as_json:
             self._out.write(f"{printable(text)}\n")
 
     def note(self, text: str) -> None:
-        """Write what is no result to stderr; where that is full or gone, robots run all the same."""
+        """Write a note to stderr; an error there (full disk, no reader) must not stop the robots."""
         with contextlib.suppress(OSError):
             self._err.write(f"{printable(text)}\n")
 
@@ -147,12 +147,12 @@ class Output:
             self._out.write("".join(f"{self.colored(line)}\n" for line in lines))
 
     def lines(self, lines: Iterable[str]) -> None:
-        """Write lines for people that are safe to print and fit already."""
+        """Write lines for people that are printable and fit."""
         if not self.as_json:
             self._out.write("".join(f"{self.colored(line)}\n" for line in lines))
 
     def screen(self, lines: Iterable[str]) -> None:
-        """Write lines in place of those before; below them where the output is no terminal."""
+        """Replace the previous lines on a terminal; otherwise append them."""
         if self.height is None:
             self.lines([*lines, ""])
         else:
@@ -166,7 +166,7 @@ class Output:
         self._out.flush()
 
     def colored(self, line: str) -> str:
-        """Return a line with the words of ``COLORS`` coloured, when colours are on."""
+        """Return a line with the words of ``COLORS`` coloured, if colours are on."""
         if not self.color:
             return line
         return " ".join(
@@ -185,7 +185,7 @@ COLORS = {
 
 
 def with_output(function: Callable[..., object]) -> Callable[..., object]:
-    """Give a command the options --json and --no-color and, as its first argument, its Output."""
+    """Add the options --json and --no-color, and pass an Output as the first argument."""
 
     @click.option("--json", "as_json", is_flag=True, help="Print one JSON document for programs.")
     @click.option("--no-color", is_flag=True, help="Print without colours (as NO_COLOR=1 does).")
@@ -203,8 +203,8 @@ def with_output(function: Callable[..., object]) -> Callable[..., object]:
 def table_lines(headings: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[str]:
     """Return the lines of a table that fits ``width`` columns.
 
-    The last column takes what is left and wraps between words. Where that would be too narrow, each row
-    becomes a block of  ``heading: value``  lines. A single word longer than the line stays whole.
+    The last column takes the remaining width and wraps between words. If that is too narrow, each row becomes
+    a block of  ``heading: value``  lines. A single word longer than the line stays whole.
     """
     cells = [[printable(cell) for cell in row] for row in rows]
     columns = list(zip(headings, *cells, strict=True))

@@ -1,7 +1,7 @@
-"""The robots and edges that run, as lines that fit a screen; pure.
+"""The running robots and edges as lines that fit a screen; pure.
 
-The worst robots come first. Columns that do not fit are left out whole, the least needed first, and so are
-rows; a line says what is missing. Equal remarks about several robots are one line.
+The worst robots come first. Columns that do not fit are omitted as a whole, least important first, and so are
+rows; a line names the omissions. Equal remarks about several robots become one line.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from fleet.health.causes import folded, without_name
 from fleet.model.health import Level
 from fleet.model.state import EdgeState, RobotState
 
-WORTH_TELLING = 0.2  # s that a sender's clock is off, or its way late
-NAMED = 3  # robots that a folded remark names
-EDGES_SHOWN = 4  # on a screen; the rest is counted
+WORTH_TELLING = 0.2  # s of clock offset or latency of a sender
+NAMED = 3  # robots named in a folded remark
+EDGES_SHOWN = 4  # on a screen; the others are counted
 LONGEST = 3  # lines of a remark, or of an edge, on a screen
-SHORTEST_CELL = 8  # columns that are left for a cut last column
+SHORTEST_CELL = 8  # columns of a truncated last column, at least
 LEVELS = {level.word: level for level in Level}
 _NUMBER = re.compile(r"(\d+)")
 
 
 class Column(NamedTuple):
-    """One column; the one of the highest ``rank`` is left out first; cells are cut to ``most`` columns."""
+    """One column; the highest ``rank`` is omitted first; cells are truncated to ``most`` columns."""
 
     heading: str
     rank: int
@@ -43,9 +43,9 @@ def overview(
     width: int | None = None,
     height: int | None = None,
 ) -> list[str]:
-    """Return the lines; ``width`` and ``height`` are those of the screen, None where there is no bound.
+    """Return the lines; ``width`` and ``height`` are those of the screen, None without a limit.
 
-    One line of the height is left to the prompt.
+    One line of the height is left for the prompt.
     """
     ordered = sorted(states, key=_worst_first)
     names = names_of(ordered)
@@ -66,7 +66,7 @@ def overview(
 def _fitted(
     table: list[str], told: list[list[str]], states: Sequence[RobotState], room: int
 ) -> Iterator[str]:
-    """Yield as much of a table and the remarks below it as ``room`` lines hold, and what is missing."""
+    """Yield the part of a table and its remarks that fits ``room`` lines, and what is omitted."""
     needed = sum(map(len, told))
     if len(table) + needed <= room:
         yield from table
@@ -89,12 +89,12 @@ def _fitted(
 
 
 def _more(states: Sequence[RobotState]) -> str:
-    """Say which robots have no row."""
+    """Describe the robots without a row."""
     return f"and {len(states)} more ({_by_health(states)}): fleet ps --all"
 
 
 def summary(states: Sequence[RobotState], edges: Sequence[EdgeState]) -> str:
-    """Return in one line how many robots there are, how they are, and whether they are real."""
+    """Return the number, health and kind (simulated, real) of the robots, on one line."""
     parts = [counted(len(states), "robot") + (f" on {len(edges)} edges" if len(edges) > 1 else "")]
     if states:
         stopped = sum(state.emergency_stop for state in states)
@@ -107,36 +107,36 @@ def summary(states: Sequence[RobotState], edges: Sequence[EdgeState]) -> str:
 
 
 def _by_health(states: Iterable[RobotState]) -> str:
-    """Return how many robots have which health, the worst first."""
+    """Return the number of robots by health, worst first."""
     found = Counter(state.health for state in states)
     return ", ".join(f"{found[word]} {word}" for word in sorted(found, key=_level, reverse=True))
 
 
 def names_of(states: Sequence[RobotState]) -> list[str]:
-    """Return what the commands call each robot: with its edge where several have one of its name."""
+    """Return the name of each robot for commands, with its edge if several have the same name."""
     found = Counter(state.name for state in states)
     return [state.name if found[state.name] == 1 else f"{state.edge}/{state.name}" for state in states]
 
 
 def _worst_first(state: RobotState) -> tuple[object, ...]:
-    """Return what robots are ordered by: how bad it is, then their names, numbers in them as such."""
+    """Sort key: by health, then by name, with numbers in natural order."""
     parts = _NUMBER.split(state.name)
     natural = tuple((0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts)
     return -_level(state.health), not state.emergency_stop, natural, state.edge
 
 
 def _level(word: str) -> int:
-    """Return how bad a health is; a word that is not known is bad."""
+    """Return the severity of a health; an unknown word counts as a fault."""
     return LEVELS.get(word, Level.FAULT)
 
 
-# -- the table -----------------------------------------------------------------------------------------
+# -- table ---------------------------------------------------------------------------------------------
 
 
 def _table(
     states: Sequence[RobotState], names: Sequence[str], width: int | None, *, several: bool
 ) -> tuple[list[str], list[str]]:
-    """Return the lines of the table, and the headings of the columns that do not fit."""
+    """Return the lines of the table, and the headings of the omitted columns."""
     if not states:
         return [], []
     placed = any(state.site is not None for state in states)
@@ -173,26 +173,26 @@ def _table(
 
 
 def _sized(heading: str, cells: Sequence[str], most: int | None) -> list[str]:
-    """Return a column as cells of one size, the heading first."""
+    """Return a column as cells of one width, with the heading first."""
     made = [heading.upper(), *(_cut(printable(cell), most) for cell in cells)]
     size = max(map(len, made))
     return [cell.ljust(size) for cell in made]
 
 
 def _least(shown: Sequence[tuple[str, int, list[str]]]) -> int:
-    """Return the columns that a table needs at least: its last one may be cut."""
+    """Return the minimal width of a table, whose last column may be truncated."""
     sizes = [len(column[0]) for _, _, column in shown]
     last = min(sizes[-1], max(SHORTEST_CELL, len(shown[-1][0])))
     return sum(sizes[:-1]) + last + len(GAP) * (len(sizes) - 1)
 
 
 def _cut(text: str, width: int | None) -> str:
-    """Return text that has ``width`` columns at the most."""
+    """Return text truncated to ``width`` columns."""
     return text if width is None or len(text) <= width else f"{text[: max(width - 1, 0)]}…"
 
 
 def _wrapped(text: str, width: int | None, most: int | None) -> list[str]:
-    """Return text broken between words into ``most`` lines, the further ones indented."""
+    """Return text broken between words into at most ``most`` lines, continuation lines indented."""
     text = printable(text)
     if width is None or len(text) <= width:
         return [text]
@@ -203,9 +203,9 @@ def _wrapped(text: str, width: int | None, most: int | None) -> list[str]:
 
 
 def place_of(state: RobotState, *, placed: bool = True) -> str:
-    """Return where a robot is, metres: in the site's frame; ``own``: in its own, for want of the site's.
+    """Return the position of a robot in metres in the site's frame, else in its own frame (``own``).
 
-    ``placed``: some of the robots that are shown beside it are in the site's frame.
+    ``placed``: some robots in the same view are in the site's frame.
     """
     if state.site is not None:
         at, frame = state.site, ""
@@ -217,29 +217,29 @@ def place_of(state: RobotState, *, placed: bool = True) -> str:
 
 
 def speed_of(state: RobotState) -> str:
-    """Return how fast a robot moves, m/s."""
+    """Return the speed of a robot, m/s."""
     return "-" if state.speed is None else f"{state.speed:.1f}"
 
 
 def age_of(state: RobotState) -> str:
-    """Return how long ago a robot was heard last."""
+    """Return the time since the last report of a robot."""
     return "-" if state.age is None else duration(state.age)
 
 
 def duration(seconds: float) -> str:
-    """Return a time in the largest unit of which it is one."""
+    """Return a time in the largest unit of which it has at least one."""
     sizes = ((86_400, "d"), (3600, "h"), (60, "min"))
     size, unit = next(((size, unit) for size, unit in sizes if seconds >= size), (1, "s"))
     return f"{max(seconds, 0.0) / size:.0f} {unit}"
 
 
 def last_of(state: RobotState) -> str:
-    """Return the last command and how it ended."""
+    """Return the last command with its outcome."""
     return f"{state.last_command}: {state.last_outcome}" if state.last_command else "-"
 
 
 def mode_of(state: RobotState) -> str:
-    """Return mode and arming in a word or two."""
+    """Return mode and arming as a word or two."""
     armed = {True: " armed", False: "", None: ""}[state.armed]
     return f"{state.mode or '-'}{armed}"
 
@@ -249,13 +249,13 @@ def battery_of(state: RobotState) -> str:
     return "-" if state.battery is None else f"{state.battery:.0f} %"
 
 
-# -- what there is to say ------------------------------------------------------------------------------
+# -- remarks -------------------------------------------------------------------------------------------
 
 
 def remarks(states: Sequence[RobotState], names: Sequence[str]) -> list[str]:
-    """Return what is to be said of robots, equal words once, in the order of the first of them.
+    """Return the remarks about robots, equal ones once, in order of the first.
 
-    Words are equal that differ in measured figures, or in the robot's own name, alone.
+    Remarks are equal if they differ only in measured figures or in the robot's own name.
     """
     groups: dict[str, list[tuple[str, str, str]]] = {}
     for name, state in zip(names, states, strict=True):
@@ -269,7 +269,7 @@ def remarks(states: Sequence[RobotState], names: Sequence[str]) -> list[str]:
 
 
 def _remarks(state: RobotState) -> Iterator[str]:
-    """Yield what there is to say of one robot."""
+    """Yield the remarks about one robot."""
     if state.cause:
         yield state.cause
     for sender, offset in state.senders.items():
@@ -282,7 +282,7 @@ def _remarks(state: RobotState) -> Iterator[str]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Return some names, and how many more there are."""
+    """Return some names, and the number of the others."""
     more = len(names) - NAMED
     if more <= 0:
         return ", ".join(names)
@@ -290,7 +290,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _edge_lines(edges: Sequence[EdgeState], most: int | None) -> list[str]:
-    """Return the lines of the edges, the worst first, ``most`` of them."""
+    """Return the lines of the edges, worst first, at most ``most``."""
     ordered = sorted(edges, key=lambda edge: (-_level(edge.health), edge.edge))
     if most is None or len(ordered) <= most:
         return [edge_line(edge) for edge in ordered]
@@ -300,7 +300,7 @@ def _edge_lines(edges: Sequence[EdgeState], most: int | None) -> list[str]:
 
 
 def edge_line(edge: EdgeState) -> str:
-    """Return an edge in one line."""
+    """Return an edge on one line."""
     robots = ", ".join(f"{number} {word}" for word, number in edge.robots.items()) or "no robots"
     cause = f" ({edge.cause})" if edge.cause else ""
     return (
@@ -310,10 +310,10 @@ def edge_line(edge: EdgeState) -> str:
 
 
 def cloud_line(edge: EdgeState) -> str:
-    """Return how far the cloud is and what waits for it or was lost, as far as there is anything to say.
+    """Return the latency of the cloud, and the numbers of waiting, dropped and refused messages, if any.
 
-    States that only wait for their turn are no backlog: a newer one replaces them. Nor is what the cloud
-    could take, if anybody there subscribed to it.
+    Waiting states are no backlog, because newer ones replace them; neither are messages without a subscriber
+    in the cloud.
     """
     waiting = max(0, edge.spooled - edge.unheard)
     parts = [

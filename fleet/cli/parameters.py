@@ -1,4 +1,4 @@
-"""The text of a parameter file: one ``NAME VALUE`` a line; those of ground stations are read, too."""
+"""Format of a parameter file: one ``NAME VALUE`` per line; also reads those of ground stations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LONGEST = 2_000_000  # bytes
 
 
 def written(values: Values, title: str) -> str:
-    """Return the file; a value that is no number is left out, with a remark."""
+    """Return the content of a file; values that are no numbers are written as comments."""
     lines = [f"# {title}"]
     for name, value in sorted(values.items()):
         lines.append(f"{name} {shown(value)}" if value is not None else f"# {name} is no number")
@@ -23,7 +23,7 @@ def written(values: Values, title: str) -> str:
 
 
 def shown(value: float | None) -> str:
-    """Return the shortest text that gives the same number on the wire, which carries 32 bits."""
+    """Return the shortest text of the same number on the wire, which carries 32 bits."""
     if value is None:
         return "-"
     if value == int(value) and abs(value) < 1e9:
@@ -33,7 +33,7 @@ def shown(value: float | None) -> str:
 
 
 def same(one: float | None, other: float | None) -> bool:
-    """Return whether two values are one and the same on the wire."""
+    """Return True if two values are equal on the wire."""
     if one is None or other is None or one == other:
         return one == other
     try:
@@ -43,9 +43,9 @@ def same(one: float | None, other: float | None) -> bool:
 
 
 def read(path: Path) -> dict[str, float]:
-    """Return the values of a file; raises ConfigError naming the line that cannot be read.
+    """Return the values of a file; raises ConfigError with the line of an error.
 
-    Taken are ``NAME VALUE`` and ``NAME,VALUE``, and the five columns of QGroundControl.
+    Accepted are ``NAME VALUE``, ``NAME,VALUE``, and the five columns of QGroundControl.
     """
     try:
         text = path.read_text(encoding="utf-8") if path.stat().st_size <= _LONGEST else None

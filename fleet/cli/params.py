@@ -81,7 +81,7 @@ def set_one(out: Output, robot: str, name: str, value: float, *, force: bool, fi
         data = {"name": name, "value": value, "force": force}
         answers = query_all(edges, edges.named(robot), "set_parameter", data, timeout=_ONE_WITHIN)
     if len(answers) == 1:
-        answers[0].get()  # raises
+        answers[0].get()  # raises the error
     done, failed = _sorted_out(answers, Set)
     out.data(answers[0].data if len(answers) == 1 else {"robots": done, "failed": failed})
     for which, answer in done.items():
@@ -116,7 +116,7 @@ def backup(out: Output, robot: str, path: Path, *, file: str | None) -> ExitCode
 @click.pass_obj
 @with_output
 def diff(out: Output, robot: str, path: Path, *, file: str | None) -> ExitCode:
-    """Show in which parameters ROBOT differs from FILE; exit code 7 when in any."""
+    """Show the differences between the parameters of ROBOT and FILE; exit code 7 if there are any."""
     wanted = read(path)
     with Edges.reach(file) as edges:
         found = _read(RobotQuery(edges, robot), ())
@@ -139,7 +139,7 @@ def _question(names: tuple[str, ...]) -> tuple[str, dict[str, object]]:
 
 
 def _patience(names: tuple[str, ...]) -> float:
-    """Return the seconds that an answer may take."""
+    """Return the timeout of an answer in seconds."""
     return _ONE_WITHIN if names else _ALL_WITHIN
 
 
@@ -149,7 +149,7 @@ def _read(asker: RobotQuery, names: tuple[str, ...]) -> Found:
 
 
 def _sorted_out(answers: list[QueryResult], kind: type[AnswerT]) -> tuple[dict[str, AnswerT], dict[str, str]]:
-    """Return what robots answered, by name, and why others did not."""
+    """Return the answers of robots by name, and the errors of the others."""
     found: dict[str, AnswerT] = {}
     failed: dict[str, str] = {}
     for each in answers:
@@ -161,7 +161,7 @@ def _sorted_out(answers: list[QueryResult], kind: type[AnswerT]) -> tuple[dict[s
 
 
 def _ended(out: Output, found: dict[str, AnswerT], failed: dict[str, str]) -> ExitCode:
-    """Say which robots of several failed; return what it means together."""
+    """Report which of several robots failed; return the common exit code."""
     for why in failed.values():
         out.note(why)
     done = [(name, ExitCode.OK) for name in found]
@@ -169,8 +169,8 @@ def _ended(out: Output, found: dict[str, AnswerT], failed: dict[str, str]) -> Ex
 
 
 def _checked(said: object, kind: type[AnswerT], robot: str) -> AnswerT:
-    """Return an answer that has the shape it should; raises Refused for another."""
+    """Return a valid answer; raises Refused for an invalid one."""
     try:
         return convert_strictly(said, kind)
     except msgspec.ValidationError as error:
-        raise Refused(f"{robot} answers what are no parameters: {error}") from None
+        raise Refused(f"{robot} does not answer with parameters: {error}") from None

@@ -1,4 +1,4 @@
-"""``fleet ps``: the robots that run, and how they are."""
+"""``fleet ps``: the running robots and their health."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from fleet.client.edges import Edges
 from fleet.errors import FleetError, NotRunning
 from fleet.model.state import EdgeState, RobotState
 
-EVERY = 1.0  # s between two looks of --watch
+EVERY = 1.0  # s between polls of --watch
 
 
 class FleetState(msgspec.Struct, frozen=True):
-    """What was found in one look; ``problems`` says in words which edges did not answer."""
+    """Result of one poll; ``problems`` describes the edges that did not answer."""
 
     edges: list[EdgeState] = []
     states: list[RobotState] = []
@@ -30,7 +30,7 @@ class FleetState(msgspec.Struct, frozen=True):
 
 @click.command()
 @click.option("--all", "everything", is_flag=True, help="Show everything, also beyond the screen.")
-@click.option("--watch", is_flag=True, help="Look again every second until Ctrl-C; a JSON line each.")
+@click.option("--watch", is_flag=True, help="Repeat every second until Ctrl-C; with --json one line each.")
 @click.option("--site", "wide", flag_value="site", help="Show the edges of this site, by cause.")
 @click.option("--fleet", "wide", flag_value="fleet", help="Show all edges that routers reach, by cause.")
 @reach_option
@@ -38,8 +38,8 @@ class FleetState(msgspec.Struct, frozen=True):
 def ps(out: Output, *, everything: bool, watch: bool, wide: str | None, file: str | None) -> None:
     """Show the running robots and their health.
 
-    Asks every edge that runs on this machine, or the edge of the fleet file. The worst health comes first; a
-    terminal shows as many robots as fit, and the number of the others.
+    Queries every edge that runs on this machine, or the edge of the fleet file. The worst health comes first;
+    a terminal shows as many robots as fit, and the number of the others.
 
     SIM is sim for a simulated robot (its link begins with sim:), else real. SITE or POSITION is x y z in
     metres, in the site's frame; "own" marks one in the robot's own frame. AGE is the time since the robot's
@@ -57,7 +57,7 @@ def ps(out: Output, *, everything: bool, watch: bool, wide: str | None, file: st
         _watch(out, file, everything=everything)
         return
     with Edges.reach(file) as edges:
-        found = _look(edges)
+        found = _poll(edges)
     if not found.edges:
         raise NotRunning("; ".join(found.problems))
     for problem in found.problems:
@@ -66,15 +66,15 @@ def ps(out: Output, *, everything: bool, watch: bool, wide: str | None, file: st
     out.lines(overview(found.states, found.edges, width=out.width, height=None if everything else out.height))
 
 
-def _look(edges: Edges) -> FleetState:
-    """Ask the edges once."""
+def _poll(edges: Edges) -> FleetState:
+    """Poll the edges once."""
     found, states = edges.edges(), edges.states()
     return FleetState(found, states, [*edges.unreached, *edges.silent(found)])
 
 
 def _watch(out: Output, file: str | None, *, everything: bool) -> None:
-    """Show what is found, again and again, until interrupted."""
-    for found in _looks(file):
+    """Show the state repeatedly, until interrupted."""
+    for found in _polls(file):
         if out.as_json:
             out.line(json.dumps(_document(found) | {"problems": found.problems}, default=str))
             continue
@@ -83,16 +83,16 @@ def _watch(out: Output, file: str | None, *, everything: bool) -> None:
         out.screen([*found.problems, *lines])
 
 
-def _looks(file: str | None) -> Iterator[FleetState]:
-    """Yield what is found once a second; edges that come, go or fall silent are reached anew."""
+def _polls(file: str | None) -> Iterator[FleetState]:
+    """Yield the state once per second; reconnects when edges appear, disappear or fall silent."""
     while True:
         try:
             with Edges.reach(file) as edges:
-                found = _look(edges)
+                found = _poll(edges)
                 while found.edges and not found.problems and edges.are_all(file):
                     yield found
                     time.sleep(EVERY)
-                    found = _look(edges)
+                    found = _poll(edges)
                 yield found
         except FleetError as error:
             yield FleetState(problems=[str(error)])
@@ -100,7 +100,7 @@ def _looks(file: str | None) -> Iterator[FleetState]:
 
 
 def _document(found: FleetState) -> dict[str, object]:
-    """Return what was found, for programs."""
+    """Return the state for programs."""
     return {
         "edges": [for_programs(edge) for edge in found.edges],
         "robots": [for_programs(state) for state in found.states],
@@ -108,6 +108,6 @@ def _document(found: FleetState) -> dict[str, object]:
 
 
 def for_programs(value: msgspec.Struct) -> dict[str, object]:
-    """Return a value with all its fields, also those that have their default."""
+    """Return a value with all its fields, including defaults."""
     fields: dict[str, object] = msgspec.to_builtins(msgspec.structs.asdict(value))
     return fields

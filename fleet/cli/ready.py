@@ -1,4 +1,4 @@
-"""``fleet ready``: what robots still need before they can begin, in their own words."""
+"""``fleet ready``: the missing preconditions of robots, in their own words."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class _Answer(msgspec.Struct):
 def ready(out: Output, robot: str, *, file: str | None) -> ExitCode:
     """Show whether ROBOT would take off now: a check list with its autopilot's own words.
 
-    Of a group each robot has one line, with its health and what stands against it. Exit code 5 when something
-    does, 7 when it does for some of a group.
+    Each robot of a group has one line, with its health and the reasons against it. Exit code 5 if there is a
+    reason, 7 if there is one for some robots of a group.
     """
     with Edges.reach(file) as edges:
         answers = query_all(edges, edges.named(robot), "check_ready", timeout=_WITHIN)
@@ -57,7 +57,7 @@ def ready(out: Output, robot: str, *, file: str | None) -> ExitCode:
 
 
 def _group(out: Output, answers: list[QueryResult]) -> ExitCode:
-    """Show the robots of a group, each in one line."""
+    """Show the robots of a group, one line each."""
     rows, document, codes = [], [], []
     for each in answers:
         name, health = each.robot.name, each.robot.health
@@ -79,7 +79,7 @@ def _group(out: Output, answers: list[QueryResult]) -> ExitCode:
 
 
 def _against(answer: _Answer) -> str:
-    """Return what stands against a take-off."""
+    """Return the reasons against a take-off."""
     if answer.ready:
         return ""
     return "; ".join(
@@ -88,8 +88,8 @@ def _against(answer: _Answer) -> str:
 
 
 def _checked(answered: QueryResult) -> _Answer:
-    """Return the check list; raises Refused for what is none, TimedOut without an answer."""
+    """Return the check list; raises Refused for an invalid one, TimedOut without an answer."""
     try:
         return convert_strictly(answered.get(), _Answer)
     except msgspec.ValidationError as error:
-        raise Refused(f"{answered.robot.name} answers what is no check list: {error}") from None
+        raise Refused(f"{answered.robot.name} does not answer with a check list: {error}") from None

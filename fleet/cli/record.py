@@ -1,4 +1,4 @@
-"""``fleet record``: what happens, in files that Foxglove opens."""
+"""``fleet record``: record reports and requests to files for Foxglove."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from fleet.client.edges import settings_of
 from fleet.clock import SystemClock
 from fleet.host.runtime.termination_signals import end_by_signal
 from fleet.record.child import EXTRA, is_installed
-from fleet.record.priority import give_way
+from fleet.record.priority import lower_priority
 from fleet.record.task import FOLDER, MIB, RecordTask
 from fleet.runtime.event_loop import run
 
 
 def _until(context: click.Context, option: click.Parameter, text: str | None) -> float:
-    """Return the Unix seconds of a time; endless for nothing said."""
+    """Return the Unix seconds of a time; infinite without one."""
     return math.inf if text is None else time_of(context, option, text)
 
 
@@ -44,7 +44,7 @@ of_file_option = click.option("-f", "--file", type=click.Path(), help="The fleet
     type=click.Path(file_okay=False, path_type=Path),
     default=FOLDER,
     show_default=True,
-    help="The folder, for this recorder alone.",
+    help="The folder, for this recorder only.",
 )
 @click.option(
     "--for", "length", callback=length_option, help="How long: 30s, 10min, 1h. Left out: until Ctrl-C."
@@ -55,7 +55,7 @@ of_file_option = click.option("-f", "--file", type=click.Path(), help="The fleet
 def record(
     context: click.Context, out: Output, *, into: Path, length: float, file: str | None
 ) -> ExitCode | None:
-    """Record what robots report and are told, in MCAP files that Foxglove opens.
+    """Record reports and requests of robots in MCAP files, which Foxglove opens.
 
     Records every edge that runs on this computer, now or later, or the one of the file. The oldest files are
     deleted after 24 hours or beyond 2 GiB.
@@ -72,7 +72,7 @@ async def _record(out: Output, task: RecordTask, length: float) -> ExitCode:
     """Record until a signal or the end of the time."""
     from fleet.record.recording import record as recorded  # noqa: PLC0415 - its packages are an extra
 
-    give_way()
+    lower_priority()
     ended = asyncio.Event()
     end_by_signal(ended.set)
     if math.isfinite(length):
@@ -94,7 +94,7 @@ async def _record(out: Output, task: RecordTask, length: float) -> ExitCode:
 @of_file_option
 @with_output
 def list_files(out: Output, *, folder: Path | None, file: str | None) -> None:
-    """Show the files of a recording; one that is still written, or was cut off, has no count yet."""
+    """Show the files of a recording; one in progress, or cut off, has no count yet."""
     from fleet.record.export import recorded_in  # noqa: PLC0415 - its packages are an extra
 
     found = recorded_in(_folder(folder, file))
@@ -133,7 +133,7 @@ def export(
 
 
 def _folder(given: Path | None, file: str | None) -> Path:
-    """Return the folder that is meant; raises an error of the command line without the extra."""
+    """Return the selected folder; raises an error of the command line without the extra."""
     if not is_installed():
         raise click.ClickException(EXTRA)
     if given is not None or file is None:

@@ -1,4 +1,4 @@
-"""A rehearsal on the command line: followed while it goes, then shown as a page."""
+"""A rehearsal on the command line: follow it, then show its result."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from fleet.missions.report import StartAsk
 from fleet.missions.words import told_line
 
 LOOK = 0.3  # s
-QUIET = 2.0  # s without news after which it is told how far it is
+QUIET = 2.0  # s without news after which the progress is shown
 
 
 def follow_rehearsal(  # noqa: PLR0917 - all of one call
     out: Output, edges: Edges, edge: str, name: str, ask: StartAsk, again: str
 ) -> ExitCode:
-    """Rehearse a mission, follow that to its end and show it; ``again`` is the command that starts it.
+    """Rehearse a mission, follow it to its end and show the result; ``again`` is the command that starts it.
 
-    Raises Refused when there can be none, TimedOut when the edge does not answer. Ctrl-C ends it.
+    Raises Refused if it is not possible, TimedOut if the edge does not answer. Ctrl-C ends it.
     """
     key = keys.mission(edge, name)
     begun = edges.one(key, RehearsalState, ask, {"do": "rehearse"})
@@ -44,7 +44,7 @@ def follow_rehearsal(  # noqa: PLR0917 - all of one call
 
 
 def _followed(out: Output, edges: Edges, key: str, begun: RehearsalState) -> RehearsalResult:
-    """Tell what happens until there is a result; raises Refused when there is none."""
+    """Show notes until there is a result; raises Refused if the rehearsal fails."""
     known, told = 0, time.monotonic()
     while True:
         state = edges.one(key, RehearsalState, RehearsalAsk(begun.id, known), {"do": "rehearsal"})
@@ -65,12 +65,12 @@ def _followed(out: Output, edges: Edges, key: str, begun: RehearsalState) -> Reh
 
 
 def note_line(note: RehearsalNote) -> str:
-    """Return a line of the story: when (simulated seconds), where and what."""
+    """Return a line of the log: simulated seconds, step and text."""
     return f"{note.at:8.1f} s  {told_line(note.text, note.robot, note.step)}"
 
 
 def page(result: RehearsalResult, again: str) -> Iterator[str]:
-    """Yield the lines of a rehearsal's page."""
+    """Yield the lines of a rehearsal's result."""
     word = "passed" if result.passed else "not passed"
     yield f"rehearsal of {result.mission}: {word} ({result.outcome})"
     yield f"{result.seconds:g} s simulated in {result.took:g} s, seed {result.seed}"
@@ -95,16 +95,16 @@ def page(result: RehearsalResult, again: str) -> Iterator[str]:
 
 
 def _troubles(result: RehearsalResult) -> Iterator[str]:
-    """Yield what failed."""
+    """Yield the failures."""
     if result.troubles:
         yield from ("", "what failed", *(f"  {each}" for each in result.troubles))
 
 
 def _approaches(result: RehearsalResult) -> Iterator[str]:
-    """Yield how near robots came to each other."""
+    """Yield the closest approaches of robots."""
     yield from ("", "closest approach")
     for each in result.approaches:
         kept = f"{each.kept:g} m are kept"
         yield f"  {each.metres:6.2f} m  {' and '.join(each.robots)}, after {each.at:g} s; {kept}"
     if not result.approaches:
-        yield "  nobody knows: no two robots are placed in the site's frame, or none moved"
+        yield "  unknown: no two robots are placed in the site's frame, or none moved"

@@ -1,4 +1,4 @@
-"""``fleet release``: ending emergency stops, by who has seen who set them, when and why."""
+"""``fleet release``: release emergency stops, after showing who set them, when and why."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from fleet.model.state import RobotState
 def release(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | None) -> ExitCode:
     """Release ROBOTS (or groups) from their emergency stop, and show who set it, when and why.
 
-    Nothing moves by that: they stay where they are until somebody asks for more.
+    This moves nothing: they stay where they are until the next command.
     """
     if bool(robots) == everything:
         raise click.UsageError("name the robots to release, or --all")
@@ -41,13 +41,13 @@ def release(out: Output, robots: tuple[str, ...], *, everything: bool, file: str
         stopped = [state for state in meant.values() if state.emergency_stop]
         causes = _causes(edges, stopped)
         for state in stopped:
-            out.say(f"{state.name}: {_told(state, causes.get((state.edge, state.name)))}")
+            out.say(f"{state.name}: {_cause_words(state, causes.get((state.edge, state.name)))}")
         replies = _release(out, edges, stopped)
     for state in meant.values():
         if not state.emergency_stop and not everything:
             out.note(f"{state.name}: no emergency stop is set")
     if not stopped:
-        out.note("nobody is to be released")
+        out.note("no robot needs a release")
     released = [
         _for_programs(state, causes.get((state.edge, state.name)), reply)
         for state, reply in zip(stopped, replies, strict=True)
@@ -58,17 +58,17 @@ def release(out: Output, robots: tuple[str, ...], *, everything: bool, file: str
 
 
 def _release(out: Output, edges: Edges, stopped: Iterable[RobotState]) -> list[Reply]:
-    """Ask robots at once to be released; return their answers, which are shown."""
+    """Release robots concurrently; show and return their answers."""
     asked = []
     for state in stopped:
         payload = stamped({"command": RELEASE, "data": {}})
-        way = edges.command(state, payload, kind="command", wait=False, timeout=RECEIPT_WITHIN)
-        asked.append((state, way))
-    return [last_reply(out, state, way, RELEASE, RECEIPT_WITHIN) for state, way in asked]
+        pending = edges.command(state, payload, kind="command", wait=False, timeout=RECEIPT_WITHIN)
+        asked.append((state, pending))
+    return [last_reply(out, state, pending, RELEASE, RECEIPT_WITHIN) for state, pending in asked]
 
 
 def _for_programs(state: RobotState, cause: Record | None, reply: Reply) -> dict[str, object]:
-    """Return what became of one robot, for programs."""
+    """Return the result of one robot, for programs."""
     return {
         "robot": state.name,
         "edge": state.edge,
@@ -79,14 +79,14 @@ def _for_programs(state: RobotState, cause: Record | None, reply: Reply) -> dict
 
 
 def _causes(edges: Edges, stopped: Iterable[RobotState]) -> dict[tuple[str, str], Record]:
-    """Return what set the stop of each robot."""
+    """Return the cause of each robot's stop."""
     names = tuple({state.name for state in stopped})
     return stop_causes(edges.history(EventFilter(names, 0.0, MOST))) if names else {}
 
 
-def _told(state: RobotState, cause: Record | None) -> str:
-    """Say who stopped a robot, when and why."""
+def _cause_words(state: RobotState, cause: Record | None) -> str:
+    """Describe who stopped a robot, when and why."""
     if cause is None:
-        return f"stopped: {state.stop_cause or 'nobody knows why'}"
+        return f"stopped: {state.stop_cause or 'cause unknown'}"
     reason = cause.data.get("reason") or state.stop_cause or cause.text
     return f"stopped by {who(cause)}, {when(cause.stamp)}: {reason}"

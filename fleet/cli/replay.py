@@ -1,4 +1,4 @@
-"""``fleet replay``: a recording again, on a bus of its own or through today's adapters."""
+"""``fleet replay``: play a recording on a bus of its own, or through the present adapters."""
 
 from __future__ import annotations
 
@@ -24,16 +24,18 @@ if TYPE_CHECKING:
     from fleet.replay.through import Replayed
 
 SHOWN = 20
-"""Differences of one robot that are shown; ``--json`` has all."""
+"""Shown differences of one robot; ``--json`` has all."""
 
 
 @click.command()
 @click.argument("recording", type=click.Path(exists=True, path_type=Path))
 @click.option("--speed", type=click.FloatRange(0.01, 1000.0), default=1.0, show_default=True, help="Times.")
-@click.option("--start", callback=length_option, help="Begin so far into it: 30s, 10min, 1h.")
-@click.option("--for", "length", callback=length_option, help="How much of it. Left out: to its end.")
+@click.option("--start", callback=length_option, help="Begin at this offset: 30s, 10min, 1h.")
+@click.option("--for", "length", callback=length_option, help="Length of the part. Left out: to its end.")
 @click.option(
-    "--through-adapters", is_flag=True, help="Compare what adapters make of its raw frames; plays nothing."
+    "--through-adapters",
+    is_flag=True,
+    help="Compare the adapters' reports from its raw frames; plays nothing.",
 )
 @click.option("-f", "--file", type=click.Path(), help="The fleet file with the robots, for their adapters.")
 @click.option("--robot", "names", multiple=True, help="Only this robot of the file; may be repeated.")
@@ -51,13 +53,13 @@ def replay(
 ) -> ExitCode:
     """Play RECORDING, a file or a folder of fleet record, again.
 
-    Its states, reports, runs and events come on a bus of its own, as those of an edge with the name
-    replay-EDGE, in a folder that no other command looks into. So no robot hears of it, and  fleet ps  and
-    fleet console  show it only when they are started as it says. Requests and stops in it are not repeated,
-    and requests to its robots are refused.
+    Its states, reports, runs and events are published on a separate bus, as those of an edge with the name
+    replay-EDGE, in a folder that no other command uses. So no robot receives them, and  fleet ps  and fleet
+    console  show it only if started as it says. Requests and stops in it are not repeated, and requests to
+    its robots are refused.
 
     With --through-adapters the recorded bytes of the links are fed to the adapters of the fleet file, in the
-    time of the recording and as fast as possible, and it shows which reports differ from the recorded ones.
+    time of the recording and as fast as possible, and reports that differ from the recorded ones are shown.
     """
     if not is_installed():
         raise click.ClickException(EXTRA)
@@ -89,7 +91,7 @@ async def _play(out: Output, recording: Path, window: Window) -> ExitCode:
 
 
 def _through(out: Output, recording: Path, file: str, names: tuple[str, ...]) -> ExitCode:
-    """Compare robot by robot; those of which there are no frames are told."""
+    """Compare robot by robot; robots without frames are reported."""
     from fleet.config.load import load  # noqa: PLC0415 - slow to import
     from fleet.host.workers.worker_task import Importer, RobotTask  # noqa: PLC0415
     from fleet.replay.file import load_recording, replay_robot  # noqa: PLC0415 - its packages are an extra
@@ -111,11 +113,11 @@ def _through(out: Output, recording: Path, file: str, names: tuple[str, ...]) ->
             found.append(replay_robot(read, spec.plugin, spec.config))
         except Refused as error:
             refused[config.name] = str(error)
-    return _told(out, found, refused)
+    return _report(out, found, refused)
 
 
-def _told(out: Output, found: list[Replayed], refused: dict[str, str]) -> ExitCode:
-    """Show what differs, and what could not be compared."""
+def _report(out: Output, found: list[Replayed], refused: dict[str, str]) -> ExitCode:
+    """Show the differences, and the robots that could not be compared."""
     out.data({"robots": msgspec.to_builtins(found), "not_replayed": refused})
     for each in found:
         for difference in each.found[:SHOWN]:

@@ -1,4 +1,4 @@
-"""``fleet restore``: the backup of an edge, on this computer."""
+"""``fleet restore``: restore the backup of an edge on this computer."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ _FOLDER = click.Path(file_okay=False, path_type=Path)
 @click.command()
 @click.argument("archive", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--config", type=_FOLDER, help="Also write fleet.yaml and its files, to this folder.")
-@click.option("--service", is_flag=True, help="To the place of a service (/var/lib/fleet); needs root.")
+@click.option("--service", is_flag=True, help="To the state of a service (/var/lib/fleet); needs root.")
 @click.option("--state", type=_FOLDER, help="To this folder, where edge.spool.path names it.")
-@click.option("--replace", is_flag=True, help="Rename state that is there aside; overwrite configuration.")
+@click.option("--replace", is_flag=True, help="Rename existing state; overwrite configuration.")
 @with_output
 def restore(
     out: Output, archive: Path, *, config: Path | None, service: bool, state: Path | None, replace: bool
 ) -> None:
-    """Put the backup ARCHIVE of an edge on this computer.
+    """Restore the backup ARCHIVE of an edge on this computer.
 
-    Everything in it is checked before anything is written; the state appears whole or not at all. Every robot
-    is stopped afterwards: an emergency stop may have been set after the backup. fleet release shows
-    and releases them.
+    Everything in it is checked before anything is written; the state is restored completely or not at all.
+    Every robot is stopped afterwards: an emergency stop may have been set after the backup. fleet release
+    shows and releases them.
     """
     manifest, contents = read_archive(archive)
     _refuse_running(manifest.edge)
@@ -58,13 +58,13 @@ def restore(
 
 
 def _refuse_running(edge: str) -> None:
-    """Raise BackupError while the edge runs here, whoever runs it."""
+    """Raise BackupError while the edge runs here, as any user."""
     if any(is_running(edge, place) for place in runtime_dirs()):
         raise BackupError(f"edge {edge} runs here: stop it first, systemctl stop fleet-{edge} or Ctrl-C")
 
 
 def _next_steps(manifest: Manifest, before: Path | None) -> list[str]:
-    """Return what a person has to do now."""
+    """Return the remaining steps for the user."""
     steps = [f"the state before is in {before}"] if before else []
     if manifest.secrets:
         steps.append(f"write secrets.yaml (mode 600) with: {', '.join(manifest.secrets)}")

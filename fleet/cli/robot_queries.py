@@ -1,4 +1,4 @@
-"""Asking robots for something, for the commands that show what they answer."""
+"""Queries to robots, for commands that show the answers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fleet.model.state import RobotState
 
 
 class QueryResult(msgspec.Struct, frozen=True):
-    """What one robot answered: ``data``, or why it did not (``error``)."""
+    """Answer of one robot: ``data``, or the ``error``."""
 
     robot: RobotState
     data: Any = None
@@ -29,7 +29,7 @@ class QueryResult(msgspec.Struct, frozen=True):
 
 
 class RobotQuery:
-    """One robot that is asked; raises UnknownRobot, and Refused for a group."""
+    """Queries to one robot; raises UnknownRobot, and Refused for a group."""
 
     def __init__(self, edges: Edges, name: str) -> None:
         found = edges.named(name)
@@ -39,7 +39,7 @@ class RobotQuery:
         self._edges = edges
 
     def ask(self, command: str, data: dict[str, Any] | None = None, *, timeout: float) -> object:
-        """Return what the robot answers to a command; raises TimedOut, or Refused in its own words."""
+        """Return the robot's answer to a command; raises TimedOut, or Refused with its reason."""
         (answered,) = query_all(self._edges, [self.robot], command, data, timeout=timeout)
         return answered.get()
 
@@ -52,8 +52,8 @@ def query_all(
     *,
     timeout: float,
 ) -> list[QueryResult]:
-    """Ask robots the same, all at once; return what each answered."""
-    payload = stamped({"command": command, "data": data or {}})  # it is sent now
+    """Query several robots concurrently; return the answer of each."""
+    payload = stamped({"command": command, "data": data or {}})  # stamped when it is sent
     asked = [
         (robot, edges.command(robot, payload, kind="command", wait=True, timeout=timeout)) for robot in robots
     ]
@@ -61,7 +61,7 @@ def query_all(
 
 
 def _answered(robot: RobotState, command: str, replies: Iterator[Reply], timeout: float) -> QueryResult:
-    """Wait for a robot's last reply; return what it means."""
+    """Wait for a robot's last reply; convert it to a result."""
     last: Reply | None = None
     for last in replies:
         if last.done is not None or not last.ok:

@@ -1,4 +1,4 @@
-"""``fleet apply --fleet``: begins a roll-out of bundles, and drives it."""
+"""``fleet apply --fleet``: begin a roll-out of bundles, and drive it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fleet.client.local_user import local_user
 
 
 class WavesWanted(msgspec.Struct, frozen=True):
-    """What the options of a roll-out say."""
+    """The options of a roll-out."""
 
     waves: str
     stop_if: str
@@ -28,7 +28,7 @@ class WavesWanted(msgspec.Struct, frozen=True):
 
 
 def with_waves(function: Callable[..., object]) -> Callable[..., object]:
-    """Give a command the options of a roll-out as the argument ``wanted``."""
+    """Add the options of a roll-out to a command, as the argument ``wanted``."""
 
     @click.option(
         "--waves", default="1,10%,100%", show_default=True, help="With --fleet: edges of each wave."
@@ -44,7 +44,7 @@ def with_waves(function: Callable[..., object]) -> Callable[..., object]:
         default=20,
         show_default=True,
         type=click.IntRange(1, 10_000),
-        help="With --fleet: most edges that change at a time.",
+        help="With --fleet: limit of edges that change at a time.",
     )
     @click.option(
         "--within",
@@ -66,7 +66,7 @@ def with_waves(function: Callable[..., object]) -> Callable[..., object]:
         type=click.Path(dir_okay=False, path_type=Path),
         default="rollout.yaml",
         show_default=True,
-        help="With --fleet: the file that says where the store of roll-outs is.",
+        help="With --fleet: the file with the address of the store.",
     )
     @functools.wraps(function)
     def command(
@@ -87,7 +87,7 @@ def with_waves(function: Callable[..., object]) -> Callable[..., object]:
 
 def roll_out(out: Output, files: tuple[str, ...], wanted: WavesWanted) -> ExitCode:
     """Roll bundles out to their edges."""
-    from fleet.cli.bundle import read_bundle  # noqa: PLC0415 - keys are not needed by one edge
+    from fleet.cli.bundle import read_bundle  # noqa: PLC0415 - not needed for one edge
     from fleet.rollout.bundle import Bundle, BundleError, opened  # noqa: PLC0415
     from fleet.rollout.settings import read_settings  # noqa: PLC0415
     from fleet.rollout.waves import limit_of, wave_ends  # noqa: PLC0415
@@ -116,7 +116,7 @@ def roll_out(out: Output, files: tuple[str, ...], wanted: WavesWanted) -> ExitCo
 async def _run(
     out: Output, wanted: WavesWanted, targets: Mapping[str, tuple[str, int]], data: Mapping[str, bytes]
 ) -> ExitCode:
-    """Store the bundles, begin, and drive."""
+    """Store the bundles, begin the roll-out, and drive it."""
     from fleet.cli.rollout import drive, store_of  # noqa: PLC0415 - its package is an extra
     from fleet.clock import SystemClock  # noqa: PLC0415
     from fleet.rollout.driver import Driver  # noqa: PLC0415

@@ -1,4 +1,4 @@
-"""``fleet rollout``: the agent of an edge, and what becomes of a roll-out to many edges."""
+"""``fleet rollout``: the agent of an edge, and the control of roll-outs to many edges."""
 
 from __future__ import annotations
 
@@ -44,15 +44,15 @@ store_option = click.option(
     type=click.Path(dir_okay=False, path_type=Path),
     default=FILE,
     show_default=True,
-    help="The file that says where the store of roll-outs is.",
+    help="The file with the address of the store.",
 )
 
 
 @click.group()
 def rollout() -> None:
-    """Roll-outs to many edges: the agent of an edge, and what becomes of a roll-out.
+    """Run the agent of an edge, and control roll-outs to many edges.
 
-    fleet apply --fleet begins one.
+    fleet apply --fleet begins a roll-out.
     """
 
 
@@ -62,8 +62,8 @@ def rollout() -> None:
 def agent(out: Output, folder: Path) -> ExitCode:
     """Run the agent of the edge whose bundles are in FOLDER, until Ctrl-C.
 
-    It takes the bundles that the edge shall run, and reports how far it is. The edge runs by itself, with
-    fleet run FOLDER/current/fleet.yaml.
+    It installs the bundles meant for the edge, and reports its progress. The edge runs by itself, with fleet
+    run FOLDER/current/fleet.yaml.
     """
     need_client()
     settings = read_settings(folder / FILE)
@@ -116,7 +116,7 @@ def status(out: Output, store_file: Path) -> ExitCode:
 @store_option
 @with_output
 def resume(out: Output, store_file: Path) -> ExitCode:
-    """Drive the roll-out that is under way, after Ctrl-C or from another computer."""
+    """Drive the roll-out in progress, after Ctrl-C or from another computer."""
     return asyncio.run(_resume(out, store_file))
 
 
@@ -124,19 +124,19 @@ def resume(out: Output, store_file: Path) -> ExitCode:
 @store_option
 @with_output
 def abort(out: Output, store_file: Path) -> ExitCode:
-    """End the roll-out: no other edge is told, and an edge that is not done goes back.
+    """End the roll-out: no further edge is told, and an edge that is not done goes back.
 
-    Edges that are done keep the new bundle. For what was before, roll it out with a higher version.
+    Edges that are done keep the new bundle. To revert them, roll out the old content with a higher version.
     """
     return asyncio.run(_abort(out, store_file))
 
 
 @rollout.command()
 @click.argument("edges", nargs=-1, required=True)
-@click.option("--operator", "operators", multiple=True, help="Who may roll out; repeatable.")
+@click.option("--operator", "operators", multiple=True, help="An operator who may roll out; repeatable.")
 @with_output
 def accounts(out: Output, edges: tuple[str, ...], *, operators: tuple[str, ...]) -> None:
-    """Print the accounts of a NATS server: for each of EDGES, and for who rolls out.
+    """Print the accounts of a NATS server: for each of EDGES, and for the operators.
 
     An edge may read its own desired state and write its own observed state, nothing else.
     """
@@ -146,13 +146,13 @@ def accounts(out: Output, edges: tuple[str, ...], *, operators: tuple[str, ...])
 
 
 def need_client() -> None:
-    """Refuse what needs NATS where its client is not installed."""
+    """Raise ClickException if the client of NATS is not installed."""
     if importlib.util.find_spec("nats") is None:
         raise click.ClickException(EXTRA)
 
 
 def store_of(store_file: Path) -> NatsFleetStore:
-    """Return the store of roll-outs that a file names."""
+    """Return the store of roll-outs named in a file."""
     need_client()
     from fleet.rollout.nats_store import NatsFleetStore  # noqa: PLC0415 - its package is an extra
 
@@ -174,7 +174,7 @@ async def _status(out: Output, store_file: Path) -> ExitCode:
 
 
 async def _abort(out: Output, store_file: Path) -> ExitCode:
-    """End the roll-out that is under way."""
+    """End the roll-out in progress."""
     store = store_of(store_file)
     try:
         found = await Driver(store, clock=SystemClock()).abort(local_user())
@@ -186,7 +186,7 @@ async def _abort(out: Output, store_file: Path) -> ExitCode:
 
 
 async def _resume(out: Output, store_file: Path) -> ExitCode:
-    """Drive the roll-out that is under way."""
+    """Drive the roll-out in progress."""
     store = store_of(store_file)
     try:
         return await drive(out, store)

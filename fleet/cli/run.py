@@ -1,6 +1,6 @@
 """``fleet run``: the fleet of a fleet file, in the foreground, with a supervisor as its parent.
 
-Nothing that can fail is imported here: the supervisor outlives the edge.
+This module imports nothing that can fail: the supervisor outlives the edge.
 """
 
 from __future__ import annotations
@@ -42,18 +42,17 @@ def run(
 ) -> int:
     """Run the fleet of FILE (fleet.yaml when left out) until Ctrl-C.
 
-    Robots that cannot run are told and left out; the others run, and the exit code is then 7. With --json
-    each change of a robot is one line of JSON. An edge that dies is started again at once, and its robots
-    are halted meanwhile.
+    Robots that cannot run are reported and left out; the others run, and the exit code is then 7. With --json
+    each change of a robot is one line of JSON. An edge that dies is restarted at once, and its robots are
+    halted meanwhile.
 
-    --worker runs a worker that the edge lists under remote_workers; the bus.connect of its FILE
-    is that edge.
+    --worker runs a worker that the edge lists under remote_workers; the bus.connect of its FILE is that edge.
 
     --edge-id is for the file of a pair: the two edges run with the same FILE, and one takes over when the
     other's computer dies.
 
-    --watch is for those who write a drop-in adapter: a file that was saved is tried, and its worker starts
-    again with it, once its robots rest; simulated ones do not wait.
+    --watch is for authors of drop-in adapters: a saved file is checked, and its worker is restarted with it
+    as soon as its robots rest; simulated robots do not wait.
     """
     if edge_id is not None:
         os.environ[EDGE_ID] = edge_id
@@ -62,25 +61,23 @@ def run(
     options = ["--json"] * out.as_json + ["--no-color"] * (not out.color) + ["-v"] * verbose
     options += ["--watch"] * watch
     options += ["--log-format", log_format, *(["--log-file", log_file] if log_file else [])]
-    return _supervised(
-        ["fleet", "run-edge", *options, "--", file], farewell="fleet.bridge.disconnect_program"
-    )
+    return _supervised(["fleet", "run-edge", *options, "--", file], notice="fleet.bridge.disconnect_program")
 
 
-def _supervised(module: list[str], *, farewell: str = "") -> int:
+def _supervised(module: list[str], *, notice: str = "") -> int:
     """Run a module of ours with its arguments below a supervisor; return its exit code.
 
-    ``farewell``: the module that tells the cloud of a death.
+    ``notice``: the module that reports the death of the edge to the cloud.
     """
-    # -P: what lies in the user's folder is not to be imported in place of our own modules.
+    # -P: a file in the user's folder must not be imported in place of our own modules.
     python = [sys.executable, "-P", "-m"]
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)  # each robot's link is one
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)  # each robot's link needs a descriptor
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, hard), hard))
     return Supervisor(
         [*python, *module],
         path=socket_of(runtime_dir(), os.getpid()),
-        told=print_in_thread,
+        report=print_in_thread,
         clock=SystemClock(),
-        farewell=[*python, farewell] if farewell else (),
+        notice_command=[*python, notice] if notice else (),
         manager=ServiceManager.of_this_process(),
     ).run()

@@ -1,4 +1,4 @@
-"""``fleet run-edge``: the edge itself, as the supervisor of ``fleet run`` starts it."""
+"""``fleet run-edge``: the edge itself, started by the supervisor of ``fleet run``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs of missions on the command line: found, shown as a line for each robot, followed to their end."""
+"""Runs of missions on the command line: shown with a line per robot, followed to their end."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from fleet.errors import TimedOut
 from fleet.missions.report import RunRobot, RunState
 from fleet.missions.words import OUTCOMES, phase_words, step_of
 
-WIDE = 200  # columns of a table that goes to no terminal
+WIDE = 200  # columns of a table that is not on a terminal
 EXITS = {"completed": ExitCode.OK, "completed_with_losses": ExitCode.SOME_FAILED, "unknown": ExitCode.UNKNOWN}
 
 
 def state_line(state: RunState) -> str:
-    """Return a run in one line."""
+    """Return a run on one line."""
     words = f"run {state.run} of {state.mission} "
     if state.outcome:
         words += f"has ended: {state.outcome.replace('_', ' ')}"
@@ -35,7 +35,7 @@ def state_line(state: RunState) -> str:
 
 
 def robot_lines(state: RunState) -> list[str]:
-    """Return what each robot of a run does, or how it is out."""
+    """Return the present act of each robot of a run, or why it is out."""
     lines = []
     for each in state.robots:
         words = OUTCOMES.get(each.outcome, each.outcome) or "waits for its next step"
@@ -45,8 +45,8 @@ def robot_lines(state: RunState) -> list[str]:
     return lines
 
 
-def lane_lines(states: Sequence[RunState], width: int | None) -> list[str]:
-    """Return runs as lines: each with its robots below it, and the lane of each; ``width`` of the screen."""
+def run_lines(states: Sequence[RunState], width: int | None) -> list[str]:
+    """Return runs as lines, with the parts of each robot below; ``width`` of the screen."""
     lines = [] if states else ["no run is under way"]
     for state in states:
         rows = [
@@ -59,12 +59,12 @@ def lane_lines(states: Sequence[RunState], width: int | None) -> list[str]:
 
 
 def _why(robot: RunRobot) -> str:
-    """Return why a robot is out of its run, as the end of its lane."""
+    """Return why a robot is out of its run, as the end of its parts."""
     return f" ({robot.reason})" if robot.reason else ""
 
 
 def follow(out: Output, run: MissionRun) -> ExitCode:
-    """Follow a run to its end; ctrl-c leaves it running."""
+    """Follow a run to its end; Ctrl-C leaves it running."""
     shown: set[str] = set()
     try:
         for state in run.follow():
@@ -82,7 +82,7 @@ def follow(out: Output, run: MissionRun) -> ExitCode:
 
 
 def _tell(out: Output, state: RunState, shown: set[str]) -> None:
-    """Show what is new."""
+    """Show the changes."""
     run, step = f"the run {phase_words(state.phase, state.step)}", step_of(state.step)
     lines = [run + (f": {state.waits_for}" if state.waits_for else "")] if not state.outcome else []
     if state.question is not None:

@@ -1,4 +1,4 @@
-"""``fleet schedule``: what starts by itself, when it does next, and switching it on and off."""
+"""``fleet schedule``: show, enable and disable the schedules of missions."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ Do = Literal["enable", "disable", "run"]
 
 @click.group()
 def schedule() -> None:
-    """Show and switch what starts missions by itself (schedules: in fleet.yaml)."""
+    """Show, enable and disable automatic starts of missions (schedules: in fleet.yaml)."""
 
 
 @schedule.command("ls")
 @reach_option
 @with_output
 def list_all(out: Output, *, file: str | None) -> ExitCode:
-    """Show the schedules of the edges that run: when each fires next, and what became of the last."""
+    """Show the schedules of the running edges: when each fires next, and its last result."""
     with Edges.reach(file) as edges:
         found = edges.schedules()
     out.data([{"edge": edge, **_for_programs(state)} for edge, state in found])
@@ -65,7 +65,7 @@ def list_all(out: Output, *, file: str | None) -> ExitCode:
 )
 @with_output
 def next_ones(out: Output, *, name: str | None, number: int, file: str) -> ExitCode:
-    """Show when the schedules of a fleet file, or NAME of them, fire next: the first of all first."""
+    """Show when the schedules of a fleet file, or NAME of them, fire next, in order of time."""
     from fleet.config.load import sections_of  # noqa: PLC0415 - pydantic is not needed by the others
     from fleet.schedules.triggers import firings  # noqa: PLC0415
 
@@ -89,7 +89,7 @@ def next_ones(out: Output, *, name: str | None, number: int, file: str) -> ExitC
 
 
 def _asking(do: Do, summary: str, done: str) -> None:
-    """Add a command that asks something of one schedule."""
+    """Add a command that sends a request about one schedule."""
 
     @schedule.command(do, help=summary)
     @click.argument("name", type=SCHEDULE)
@@ -107,9 +107,9 @@ def _asking(do: Do, summary: str, done: str) -> None:
         return ExitCode.OK
 
 
-_asking("enable", "Let NAME fire again; what came due meanwhile is not made up for.", "enabled")
-_asking("disable", "Let NAME fire no more, until it is enabled: also after a restart.", "disabled")
-_asking("run", "Start now what NAME starts, as if it had fired, whether it is enabled or not.", "started")
+_asking("enable", "Enable NAME; firings missed meanwhile are not made up for.", "enabled")
+_asking("disable", "Disable NAME until it is enabled again, also after a restart.", "disabled")
+_asking("run", "Fire NAME now, even if it is disabled.", "started")
 
 
 def _one(edges: Edges, name: str) -> tuple[str, str]:
@@ -126,14 +126,14 @@ def _one(edges: Edges, name: str) -> tuple[str, str]:
 
 
 def _last(state: ScheduleState) -> str:
-    """Return what became of the last firing, for people."""
+    """Return the result of the last firing, as text."""
     if state.waiting is not None:
         return f"waits since {when(state.waiting)}"
     return _words(state.last[0]) if state.last else "-"
 
 
 def _words(firing: Firing) -> str:
-    """Return what became of a firing, for people."""
+    """Return the result of a firing, as text."""
     words = firing.reason if firing.state == "skipped" else firing.run
     return f"{when(firing.due)} {firing.state}" + f": {words}" * bool(words)
 

@@ -1,4 +1,4 @@
-"""``fleet schema``: the JSON Schema of fleet.yaml and of missions, for completion and checking in editors."""
+"""``fleet schema``: the JSON Schema of fleet.yaml and of missions, for completion and checks in editors."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from fleet.config.json_schema import json_schema, mission_file_schema
 def schema(file: str | None, *, mission: bool, as_json: bool) -> None:  # noqa: ARG001 - every command takes --json
     """Print the JSON Schema of fleet.yaml for editors.
 
-    It knows every adapter that is installed and, with -f, those of the file's drop-in folders. Save it
-    beside fleet.yaml and begin that file with:
+    It contains every installed adapter and, with -f, those of the file's drop-in folders. Save it beside
+    fleet.yaml and begin that file with:
 
     # yaml-language-server: $schema=fleet.schema.json
 
-    With --mission it is that of a mission file.
+    With --mission it is the schema of a mission file.
     """
     found = mission_file_schema() if mission else json_schema(registry_of(file))
     click.echo(json.dumps(found, indent=2))

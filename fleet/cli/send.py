@@ -1,4 +1,4 @@
-"""``fleet send``: asking robots from the command line."""
+"""``fleet send``: send requests to robots from the command line."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RECEIPT_WITHIN = 15.0  # s
 
 
 def pair(text: str) -> tuple[str, object]:
-    """Return a  key=value  argument; the value is JSON where it can be read as such, else text."""
+    """Parse a  key=value  argument; the value is JSON if possible, else text."""
     name, equals, value = text.partition("=")
     if not name or not equals:
         raise click.BadParameter(f"{text!r} is not key=value (as in altitude=5)")
@@ -34,10 +34,10 @@ def pair(text: str) -> tuple[str, object]:
 
 
 def _data(pairs: tuple[str, ...]) -> dict[str, object]:
-    """Return a command's data; a key that stands twice is a slip that must not move a robot."""
+    """Return a command's data; a repeated key is an error that must not move a robot."""
     data = dict(pair(each) for each in pairs)
     if len(data) != len(pairs):
-        raise click.BadParameter("a key stands twice")
+        raise click.BadParameter("a key is given twice")
     return data
 
 
@@ -64,20 +64,20 @@ def send(
     """Send a command to ROBOT, or to every robot of a group, and show the answer.
 
     While an emergency stop is set, a drone still obeys  land, return_to_home, cancel_takeoff, cancel_landing
-    and cancel_return_to_home,  wheeled robots and dogs obey nothing that moves them, until
-    fleet release ROBOT.
+    and cancel_return_to_home,  wheeled robots and dogs obey nothing that moves them, until fleet release
+    ROBOT.
 
     For example:  fleet send kestrel takeoff altitude=5 --wait
 
-    With --at all robots are prepared first, and begin at one instant; where anything stands against one of
-    them, nobody moves. It is taken back when this command ends before, and by anything that stops them.
+    With --at, all robots are prepared first, and begin at one instant; if one of them refuses, none moves.
+    The start is cancelled if this command ends before, and by any stop.
     """
     message = {"command": command, "data": _data(data)}
     return ask(out, robot, "command", message, wait=wait, timeout=timeout, file=file, at=at)
 
 
 def _alone(_out: Output, _edges: Edges, _robots: list[RobotState]) -> contextlib.AbstractContextManager[None]:
-    """Do nothing while answers are waited for."""
+    """Do nothing while waiting for answers."""
     return contextlib.nullcontext()
 
 
@@ -93,10 +93,10 @@ def ask(
     around: Callable[[Output, Edges, list[RobotState]], contextlib.AbstractContextManager[None]] = _alone,
     at: float | None = None,
 ) -> ExitCode:
-    """Ask a robot, or all of a group at once, the same; show every answer; return what they mean together.
+    """Send the same request to a robot or all of a group; show every answer; return the common exit code.
 
-    ``message`` is stamped when it is sent: how long it took to find the robots does not make it older.
-    ``around`` lasts while the end is waited for.
+    ``message`` is stamped when it is sent, so the search for the robots does not make it older. ``around`` is
+    entered while waiting for the end.
     """
     return ask_each(
         out,
@@ -123,7 +123,7 @@ def ask_each(
     around: Callable[[Output, Edges, list[RobotState]], contextlib.AbstractContextManager[None]] = _alone,
     at: float | None = None,
 ) -> ExitCode:
-    """Ask a robot, or all of a group at once, each its own of ``messages``, which may raise Refused.
+    """Send a robot, or each robot of a group, its own of ``messages``, which may raise Refused.
 
     ``at``: all begin at that instant (Unix s), or none.
     """
@@ -157,7 +157,7 @@ def ask_each(
 
 
 def _begun(out: Output, start: CommonStart, *, wait: bool, within: float) -> list[Answers]:
-    """Start robots at one instant, or none; return whose answers are to come."""
+    """Start robots at one instant, or none; return the pending answers."""
     start.check_clocks()
     answers, problems = start.run(wait=wait, within=within)
     if problems:
@@ -167,7 +167,7 @@ def _begun(out: Output, start: CommonStart, *, wait: bool, within: float) -> lis
 
 
 def _finite(messages: list[dict[str, object]]) -> list[dict[str, Any]]:
-    """Return messages all of whose numbers can be sent; raises UsageError for others."""
+    """Return messages with finite numbers; raises UsageError for others."""
     try:
         json.dumps(messages, allow_nan=False)
     except ValueError:
@@ -178,7 +178,7 @@ def _finite(messages: list[dict[str, object]]) -> list[dict[str, Any]]:
 def last_reply(
     out: Output, robot: RobotState, replies: Iterator[Reply], command: str, timeout: float
 ) -> Reply:
-    """Show a robot's answers and return the last of them, or that there was none."""
+    """Show a robot's answers and return the last one, or a timeout without any."""
     last = None
     for last in replies:
         out.say(f"{robot.name}: {_sentence(last)}")
@@ -191,7 +191,7 @@ def last_reply(
 
 
 def _ended(out: Output, robot: RobotState, reply: Reply, timeout: float) -> Reply:
-    """Return how a command ended that was waited for; without an end nobody knows."""
+    """Return the outcome of an awaited command; without one it is a timeout."""
     if not reply.ok or reply.done is not None:
         return reply
     late = Reply(reply.command, ReplyStatus.TIMEOUT, f"taken, but not seen to be done within {timeout:g} s")
@@ -200,7 +200,7 @@ def _ended(out: Output, robot: RobotState, reply: Reply, timeout: float) -> Repl
 
 
 def _sentence(reply: Reply) -> str:
-    """Return a reply for people."""
+    """Return a reply as text."""
     if reply.done:
         return f"{reply.command} done"
     words = [reply.command, reply.status.value if reply.done is None else "failed"]

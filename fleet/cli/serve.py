@@ -1,4 +1,4 @@
-"""Running an edge in the foreground: signals, logs, the live view, and an orderly end."""
+"""Run an edge in the foreground: signals, logs, the live view, and an orderly end."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from fleet.runtime.event_loop import run as run_loop
 from fleet.spool.state_folder import state_folder
 from fleet.supervisor.client import SupervisorClient
 
-TOGETHER = 1.0  # s in which signals count as one
+TOGETHER = 1.0  # s within which signals count as one
 STOPPING = "\nstopping: robots are brought to a standstill (Ctrl-C again to leave at once)\n"
 LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 
 
 def logs_to(verbose: int, file: str | None, form: Format) -> LogSettings:
-    """Return what the options of the log mean."""
+    """Return the log settings from the options."""
     return LogSettings(LEVELS[min(verbose, 2)], form, Path(file) if file else None)
 
 
@@ -52,9 +52,9 @@ def serve(
     supervised: SupervisorClient | None = None,
     link: LinkAsked | None = None,
 ) -> ExitCode:
-    """Run until Ctrl-C, SIGTERM or the end of the terminal; ``started`` is told once the edge is built.
+    """Run until Ctrl-C, SIGTERM or the end of the terminal; ``started`` is called with the built edge.
 
-    ``link``: print such a link to the console, where fleet.yaml has one; its port may be any that is free.
+    ``link``: print such a link to the console, if fleet.yaml has one; its port may be any free one.
     """
     edge = loaded.config.edge
     kept = log_folder(state_folder(edge.id, edge.spool.path))
@@ -95,7 +95,7 @@ async def _serve(
 
 
 def _console(loaded: Loaded, out: Output, link: LinkAsked | None) -> ConsoleChild | None:
-    """Return the console that fleet.yaml asks for, not started yet."""
+    """Return the console from fleet.yaml, not started yet."""
     config = loaded.config
     if config.console is None:
         return None
@@ -119,16 +119,16 @@ def _console(loaded: Loaded, out: Output, link: LinkAsked | None) -> ConsoleChil
 
 
 def _recorder(loaded: Loaded) -> RecorderChild | None:
-    """Return the recorder that fleet.yaml asks for, not started yet."""
+    """Return the recorder from fleet.yaml, not started yet."""
     wanted = loaded.config.record
     return RecorderChild(record_task(loaded.config, wanted), SystemClock()) if wanted is not None else None
 
 
 class ServeEnd:
-    """The signals that ask for the end: the first sets ``ended``, a later one leaves at once.
+    """Handler of termination signals: the first sets ``ended``, a later one exits at once.
 
-    Two that come together are one: a service manager signals every process of a service, and the supervisor
-    passes its signal on as well. ``clock`` is monotonic, in seconds.
+    Two signals in close succession count as one: a service manager signals every process of a service, and
+    the supervisor also forwards its signal. ``clock`` is monotonic, in seconds.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class ServeEnd:
         self._first = 0.0
 
     def asked(self) -> None:
-        """Take a signal."""
+        """Handle a signal."""
         if not self._ended.is_set():
             self._first = self._clock()
             self._ended.set()

@@ -31,7 +31,7 @@ _FILE = click.argument("file", default="fleet.yaml", type=click.Path(path_type=P
 
 
 def _choose(_context: click.Context, _option: click.Parameter, edge: str | None) -> None:
-    """Have the file of a pair read as that of one of its edges."""
+    """Select the edge when the file of a pair is read."""
     if edge is not None:
         os.environ[EDGE_ID] = edge
 
@@ -71,7 +71,7 @@ def service() -> None:
     "--agent",
     "with_agent",
     is_flag=True,
-    help="Also the agent of its roll-outs: FILE is current/fleet.yaml of the folder with rollout.yaml.",
+    help="Also install the agent of its roll-outs; FILE must be FOLDER/current/fleet.yaml.",
 )
 @with_output
 def install_(
@@ -79,8 +79,8 @@ def install_(
 ) -> None:
     """Install the edge of FILE as a service, and start it. Needs root; after a change, run it again.
 
-    A service that runs goes on with its old unit until  systemctl restart fleet-EDGE: its robots are not
-    stopped by an install. With --agent the folder of the bundles is given to the user fleet.
+    A running service continues with its old unit until  systemctl restart fleet-EDGE: an install does not
+    stop its robots. With --agent, the folder of the bundles is given to the user fleet.
     """
     spec = _spec(file)
     agent = _agent_spec(spec) if with_agent else None
@@ -105,8 +105,8 @@ def install_(
 def status(out: Output, file: Path) -> ExitCode:
     """Show whether the service of the edge of FILE runs, since when, and how often it was restarted.
 
-    Also of the agent of its roll-outs, where that is a service. Exit code 4 when one does not run. The
-    robots: fleet ps.
+    The agent of its roll-outs is shown too if it is installed. Exit code 4 if one of them does not run. For
+    the robots: fleet ps.
     """
     edge = _edge(file)
     units = (unit_name(edge), agent_unit_name(edge))
@@ -123,7 +123,7 @@ def status(out: Output, file: Path) -> ExitCode:
 
 
 def _tell_status(out: Output, unit: str, told: Mapping[str, str]) -> None:
-    """Tell what systemd says of a unit."""
+    """Show systemd's properties of a unit."""
     since = told.get("ActiveEnterTimestamp") or "never"
     state = f"{told.get('ActiveState', 'unknown')} ({told.get('SubState', 'unknown')})"
     out.say(f"{unit}: {state}, {told.get('UnitFileState', '')}, last started: {since}")
@@ -135,15 +135,16 @@ def _tell_status(out: Output, unit: str, told: Mapping[str, str]) -> None:
 @service.command()
 @_FILE
 @_EDGE_ID
-@click.option("-f", "--follow", is_flag=True, help="Go on with what comes, until Ctrl-C.")
+@click.option("-f", "--follow", is_flag=True, help="Follow new lines until Ctrl-C.")
 @click.option("-n", "--last", type=click.IntRange(min=0), default=100, show_default=True, help="Lines.")
 @click.option("--robot", help="Only lines about this robot.")
-@click.option("--agent", "of_agent", is_flag=True, help="That of the agent of its roll-outs.")
+@click.option("--agent", "of_agent", is_flag=True, help="Show the log of the agent of its roll-outs instead.")
 @with_output
 def logs(out: Output, file: Path, *, follow: bool, last: int, robot: str | None, of_agent: bool) -> None:
     """Show the log of the service of the edge of FILE, from the journal of systemd.
 
-    Starts before the log of the edge, and has also what systemd says of it. With --json journald's own form.
+    It starts before the log of the edge, and includes the messages of systemd. With --json journald's own
+    form.
     """
     program = shutil.which("journalctl")
     if program is None:
@@ -153,7 +154,7 @@ def logs(out: Output, file: Path, *, follow: bool, last: int, robot: str | None,
     command += ["--follow"] * follow + ["--output=json"] * out.as_json
     command += [f"FLEET_ROBOT={robot}"] if robot else []
     sys.stdout.flush()
-    os.execv(program, command)  # noqa: S606 - its output and its signals are ours
+    os.execv(program, command)  # noqa: S606 - takes over our output and signals
 
 
 @service.command("uninstall")
@@ -162,7 +163,7 @@ def logs(out: Output, file: Path, *, follow: bool, last: int, robot: str | None,
 @_ROOT
 @with_output
 def uninstall_(out: Output, file: Path, *, root: Path | None) -> None:
-    """Stop the service of the edge of FILE and remove it, and that of its agent.
+    """Stop and remove the service of the edge of FILE and its agent.
 
     Fleet file, bundles, state and user stay. Its robots are brought to a standstill first, as by Ctrl-C.
     """
@@ -173,7 +174,7 @@ def uninstall_(out: Output, file: Path, *, root: Path | None) -> None:
 
 
 def _runner(root: Path | None) -> Run | None:
-    """Return what runs programs: nothing below another root. Raises ServiceError without the rights."""
+    """Return the function that runs programs, None below another root; raises ServiceError if not root."""
     if root is not None:
         return None
     if not is_root():
@@ -182,18 +183,18 @@ def _runner(root: Path | None) -> Run | None:
 
 
 def _spec(file: Path) -> ServiceSpec:
-    """Return what the service of a fleet file is made from; raises ConfigError."""
+    """Return the description of the service of a fleet file; raises ConfigError."""
     loaded = load(file)
     if loaded.config.pair is not None and not os.environ.get(EDGE_ID):
         which = " or ".join(loaded.config.pair)
         raise ConfigError(f"{file} is for a pair of edges: --edge-id {which} says which one this is")
-    absolute = Path(os.path.abspath(file))  # noqa: PTH100 - links such as current/fleet.yaml stay as they are
+    absolute = Path(os.path.abspath(file))  # noqa: PTH100 - keeps links such as current/fleet.yaml
     return spec_of(loaded, absolute, Path(sys.executable))
 
 
 def _agent_spec(spec: ServiceSpec) -> AgentSpec:
-    """Return what the service of the agent is made from; raises ConfigError, InvalidConfig."""
-    from fleet.rollout.settings import FILE, read_settings  # noqa: PLC0415 - only for an agent
+    """Return the input of the unit of the agent; raises ConfigError, InvalidConfig."""
+    from fleet.rollout.settings import FILE, read_settings  # noqa: PLC0415 - only needed with an agent
 
     agent = agent_spec_of(spec.edge, spec.file, spec.python)
     settings = read_settings(agent.folder / FILE)

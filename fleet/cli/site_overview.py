@@ -1,4 +1,4 @@
-"""A site or a fleet as lines that fit a screen: what is wrong, by cause, then the edges; pure."""
+"""A site or a fleet as lines that fit a screen: the causes of trouble, then the edges; pure."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def site_lines(
     width: int | None = None,
     height: int | None = None,
 ) -> list[str]:
-    """Return the lines; ``width`` and ``height`` are those of the screen, None where there is no bound.
+    """Return the lines; ``width`` and ``height`` are those of the screen, None without a limit.
 
-    Causes have at least two thirds of the screen, if they need it; one line is left to the prompt.
+    Causes get at least two thirds of the screen if they need it; one line is left for the prompt.
     """
     head = heading(view)
     causes = [cause_lines(row, now) for row in view.rows]
@@ -39,7 +39,7 @@ def site_lines(
 
 
 def heading(view: View) -> list[str]:
-    """Return how many edges and robots there are, and how they are."""
+    """Return the numbers of edges and robots by state."""
     parts = [_counted(view.edges, "edge", _REACHES)]
     parts.append(_counted(view.robots, "robot", ("fault", "offline", "unknown", "degraded", "ok")))
     if view.stopped:
@@ -49,7 +49,7 @@ def heading(view: View) -> list[str]:
 
 
 def cause_lines(row: Row, now: float) -> list[str]:
-    """Return one cause: since when, who, the chain to the edges; and below it what to do next."""
+    """Return one cause: age, chain from robots over link to edges; and below it the next thing to do."""
     age = duration(now - row.since) if row.since else "?"
     why = f"{row.link}: {row.cause}" if row.link else row.cause
     first = f"{age:>6}{GAP}{row.what} <- {why} <- {_listed(row.edges)}"
@@ -57,20 +57,20 @@ def cause_lines(row: Row, now: float) -> list[str]:
 
 
 def edge_lines(seen: Sequence[SeenEdge], now: float, room: int | None = None) -> list[str]:
-    """Return a line for each edge below their headings, the worst first; of those without room the number.
+    """Return a table with a line for each edge, worst first, and the number of edges that do not fit.
 
-    Only what is shown is formatted: of thousands of edges, a screen shows a few.
+    Only shown edges are formatted: of thousands of edges, a screen shows a few.
     """
     if room is None or len(seen) < room:
         return _table(seen, now)
-    if room < 3:  # a heading, one edge and the number of the others
+    if room < 3:  # headings, one edge and the number of the others
         return [_missing(len(seen), "edge")]
     worst = heapq.nsmallest(room - 2, seen, key=lambda edge: _badness(edge, now))
     return [*_table(worst, now), _missing(len(seen) - len(worst), "edge")]
 
 
 def _table(seen: Iterable[SeenEdge], now: float) -> list[str]:
-    """Return the edges as a table, the worst first."""
+    """Return the edges as a table, worst first."""
     ordered = sorted(seen, key=lambda edge: _badness(edge, now))
     rows = [_HEADINGS, *(_edge_row(edge, now) for edge in ordered)]
     if not any(row[1] for row in rows[1:]):
@@ -102,13 +102,13 @@ def _edge_row(edge: SeenEdge, now: float) -> tuple[str, ...]:
 
 
 def _badness(edge: SeenEdge, now: float) -> tuple[int, int, str]:
-    """Return what edges are ordered by."""
+    """Return the sort key of an edge, worst first."""
     level = LEVELS[edge.summary.health] if edge.summary else 0
     return _REACHES.index(edge.reach(now)), -level, edge.edge
 
 
 def _counted(found: Mapping[str, int], word: str, order: Iterable[str]) -> str:
-    """Return how many there are, and how they are."""
+    """Return a total with its numbers by state."""
     counts = _counts(found, order)
     return counted(sum(found.values()), word) + (f": {counts}" if counts else "")
 
@@ -119,13 +119,13 @@ def _counts(found: Mapping[str, int], order: Iterable[str]) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Return the first names, and how many more there are."""
+    """Return the first names, and the number of the others."""
     more = len(names) - NAMED
     return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _fitted(causes: Sequence[list[str]], room: int | None) -> list[str]:
-    """Return as many whole causes as fit, and how many are missing."""
+    """Return as many whole causes as fit, and the number of the others."""
     if room is None or sum(map(len, causes)) <= room:
         return [line for cause in causes for line in cause]
     number = max((room - 1) // 2, 1)
@@ -133,10 +133,10 @@ def _fitted(causes: Sequence[list[str]], room: int | None) -> list[str]:
 
 
 def _missing(number: int, word: str) -> str:
-    """Say what has no line."""
+    """Return a line with the number of omitted items."""
     return f"and {counted(number, f'more {word}')}: fleet top --all"
 
 
 def _cut(text: str, width: int | None) -> str:
-    """Return text that fits the width."""
+    """Return text truncated to the width."""
     return text if width is None or len(text) <= width else f"{text[: max(width - 1, 0)]}…"

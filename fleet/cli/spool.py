@@ -1,4 +1,4 @@
-"""``fleet spool``: what waits for the cloud on this edge's disk."""
+"""``fleet spool``: the messages for the cloud that wait on this edge's disk."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def spool() -> None:
 @file_option
 @with_output
 def status(out: Output, file: str) -> None:
-    """Show what waits, by topic, and what was lost.
+    """Show the queued messages by topic, and the lost ones.
 
-    Works while the edge runs. What came in the last moment may still be in its memory alone.
+    Works while the edge runs. The newest messages may still be only in its memory.
     """
     folder = _folder(file)
     rows, gaps, used = (
@@ -71,10 +71,9 @@ def status(out: Output, file: str) -> None:
 @file_option
 @with_output
 def export(out: Output, file: str) -> None:
-    """Print what waits, the oldest first; nothing is removed.
+    """Print the queued messages, oldest first; nothing is removed.
 
-    One line a message: when it expires, topic, payload. With --json a payload that is no text is given in
-    base64.
+    One line per message: expiry, topic, payload. With --json, a payload that is no text is in base64.
     """
     kept = list(inspection.messages(_folder(file)))
     out.data([_for_programs(message) for message in kept])
@@ -84,10 +83,10 @@ def export(out: Output, file: str) -> None:
 
 
 def _confirmed(ctx: click.Context, _: click.Parameter, value: bool) -> None:  # noqa: FBT001 - click's signature
-    """Ask for confirmation. Ctrl-C ends the process by the signal itself, because nothing is under way.
+    """Ask for confirmation; during the question Ctrl-C ends the process by the signal's default action.
 
-    Python's own handler only notes the signal. One that arrives just before the blocking read of the answer
-    would be acted upon only after the next key.
+    Python's own handler only sets a flag: a signal just before the blocking read of the answer would have no
+    effect until the next key.
     """
     ends = end_at_once()
     try:
@@ -103,7 +102,7 @@ def _confirmed(ctx: click.Context, _: click.Parameter, value: bool) -> None:  # 
 @click.option("--yes", is_flag=True, callback=_confirmed, expose_value=False, help="Do not ask.")
 @with_output
 def purge(out: Output, file: str) -> None:
-    """Delete all that waits; it will never reach the cloud.
+    """Delete all queued messages; they will never reach the cloud.
 
     The edge must not run.
     """
@@ -113,13 +112,13 @@ def purge(out: Output, file: str) -> None:
 
 
 def _folder(file: str) -> Path:
-    """Return the folder of the lasting state of a fleet file's edge."""
+    """Return the state folder of a fleet file's edge."""
     edge = sections_of(file).edge
     return state_folder(edge.id, edge.spool.path).resolve()
 
 
 def _in(seconds: float) -> str:
-    """Return a time in the unit that a person wants."""
+    """Return a time in a suitable unit."""
     if seconds <= 0:
         return "now"
     size, unit = next(

@@ -1,7 +1,7 @@
 """``fleet stop``: the emergency stop from the command line.
 
-It waits for nothing that can wait: each edge is reached, and stopped, on a thread of its own, the edges of
-this computer before a fleet file is so much as opened. Keep what this module imports light.
+Nothing delays it: each edge is reached and stopped on a thread of its own, the edges of this computer before
+a fleet file is even opened. Keep the imports of this module light.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from fleet.supervisor.protocol import StopAnswer
 from fleet.supervisor.stop_request import stop_all
 from fleet.wire.stop_outcome import DONE, OPEN, SEEN_WITHIN, UNSEEN, stop_outcome
 
-LOOK = 0.2  # s between looks at how the stops go on
+LOOK = 0.2  # s between checks of the progress
 
 
 class StopTarget(msgspec.Struct, frozen=True):
-    """A stop: of whom (none: all), and why; ``request`` makes it one, whichever ways it goes."""
+    """A stop: the robots (none: all), and the reason; ``request`` identifies it on all routes."""
 
     names: tuple[str, ...]
     reason: str
@@ -42,9 +42,9 @@ class StopTarget(msgspec.Struct, frozen=True):
 
 
 class StopAttempt:
-    """One edge that is reached and stopped, all its robots where the stop names none.
+    """A thread that reaches and stops one edge: the named robots, or all of them.
 
-    ``hit`` has edge and name of who was stopped, ``problem`` why the edge was not reached.
+    ``hit`` has edge and name of the stopped robots, ``problem`` the reason if the edge was not reached.
     """
 
     def __init__(self, settings: BusSettings, directory: Path, asked: StopTarget) -> None:
@@ -53,18 +53,18 @@ class StopAttempt:
         self.hit: set[tuple[str, str]] = set()
         self.problem = ""
         self._directory = directory
-        # A name that is no text must not hold up the others.
+        # A name with invalid characters must not prevent the stop of the others.
         self._payload = msgspec.json.encode([name.encode(errors="replace").decode() for name in asked.names])
         self._parameters = parameters_of(local_user(), asked.reason, asked.request)
         self._thread = threading.Thread(target=self._stop, name=f"stop:{settings.edge}", daemon=True)
         self._thread.start()
 
     def end(self) -> None:
-        """Wait for the end: joining and answering are bounded."""
+        """Wait for the end: joining and answering have timeouts."""
         self._thread.join()
 
     def _stop(self) -> None:
-        """Join, and stop there and then."""
+        """Join the bus, and send the stop at once."""
         try:
             self.bus_session = join_control(self.settings, self._directory)
             answers = self.bus_session.ask(
@@ -78,12 +78,12 @@ class StopAttempt:
                 self.hit.update((key.split("/")[1], name) for name in names)
         except BusError as error:
             self.problem = str(error)
-        except Exception as error:  # noqa: BLE001 - told, and the others go on
+        except Exception as error:  # noqa: BLE001 - reported; the other attempts continue
             self.problem = f"{type(error).__name__}: {error}"
 
 
 class Supervisors:
-    """The supervisors of one runtime folder: asked without the bus, so also while their edges are away."""
+    """A thread that sends a stop to the supervisors of one runtime folder; works while edges are away."""
 
     def __init__(self, directory: Path, asked: StopTarget) -> None:
         self.answers: list[StopAnswer] = []
@@ -93,17 +93,17 @@ class Supervisors:
         self._thread.start()
 
     def end(self) -> None:
-        """Wait for the end: answering is bounded."""
+        """Wait for the end: answering has a timeout."""
         self._thread.join()
 
     def _stop(self) -> None:
-        """Ask all of them."""
+        """Send the stop to all supervisors."""
         asked = self._asked
         self.answers = stop_all(self._directory, asked.names, why=asked.reason, request=asked.request)
 
 
 class StopEffort:
-    """All that is tried to stop some robots, together; used as a context, which closes it."""
+    """All attempts to stop some robots, together; as a context manager it closes the sessions."""
 
     def __init__(self, names: Iterable[str], reason: str = "") -> None:
         plain = tuple(name.rpartition("/")[2] for name in names)
@@ -128,8 +128,8 @@ class StopEffort:
                 self._attempts.append(StopAttempt(BusSettings(edge), directory, self._asked))
 
     def try_file(self, file: str) -> None:
-        """Begin to stop the edge of a fleet file, which need not be right."""
-        from fleet.cli.outline import outline  # noqa: PLC0415 - not before the others are on their way
+        """Begin to stop the edge of a fleet file, which may have errors."""
+        from fleet.cli.outline import outline  # noqa: PLC0415 - only after the first attempts have started
 
         found = outline(file)
         self.problems += found.problems
@@ -138,7 +138,7 @@ class StopEffort:
             self._attempts += [StopAttempt(found.settings, place, self._asked) for place in directories]
 
     def end(self) -> set[tuple[str, str]]:
-        """Wait for all; return edge and name of who was stopped."""
+        """Wait for all attempts; return edge and name of the stopped robots."""
         for each in self._supervisors:
             each.end()
         for attempt in self._attempts:
@@ -148,33 +148,33 @@ class StopEffort:
 
     @property
     def _hit_on_the_bus(self) -> set[tuple[str, str]]:
-        """Who was stopped by the bus, by edge and name."""
+        """The robots stopped over the bus, as edge and name."""
         return {one for attempt in self._attempts for one in attempt.hit}
 
     def heard(self, edges: Edges) -> set[str]:
-        """Return the edges whose states can come: those that were joined, or answered behind one of these."""
+        """Return the edges that can send states: joined directly, or answering through a joined edge."""
         return {*edges.joined, *(edge for edge, _ in self._hit_on_the_bus)}
 
     @property
     def _answers(self) -> list[StopAnswer]:
-        """What the supervisors said."""
+        """The answers of the supervisors."""
         return [answer for each in self._supervisors for answer in each.answers]
 
     @property
     def kept(self) -> list[StopAnswer]:
-        """The answers for edges that are away, and begin with the stop when they are back."""
+        """The answers for edges that are away, and start with the stop when they are back."""
         return [answer for answer in self._answers if answer.kept]
 
     @property
     def supervised(self) -> set[str]:
-        """The edges that took the stop from their supervisor, whether the bus let us in or not."""
+        """The edges that were stopped by their supervisor, also without the bus."""
         return {answer.edge for answer in self._answers if not answer.kept}
 
     def edges(self) -> Edges:
-        """Return the edges that were joined, and in words which were not reached at all.
+        """Return the joined edges, with descriptions of the edges that were not reached at all.
 
-        An edge may be tried more than once. What kept us off the bus of one that was reached without it is
-        a problem, and no edge that is missing.
+        An edge may be tried more than once. If it was reached only by its supervisor, the error of the bus is
+        a problem, but the edge is not missing.
         """
         bus_sessions: dict[str, ZenohSession] = {}
         for attempt in self._attempts:
@@ -193,8 +193,8 @@ class StopEffort:
 
 @click.command()
 @click.argument("robots", nargs=-1)
-@click.option("--all", "everything", is_flag=True, help="Every robot of every edge that is reached.")
-@click.option("--reason", default="", help="Why; whoever releases the robots is shown it.")
+@click.option("--all", "everything", is_flag=True, help="Every robot of every reachable edge.")
+@click.option("--reason", default="", help="Reason, shown to the person who releases the robots.")
 @reach_option
 @with_output
 def stop(
@@ -203,14 +203,14 @@ def stop(
     """Stop ROBOTS (or groups) at once and keep them stopped.
 
     This is the emergency stop: aircraft brake and hold in the air, and nothing moves until it is released
-    with  fleet release ROBOT.  It never asks and never waits its turn. Every edge that
-    runs on this computer is asked, and that of the file as well, even if there are errors in it.
+    with  fleet release ROBOT.  It asks no question and does not queue. It is sent to every edge that runs on
+    this computer, and to the edge of the file as well, even if the file has errors.
 
-    What only makes a robot safer is let through meanwhile. Aircraft: land, return_to_home, and what cancels
-    them or a take-off (and kill, where its robot allows it). Wheeled robots, dogs, boats and submarines:
+    Commands that only make a robot safer still pass. Aircraft: land, return_to_home, and cancellations of
+    these or of a take-off (and kill, if its robot permits it). Wheeled robots, dogs, boats and submarines:
     nothing that moves them.
 
-    A robot that is not seen to stand within 8 s, or of which no state comes, is NOT SEEN TO STOP.
+    A robot that is not seen to stand within 8 s, or that sends no state, is NOT SEEN TO STOP.
     """
     if bool(robots) == everything:
         raise click.UsageError("name the robots to stop, or --all")
@@ -224,13 +224,14 @@ def stop(
         if everything:
             missing += [state.name for state in edges.states() if (state.edge, state.name) not in hit]
         failed = _failed(out, edges, hit, effort.heard(edges))
-    return _told(out, effort, edges, StopResult(hit, missing, failed))
+    return _report(out, effort, edges, StopResult(hit, missing, failed))
 
 
 class StopResult(msgspec.Struct, frozen=True):
-    """What became of a stop: ``hit`` are robots whose stop is set, by edge and name.
+    """Result of a stop: ``hit`` are robots whose stop is set, by edge and name.
 
-    ``failed``: those of them that were not seen to stop, and why. ``missing``: who was not reached, in words.
+    ``failed``: those of them that were not seen to stop, and why. ``missing``: descriptions of robots that
+    were not reached.
     """
 
     hit: set[tuple[str, str]]
@@ -241,14 +242,14 @@ class StopResult(msgspec.Struct, frozen=True):
 def _failed(
     out: Output, edges: Edges, hit: set[tuple[str, str]], heard: set[str]
 ) -> dict[tuple[str, str], str]:
-    """Wait until the robots of edges that are heard were seen to stop; return why some were not."""
+    """Wait until the robots of connected edges have stopped; return why some have not."""
     end = time.monotonic() + SEEN_WITHIN
     first: dict[tuple[str, str], float] = {}
     outcomes = _outcomes(edges, hit, first)
     waiting = sorted(name for (_, name), outcome in outcomes.items() if outcome in OPEN)
     if waiting:
         out.note(f"the stop is set; not seen to stand yet: {', '.join(waiting)}")
-    # Of an edge that was reached through its supervisor alone no state can come.
+    # An edge that was reached only by its supervisor sends no states.
     while time.monotonic() < end and any(
         outcome in OPEN and edge in heard for (edge, _), outcome in outcomes.items()
     ):
@@ -263,7 +264,7 @@ def _failed(
 def _outcomes(
     edges: Edges, hit: set[tuple[str, str]], first: dict[tuple[str, str], float]
 ) -> dict[tuple[str, str], str]:
-    """Return how the stops of robots go; ``first``: the stamps of the states that were seen first."""
+    """Return the outcomes of the stops; ``first``: the stamp of each robot's first state."""
     outcomes = dict.fromkeys(hit, UNSEEN)
     for state in edges.states():
         robot = (state.edge, state.name)
@@ -272,8 +273,8 @@ def _outcomes(
     return outcomes
 
 
-def _told(out: Output, effort: StopEffort, edges: Edges, result: StopResult) -> ExitCode:
-    """Say who was stopped, who was not, which edges were reached and what the file was not good for."""
+def _report(out: Output, effort: StopEffort, edges: Edges, result: StopResult) -> ExitCode:
+    """Report the stopped robots, the others, the reached edges, and errors in the file."""
     problems = effort.problems
     if not edges.joined and not effort.kept and not result.hit:
         advice = f"no edge is running here; {START}"
@@ -306,7 +307,7 @@ def _told(out: Output, effort: StopEffort, edges: Edges, result: StopResult) -> 
 
 
 def _missing(edges: Edges, names: tuple[str, ...], hit: set[tuple[str, str]]) -> list[str]:
-    """Return the robots and groups that were not, or not wholly, stopped; ``hit`` were, by edge and name."""
+    """Return the robots and groups that were not completely stopped; ``hit`` were, by edge and name."""
     stopped = {name for pair in hit for name in (pair[1], "/".join(pair))}
     missing = [name for name in names if name not in stopped]
     if not missing:

@@ -1,4 +1,4 @@
-"""``fleet support``: all that somebody who helps needs to see, in one archive without secrets."""
+"""``fleet support``: one archive with everything for support, without secrets."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ _SECONDS = "%Y%m%d-%H%M%S"
 def support(out: Output, file: Path, output: Path | None) -> ExitCode:
     """Pack configuration, logs, history, state and versions into one archive, for support.
 
-    Passwords, tokens and all of secrets.yaml are taken out, wherever they stand. Look into it before you
-    send it on: names, places and addresses of the site are in it.
+    Passwords, tokens and all of secrets.yaml are removed, wherever they occur. Check it before you send it:
+    it contains names, places and addresses of the site.
     """
     document, masking = _opened(file, os.environ)
     edge, folder = _edge_of(document, os.environ)
@@ -74,13 +74,13 @@ def support(out: Output, file: Path, output: Path | None) -> ExitCode:
 
 
 def _opened(file: Path, environ: Mapping[str, str]) -> tuple[Document, Masking]:
-    """Return what a fleet file says, be it right or wrong, and what takes its secrets out."""
+    """Return the content of a fleet file, which may be invalid, and the masking of its secrets."""
     document = read(file, environ)
     return document, Masking(secrets_in(document, kept_secrets(file.parent / SECRETS), environ))
 
 
 def _edge_of(document: Document, environ: Mapping[str, str]) -> tuple[str, Path]:
-    """Return the edge and the folder of its lasting state, as far as the file says."""
+    """Return the edge and its state folder, as far as the file names them."""
     edge = _mapping(_mapping(document.data).get("edge"))
     name = str(edge.get("id") or "unknown").replace("/", "_")
     given = _mapping(edge.get("spool")).get("path")
@@ -88,12 +88,12 @@ def _edge_of(document: Document, environ: Mapping[str, str]) -> tuple[str, Path]
 
 
 def _mapping(value: object) -> Mapping[str, object]:
-    """Return a mapping of the file; an empty one for what is none."""
+    """Return a mapping of the file; empty for other values."""
     return value if isinstance(value, dict) else {}
 
 
 def _versions() -> str:
-    """Return what runs here."""
+    """Return the versions of this installation."""
     packages = sorted({f"{each.name}=={each.version}" for each in importlib.metadata.distributions()})
     return json.dumps(
         {
@@ -109,7 +109,7 @@ def _versions() -> str:
 
 
 def _problems(file: Path) -> str:
-    """Return what is wrong with the configuration."""
+    """Return the errors and warnings of the configuration."""
     try:
         loaded = load(file, partial=True)
     except InvalidConfig as error:
@@ -118,7 +118,7 @@ def _problems(file: Path) -> str:
 
 
 def _state(file: Path) -> str:
-    """Return how the running edge and its robots are."""
+    """Return the state of the running edge and its robots."""
     with Edges.reach(str(file)) as edges:
         found = {
             "edges": [state_for_programs(each) for each in edges.edges()],
@@ -128,13 +128,13 @@ def _state(file: Path) -> str:
 
 
 def _history(folder: Path) -> str:
-    """Return the newest events, one a line."""
+    """Return the newest events, one per line."""
     records = read_history(folder, EventFilter(most=MOST))
     return "".join(f"{msgspec.json.encode(for_programs(each)).decode()}\n" for each in records)
 
 
 def _logs(folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield the names and contents of the logs, the newest first, as many as fit."""
+    """Yield the names and contents of the logs, newest first, as many as fit."""
     room = LOGS
     paths = sorted(folder.glob("*.jsonl*"), key=lambda path: path.stat().st_mtime, reverse=True)
     for path in paths:
@@ -146,7 +146,7 @@ def _logs(folder: Path) -> Iterator[tuple[str, str]]:
 
 
 def _created(path: Path) -> io.BufferedWriter:
-    """Make the archive, for this user alone; raises OSError, also when it exists."""
+    """Create the archive, for this user only; raises OSError, also if it exists."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
     return io.BufferedWriter(io.FileIO(descriptor, "wb"))
 

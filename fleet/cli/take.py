@@ -1,4 +1,4 @@
-"""``fleet take``: taking a robot out of the run of a mission."""
+"""``fleet take``: take a robot out of the run of a mission."""
 
 from __future__ import annotations
 
@@ -15,6 +15,6 @@ from fleet.cli.send import RECEIPT_WITHIN, ask
 @reach_option
 @with_output
 def take(out: Output, robot: str, *, file: str | None) -> ExitCode:
-    """Take ROBOT out of the run that has it; it stops, and the run goes on without it or ends."""
+    """Take ROBOT out of its run; it stops, and the run continues without it or ends."""
     message = {"command": "take", "data": {}}
     return ask(out, robot, "command", message, wait=True, timeout=RECEIPT_WITHIN, file=file)

@@ -1,4 +1,4 @@
-"""Times on the command line: how long ago, and when, with date and zone."""
+"""Times on the command line: relative times, and dates with zone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0, "w": 6048
 
 
 def since(_context: click.Context, _option: click.Parameter, text: str | None) -> float:
-    """Return the Unix seconds that ``1h``, ``30m``, ``2d`` ago or an ISO date mean; 0 for nothing said."""
+    """Return the Unix seconds of ``1h``, ``30m``, ``2d`` ago or an ISO date; 0 without a value."""
     if text is None:
         return 0.0
     found = _AGO.fullmatch(text.strip())
@@ -28,7 +28,7 @@ def since(_context: click.Context, _option: click.Parameter, text: str | None) -
 
 
 def length(_context: click.Context, _option: click.Parameter, text: str | None) -> float:
-    """Return the seconds of ``30s``, ``10min`` or ``1h``; endless for nothing said."""
+    """Return the seconds of ``30s``, ``10min`` or ``1h``; infinite without a value."""
     if text is None:
         return math.inf
     found = _LENGTH.fullmatch(text.strip())
@@ -38,12 +38,12 @@ def length(_context: click.Context, _option: click.Parameter, text: str | None) 
 
 
 since_option = click.option(
-    "--since", callback=since, help="How far back: 30m, 1h, 2d, or a date (local unless it names a zone)."
+    "--since", callback=since, help="How far back: 30m, 1h, 2d, or a date (local without a zone)."
 )
 
 
 def when(stamp: float) -> str:
-    """Return Unix seconds as local date, time and zone; what is no time as a dash."""
+    """Return Unix seconds as local date, time and zone; a dash for an invalid time."""
     try:
         return datetime.fromtimestamp(stamp, UTC).astimezone().isoformat(" ", "seconds")
     except (ValueError, OverflowError, OSError):
@@ -51,7 +51,7 @@ def when(stamp: float) -> str:
 
 
 def iso(stamp: float) -> str:
-    """Return Unix seconds for programs: ISO 8601, UTC, milliseconds; what is no time is empty."""
+    """Return Unix seconds for programs: ISO 8601, UTC, milliseconds; empty for an invalid time."""
     try:
         return datetime.fromtimestamp(stamp, UTC).isoformat(timespec="milliseconds")
     except (ValueError, OverflowError, OSError):

@@ -1,9 +1,9 @@
-"""``--at``: asking several robots so that all begin at one instant, or none.
+"""``--at``: a coordinated start, in which several robots begin at one instant, or none does.
 
-The clocks of their processes are measured, all are prepared, and then the instant is told to all of them.
-Until it has come, whatever stands against one robot takes back the start of all; so does our end, however
-violent, by the liveliness token that we hold. Each robot's part is one question: prepared or not, receipt,
-end.
+The clocks of their processes are measured, all robots are prepared, and then the instant is sent to all.
+Until that instant, an error of one robot cancels the start of all; so does the end of this process, however
+abrupt, by the loss of its liveliness token. Each robot's part is one query with several answers: prepared or
+not, receipt, outcome.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from fleet.model.start import (
 from fleet.model.state import RobotState
 from fleet.robot_config import MAIN
 
-PING_WITHIN = 1.0  # s
-SPARE = 0.2  # s before the instant by which everyone must have taken it, or nobody begins
+PING_WITHIN = 1.0  # s for one measurement of a clock
+SPARE = 0.2  # s before the instant by which every robot must have confirmed it, or none begins
 
 Question = tuple[RobotState, str, dict[str, Any]]
-"""A robot, the name of what is asked of it, and the message, which is stamped when it is sent."""
+"""A robot, the name of the request, and the message, which is stamped when it is sent."""
 Answers = tuple[RobotState, str, Iterator[Reply]]
 
 _AHEAD = re.compile(r"\+(\d+(?:\.\d+)?)\s*(s|min)?")
 
 
 def instant(_context: click.Context, _option: click.Parameter, text: str | None) -> float | None:
-    """Return the Unix seconds that ``+2s`` from now or an ISO date with time mean; None for nothing said."""
+    """Return the Unix seconds of ``+2s`` from now or an ISO date with time; None without a value."""
     if text is None:
         return None
     now = time.time()
@@ -65,7 +65,7 @@ def instant(_context: click.Context, _option: click.Parameter, text: str | None)
 
 
 def _date(text: str) -> float:
-    """Return the Unix seconds of an ISO date with a time; local unless it names a zone."""
+    """Return the Unix seconds of an ISO date with a time; local without a zone."""
     return datetime.fromisoformat(text).timestamp()
 
 
@@ -74,17 +74,17 @@ at_option = click.option(
     "at",
     callback=instant,
     metavar="+2s|TIME",
-    help="Begin at one instant, all or none: so far from now, or at a time (local unless it names a zone).",
+    help="Begin at one instant, all or none: after a time from now, or at a time (local without a zone).",
 )
 
 
 class CommonStart:
-    """One start of several robots; used as a context, which takes back what has not begun."""
+    """A start of several robots; as a context manager it cancels robots that have not begun."""
 
     def __init__(self, edges: Edges, asked: Sequence[Question], *, kind: str, at: float) -> None:
         self._id = uuid.uuid4().hex
         self._edges, self._at, self._kind = edges, at, kind
-        self._lanes: dict[str, ZenohSession] = {}
+        self._sessions: dict[str, ZenohSession] = {}
         self._asked = asked
         self._tokens: list[Callable[[], None]] = []
 
@@ -92,9 +92,11 @@ class CommonStart:
         for robot, _, _ in self._asked:
             bus_session = self._edges.session_of(robot)
             if bus_session is None:
-                raise Refused(f"{robot.name}: {robot.cause or 'nobody speaks for it'}: nobody is started")
-            if robot.edge not in self._lanes:
-                self._lanes[robot.edge] = bus_session
+                raise Refused(
+                    f"{robot.name}: {robot.cause or 'no process reports its state'}: nobody is started"
+                )
+            if robot.edge not in self._sessions:
+                self._sessions[robot.edge] = bus_session
                 self._tokens.append(bus_session.token(keys.starting(robot.edge, self._id)))
         return self
 
@@ -102,45 +104,45 @@ class CommonStart:
         self._withdraw()
 
     def _withdraw(self) -> None:
-        """Show that nobody asks for it any more."""
+        """Drop the tokens, which cancels robots that have not begun."""
         while self._tokens:
             self._tokens.pop()()
 
     def check_clocks(self) -> None:
-        """Raise Refused for processes whose clocks are not ours."""
+        """Raise Refused for processes whose clocks differ from ours."""
         wanted = {(robot.edge, robot.worker or MAIN) for robot, _, _ in self._asked}
-        for edge, bus_session in self._lanes.items():
+        for edge, bus_session in self._sessions.items():
             offsets = _offsets(bus_session, edge)
             for process in sorted(process for of, process in wanted if of == edge):
                 where = f"edge {edge}" if process == MAIN else f"worker {process} of edge {edge}"
                 check_clock(where, offsets.get(process))
 
     def run(self, *, wait: bool, within: float) -> tuple[list[Answers], dict[str, str]]:
-        """Prepare all and tell the instant; return whose answers are to come, and what hindered whom.
+        """Prepare all robots and send the instant; return the pending answers, and errors by robot.
 
-        Where anything hindered anybody, nobody begins: then their answers say so.
+        After any error no robot begins, and their answers say so.
         """
         answers, problems = _first_answers(self._prepared(wait=wait, within=within))
         if not problems:
-            problems = self._told()
+            problems = self._send_instant()
         if problems:
             self._withdraw()
         return answers, problems
 
     def _prepared(self, *, wait: bool, within: float) -> list[Answers]:
-        """Ask all at once to prepare."""
+        """Send the preparation to all robots."""
         parameters = {"kind": self._kind, "wait": "1" if wait else "0", "start": self._id}
         last = self._at - time.time() + within
         asked: list[Answers] = []
         for robot, command, message in self._asked:
-            bus_session = self._lanes[robot.edge]
+            bus_session = self._sessions[robot.edge]
             key = keys.as_person(keys.prepare(robot.edge, robot.name), bus_session.person)
             answers = bus_session.ask(key, stamped(message), timeout=last, parameters=parameters)
             asked.append((robot, command, (reply for _, reply in decoded(answers, Reply))))
         return asked
 
-    def _told(self) -> dict[str, str]:
-        """Tell all processes the instant; return why some robots will not begin, or are not known to."""
+    def _send_instant(self) -> dict[str, str]:
+        """Send the instant to all processes; return errors by robot, also for a missing confirmation."""
         left = self._at - SPARE - time.time()
         if left <= 0:
             late = f"it took until {-left:.1f} s too late to prepare all; name a later time"
@@ -148,10 +150,10 @@ class CommonStart:
         asked = msgspec.json.encode(StartAsked(self._id, self._at))
         told = [
             bus_session.ask(keys.starts(edge), asked, timeout=left)
-            for edge, bus_session in self._lanes.items()
+            for edge, bus_session in self._sessions.items()
         ]
         found: dict[str, str] = {}
-        for edge, answers in zip(self._lanes, told, strict=True):
+        for edge, answers in zip(self._sessions, told, strict=True):
             for _, answer in decoded(answers, StartAnswer):
                 found |= {f"{edge}/{name}": why for name, why in answer.robots.items()}
         unheard = "its process did not take the instant in time"
@@ -162,7 +164,7 @@ class CommonStart:
 
 
 def _first_answers(asked: Iterable[Answers]) -> tuple[list[Answers], dict[str, str]]:
-    """Wait until every robot is prepared; return the rest of their answers, and why some are not."""
+    """Wait until every robot is prepared; return the pending answers, and errors by robot."""
     answers, problems = [], {}
     for robot, command, replies in asked:
         reply = next(replies, None)
@@ -177,7 +179,7 @@ def _first_answers(asked: Iterable[Answers]) -> tuple[list[Answers], dict[str, s
 
 
 def _offsets(bus_session: ZenohSession, edge: str) -> dict[str, Offset]:
-    """Return how far the clocks of an edge's processes are from ours, by the fastest of some questions."""
+    """Return the clock offsets of an edge's processes, by the fastest of several measurements."""
     best: dict[str, Offset] = {}
     asked = msgspec.json.encode(StartAsked())
     for _ in range(PINGS):

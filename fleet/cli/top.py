@@ -19,12 +19,12 @@ from fleet.clock import SystemClock
 from fleet.errors import NotRunning, Refused
 from fleet.health.rollup import SeenEdge, roll_up
 
-EVERY = 0.5  # s between two looks
+EVERY = 0.5  # s between polls
 FIGURES_PORT = click.IntRange(0, 65535)
 
 
-class SiteLook:
-    """What one look found, for people and for programs."""
+class SiteSnapshot:
+    """Result of one poll, as lines and for programs."""
 
     def __init__(self, edges: list[SeenEdge], problems: list[str]) -> None:
         self.edges = edges
@@ -33,7 +33,7 @@ class SiteLook:
         self.view = roll_up(edges, self.now)
 
     def lines(self, width: int | None, height: int | None) -> list[str]:
-        """Return it for people."""
+        """Return it as lines."""
         room = None if height is None else max(height - len(self.problems), 5)
         return site_lines(self.view, self.edges, self.now, width=width, height=room)
 
@@ -55,13 +55,13 @@ class SiteLook:
 @click.command()
 @click.option("--site/--fleet", "site", default=True, help="Edges of this site (default), or all edges.")
 @click.option("--all", "everything", is_flag=True, help="Show everything, also beyond the screen.")
-@click.option("--forget", metavar="EDGE", help="Leave an edge out that is gone for good.")
+@click.option("--forget", metavar="EDGE", help="Remove an edge that is permanently gone.")
 @click.option(
     "--metrics",
     "port",
     metavar="PORT",
     type=FIGURES_PORT,
-    help="Also serve the figures for Prometheus on this local port; without a terminal nothing else.",
+    help="Also serve Prometheus metrics on this local port; without a terminal nothing else.",
 )
 @reach_option
 @with_output
@@ -70,12 +70,12 @@ def top(
 ) -> None:
     """Show a whole site or fleet, live, until Ctrl-C.
 
-    Each cause of trouble is one entry, the oldest first: since when, which robots, the way from the robot
+    Each cause of trouble is one entry, the oldest first: since when, which robots, the chain from the robot
     over its link to the edge, and the next thing to do. An edge that is gone stays, with the time since when,
     until it is forgotten.
 
-    The edges are those on the bus that is joined: of this computer, or of the fleet file. Their site is
-    `edge.site` of their fleet files.
+    The edges are those on the joined bus: of this computer, or of the fleet file. Their site is `edge.site`
+    of their fleet files.
     """
     if forget is not None:
         _forget(out, file, forget)
@@ -83,11 +83,11 @@ def top(
     with FleetWatch(file, SystemClock()) as watch:
         metrics = None
         if port is not None:
-            from fleet.client.fleet_metrics import FleetMetrics  # noqa: PLC0415 - few ask for it
+            from fleet.client.fleet_metrics import FleetMetrics  # noqa: PLC0415 - rarely needed
 
             metrics = FleetMetrics(SystemClock())
             metrics.serve(port)
-        for found in _looks(watch, file, site=site):
+        for found in _snapshots(watch, file, site=site):
             if metrics is not None:
                 metrics.take(found.edges)
             if metrics is None or out.as_json or out.height is not None:
@@ -95,9 +95,9 @@ def top(
 
 
 def look_once(out: Output, file: str | None, *, site: bool, everything: bool) -> None:
-    """Show the edges of a site or a fleet once; raises NotRunning where no bus can be joined."""
+    """Show the edges of a site or a fleet once; raises NotRunning if no bus can be joined."""
     with FleetWatch(file, SystemClock()) as watch:
-        found = next(_looks(watch, file, site=site))
+        found = next(_snapshots(watch, file, site=site))
         if not watch.joined:
             raise NotRunning("; ".join(watch.problems))
     for problem in found.problems:
@@ -106,17 +106,17 @@ def look_once(out: Output, file: str | None, *, site: bool, everything: bool) ->
     out.lines(found.lines(out.width, None if everything else out.height))
 
 
-def _looks(watch: FleetWatch, file: str | None, *, site: bool) -> Iterator[SiteLook]:
-    """Yield what is found, again and again."""
+def _snapshots(watch: FleetWatch, file: str | None, *, site: bool) -> Iterator[SiteSnapshot]:
+    """Yield the state repeatedly."""
     ours = site_of(file) if site else None
     while True:
         edges = watch.look()
-        yield SiteLook(of_sites(edges, watch.joined, ours) if site else edges, watch.problems)
+        yield SiteSnapshot(of_sites(edges, watch.joined, ours) if site else edges, watch.problems)
         time.sleep(EVERY)
 
 
-def _show(out: Output, found: SiteLook, *, everything: bool) -> None:
-    """Show one of many looks."""
+def _show(out: Output, found: SiteSnapshot, *, everything: bool) -> None:
+    """Show one of many states."""
     if out.as_json:
         out.line(json.dumps(found.document()))
         return
@@ -125,13 +125,13 @@ def _show(out: Output, found: SiteLook, *, everything: bool) -> None:
 
 
 def _forget(out: Output, file: str | None, edge: str) -> None:
-    """Leave an edge out from now on; raises Refused for one that is not known."""
+    """Remove an edge from the list; raises Refused for an unknown one."""
     if not SeenEdges(file).forget(edge):
         raise Refused(f"no edge {edge!r} was seen on this bus")
     out.say(f"{edge} is forgotten; it is shown again once it is back")
 
 
 def _builtins(value: msgspec.Struct) -> dict[str, object]:
-    """Return a value as JSON has it, with all its fields."""
+    """Return a value in JSON types, with all its fields."""
     fields: dict[str, object] = msgspec.to_builtins(msgspec.structs.asdict(value))
     return fields

@@ -55,8 +55,8 @@ def _servers(_context: click.Context, _option: click.Parameter, values: tuple[st
 @click.option(
     "--camera",
     callback=_camera,
-    help="http(s)://... (a picture each time it is asked), v4l2:/dev/videoN "
-    "or file:/...; left out, the robot's camera in the file of -f.",
+    help="http(s)://... (fetched for each picture), v4l2:/dev/videoN or file:/...; left out, "
+    "the robot's camera in the file of -f.",
 )
 @click.option("--sensor", default="camera", show_default=True, callback=_sensor, help="The stream's name.")
 @click.option(
@@ -64,7 +64,7 @@ def _servers(_context: click.Context, _option: click.Parameter, values: tuple[st
     type=click.FloatRange(0.2, 30.0),
     default=10.0,
     show_default=True,
-    help="Pictures a second at most.",
+    help="Limit of pictures per second.",
 )
 @click.option(
     "--ice-server",
@@ -92,7 +92,7 @@ def video(
 ) -> ExitCode:
     """Send ROBOT's camera as WebRTC video whenever start_video asks for it, until Ctrl-C.
 
-    It joins the bus of the edge that runs the robot. Give one --sensor to each camera of a robot.
+    It joins the bus of the edge that runs the robot. Give each camera of a robot its own --sensor.
     """
     try:
         from aiortc import RTCIceServer  # noqa: PLC0415 - of an extra
@@ -122,7 +122,7 @@ def video(
 
 
 def _found(robot: str, file: str | None) -> tuple[RobotState, BusSettings, str | None]:
-    """Return the robot of this name, the bus of its edge, and its camera in the file, if there is one."""
+    """Return the robot of this name, the bus of its edge, and its camera in the file, if any."""
     with Edges.reach(file) as edges:
         found = edges.named(robot)
     if len(found) != 1 or robot not in (found[0].name, f"{found[0].edge}/{found[0].name}"):

@@ -1,6 +1,6 @@
-"""Python client of the edges that run: start missions and follow them, command robots, stop them.
+"""Python client of running edges: start and follow missions, command robots, stop them.
 
-``Fleet`` is one way to the edges, ``MissionRun`` one run of a mission. All else is what they return.
+``Fleet`` is a connection to the edges, ``MissionRun`` one run of a mission. The other names are results.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Asking a running edge what a changed fleet file would do to it, and having it done."""
+"""Requests to a running edge to show or apply the changes of a fleet file."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from fleet.client.edges import Edges
 from fleet.errors import NotRunning, Refused, TimedOut
 from fleet.model.change import ChangesAnswer, ChangesAsked
 
-LOOK_WITHIN = 60.0  # s: the file is read, and each drop-in file is asked by a process of its own
-APPLY_WITHIN = 1800.0  # s: each robot may take half a minute to be back
+LOOK_WITHIN = 60.0  # s: the edge reads the file and inspects each drop-in file in a separate process
+APPLY_WITHIN = 1800.0  # s: each robot may take half a minute to reconnect
 
 
 def ask_changes(edge: str, file: str, asked: ChangesAsked) -> ChangesAnswer | None:
-    """Return what a running edge answers, None when it does not run; raises Refused and TimedOut."""
+    """Return the answer of a running edge, None if it does not run; raises Refused and TimedOut."""
     try:
         edges = Edges.reach(file)
     except NotRunning:
@@ -26,7 +26,7 @@ def ask_changes(edge: str, file: str, asked: ChangesAsked) -> ChangesAnswer | No
             older = (
                 f": it runs fleet {version}; if that is older, restart it with this one" if version else ""
             )
-            raise TimedOut(f"edge {edge} does not say what it runs with{older}") from error
+            raise TimedOut(f"edge {edge} does not report its configuration{older}") from error
     if answer.refusal:
         raise Refused("; ".join((f"edge {edge}: {answer.refusal}", *answer.problems)))
     return answer

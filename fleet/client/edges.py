@@ -1,4 +1,4 @@
-"""The way from a command to the edges that run: over their control lanes."""
+"""Connection from a command to the running edges, over their control sessions."""
 
 from __future__ import annotations
 
@@ -27,35 +27,35 @@ from fleet.runtime.decoding import decode_json
 
 log = logging.getLogger(__name__)
 
-ANSWER_WITHIN = 2.0  # s for what an edge knows without asking a robot
-START_WITHIN = 15.0  # s for an edge to start a mission: its robots join it first
-HISTORY_WITHIN = 10.0  # s for what it has to read from its disk
-STARTED_WITHIN = 90.0  # s for what starts a mission
+ANSWER_WITHIN = 2.0  # s for answers from the memory of an edge
+START_WITHIN = 15.0  # s for an edge to start a mission: its robots join the run first
+HISTORY_WITHIN = 10.0  # s for answers that the edge reads from its disk
+STARTED_WITHIN = 90.0  # s for a request to a schedule that may start a mission
 START = "start one with: fleet run fleet.yaml (or: fleet demo)"
 
 T = TypeVar("T")
 
 
 class UnknownRobot(Refused):
-    """No running edge has a robot, or a group, of this name; or several have."""
+    """No running edge has a robot or group of this name, or several edges have one."""
 
 
 class Edges:
-    """The edges that can be reached: all that run on this machine, or the one of a fleet file.
+    """The reachable edges: all that run on this machine, or the one of a fleet file.
 
-    ``joined`` are those that let us in by their control ``sessions``, ``unreached`` says in words which of
-    them run but let nobody in.
+    ``joined`` names the edges that accepted a control session (``sessions``); ``unreached`` describes the
+    running edges that did not.
     """
 
     def __init__(self, bus_sessions: Mapping[str, ZenohSession], unreached: list[str]) -> None:
         self.unreached = unreached
         self.joined = tuple(bus_sessions)
         self.sessions = tuple(bus_sessions.values())
-        self._ways: dict[tuple[str, str], ZenohSession] = {}
+        self._session_by_robot: dict[tuple[str, str], ZenohSession] = {}
 
     @classmethod
     def reach(cls, file: str | None) -> Self:
-        """Join them, all at once; raises NotRunning when there is none."""
+        """Join all edges concurrently; raises NotRunning if none can be joined."""
         wanted = _wanted(file)
         if not wanted:
             raise NotRunning(f"no edge is running here; {START}")
@@ -85,22 +85,22 @@ class Edges:
             bus_session.close()
 
     def states(self) -> list[RobotState]:
-        """Return the robots' states, by edge and name; the newest where several speak for a robot."""
+        """Return the states of the robots, by edge and name; the newest if several processes report one."""
         found: dict[tuple[str, str], RobotState] = {}
         for bus_session, _, state in self.asked(keys.state("*", "*"), RobotState):
             robot = (state.edge, state.name)
-            self._ways.setdefault(robot, bus_session)
+            self._session_by_robot.setdefault(robot, bus_session)
             if robot not in found or state.stamp > found[robot].stamp:
                 found[robot] = state
         return [found[robot] for robot in sorted(found)]
 
     def edges(self) -> list[EdgeState]:
-        """Return the edges' own states, by name."""
+        """Return the states of the edges, by name."""
         found = {state.edge: state for _, _, state in self.asked(keys.health("*"), EdgeState)}
         return [found[edge] for edge in sorted(found)]
 
     def silent(self, found: Iterable[EdgeState]) -> list[str]:
-        """Return in words which of the edges that let us in are not among those that answered."""
+        """Describe the joined edges that are not among those that answered."""
         answered = {state.edge for state in found}
         return [
             f"edge {edge} runs but does not answer: its event loop hangs"
@@ -109,17 +109,17 @@ class Edges:
         ]
 
     def are_all(self, file: str | None) -> bool:
-        """Return whether the edges that run now are those that let us in (one of a file: always)."""
+        """Return True if the edges that run now are the joined ones; always True for a fleet file."""
         return file is not None or {settings.edge for settings, _ in _wanted(None)} == set(self.joined)
 
     def named(self, name: str) -> list[RobotState]:
         """Return the robot of this name, or the robots of this group; raises UnknownRobot.
 
-        ``edge/robot`` says which one is meant where several edges have a robot of this name.
+        ``edge/robot`` selects one of several robots with the same name.
         """
         states, edges = self.states(), self.edges()
         found = [state for state in states if name in (state.name, f"{state.edge}/{state.name}")]
-        if len(found) > 1:  # of a pair, only the edge with the lease has the robot
+        if len(found) > 1:  # in a pair, only the edge with the lease has the robot
             waiting = {edge.edge for edge in edges if edge.pair not in {"", "holder"}}
             found = [state for state in found if state.edge not in waiting] or found
         if len(found) > 1:
@@ -136,7 +136,7 @@ class Edges:
         return found
 
     def place(self, name: str, robots: Iterable[RobotState]) -> Place:
-        """Return the place of this name, as the edges of these robots have it; raises Refused."""
+        """Return the place of this name, which must be equal on the edges of all robots; raises Refused."""
         wanted = {robot.edge for robot in robots}
         places = {edge.edge: edge.places for edge in self.edges() if edge.edge in wanted}
         found = [there[name] for there in places.values() if name in there]
@@ -149,19 +149,19 @@ class Edges:
         raise Refused(f"there is no place {name!r}", hint=hint)
 
     def description(self, robot: RobotState) -> RobotDescription:
-        """Return what a robot takes; raises TimedOut when its process does not answer."""
+        """Return the vocabulary of a robot; raises TimedOut if its process does not answer."""
         for _, _, found in self.asked(keys.description(robot.edge, robot.name), RobotDescription):
             return found
-        raise TimedOut(f"{robot.name} does not say what it takes: {robot.cause or 'its process is silent'}")
+        raise TimedOut(f"{robot.name} does not report its commands: {robot.cause or 'its process is silent'}")
 
     def session_of(self, robot: RobotState) -> ZenohSession | None:
-        """Return the bus session by which a robot's state came, None for one that nobody speaks for."""
-        return self._ways.get((robot.edge, robot.name))
+        """Return the bus session from which a robot's state came; None for a robot without a state."""
+        return self._session_by_robot.get((robot.edge, robot.name))
 
     def command(
         self, robot: RobotState, payload: bytes, *, kind: str, wait: bool, timeout: float
     ) -> Iterator[Reply]:
-        """Ask a robot at once; what is returned yields the receipt and, when waited for, the end."""
+        """Send a request to a robot at once; the result yields its receipt and, with ``wait``, its end."""
         bus_session = self.session_of(robot)
         if bus_session is None:
             return iter(())
@@ -171,13 +171,13 @@ class Edges:
         return (reply for _, reply in decoded(answers, Reply))
 
     def reload(self, edge: str, worker: str, adapter: str, *, within: float) -> Reply | None:
-        """Ask a worker to take the changed drop-in file of an adapter into use; None when nobody answers."""
+        """Ask a worker to reload the changed drop-in file of an adapter; return None without an answer."""
         key = keys.reload(edge, worker)
         asked = [bus_session.ask(key, adapter.encode(), timeout=within) for bus_session in self.sessions]
         return next((reply for answers in asked for _, reply in decoded(answers, Reply)), None)
 
     def schedules(self) -> list[tuple[str, ScheduleState]]:
-        """Return the schedules of all edges, with their edge; raises Refused where one cannot tell them."""
+        """Return the schedules of all edges, with their edge; raises Refused if an edge cannot read them."""
         asked = msgspec.json.encode(ScheduleAsked())
         found = []
         answers = self.asked(keys.schedules("*"), ScheduleAnswer, asked, HISTORY_WITHIN, by_person=True)
@@ -188,7 +188,7 @@ class Edges:
         return sorted(found, key=lambda pair: (pair[0], pair[1].name))
 
     def ask_schedules(self, edge: str, asked: ScheduleAsked) -> ScheduleAnswer:
-        """Ask something of an edge's schedules; raises TimedOut when it does not answer."""
+        """Send a request about an edge's schedules; raises TimedOut without an answer."""
         payload = msgspec.json.encode(asked)
         key = keys.schedules(edge)
         for _, _, answer in self.asked(key, ScheduleAnswer, payload, STARTED_WITHIN, by_person=True):
@@ -196,7 +196,7 @@ class Edges:
         raise TimedOut(f"edge {edge} does not answer for its schedules")
 
     def history(self, wanted: EventFilter) -> list[Record]:
-        """Return what the edges know of what happened to their robots, the oldest first."""
+        """Return the events of the edges' histories, oldest first."""
         asked = msgspec.json.encode(wanted)
         parts = self.asked(keys.history("*"), list[Record], asked, HISTORY_WITHIN)
         told = ((key.split("/")[1], record) for _, key, part in parts for record in part)
@@ -211,7 +211,7 @@ class Edges:
         *,
         within: float = START_WITHIN,
     ) -> T:
-        """Ask one edge, by whichever way reaches it; raises TimedOut without an answer."""
+        """Send a request to one edge, over each session in turn; raises TimedOut without an answer."""
         payload = msgspec.json.encode(asked)
         for bus_session in self.sessions:
             to = keys.as_person(key, bus_session.person)
@@ -230,9 +230,9 @@ class Edges:
         *,
         by_person: bool = False,
     ) -> Iterator[tuple[ZenohSession, str, T]]:
-        """Ask all at once; yield what everyone answers on a key, by which session and on which key.
+        """Send a request on all sessions concurrently; yield each answer with its session and key.
 
-        ``by_person``: with the name of the person whose certificate a session shows.
+        ``by_person``: add the name of the person in the session's certificate to the key.
         """
         asked = [
             (each, each.ask(keys.as_person(key, each.person if by_person else ""), payload, timeout=within))
@@ -244,7 +244,7 @@ class Edges:
 
 
 def decoded(answers: Iterator[tuple[str, bytes]], kind: type[T]) -> Iterator[tuple[str, T]]:
-    """Yield the answers that can be read, with their keys; one that cannot must not hide the others."""
+    """Yield the readable answers with their keys; an unreadable one must not hide the others."""
     for key, data in answers:
         try:
             yield key, decode_json(data, kind)
@@ -253,7 +253,7 @@ def decoded(answers: Iterator[tuple[str, bytes]], kind: type[T]) -> Iterator[tup
 
 
 def _members(group: str, states: list[RobotState], edges: list[EdgeState]) -> list[RobotState]:
-    """Return the robots of a group, those included that nobody speaks for."""
+    """Return the robots of a group, including those without a state."""
     known = {(state.edge, state.name): state for state in states}
     return [
         known.get((edge.edge, name))
@@ -264,9 +264,9 @@ def _members(group: str, states: list[RobotState], edges: list[EdgeState]) -> li
 
 
 def _wanted(file: str | None) -> list[tuple[BusSettings, Path]]:
-    """Return how to reach the edge of a file, or every edge that runs here, and where its sockets are.
+    """Return the bus settings and socket folder of the edge of a file, or of every edge that runs here.
 
-    An edge that two directories show is reached in the first, that of this user.
+    An edge with sockets in two folders is reached by the first, which belongs to this user.
     """
     running = {edge: path for path in reversed(client_dirs()) for edge in running_edges(path)}
     if file is None:
@@ -276,7 +276,7 @@ def _wanted(file: str | None) -> list[tuple[BusSettings, Path]]:
 
 
 def _joined(settings: BusSettings, directory: Path) -> ZenohSession | BusError:
-    """Join an edge's control session, or return why not."""
+    """Join an edge's control session, or return the reason for the failure."""
     try:
         return join_control(settings, directory)
     except BusError as error:
@@ -284,7 +284,7 @@ def _joined(settings: BusSettings, directory: Path) -> ZenohSession | BusError:
 
 
 def settings_of(file: str) -> BusSettings:
-    """Return how to reach the edge of a fleet file."""
+    """Return the bus settings of a fleet file's edge."""
     from fleet.config.load import sections_of  # noqa: PLC0415 - pydantic is not needed without a file
     from fleet.host.process.component_settings import bus_settings  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""The fleet that runs, for Python programs: the same messages that the command line sends."""
+"""The running fleet for Python programs; sends the same messages as the command line."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ DONE_WITHIN = 120.0  # s
 
 
 class Fleet:
-    """The edges that run on this computer, or that of a fleet file; used as a context, or closed.
+    """The edges that run on this computer, or the edge of a fleet file; a context manager.
 
-    Everything waits for its answer. Raises NotRunning when no edge answers. A group's name stands for all of
-    its robots.
+    Every method waits for its answer and raises NotRunning if no edge answers. The name of a group stands for
+    all of its robots.
     """
 
     def __init__(self, file: str | Path | None = None) -> None:
@@ -39,34 +39,34 @@ class Fleet:
         self.close()
 
     def close(self) -> None:
-        """Leave the bus; runs that were started go on."""
+        """Leave the bus; runs that were started continue."""
         self._opened.close()
 
     def robots(self) -> list[RobotState]:
-        """Return what every robot looks like now."""
+        """Return the present state of every robot."""
         return self._edges.states()
 
     def start(
         self, mission: str, *, robots: Mapping[str, Sequence[str]] | None = None, **inputs: Any
     ) -> MissionRun:
-        """Start a mission of fleet.yaml, or that of a file (.yaml, .plan); raises Refused with the reason.
+        """Start a mission of fleet.yaml or of a file (.yaml, .plan); raises Refused with the reason.
 
-        ``robots`` are chosen for roles; the edge fills the others.
+        ``robots`` assigns robots to roles; the edge fills the other roles.
         """
         return start_mission(self._edges, mission, inputs=inputs, robots=robots or {})
 
     def run(self, run: str = "") -> MissionRun:
-        """Return a run by its id; left out, the one that is under way. Raises Refused."""
+        """Return a run by its id; without an id, the only run in progress. Raises Refused."""
         state = find_run(self._edges, run, ended=bool(run))
         return MissionRun(self._edges, state, state.edge, local_user())
 
     def send(
         self, robot: str, command: str, *, wait: bool = True, within: float = DONE_WITHIN, **data: Any
     ) -> dict[str, Reply]:
-        """Send a robot a command; return the last answer of each, by name.
+        """Send a command to a robot or group; return the last answer of each robot, by name.
 
-        ``wait``: until it was seen to be done, at most ``within`` seconds; else until it was taken. Raises
-        Refused when a robot does not take it or fails, TimedOut when one does not say so in time.
+        With ``wait``, wait until it is done, at most ``within`` seconds; otherwise until it is accepted.
+        Raises Refused if a robot refuses it or fails, TimedOut without an answer in time.
         """
         robots = self._edges.named(robot)
         message: dict[str, object] = {"command": command, "data": data}
@@ -82,10 +82,10 @@ class Fleet:
         wait: bool = True,
         within: float = DONE_WITHIN,
     ) -> dict[str, Reply]:
-        """Send a robot to a place of fleet.yaml, or to x, y and perhaps z, metres in the site's frame.
+        """Send a robot to a place of fleet.yaml, or to x, y and optionally z in metres in the site's frame.
 
-        ``spacing`` (m) spreads the robots of a group around it; ``speed`` (m/s) limits all. For the rest see
-        ``send``.
+        ``spacing`` (m) spreads the robots of a group around it; ``speed`` (m/s) limits all. See ``send`` for
+        ``wait``, ``within`` and the errors.
         """
         robots = self._edges.named(robot)
         if isinstance(place, str):
@@ -98,11 +98,11 @@ class Fleet:
         return self._ask(robots, "navigate", messages, wait=wait, within=within)
 
     def stop(self, robot: str) -> dict[str, Reply]:
-        """End what a robot does; it holds. It leaves its run, if it is in one."""
+        """Stop a robot, which then holds its position and leaves its mission run."""
         return self.send(robot, "stop")
 
     def emergency_stop(self, robot: str) -> dict[str, Reply]:
-        """Set the emergency stop of a robot, which a person releases (``fleet release``)."""
+        """Set the emergency stop of a robot, which a person must release (``fleet release``)."""
         return self.send(robot, "emergency_stop")
 
     def _ask(
@@ -114,7 +114,7 @@ class Fleet:
         wait: bool,
         within: float,
     ) -> dict[str, Reply]:
-        """Ask robots at once, each its own; return their last answers. Raises what the first one met."""
+        """Send each robot its message concurrently; return their last answers. Raises the first error."""
         timeout = within if wait else min(within, RECEIPT_WITHIN)
         asked = [
             (robot, self._edges.command(robot, stamped(one), kind=kind, wait=wait, timeout=timeout))

@@ -1,4 +1,4 @@
-"""Serves what a fleet view shows as metrics of Prometheus, on this computer's loopback."""
+"""Serves a fleet view as Prometheus metrics on the loopback interface."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HOST = "127.0.0.1"
 
 
 class FleetMetrics(Collector):
-    """The figures of the edges that were taken last; ``port`` is where they are served."""
+    """Metrics of the last update of the edges; ``port`` is the port on which they are served."""
 
     def __init__(self, clock: Clock) -> None:
         self.port = 0
@@ -25,7 +25,7 @@ class FleetMetrics(Collector):
         self._edges: Sequence[SeenEdge] = ()
 
     def serve(self, port: int) -> None:
-        """Serve from now on, on a thread of its own; raises MetricsError when the port cannot be had."""
+        """Start serving on a thread of its own; raises MetricsError if the port cannot be opened."""
         registry = CollectorRegistry()
         registry.register(self)
         try:
@@ -35,13 +35,13 @@ class FleetMetrics(Collector):
         self.port = int(server.server_port)
 
     def take(self, edges: Sequence[SeenEdge]) -> None:
-        """Take how the edges are now."""
+        """Store the present state of the edges."""
         self._edges = edges
 
     def describe(self) -> Iterable[Metric]:
-        """Return nothing: what there is is known once it is collected."""
+        """Return nothing: the metrics are not known before they are collected."""
         return ()
 
     def collect(self) -> Iterator[Metric]:
-        """Yield every figure, now."""
+        """Yield all metrics."""
         yield from fleet_metrics(self._edges, self._clock.time())

@@ -1,4 +1,4 @@
-"""Who asks from this command line: what robots and the history are told, and can only take as claimed."""
+"""Identity of the user of this command line; robots and the history record it as claimed, not proven."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from typing import Any
 
 
 def local_user(environ: Mapping[str, str] = os.environ) -> str:
-    """Return ``user@host``: by the environment, for a directory service may wait, and a stop must not.
+    """Return ``user@host`` from the environment: a directory service may block, and a stop must not wait.
 
-    Who became root by sudo is told with the name from before.
+    Under sudo it is the name of the original user.
     """
     user = environ.get("SUDO_USER") or environ.get("USER") or environ.get("LOGNAME") or f"uid-{os.getuid()}"
     return f"{user}@{socket.gethostname()}"
 
 
 def stamped(message: dict[str, Any]) -> bytes:
-    """Return a message that is sent now, by who runs this command."""
+    """Return an encoded message with the user of this command and the present time."""
     return json.dumps(
         {**message, "session_id": local_user(), "timestamp": time.time()}, allow_nan=False
     ).encode()

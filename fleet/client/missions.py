@@ -1,4 +1,4 @@
-"""Missions by the bus: found, started, followed, controlled."""
+"""Missions over the bus: find, start, follow, control."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from fleet.client.local_user import local_user
 from fleet.errors import Refused, TimedOut, WireError
 from fleet.missions.report import ControlAsk, MissionState, RunState, StartAsk, Started
 from fleet.missions.results import Result
-from fleet.missions.store import Told
+from fleet.missions.store import RunLogEntry
 
-LOOK = 0.5  # s between two looks at a run
-SILENT = 10.0  # s without a word of the edge after which nobody knows; the edge may be restarting
+LOOK = 0.5  # s between polls of a run
+SILENT = 10.0  # s without an answer of the edge, which may be restarting, before following it fails
 PLAN_FILES = frozenset({".plan", ".json"})
 _YAML = frozenset({".yaml", ".yml"})
 MISSION_FILES = PLAN_FILES | _YAML
 
 
 class MissionRun:
-    """One run of a mission on an edge. ``roles`` are its robots by role, where this program started it."""
+    """One run of a mission on an edge. ``roles``: its robots by role, if this program started it."""
 
     def __init__(self, edges: Edges, state: RunState | Started, edge: str, by: str) -> None:
         self.id = state.run
@@ -37,13 +37,13 @@ class MissionRun:
         self._by = by
 
     def state(self) -> RunState | None:
-        """Return what it looks like now; None when its edge does not answer."""
+        """Return its present state; None without an answer of its edge."""
         return next(iter(mission_requests.runs(self._edges, self.id)), None)
 
     def follow(self, every: float = LOOK) -> Iterator[RunState]:
-        """Yield what it looks like, every so many seconds, its end last.
+        """Yield its state every ``every`` seconds; the last one has its outcome.
 
-        Raises TimedOut when its edge is silent for 10 s: then nobody knows how it ends.
+        Raises TimedOut if its edge is silent for 10 s: then the outcome is unknown.
         """
         heard = time.monotonic()
         while True:
@@ -54,42 +54,42 @@ class MissionRun:
                 if state.outcome:
                     return
             elif time.monotonic() - heard > SILENT:
-                raise TimedOut(f"run {self.id}: the edge does not answer; nobody knows")
+                raise TimedOut(f"run {self.id}: the edge does not answer; the outcome is unknown")
             time.sleep(every)
 
     def wait(self) -> RunState:
-        """Return its end; raises TimedOut like ``follow``."""
+        """Wait for its end and return its last state; raises TimedOut like ``follow``."""
         *_, last = self.follow()
         return last
 
     def pause(self) -> None:
-        """Let its robots hold; raises Refused."""
+        """Pause it: its robots hold; raises Refused."""
         self._control(ControlAsk("pause"))
 
     def resume(self) -> None:
-        """Let it go on; raises Refused, also where it asks first."""
+        """Continue it; raises Refused, also while it waits for an answer to a question."""
         self._control(ControlAsk("resume"))
 
     def abort(self) -> None:
-        """End it as its mission says (``on_abort``); raises Refused."""
+        """End it as defined by its mission (``on_abort``); raises Refused."""
         self._control(ControlAsk("abort"))
 
     def answer(self, *, goes_on: bool) -> None:
-        """Answer the question that it asks now; raises Refused."""
+        """Answer its present question; raises Refused."""
         state = self.state()
         question = state.question.id if state is not None and state.question is not None else 0
         self._control(ControlAsk("answer", question, goes_on=goes_on))
 
-    def log(self) -> list[Told]:
-        """Return what happened in it, the oldest line first; raises TimedOut."""
+    def log(self) -> list[RunLogEntry]:
+        """Return its log, oldest line first; raises TimedOut."""
         return mission_requests.story(self._edges, self.edge, self.id)
 
     def results(self) -> list[Result]:
-        """Return what it has left behind so far: files on the disk of its edge."""
+        """Return its results so far: files on the disk of its edge."""
         return mission_requests.results(self._edges, self.edge, self.id)
 
     def _control(self, asked: ControlAsk) -> None:
-        """Control it; raises Refused, TimedOut."""
+        """Send a control request; raises Refused, TimedOut."""
         named = msgspec.structs.replace(asked, session_id=self._by)
         refusal = mission_requests.control(self._edges, self.edge, self.id, named).refusal
         if refusal:
@@ -104,10 +104,10 @@ def start_mission(
     robots: Mapping[str, Sequence[str]],
     filled: Callable[[Mapping[str, Sequence[str]]], None] = lambda _roles: None,
 ) -> MissionRun:
-    """Start a mission of fleet.yaml, or that in a mission or plan file, and return its run; raises Refused.
+    """Start a mission of fleet.yaml, or of a mission or plan file, and return its run; raises Refused.
 
-    ``robots`` are chosen for roles; the edge fills the others. ``filled`` hears who fills which role before
-    anything moves, and may raise.
+    ``robots`` assigns robots to roles; the edge fills the other roles. ``filled`` is called with all robots
+    by role before any of them moves; it may raise to prevent the start.
     """
     by, run = local_user(), uuid.uuid4().hex[:8]
     name, sent = mission_named(what)
@@ -136,7 +136,7 @@ def known_mission(edges: Edges, name: str) -> MissionState:
 
 
 def find_run(edges: Edges, run: str, *, ended: bool = False) -> RunState:
-    """Return a run by its id or its beginning; left out, the only one under way, or the newest. Refused."""
+    """Return a run by its id or a prefix of it; without one, the only or the newest run. Raises Refused."""
     found = [each for each in mission_requests.runs(edges, "*") if ended or not each.outcome]
     if run:
         found = [each for each in found if each.run.startswith(run)]
@@ -151,7 +151,7 @@ def find_run(edges: Edges, run: str, *, ended: bool = False) -> RunState:
 
 
 def mission_named(what: str) -> tuple[str, dict[str, Any] | None]:
-    """Return a mission's name, and the mission itself where it is a file; raises Refused, ConfigError."""
+    """Return a mission's name, and its content if it is a file; raises Refused, ConfigError."""
     path = Path(what)
     if path.suffix not in MISSION_FILES:
         return what, None
@@ -164,7 +164,7 @@ def mission_named(what: str) -> tuple[str, dict[str, Any] | None]:
 
 
 def plan_mission(path: Path) -> dict[str, Any]:
-    """Return the mission of one step that lets one aircraft fly a plan file; raises Refused."""
+    """Return the one-step mission in which an aircraft flies a plan file; raises Refused."""
     from fleet.missions.plan import mission_of_plan, plan_in  # noqa: PLC0415 - only for files
 
     try:
@@ -176,14 +176,14 @@ def plan_mission(path: Path) -> dict[str, Any]:
 
 
 def _taken(started: Started) -> Started:
-    """Return the answer to a start; raises Refused."""
+    """Return the answer to a start; raises Refused if it is a refusal."""
     if started.refusal:
         raise Refused(started.refusal, hint=started.hint)
     return started
 
 
 def edge_of(edges: Edges, name: str, robots: Mapping[str, Sequence[str]], sent: dict[str, Any] | None) -> str:
-    """Return which edge is to run a mission; raises Refused."""
+    """Return the edge that is to run a mission; raises Refused."""
     if sent is None:
         return known_mission(edges, name).edge
     owners = {robot.edge for names in robots.values() for each in names for robot in edges.named(each)}

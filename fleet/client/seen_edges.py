@@ -1,4 +1,4 @@
-"""The edges that were ever seen on a bus, on this user's disk: one that is gone is shown until forgotten."""
+"""List of the edges seen on a bus, on this user's disk; an edge that is gone stays until it is removed."""
 
 from __future__ import annotations
 
@@ -13,47 +13,47 @@ from fleet.errors import StateError, StateNewer
 from fleet.health.rollup import SeenEdge
 from fleet.runtime.decoding import decode_json
 from fleet.runtime.state_format import format_of, refuse_newer
-from fleet.spool.state_folder import locked, made, state_folder
+from fleet.spool.state_folder import create_folder, locked, state_folder
 
 Edges = dict[str, SeenEdge]
 
 FILE = "seen-edges.json"
 FORMAT = 1
-LOCK_WITHIN = 5.0  # s; another view has the file for a moment only
+LOCK_WITHIN = 5.0  # s; other views hold the lock only for a moment
 
 
 class _Kept(msgspec.Struct, frozen=True):
-    """The file: the edges by bus."""
+    """Content of the file: edges by bus."""
 
     format: int
     buses: dict[str, Edges]
 
 
 class SeenEdges:
-    """The file's part for one bus: that of a fleet file, or of the edges of this computer."""
+    """The list of one bus: that of a fleet file, or of the edges of this computer."""
 
     def __init__(self, file: str | None, environ: Mapping[str, str] = os.environ) -> None:
         self._path = state_folder("edge", environ=environ).parent / FILE
         self._bus = str(Path(file).resolve()) if file else str(client_dirs(environ)[0])
 
     def read(self) -> Edges:
-        """Return the edges as they were seen last; raises StateError for a file that cannot be read."""
+        """Return the edges as last written; raises StateError for an unreadable file."""
         return self._buses().get(self._bus, {})
 
     def keep(self, edges: Iterable[SeenEdge]) -> None:
-        """Write how edges were seen last, beside those that others saw; raises StateError."""
+        """Write the newest views of edges; other edges are kept. Raises StateError."""
         found = {edge.edge: edge for edge in edges}
         self._change(lambda known: known | found)
 
     def forget(self, edge: str) -> bool:
-        """Leave an edge out from now on; return False when it was not known. Raises StateError."""
+        """Remove an edge; return False if it was not in the list. Raises StateError."""
         known = edge in self.read()
         self._change(lambda edges: {name: each for name, each in edges.items() if name != edge})
         return known
 
     def _change(self, change: Callable[[Edges], Edges]) -> None:
-        """Write the file with a change of our part."""
-        made(self._path.parent)
+        """Rewrite the file with a change to the list of this bus."""
+        create_folder(self._path.parent)
         with locked(self._path, within=LOCK_WITHIN):
             buses = self._buses()
             buses = {**buses, self._bus: change(buses.get(self._bus, {}))}
@@ -65,7 +65,7 @@ class SeenEdges:
                 raise StateError(f"cannot write {self._path}: {error.strerror}") from None
 
     def _buses(self) -> dict[str, Edges]:
-        """Return what the file has."""
+        """Return the content of the file."""
         try:
             data = self._path.read_bytes()
         except FileNotFoundError:

@@ -1,1 +1,1 @@
-"""The way to the Cyberwave cloud: one MQTT connection, and nothing of what the messages mean."""
+"""MQTT client of the Cyberwave cloud: one connection; the content of messages is the business of others."""

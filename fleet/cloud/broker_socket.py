@@ -1,7 +1,7 @@
-"""The broker's socket, plain or TLS, read and written without ever blocking.
+"""Non-blocking socket of the broker connection, plain or TLS.
 
-asyncio's own transports belong to their loop alone; this one may be read by another thread while the loop is
-stuck, so that an emergency stop is not.
+The transports of asyncio belong to their loop. This socket may also be read by another thread, so that an
+emergency stop is read while the loop is stuck.
 """
 
 from __future__ import annotations
@@ -16,41 +16,41 @@ from collections.abc import Callable
 
 from fleet.link.tcp import reset_on_close
 
-MOST = 16384  # bytes of one read: a whole TLS record, of which TLS must keep nothing to itself
+MOST = 16384  # bytes of one read: one whole TLS record, so nothing stays buffered in OpenSSL
 
 UNSENT = 16 * 1024
-"""Bytes that wait in the kernel for the network at most.
+"""Limit of unsent bytes in the kernel (TCP_NOTSENT_LOWAT).
 
-Left to itself it takes megabytes: on a slow network states are seconds old when they leave, and what is
-urgent, and pings, wait behind them.
+The default is megabytes: on a slow network, states would be seconds old when they leave, and urgent messages
+and pings would wait behind them.
 """
 
-LATER = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
-"""What a socket raises that has nothing to give or no room now."""
+WOULD_BLOCK = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
+"""Exceptions of a socket that has no data, or no room, at the moment."""
 
 
 def _closed() -> None:
-    """Be called for room in a socket that is closed."""
+    """Do nothing: the ``writable`` callback of a closed socket."""
 
 
 class BrokerSocket:
-    """A connected socket. Its calls are made one at a time: whoever has several threads holds a lock.
+    """A connected socket. Calls are not concurrent: with several threads, the caller holds a lock.
 
-    It is made and closed on the loop, whatever thread calls the rest. The loop calls ``readable`` when
-    something has arrived, and ``writable`` when there is room for what had to wait: ``write_rest`` then
-    writes it.
+    It is created and closed on the loop; any thread may make the other calls. The loop calls ``readable``
+    when data has arrived, and ``writable`` when the socket has room for buffered data, which ``write_rest``
+    then writes.
     """
 
     def __init__(
         self, opened: socket.socket, readable: Callable[[], None], writable: Callable[[], None]
     ) -> None:
-        # Without it replies wait 40 ms for one another's acknowledgement.
+        # With Nagle's algorithm, a reply waits up to 40 ms for the delayed acknowledgement of the one before.
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT)
         self.closed = False
         self._socket = opened
         self._writable = writable
-        self._rest = bytearray()
+        self._unsent = bytearray()
         self._loop, self._thread = asyncio.get_running_loop(), threading.get_ident()
         self._poll = select.poll()
         self._poll.register(opened, select.POLLIN)
@@ -58,50 +58,53 @@ class BrokerSocket:
 
     @property
     def full(self) -> bool:
-        """True while bytes wait for room in the socket."""
-        return bool(self._rest)
+        """True while buffered data waits for room in the socket."""
+        return bool(self._unsent)
 
     def waiting(self) -> bool:
-        """Tell whether there is something to read."""
+        """Return whether there is data to read."""
         return not self.closed and bool(self._poll.poll(0))
 
     def read(self) -> bytes:
-        """Return what has arrived, nothing when nothing has; raise OSError when the other side has ended."""
+        """Return the data that has arrived, empty if none; raise OSError when the peer has closed."""
         try:
             data = self._socket.recv(MOST)
-        except LATER:
+        except WOULD_BLOCK:
             return b""
         if not data:
             raise ConnectionResetError("closed by the other side")
         return data
 
     def write(self, data: bytes) -> None:
-        """Write, at once as far as the socket takes it; a connection that fell shows when it is read."""
-        if self._rest:
-            self._rest += data
+        """Write as much as the socket takes and buffer the rest; a lost connection shows on the next read."""
+        if self._unsent:
+            self._unsent += data
         else:
             self._wait_for_room(data[self._send(data) :])
 
     def write_rest(self) -> None:
-        """Write what had to wait, as far as the socket takes it now."""
+        """Write as much of the buffered data as the socket takes."""
         if self.closed:
             return
-        del self._rest[: self._send(self._rest)]
-        if not self._rest:
+        del self._unsent[: self._send(self._unsent)]
+        if not self._unsent:
             self._loop.remove_writer(self._socket.fileno())
 
     def shut(self) -> None:
-        """Tell the other side that nothing more comes; what has to wait for room is lost."""
+        """Close the sending side; buffered data is lost."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
 
     def close(self, *, reset: bool = False) -> None:
-        """Close; on the loop. ``reset``: with nothing left of it in the kernel, to arrive late."""
+        """Close; on the loop.
+
+        ``reset``: discard unsent data in the kernel, so that it does not arrive late.
+        """
         if self.closed:
             return
         self.closed = True
         self._writable = _closed
-        self._rest.clear()
+        self._unsent.clear()
         self._loop.remove_reader(self._socket.fileno())
         self._loop.remove_writer(self._socket.fileno())
         if reset:
@@ -110,30 +113,30 @@ class BrokerSocket:
         self._socket.close()
 
     def _send(self, data: bytes | bytearray) -> int:
-        """Return how many bytes the socket took."""
+        """Return the number of bytes that the socket took."""
         with memoryview(data) as view:
             sent = 0
             try:
                 while sent < len(view):
                     sent += self._socket.send(view[sent:])
-            except LATER:
+            except WOULD_BLOCK:
                 pass
             except OSError:
                 sent = len(view)
             return sent
 
     def _wait_for_room(self, rest: bytes) -> None:
-        """Keep what did not go out until the socket has room."""
+        """Buffer unsent data until the socket has room."""
         if not rest:
             return
-        self._rest += rest
+        self._unsent += rest
         if threading.get_ident() == self._thread:
             self._watch_for_room()
         else:
-            with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+            with contextlib.suppress(RuntimeError):  # the loop has ended
                 self._loop.call_soon_threadsafe(self._watch_for_room)
 
     def _watch_for_room(self) -> None:
-        """Have the loop tell of room; on the loop."""
-        if self._rest and not self.closed:
+        """Register the ``writable`` callback; on the loop."""
+        if self._unsent and not self.closed:
             self._loop.add_writer(self._socket.fileno(), self._writable)

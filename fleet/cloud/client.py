@@ -1,7 +1,7 @@
-"""The connection to the cloud: keeps a session alive and hands messages over.
+"""MQTT client of the cloud: keeps a session connected and delivers messages.
 
-It lives on the event loop: a command is read, and obeyed, without waiting for another thread. A thread stands
-by that reads, and pings, while the loop is stuck.
+It runs on the event loop, so that commands are read and executed without a change of threads. A thread, the
+fallback reader, reads and pings while the loop is stuck.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fleet.cloud.fallback_reader import FallbackReader
 from fleet.cloud.mqtt_connection import TRY_TLS, MqttConnection
 from fleet.cloud.mqtt_session import MqttSession, SessionRefused
 from fleet.cloud.outbound_queue import OutboundQueue
-from fleet.cloud.publish import PublishRoute, publish_route
+from fleet.cloud.publish import Qos0Route, qos0_route
 from fleet.cloud.reconnect_backoff import Backoff
 from fleet.cloud.topics import check_apart, check_topic
 from fleet.cloud.values import CloudMessage, CloudSettings, CloudState, CloudStats
@@ -35,7 +35,7 @@ logger = logging.getLogger(__name__)
 
 
 class DurableRoute(msgspec.Struct, frozen=True):
-    """The way of durable messages: topic, QoS, how much they matter, for how many seconds they are kept."""
+    """Publish route of durable messages: topic, QoS, traffic class, and seconds until expiry."""
 
     topic: str
     qos: int
@@ -43,19 +43,18 @@ class DurableRoute(msgspec.Struct, frozen=True):
     expiry: float | None
 
 
-Way = PublishRoute | DurableRoute
+PublishRoute = Qos0Route | DurableRoute
 
 
 class CloudClient:
-    """An MQTT client that reconnects by itself and never blocks who publishes.
+    """An MQTT client that reconnects by itself and never blocks the publisher.
 
-    ``subscriptions`` maps filters to QoS; they are asked for again after every reconnect.
-    What the client publishes does not come back to it (MQTT 5; 3.1.1 cannot ask for that).
-    ``on_message`` gets everything that one read brought, in order, and must only hand over: it runs on the
-    loop, or on the thread that stands by while the loop is stuck, and nothing else is read meanwhile. After
-    it the loop calls ``on_read``. The other callbacks run on the loop.
-    ``spool`` keeps what is durable (left out: one in memory alone); it is closed with the client.
-    Raises ValueError for filters that overlap, CloudError for settings that are not safe or not usable.
+    ``subscriptions`` maps filters to QoS; they are renewed after every reconnect. The client does not receive
+    its own messages (MQTT 5 only; 3.1.1 has no such option). ``on_message`` gets all messages of one read, in
+    order. It must only hand them over: it runs on the loop or, while the loop is stuck, on the fallback
+    reader's thread, and nothing else is read meanwhile. The loop then calls ``on_read``. The other callbacks
+    run on the loop. ``spool`` stores durable messages (default: one in memory only); it is closed with the
+    client. Raises ValueError for filters that overlap, CloudError for settings that are unsafe or unusable.
     """
 
     def __init__(
@@ -86,9 +85,11 @@ class CloudClient:
         self._outbox = OutboundQueue(self.spool, *most, self.stats, clock)
         self._network = Backoff(*settings.backoff)
         self._refusals = Backoff(*settings.refused_backoff)
-        self._fallback_reader = FallbackReader(lambda: bool((one := self._connection) and one.stand_in()))
+        self._fallback_reader = FallbackReader(
+            lambda: bool((one := self._connection) and one.read_for_loop())
+        )
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._thread = 0  # the loop's
+        self._thread = 0  # id of the loop's thread
         self._work: asyncio.Task[None] | None = None
         self._stopping = asyncio.Event()
         self._closed = threading.Event()
@@ -97,28 +98,28 @@ class CloudClient:
         self._session: MqttSession | None = None
         self._flushing = False
         self._gathering = False
-        self._queued = False  # something was, for later, since the last ``flush_queued``
+        self._queued = False  # messages were queued for later since the last ``flush_queued``
 
     def start(self) -> None:
-        """Begin to connect, on the loop that runs. A client is started once."""
+        """Start to connect, on the running loop. Call it once."""
         self._loop, self._thread = asyncio.get_running_loop(), threading.get_ident()
         self._work = self._loop.create_task(self._main(), name="cloud")
         self._fallback_reader.start()
 
     def close(self, timeout: float = 2.0) -> None:
-        """Send what waits, as far as ``timeout`` seconds allow, say goodbye (no will) and end.
+        """Send queued messages for up to ``timeout`` seconds, disconnect without the will, and stop.
 
-        On another thread than the loop's, which does it meanwhile.
+        Call it on another thread than the loop's, because it waits for the loop.
         """
         self._patience = timeout
         if self._work is None:
             self._outbox.close()
-        elif self._soon(self._stopping.set):
+        elif self._schedule(self._stopping.set):
             self._closed.wait(timeout + 1.0)
         self._fallback_reader.stop()
 
     def resubscribe(self, subscriptions: Mapping[str, int]) -> None:
-        """Subscribe to other filters from now on, after reconnects too; on the loop.
+        """Replace the filters, now and after reconnects; on the loop.
 
         Raises ValueError for filters that overlap.
         """
@@ -139,13 +140,13 @@ class CloudClient:
         content_type: str | None = None,
         later: bool = False,
     ) -> bool:
-        """Queue a message; from any thread, never blocking. It leaves at once, or ``later``: on a flush.
+        """Queue a message, from any thread, without blocking.
 
-        ``traffic`` says how much a message of QoS 1 matters, and so when it goes and how long it is kept;
-        replies go before all that waits. ``expiry`` is how many seconds it is worth sending; what is left of
-        them goes to the broker in whole seconds. ``correlation`` and ``content_type`` go along from QoS 1 up.
-        Returns False when it is not taken: QoS 0 without a connection, a full queue, a closed client.
-        Raises ValueError for a topic with wildcards or a QoS other than 0, 1 and 2.
+        It is sent now or, if ``later``, at the next flush. ``traffic`` is the class of a message with QoS 1
+        or 2: its order and how long it is kept; replies go first. ``expiry`` is the lifetime in seconds; the
+        remaining whole seconds are sent to the broker. ``correlation`` and ``content_type`` are sent from QoS
+        1 up. Returns False if the message is refused: QoS 0 without a connection, a full queue, a closed
+        client. Raises ValueError for a topic with wildcards or a QoS other than 0, 1 and 2.
         """
         if qos not in (0, 1, 2):
             raise ValueError(f"messages are published with QoS 0, 1 or 2, not {qos}")
@@ -153,54 +154,54 @@ class CloudClient:
             message = Outgoing(check_topic(topic), payload, qos, traffic, expiry, correlation, content_type)
             taken = self.spool.put(message)
         else:
-            taken = self._outbox.put_light(publish_route(topic, expiry), payload)
+            taken = self._outbox.put_qos0(qos0_route(topic, expiry), payload)
         if later:
             self._queued = True
         elif taken:
             self.flush()
         return taken
 
-    def way(self, topic: str, *, qos: int, traffic: TrafficClass, expiry: float | None) -> Way:
-        """Return the way to a topic, for ``queue``: what is said many times a second is looked at once.
+    def route(self, topic: str, *, qos: int, traffic: TrafficClass, expiry: float | None) -> PublishRoute:
+        """Return the publish route of a topic for ``queue``; checked once, for messages many times a second.
 
         Raises ValueError for a topic with wildcards.
         """
         if not qos:
-            return publish_route(topic, expiry)
+            return qos0_route(topic, expiry)
         return DurableRoute(check_topic(topic), qos, traffic, expiry)
 
-    def queue(self, way: Way, payload: bytes) -> None:
-        """Do as ``publish``, ``later``."""
-        if isinstance(way, DurableRoute):
-            self.spool.put(Outgoing(way.topic, payload, way.qos, way.traffic, way.expiry))
-            self._queued = True  # last: another thread's flush in between must not take the mark away
+    def queue(self, route: PublishRoute, payload: bytes) -> None:
+        """Queue a message on a route, as ``publish`` does with ``later``."""
+        if isinstance(route, DurableRoute):
+            self.spool.put(Outgoing(route.topic, payload, route.qos, route.traffic, route.expiry))
+            self._queued = True  # last: a concurrent flush must not clear the flag before
         else:
-            self._outbox.put_light(way, payload)
+            self._outbox.put_qos0(route, payload)
 
     def flush_queued(self) -> None:
-        """Flush, if something was queued since; from another thread that costs more than a message."""
+        """Flush if messages were queued since; from another thread, a flush costs more than a message."""
         if self._queued or self._outbox.waits:
             self._queued = False
             connection = self._connection
             planned = connection is not None and connection.spaced.planned
             if not (planned or self._flushing or self._gathering):
                 self._gathering = True
-                self._soon(partial(self._flush_now, spaced=True))
+                self._schedule(partial(self._flush_now, spaced=True))
 
     @property
     def full(self) -> bool:
-        """True while the network has not taken QoS 0 of before: what has a newer one soon had better wait."""
+        """True while QoS 0 messages wait for the network, so that replaceable state is better held back."""
         connection = self._connection
         return connection is not None and connection.full and self._outbox.waits
 
     def flush(self) -> None:
-        """Have the loop write everything that waits; asked for many times, it does so once."""
+        """Have the loop write all queued messages; repeated calls are merged into one write."""
         if not self._flushing:
             self._flushing = True
-            self._soon(self._flush_now)
+            self._schedule(self._flush_now)
 
-    def _soon(self, call: Callable[[], object]) -> bool:
-        """Have the loop make a call; False before the start and after the loop's end."""
+    def _schedule(self, call: Callable[[], object]) -> bool:
+        """Schedule a call on the loop; return False before the start and after the end of the loop."""
         if loop := self._loop:
             ours = threading.get_ident() == self._thread
             with contextlib.suppress(RuntimeError):  # closed, perhaps just now
@@ -212,7 +213,7 @@ class CloudClient:
     def _flush_now(self, *, spaced: bool = False) -> None:
         """Write; with ``spaced`` not right after the last write.
 
-        The mark falls first, so that a message queued from now on asks for the next write.
+        The flag is cleared first, so that a message queued from now on requests the next write.
         """
         if spaced:
             self._gathering = False
@@ -222,11 +223,11 @@ class CloudClient:
             connection.spaced(connection.flush) if spaced else connection.flush()
 
     async def _main(self) -> None:
-        """Keep connected until told to stop, then leave in an orderly way."""
+        """Stay connected until stopped, then disconnect in order."""
         work = [asyncio.create_task(self._keep_connected()), asyncio.create_task(self._watch())]
         try:
             await self._stopping.wait()
-            await self._leave()
+            await self._disconnect()
         finally:
             for task in work:
                 task.cancel()
@@ -235,17 +236,17 @@ class CloudClient:
             self._set_state(CloudState.CLOSED, "closed")
             self._closed.set()
 
-    async def _leave(self) -> None:
-        """Wait a little for what is under way, then say goodbye."""
+    async def _disconnect(self) -> None:
+        """Wait a limited time for unacknowledged messages, then disconnect."""
         end = self._clock.monotonic() + self._patience * 0.75
         while (connection := self._connection) and connection.busy() and self._clock.monotonic() < end:
             connection.flush()
             await asyncio.sleep(0.01)
         if connection:
-            await connection.leave(self._patience * 0.25)
+            await connection.disconnect(self._patience * 0.25)
 
     async def _keep_connected(self) -> None:
-        """Connect, serve until the connection falls, wait, and begin again."""
+        """Connect, serve until the connection is lost, wait, and repeat."""
         self._set_state(CloudState.CONNECTING, f"{self._settings.host}:{self._settings.port}")
         while True:
             try:
@@ -256,7 +257,7 @@ class CloudClient:
             except CloudError as error:
                 cause = str(error)
             except Exception as error:
-                logger.exception("the cloud connection failed in a way that was not foreseen")
+                logger.exception("unexpected failure of the cloud connection")
                 cause = f"{type(error).__name__}: {error}"
             if self._stopping.is_set():
                 return
@@ -264,7 +265,7 @@ class CloudClient:
             await asyncio.sleep(backoff.wait())
 
     async def _serve(self) -> CloudError:
-        """Carry one connection from its beginning to its end; return why it ended."""
+        """Run one connection from start to end; return why it ended."""
         session = self._session = MqttSession(self._settings, self._subscriptions, self._outbox, self.stats)
         try:
             async with asyncio.timeout(self._settings.connect_timeout):
@@ -282,7 +283,7 @@ class CloudClient:
         except TimeoutError:
             hint = "" if self._settings.tls else f"; if it wants TLS, {TRY_TLS}"
             return CloudError(f"the broker did not answer within {self._settings.connect_timeout:g} s{hint}")
-        finally:  # nothing of a connection is left but the messages that must be sent again
+        finally:  # only the messages to send again outlive a connection
             left, self._connection = self._connection, None
             if left:
                 left.give_up(CloudError("given up"))
@@ -290,7 +291,7 @@ class CloudClient:
             self._session = None
 
     async def _serve_ready(self, connection: MqttConnection, session: MqttSession) -> CloudError:
-        """Be connected until the connection ends; return why, or raise SessionRefused."""
+        """Serve an open connection until it ends; return why, or raise SessionRefused."""
         if connection.ready.done():
             began = self._clock.monotonic()
             self.stats.connects += 1
@@ -304,29 +305,29 @@ class CloudClient:
                 backoff.note(lasted)
         reason = connection.ended.result()
         if isinstance(reason, SessionRefused):
-            raise SessionRefused(str(reason))  # another one, whose frames the connection does not keep
+            raise SessionRefused(str(reason))  # a copy: the connection keeps the frames of the original
         return reason
 
     async def _watch(self) -> None:
-        """Look after time: dead links, messages that are no longer worth sending."""
+        """Periodic work: detect dead links, drop expired messages."""
         while True:
-            await asyncio.sleep(self._connection.patience if self._connection else 1.0)
+            await asyncio.sleep(self._connection.watch_interval if self._connection else 1.0)
             if self._connection:
                 self._connection.watch()
-            if self.state is CloudState.CONNECTED and self._session is not None:  # a broker may refuse later
+            if self.state is CloudState.CONNECTED and self._session is not None:  # may refuse filters later
                 self._set_state(CloudState.CONNECTED, "; ".join(self._session.problems))
             self._outbox.tick()
             self._flush_now()
 
     def _deliver(self, messages: list[CloudMessage]) -> None:
-        """Hand messages over; an error there must not end the connection."""
+        """Deliver messages; an error in the callback must not end the connection."""
         try:
             self._on_message(messages)
         except Exception:
-            logger.exception("handing over %d messages failed", len(messages))
+            logger.exception("delivering %d messages failed", len(messages))
 
     def _set_state(self, state: CloudState, cause: str) -> None:
-        """Tell of a change, once."""
+        """Report a change of state, once."""
         if (state, cause) == (self.state, self.cause):
             return
         self.state, self.cause = state, cause
@@ -334,4 +335,4 @@ class CloudClient:
         try:
             self._on_state(state, cause)
         except Exception:
-            logger.exception("telling the cloud's state failed")
+            logger.exception("reporting the state of the cloud connection failed")

@@ -1,4 +1,4 @@
-"""Who we are to Cyberwave's broker: client id, user name, password (the published SDK's rules, 0.7.4)."""
+"""Client id, user name and password for Cyberwave's broker, as in the published SDK (0.7.4)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import msgspec
 
 PLACEHOLDER = "mqttcyb"
 """The user name that means "derive it from the token"."""
-_TOKEN = "cw_"  # noqa: S105 - how a token begins
+_TOKEN = "cw_"  # noqa: S105 - the prefix of a token
 
 
 class Credentials(msgspec.Struct, frozen=True):
-    """What goes into CONNECT; shown without the password."""
+    """User name and password for CONNECT; the representation hides the password."""
 
     username: str
     password: str
@@ -24,9 +24,9 @@ class Credentials(msgspec.Struct, frozen=True):
 
 
 def client_id(producer: str, *, simulated: bool) -> str:
-    """Return a client id that no other client has, such as ``fleet_live_<32 hex>``.
+    """Return a unique client id such as ``fleet_live_<32 hex>``.
 
-    It doubles as ``session_id`` on payloads, and the broker guards reply inboxes by it.
+    It is also the ``session_id`` of payloads, and the broker guards reply inboxes by it.
     """
     return f"{producer}_{'sim' if simulated else 'live'}_{uuid.uuid4().hex}"
 
@@ -36,8 +36,8 @@ def credentials(
 ) -> Credentials | None:
     """Return the credentials, None for an anonymous client (no token and no password).
 
-    A user name of one's own stays as it is; so does that of a plain broker account, whose password is no
-    token. Else the broker demands a user name that hashes to the token.
+    A custom user name is kept, and so is that of a plain broker account, whose password is not a token.
+    Otherwise the broker requires a user name derived from the hash of the token.
     """
     secret = password or token
     if not secret:

@@ -1,4 +1,4 @@
-"""Opening a connection through a network that swallows what is sent, until it is back; and TLS on it."""
+"""TCP and TLS connections to a host through a network that may drop packets without an error."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ import ssl
 from collections.abc import Callable
 from typing import Any
 
-AGAIN = 1.0
-"""Seconds without an answer after which one more connection is tried, beside those before.
+RETRY_AFTER = 1.0
+"""Seconds without an answer until one more connection attempt is made, in parallel with the earlier ones.
 
-The kernel repeats what a network swallows after 1, 3, 7 and 15 s: left to it, a network that is back is found
-seconds late. No try is given up for the next, so a slow network still has its time.
+The kernel retransmits a lost SYN after 1, 3, 7 and 15 s, so it notices seconds late that a network is back.
+Earlier attempts continue, so a slow network still has its full time.
 """
 
 
-async def dial(host: str, port: int, again: float = AGAIN) -> socket.socket:
-    """Return a TCP connection; raises OSError when as many tries have failed as the host has addresses.
+async def dial(host: str, port: int, again: float = RETRY_AFTER) -> socket.socket:
+    """Return a TCP connection; raise OSError when as many attempts have failed as the host has addresses.
 
-    Each of the host's addresses has its turn, again and again: the next at once when a try fails, after
-    ``again`` seconds when nothing answers. The first that is open counts. It is tried until cancelled.
+    The addresses of the host are tried in turn, over and over: the next one immediately when an attempt
+    fails, after ``again`` seconds when there is no answer. The first open connection wins. The attempts go on
+    until the call is cancelled.
     """
     found = await asyncio.get_running_loop().getaddrinfo(host, port, type=socket.SOCK_STREAM)
     failed, tries = 0, set[asyncio.Task[socket.socket]]()
@@ -44,7 +45,7 @@ async def dial(host: str, port: int, again: float = AGAIN) -> socket.socket:
 
 
 async def _connect(family: int, kind: int, protocol: int, address: Any) -> socket.socket:
-    """Return a socket that is connected to an address, which has its family's own form; raises OSError."""
+    """Return a socket connected to an address in the form of its family; raises OSError."""
     opened = socket.socket(family, kind, protocol)
     try:
         opened.setblocking(False)
@@ -56,20 +57,20 @@ async def _connect(family: int, kind: int, protocol: int, address: Any) -> socke
 
 
 async def _finish(opened: socket.socket, number: int) -> None:
-    """Wait until a socket is connected, from what ``connect_ex`` said; raises OSError.
+    """Wait until a socket is connected, given the result of ``connect_ex``; raises OSError.
 
-    uvloop's ``sock_connect`` would look the address up once more, on threads that a dead name server holds.
+    uvloop's ``sock_connect`` would resolve the address again, on threads that a dead name server blocks.
     """
     if number == errno.EINPROGRESS:
         loop = asyncio.get_running_loop()
-        await _turn_of(opened, loop.add_writer, loop.remove_writer)
+        await _wait_ready(opened, loop.add_writer, loop.remove_writer)
         number = opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
     if number:
         raise OSError(number, os.strerror(number))
 
 
 async def secure(opened: socket.socket, tls: ssl.SSLContext, host: str) -> ssl.SSLSocket:
-    """Return the socket with TLS on it, which takes it over; raises ssl.SSLError, OSError."""
+    """Wrap a socket in TLS, which then owns it; raises ssl.SSLError, OSError."""
     loop = asyncio.get_running_loop()
     secured = tls.wrap_socket(opened, server_hostname=host, do_handshake_on_connect=False)
     try:
@@ -77,9 +78,9 @@ async def secure(opened: socket.socket, tls: ssl.SSLContext, host: str) -> ssl.S
             try:
                 secured.do_handshake()
             except ssl.SSLWantReadError:
-                await _turn_of(secured, loop.add_reader, loop.remove_reader)
+                await _wait_ready(secured, loop.add_reader, loop.remove_reader)
             except ssl.SSLWantWriteError:
-                await _turn_of(secured, loop.add_writer, loop.remove_writer)
+                await _wait_ready(secured, loop.add_writer, loop.remove_writer)
             else:
                 return secured
     except BaseException:
@@ -87,10 +88,10 @@ async def secure(opened: socket.socket, tls: ssl.SSLContext, host: str) -> ssl.S
         raise
 
 
-async def _turn_of(
+async def _wait_ready(
     opened: socket.socket, add: Callable[[int, Callable[[], None]], object], remove: Callable[[int], object]
 ) -> None:
-    """Wait until a socket can be read or written: ``add`` and ``remove`` are the loop's."""
+    """Wait until a socket is readable or writable; ``add`` and ``remove`` are the methods of the loop."""
     ready, number = asyncio.Event(), opened.fileno()
     add(number, ready.set)
     try:
@@ -100,6 +101,6 @@ async def _turn_of(
 
 
 def _discard(late: asyncio.Task[socket.socket]) -> None:
-    """Close what was opened too late."""
+    """Close a connection that opened too late."""
     if not late.cancelled() and late.exception() is None:
         late.result().close()

@@ -1,4 +1,4 @@
-"""How a network connection to the broker is opened, and why it could not be, in plain words."""
+"""Opens the network connection to the broker, with plain error messages."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from fleet.cloud.mqtt_session import SessionRefused
 from fleet.cloud.values import CloudSettings
 from fleet.errors import CloudError
 
-_OF_ANOTHER = frozenset({62, 63, 64})
+_NAME_MISMATCHES = frozenset({62, 63, 64})
 """OpenSSL's X509_V_ERR_*_MISMATCH: the certificate is for another host name, e-mail or address."""
-_PLAIN = "is it the port for TLS? (a plain one wants tls: false)"
+_PORT_HINT = "is it the port for TLS? (a plain one wants tls: false)"
 
 
 def tls_context(settings: CloudSettings) -> ssl.SSLContext | None:
-    """Return what verifies the broker, None for a plain connection.
+    """Return the TLS context that verifies the broker, None for a plain connection.
 
-    Raises CloudError when the certificate file cannot be used, and for a plain connection that leaves this
-    computer without ``insecure``: it would show the token to the network.
+    Raises CloudError when the certificate file cannot be used, and for a plain connection to another computer
+    without ``insecure``: it would expose the token to the network.
     """
     if not settings.tls:
         if not (settings.insecure or _is_local(settings.host)):
@@ -36,7 +36,7 @@ def tls_context(settings: CloudSettings) -> ssl.SSLContext | None:
 
 
 async def open_socket(settings: CloudSettings, tls: ssl.SSLContext | None) -> socket.socket:
-    """Open the way to the broker; raise CloudError, or SessionRefused for an untrusted certificate."""
+    """Connect to the broker; raise CloudError, or SessionRefused for an untrusted certificate."""
     place = f"{settings.host}:{settings.port}"
     try:
         opened = await dial(settings.host, settings.port)
@@ -48,23 +48,23 @@ async def open_socket(settings: CloudSettings, tls: ssl.SSLContext | None) -> so
 
 
 async def _secured(opened: socket.socket, tls: ssl.SSLContext, host: str, place: str) -> socket.socket:
-    """Return the connection encrypted; raise CloudError, or SessionRefused for an untrusted certificate."""
+    """Return the connection with TLS; raise CloudError, or SessionRefused for an untrusted certificate."""
     try:
         return await secure(opened, tls, host)
     except ssl.SSLCertVerificationError as error:
-        named = error.verify_code in _OF_ANOTHER
+        named = error.verify_code in _NAME_MISMATCHES
         cure = "name it in cloud.host as the certificate does" if named else "set ca_file if it is your own"
         why = error.verify_message.rstrip(".")
         raise SessionRefused(f"the certificate of {place} is not trusted: {why}; {cure}") from None
     except ssl.SSLError as error:
-        raise CloudError(f"{place} does not speak TLS as expected: {error.reason}; {_PLAIN}") from None
+        raise CloudError(f"{place} does not speak TLS as expected: {error.reason}; {_PORT_HINT}") from None
     except OSError as error:
         why = error.strerror or str(error) or "the connection was ended"
-        raise CloudError(f"{place} does not finish the TLS handshake: {why}; {_PLAIN}") from None
+        raise CloudError(f"{place} does not finish the TLS handshake: {why}; {_PORT_HINT}") from None
 
 
 def _is_local(host: str) -> bool:
-    """Tell whether a host is this computer, so that nothing can listen in between."""
+    """Return whether a host is this computer, so that nobody can listen in between."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

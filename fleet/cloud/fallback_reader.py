@@ -1,4 +1,4 @@
-"""Who reads what the broker sends while the loop does not: an emergency stop must not wait for the loop."""
+"""Fallback reader: reads from the broker while the loop does not, because an emergency stop must not wait."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from collections.abc import Callable
 
 logger = logging.getLogger(__name__)
 
-PERIOD = 0.01  # s between looks; what the loop leaves unread from one to the next is read here
-BUSY = 0.001  # s after a look that found something
+PERIOD = 0.01  # s between two checks; data that the loop leaves unread for so long is read here
+BUSY = 0.001  # s after a check that found data
 
 
 class FallbackReader:
-    """A thread that looks again and again; it has nothing to do as long as the loop turns.
+    """A thread that checks for unread data; it has nothing to do while the loop runs.
 
-    ``look`` returns True when it found something: then more may follow.
+    ``look`` returns True when it found data: more may follow.
     """
 
     def __init__(self, look: Callable[[], bool]) -> None:
@@ -24,19 +24,19 @@ class FallbackReader:
         self._thread = threading.Thread(target=self._run, name="fleet-cloud", daemon=True)
 
     def start(self) -> None:
-        """Begin to look."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End; a look that is held up is not waited for."""
+        """Stop the thread, without waiting for a check in progress."""
         self._ended.set()
 
     def _run(self) -> None:
-        """Look until the end, whatever a look runs into."""
+        """Check until stopped; an error in one check must not end the thread."""
         found = False
         while not self._ended.wait(BUSY if found else PERIOD):
             found = False
             try:
                 found = self._look()
             except Exception:
-                logger.exception("what the loop left unread could not be read")
+                logger.exception("the fallback reader failed")

@@ -1,13 +1,13 @@
-"""The fields that packets of both protocol versions are made of, as bytes."""
+"""Field encodings common to both MQTT versions."""
 
 from __future__ import annotations
 
 import functools
 
 
-@functools.lru_cache(maxsize=4096)  # most packets have one of few sizes
+@functools.lru_cache(maxsize=4096)  # packets have few different sizes
 def length(size: int) -> bytes:
-    """Return the length of what follows: seven bits a byte, the smaller end first."""
+    """Return the remaining length as a variable byte integer: seven bits a byte, low bits first."""
     pieces = bytearray()
     while True:
         size, low = size >> 7, size & 0x7F
@@ -17,12 +17,12 @@ def length(size: int) -> bytes:
 
 
 def binary(value: bytes) -> bytes:
-    """Return bytes behind their length."""
+    """Return binary data with its two-byte length in front."""
     if len(value) > 0xFFFF:
         raise ValueError("a text or binary field is longer than 65535 bytes")
     return len(value).to_bytes(2) + value
 
 
 def text(value: str) -> bytes:
-    """Return text behind its length."""
+    """Return a UTF-8 string with its two-byte length in front."""
     return binary(value.encode())

@@ -1,6 +1,6 @@
-"""What a broker sends a client, packet by packet; of a damaged message, what can be told of it.
+"""Decodes packets from the broker, and recovers topic and payload of a malformed PUBLISH.
 
-A damaged message may be a stop, so it is not thrown away unread.
+A malformed message may be a stop, so it is not discarded unread.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from fleet.cloud.packets import MORE, PacketTooLarge, Protocol, decode
 from fleet.cloud.values import CloudMessage
 from fleet.errors import WireError
 
-_PUBLISH = 3  # the first half of the first byte
-_QOS = 0x06  # the bits of the QoS in it
+_PUBLISH = 3  # packet type: the high four bits of the first byte
+_QOS = 0x06  # the QoS bits of the first byte
 
 
-HEAD = 1024  # bytes of a packet that is too large in which its topic stands
+HEAD = 1024  # bytes of an oversized packet that are read for its topic
 
 
 class MalformedPublish(WireError):
-    """A packet that is none, but a message by its first byte; ``message`` is what can be told of that."""
+    """A PUBLISH that cannot be decoded; ``message`` has the parts that could be recovered."""
 
     def __init__(self, error: WireError, message: CloudMessage) -> None:
         super().__init__(str(error))
@@ -29,13 +29,13 @@ class MalformedPublish(WireError):
 
 
 def reader(protocol: Protocol) -> Callable[[bytes, int, int], mqtt5.Packet]:
-    """Return what reads a packet; it raises WireError for what is none, Damaged for such a message."""
+    """Return the decoder of packets; it raises WireError, for a malformed PUBLISH MalformedPublish."""
 
     def read(data: bytes, start: int, end: int) -> mqtt5.Packet:
         try:
             return decode(data, start, end, protocol)
         except WireError as error:
-            message = _salvaged(data[start:end], protocol, str(error))
+            message = _lenient_publish(data[start:end], protocol, str(error))
             if message is None:
                 raise
             raise MalformedPublish(error, message) from None
@@ -44,9 +44,9 @@ def reader(protocol: Protocol) -> Callable[[bytes, int, int], mqtt5.Packet]:
 
 
 def recover_publish(error: WireError) -> CloudMessage | None:
-    """Return the message in bytes that the broker should not have sent; None where there is none.
+    """Return the message recovered from a packet that cannot be decoded, None if there is none.
 
-    Nothing but a stop may be made of it. Of one that is too large only the topic is known.
+    It may only be used as a stop. Of an oversized one only the topic is known.
     """
     if isinstance(error, MalformedPublish):
         return error.message
@@ -56,8 +56,8 @@ def recover_publish(error: WireError) -> CloudMessage | None:
     return CloudMessage(topic, b"", flaw=str(error)) if topic else None
 
 
-def _salvaged(packet: bytes, protocol: Protocol, why: str) -> CloudMessage | None:
-    """Read a PUBLISH as kindly as can be; None for any other packet, and for one without a topic."""
+def _lenient_publish(packet: bytes, protocol: Protocol, why: str) -> CloudMessage | None:
+    """Decode a PUBLISH leniently; None for any other packet, and for one without a topic."""
     topic, at = _topic(packet)
     if not topic:
         return None
@@ -73,7 +73,7 @@ def _salvaged(packet: bytes, protocol: Protocol, why: str) -> CloudMessage | Non
 
 
 def _topic(packet: bytes) -> tuple[str, int]:
-    """Return the topic of a PUBLISH and where it ends; an empty one where there is none."""
+    """Return topic and end of the topic of a PUBLISH, ``("", 0)`` if it has none."""
     if packet[0] >> 4 != _PUBLISH:
         return "", 0
     at = 1

@@ -1,4 +1,4 @@
-"""Our messages to the broker: which may be sent next, which it has not acknowledged, what became of each."""
+"""Outbound messages of one MQTT session: which to send next, which are in flight, and their outcomes."""
 
 from __future__ import annotations
 
@@ -8,33 +8,36 @@ import mqtt5
 
 from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import Protocol
-from fleet.cloud.publish import QueuedQos0, publish, publish_light
+from fleet.cloud.publish import QueuedQos0, publish, publish_qos0
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudStats
 from fleet.spool.message import Outcome, Outgoing
 
 logger = logging.getLogger(__name__)
 
 WINDOW = 400
-"""Most QoS 1 messages of ours under way at once, where the broker does not want less (Receive Maximum)."""
-UNTOLD_WINDOW = 100
-"""The same over MQTT 3.1.1, where a broker cannot say what it can take and drops what is too much."""
+"""Bound of our unacknowledged QoS 1 messages; a lower Receive Maximum of the broker takes precedence."""
+V311_WINDOW = 100
+"""The same for MQTT 3.1.1, where a broker has no Receive Maximum and drops messages above its limit."""
 _RESERVE = 8
-"""Part (one in so many) of the window that only urgent messages may use."""
+"""Divisor: this part of the window is reserved for urgent messages."""
 _BATCH = 16 * 1024
-"""Bytes that one write joins, at most and about: between two writes whatever else came has its turn."""
-_LIGHT = _BATCH // 2
-"""Bytes of it, about, that messages of QoS 0 get: a backlog takes no robot's state from sight."""
+"""Approximate bytes of one write; other work of the loop runs between two writes."""
+_QOS0_SHARE = _BATCH // 2
+"""Approximate share of QoS 0 in a write, in bytes: robot states stay current during a backlog."""
 
 _OUTCOMES = {
     int(mqtt5.PubAckReasonCode.SUCCESS): Outcome.ACKED,
     int(mqtt5.PubAckReasonCode.NO_MATCHING_SUBSCRIBERS): Outcome.HELD,
     int(mqtt5.PubAckReasonCode.QUOTA_EXCEEDED): Outcome.HELD,
 }
-"""By reason code of PUBACK; every other code is a refusal. The codec's own codes cannot be hashed."""
+"""By reason code of PUBACK; any other code is a refusal.
+
+Keys are ints: the codec's own codes cannot be hashed.
+"""
 
 
 class InflightWindow:
-    """What one session sends. What was sent and not acknowledged goes back to the outbox at its ``end``."""
+    """Sends the messages of one session; at its ``end``, unacknowledged ones go back to the outbox."""
 
     def __init__(self, outbox: OutboundQueue, stats: CloudStats, protocol: Protocol) -> None:
         self._outbox = outbox
@@ -45,75 +48,77 @@ class InflightWindow:
         self._most_qos = 2
         self._last_id = 0
         self._inflight: dict[int, Outgoing] = {}
-        self._answers: list[tuple[Outgoing, Outcome]] = []
-        self._timed: tuple[int, float] | None = None  # whose round trip is measured, and its begin
-        self._told: set[str] = set()
+        self._outcomes: list[tuple[Outgoing, Outcome]] = []
+        self._timed: tuple[int, float] | None = None  # packet id and send time, for the round trip
+        self._warned: set[str] = set()
 
-    def agree(self, packet: mqtt5.ConnAckPacket) -> None:
-        """Take over what the broker says that it takes."""
+    def apply_limits(self, packet: mqtt5.ConnAckPacket) -> None:
+        """Apply the limits in the broker's CONNACK."""
         self._most_qos = int(packet.max_qos)
         self._packet_limit = min(packet.max_packet_size or PAYLOAD_LIMIT, PAYLOAD_LIMIT)
-        self._window = min(packet.receive_max, WINDOW if self._protocol == 5 else UNTOLD_WINDOW)
+        self._window = min(packet.receive_max, WINDOW if self._protocol == 5 else V311_WINDOW)
 
     @property
     def answered(self) -> bool:
-        """True when acknowledgements came, so that more may be sent."""
-        return bool(self._answers)
+        """True when acknowledgements arrived, so that more may be sent."""
+        return bool(self._outcomes)
 
     def busy(self) -> bool:
-        """Tell whether messages could be sent or are not acknowledged yet.
+        """Return whether messages wait to be sent or are not acknowledged yet.
 
-        An acknowledgement that the spool has not seen yet may let the next message of its topic go.
+        Outcomes that the spool has not seen yet count too: they may release the next message of a topic.
         """
-        return bool(self._inflight or self._answers) or not self._outbox.idle
+        return bool(self._inflight or self._outcomes) or not self._outbox.idle
 
     def next_id(self) -> int:
-        """Return a packet identifier that is free."""
+        """Return a free packet identifier."""
         while True:
             self._last_id = self._last_id % 0xFFFF + 1
             if self._last_id not in self._inflight:
                 return self._last_id
 
     def send(self, now: float) -> bytes:
-        """Return the bytes of the next messages, joined; empty when nothing may be sent now."""
+        """Return the packets of the next messages, joined; empty if nothing may be sent now."""
         sent = b""
         while not sent:
             batch = self._next_batch(now)
-            light = self._outbox.take_light(now, max(_LIGHT, _BATCH - sum(message.size for message in batch)))
-            if not (batch or light):
+            qos0 = self._outbox.take_qos0(
+                now, max(_QOS0_SHARE, _BATCH - sum(message.size for message in batch))
+            )
+            if not (batch or qos0):
                 break
             sent = b"".join([self._publish(message, now) for message in batch])
-            sent += b"".join([self._publish_light(message, now) for message in light])
+            sent += b"".join([self._publish_qos0(message, now) for message in qos0])
         self._stats.inflight = len(self._inflight)
         return sent
 
     def end(self) -> None:
-        """Give what was not acknowledged back to the outbox, which is offline from now on."""
+        """Return unacknowledged messages to the outbox, which goes offline."""
         self._settle()
         self._outbox.go_offline(self._inflight.values())
         self._inflight.clear()
         self._stats.inflight = 0
 
     def acknowledged(self, packet: mqtt5.PubAckPacket, now: float) -> None:
-        """Note that the broker has one of our messages, or refuses it."""
+        """Handle PUBACK: the broker has taken or refused a QoS 1 message."""
         if self._timed and self._timed[0] == packet.packet_id:
             self._stats.rtt = now - self._timed[1]
             self._timed = None
         message = self._inflight.pop(packet.packet_id, None)
         if message is None:
-            logger.warning("the broker acknowledges message %d, which is not under way", packet.packet_id)
+            logger.warning("the broker acknowledges message %d, which is not in flight", packet.packet_id)
             return
         outcome = _OUTCOMES.get(int(packet.reason_code))
         if outcome is None:
             self._refused(message, packet.reason_code.name)
         else:
-            self._done(message, outcome)
+            self._record(message, outcome)
 
     def received(self, packet: mqtt5.PubRecPacket) -> mqtt5.PubRelPacket | None:
-        """Return what releases a QoS 2 message that the broker has, None when it refuses it.
+        """Handle PUBREC: return the PUBREL for a QoS 2 message, None if the broker refuses it.
 
-        It stays in the window until it is completed, and is given back like any other when the connection
-        falls before: a broker may hold it until then.
+        The message stays in flight until PUBCOMP, and is returned to the outbox like any other if the
+        connection is lost before: the broker may withhold it until then.
         """
         message = self._inflight.get(packet.packet_id)
         if int(packet.reason_code) >= 0x80 and message is not None:
@@ -124,25 +129,25 @@ class InflightWindow:
         return mqtt5.PubRelPacket(packet.packet_id, reason_code=known)
 
     def completed(self, packet: mqtt5.PubCompPacket, _now: float) -> None:
-        """Note that the broker has a QoS 2 message, once."""
+        """Handle PUBCOMP: the broker has a QoS 2 message, exactly once."""
         message = self._inflight.pop(packet.packet_id, None)
         if message is not None:
-            self._done(message, Outcome.ACKED)
+            self._record(message, Outcome.ACKED)
 
     def _settle(self) -> None:
-        """Tell the spool what became of messages, many at once: each time costs it a lock."""
-        if self._answers:
-            answers, self._answers = self._answers, []
-            self._outbox.spool.settle(answers)
+        """Pass the outcomes to the spool, many at once: each call takes its lock."""
+        if self._outcomes:
+            outcomes, self._outcomes = self._outcomes, []
+            self._outbox.spool.settle(outcomes)
 
     def _next_batch(self, now: float) -> list[Outgoing]:
-        """Take from the spool what the broker's window has room for."""
+        """Take from the spool as many messages as fit in the broker's window."""
         self._settle()
         room, reserve = self._window - len(self._inflight), self._window // _RESERVE
         return self._outbox.spool.take(now, window=room, reserve=reserve, size=_BATCH)
 
     def _publish(self, message: Outgoing, now: float) -> bytes:
-        """Return the bytes of one message and note what is awaited; empty when the broker would refuse it."""
+        """Return the packet of one message and mark it as in flight; empty if the broker would refuse it."""
         identifier = self.next_id()
         message.qos = min(message.qos, self._most_qos)
         try:
@@ -150,48 +155,48 @@ class InflightWindow:
             if len(data) > self._packet_limit:
                 raise self._too_large(data)
         except (ValueError, TypeError) as error:
-            self._cannot(message.topic, error)
-            self._done(message, Outcome.REFUSED)
+            self._unsendable(message.topic, error)
+            self._record(message, Outcome.REFUSED)
             return b""
         self._stats.sent += 1
         self._inflight[identifier] = message
-        if message.qos == 1:  # one of QoS 2 is not acknowledged in one step
+        if message.qos == 1:  # the round trip of QoS 2 takes several packets
             self._timed = self._timed or (identifier, now)
         return data
 
-    def _publish_light(self, message: QueuedQos0, now: float) -> bytes:
-        """Return the bytes of one message of QoS 0; empty when the broker would refuse it."""
+    def _publish_qos0(self, message: QueuedQos0, now: float) -> bytes:
+        """Return the packet of a QoS 0 message; empty if the broker would refuse it."""
         try:
-            data = publish_light(message, now, self._protocol)
+            data = publish_qos0(message, now, self._protocol)
             if len(data) > self._packet_limit:
                 raise self._too_large(data)
         except (ValueError, TypeError) as error:
-            self._cannot(message.where.topic, error)
+            self._unsendable(message.route.topic, error)
             self._stats.outcomes[Outcome.REFUSED] += 1
             return b""
         self._stats.sent += 1
         return data
 
     def _too_large(self, packet: bytes) -> ValueError:
-        """Return the error for a packet that is larger than the broker takes."""
+        """Return the error for a packet above the broker's limit."""
         return ValueError(f"{len(packet)} bytes; the broker takes {self._packet_limit}")
 
-    def _cannot(self, topic: str, why: Exception) -> None:
-        """Tell that a message cannot be sent."""
-        self._tell(str(why), "a message to %s cannot be sent: %s", topic, why)
+    def _unsendable(self, topic: str, why: Exception) -> None:
+        """Warn that a message cannot be sent."""
+        self._warn(str(why), "a message to %s cannot be sent: %s", topic, why)
 
     def _refused(self, message: Outgoing, why: str) -> None:
-        """Note that the broker will not have a message."""
-        self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
-        self._done(message, Outcome.REFUSED)
+        """Handle a message that the broker refuses."""
+        self._warn(why, "the broker refuses a message to %s: %s", message.topic, why)
+        self._record(message, Outcome.REFUSED)
 
-    def _tell(self, reason: str, text: str, *values: object) -> None:
-        """Warn of a refusal, the first of each reason in this session; all are counted."""
-        level = logging.DEBUG if reason in self._told else logging.WARNING
-        self._told.add(reason)
+    def _warn(self, reason: str, text: str, *values: object) -> None:
+        """Warn of the first refusal with a reason in this session; later ones are logged at debug level."""
+        level = logging.DEBUG if reason in self._warned else logging.WARNING
+        self._warned.add(reason)
         logger.log(level, text, *values)
 
-    def _done(self, message: Outgoing, outcome: Outcome) -> None:
-        """Note what became of a message; one that is held is sent again."""
+    def _record(self, message: Outgoing, outcome: Outcome) -> None:
+        """Record the outcome of a message; a held message will be sent again."""
         self._stats.outcomes[outcome] += 1
-        self._answers.append((message, outcome))
+        self._outcomes.append((message, outcome))

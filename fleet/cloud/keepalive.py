@@ -1,18 +1,18 @@
-"""When to ping and when to give a silent connection up (MQTT 5, section 3.1.2.10)."""
+"""Keepalive: when to ping, and when to give up a silent connection (MQTT 5, section 3.1.2.10)."""
 
 from __future__ import annotations
 
 import enum
 
 SHARE = 0.8
-"""Part of the keepalive after which a quiet direction is pinged, and after which a ping counts as lost.
+"""Share of the keepalive after which a quiet direction is pinged, and after which a ping counts as lost.
 
-Twice this, 1.6 keepalives, is the longest that a dead link goes unnoticed.
+A dead link is detected after twice this, 1.6 keepalives, at the latest.
 """
 
 
 class KeepaliveAction(enum.Enum):
-    """What the watch asks for."""
+    """The action that is due."""
 
     NOTHING = enum.auto()
     PING = enum.auto()
@@ -20,7 +20,7 @@ class KeepaliveAction(enum.Enum):
 
 
 class Keepalive:
-    """Watches both directions of one connection, in monotonic seconds; an interval of 0 watches nothing."""
+    """Watches both directions of one connection, in monotonic seconds; an interval of 0 disables it."""
 
     def __init__(self, interval: float, now: float) -> None:
         self.interval = interval
@@ -30,20 +30,20 @@ class Keepalive:
 
     @property
     def limit(self) -> float:
-        """Return the longest time, in seconds, that a dead link goes unnoticed."""
+        """The longest time, in seconds, until a dead link is detected."""
         return self.interval * SHARE * 2
 
     def sent(self, now: float) -> None:
-        """Note that bytes were written."""
+        """Record that bytes were written."""
         self._sent = now
 
     def received(self, now: float) -> None:
-        """Note that bytes arrived: whatever they are, the link is alive."""
+        """Record that bytes arrived; any bytes prove that the link is alive."""
         self._received = now
         self._pinged = None
 
     def due(self, now: float) -> KeepaliveAction:
-        """Return what to do now; a PING is taken as sent."""
+        """Return the action that is due; a returned PING counts as sent."""
         quiet = self.interval * SHARE
         if not quiet:
             return KeepaliveAction.NOTHING

@@ -1,7 +1,7 @@
-"""One MQTT session as a pure machine: packets and time in, packets and messages out; no I/O, no clock.
+"""One MQTT session as a pure state machine: packets and time in, packets and messages out; no I/O, no clock.
 
-A session lives as long as its network connection (clean start, session expiry 0). What was sent and not
-acknowledged goes back to the spool when it ends; the next session sends it again, in order, as duplicates.
+A session lives as long as its network connection (clean start, session expiry 0). At its end, unacknowledged
+messages go back to the spool; the next session sends them again, in order, as duplicates.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from fleet.cloud.values import PAYLOAD_LIMIT, CloudMessage, CloudSettings, Cloud
 from fleet.errors import CloudError
 
 INBOUND = 100
-"""Most messages that the broker may have under way to us."""
+"""Receive Maximum of the client: unacknowledged messages from the broker."""
 
 
 class SessionRefused(CloudError):
-    """The broker refused the session, and asking again soon would not help."""
+    """The broker refused the session, and a quick retry would not help."""
 
 
 class SessionEnded(CloudError):
-    """The session cannot go on; ``code`` is the reason to give the broker, None when it ended it."""
+    """The session cannot continue; ``code`` is the reason for our DISCONNECT, None if the broker ended it."""
 
     def __init__(self, message: str, code: mqtt5.DisconnectReasonCode | None = None) -> None:
         super().__init__(message)
@@ -37,7 +37,7 @@ class SessionEnded(CloudError):
 
 
 class MqttSession:
-    """The client's side of one connection, from CONNECT on."""
+    """The client side of one connection, from CONNECT on."""
 
     def __init__(
         self,
@@ -52,26 +52,26 @@ class MqttSession:
         self.problems: list[str] = []
         self._settings = settings
         self._stats = stats
-        self._ours = InflightWindow(outbox, stats, settings.protocol)
-        self._subscriptions = Subscriptions(subscriptions, self._ours.next_id)
+        self._window = InflightWindow(outbox, stats, settings.protocol)
+        self._subscriptions = Subscriptions(subscriptions, self._window.next_id)
         self._half_received: set[int] = set()
         self._replies: list[mqtt5.Packet] = []
         self._messages: list[CloudMessage] = []
         self._handlers: dict[type, Callable[[Any, float], None]] = {
             mqtt5.ConnAckPacket: self._on_connack,
             mqtt5.SubAckPacket: self._on_suback,
-            mqtt5.UnsubAckPacket: _alive,
+            mqtt5.UnsubAckPacket: _ignore,
             mqtt5.PublishPacket: self._on_publish,
             mqtt5.PubRelPacket: self._on_pubrel,
-            mqtt5.PubAckPacket: self._ours.acknowledged,
+            mqtt5.PubAckPacket: self._window.acknowledged,
             mqtt5.PubRecPacket: self._on_pubrec,
-            mqtt5.PubCompPacket: self._ours.completed,
+            mqtt5.PubCompPacket: self._window.completed,
             mqtt5.DisconnectPacket: self._on_disconnect,
-            mqtt5.PingRespPacket: _alive,
+            mqtt5.PingRespPacket: _ignore,
         }
 
     def connect(self) -> bytes:
-        """Return CONNECT."""
+        """Return the CONNECT packet."""
         chosen, will = self._settings, self._settings.will
         packet = mqtt5.ConnectPacket(
             chosen.client_id,
@@ -86,77 +86,78 @@ class MqttSession:
         return encode(packet, chosen.protocol)
 
     def receive(self, packet: mqtt5.Packet, now: float) -> None:
-        """Take one packet of the broker.
+        """Handle one packet of the broker.
 
-        Raises SessionRefused when the broker says no and SessionEnded when the connection must be given up.
+        Raises SessionRefused if the broker refuses the session, SessionEnded if the connection must be
+        closed.
         """
         handler = self._handlers.get(type(packet))
-        # CONNACK comes first and never again.
+        # CONNACK must come first, and only once.
         if handler is None or self.connected == isinstance(packet, mqtt5.ConnAckPacket):
             raise _broken(f"the broker sent {type(packet).__name__} out of place")
         handler(packet, now)
 
     def take_replies(self) -> bytes:
-        """Return the bytes that answer what was received, and forget them."""
+        """Remove and return the pending answers to the broker, encoded."""
         replies, self._replies = self._replies, []
         return b"".join([encode(packet, self._settings.protocol) for packet in replies])
 
     @property
     def answers(self) -> bool:
-        """True when what was received is to be answered, or lets more be sent."""
-        return self.owes or self._ours.answered
+        """True when the broker is owed an answer, or has acknowledged messages, so that more may be sent."""
+        return self.owes or self._window.answered
 
     @property
     def owes(self) -> bool:
-        """True when something that was received is not answered yet."""
+        """True when the broker is owed an answer."""
         return bool(self._replies)
 
     def take_messages(self) -> list[CloudMessage]:
-        """Return the messages that were received, in order, and forget them."""
+        """Remove and return the received messages, in order."""
         messages, self._messages = self._messages, []
         return messages
 
     def send(self, now: float) -> bytes:
-        """Return the bytes of the next messages of the outbox, joined; empty when nothing may be sent now."""
-        return self._ours.send(now) if self.ready else b""
+        """Return the packets of the next messages of the outbox, joined; empty if nothing may be sent now."""
+        return self._window.send(now) if self.ready else b""
 
     def busy(self) -> bool:
-        """Tell whether messages could be sent or are not acknowledged yet."""
-        return self._ours.busy()
+        """Return whether messages wait to be sent or are not acknowledged yet."""
+        return self._window.busy()
 
     def end(self) -> None:
-        """Give what was not acknowledged back to the outbox, which is offline from now on."""
+        """Return unacknowledged messages to the outbox, which goes offline."""
         self.ready = False
-        self._ours.end()
-        self._handlers.clear()  # which refer to this session: it is freed without the garbage collector
+        self._window.end()
+        self._handlers.clear()  # break the reference cycle: frees the session without the garbage collector
 
     def _on_connack(self, packet: mqtt5.ConnAckPacket, _now: float) -> None:
-        """Note whether the broker lets us in, and subscribe to everything."""
+        """Check that the broker accepts the connection, and subscribe to all filters."""
         if int(packet.reason_code):
             raise SessionRefused(reasons.of(packet))
         if int(packet.max_qos) == 0:
             raise SessionRefused("the broker takes only QoS 0; replies and status need QoS 1")
         self.connected = True
         self.keepalive = packet.server_keep_alive or self._settings.keepalive
-        self._ours.agree(packet)
+        self._window.apply_limits(packet)
         self._replies += self._subscriptions.begin()
         self.ready = not self._subscriptions.open
 
     def resubscribe(self, subscriptions: Mapping[str, int]) -> None:
-        """Subscribe to other filters from now on."""
+        """Replace the filters."""
         asked = list(self._subscriptions.change(subscriptions))
         self._replies += asked if self.connected else ()
 
     def _on_suback(self, packet: mqtt5.SubAckPacket, _now: float) -> None:
-        """Note which filters the broker took."""
+        """Record the filters that the broker refuses."""
         problems = self._subscriptions.answered(packet)
         if problems is None:
-            raise _broken("the broker answers a subscription that was not asked for")
+            raise _broken("the broker answers an unknown subscription")
         self.problems += problems
         self.ready = not self._subscriptions.open
 
     def _on_publish(self, packet: mqtt5.PublishPacket, _now: float) -> None:
-        """Take a message; one of QoS 2 is handed out once, however often it is sent."""
+        """Receive a message; one of QoS 2 is delivered once, even if it is sent again."""
         if packet.topic_alias is not None:
             self._take_flawed(packet, "a topic alias that was not allowed")
             raise _broken("the broker uses a topic alias that was not allowed")
@@ -170,22 +171,22 @@ class MqttSession:
             self._on_publish_twice(packet, identifier)
 
     def _on_publish_twice(self, packet: mqtt5.PublishPacket, identifier: int) -> None:
-        """Take a message of QoS 2, remembering its identifier until the broker releases it."""
+        """Receive a QoS 2 message, and remember its identifier until PUBREL."""
         if identifier not in self._half_received:
             if len(self._half_received) >= INBOUND:
-                self._take_flawed(packet, "it has too many before it")
+                self._take_flawed(packet, "beyond the Receive Maximum")
                 code = mqtt5.DisconnectReasonCode.RECEIVE_MAX_EXCEEDED
-                raise SessionEnded("the broker has too many QoS 2 messages under way", code)
+                raise SessionEnded("the broker has too many QoS 2 messages in flight", code)
             self._half_received.add(identifier)
             self.take(_message_of(packet))
         self._replies.append(mqtt5.PubRecPacket(identifier))
 
     def _take_flawed(self, packet: mqtt5.PublishPacket, why: str) -> None:
-        """Take a message that the broker may not send: it may be a stop."""
+        """Deliver a message that breaks the protocol: it may be a stop."""
         self.take(msgspec.structs.replace(_message_of(packet), flaw=why))
 
     def take(self, message: CloudMessage) -> None:
-        """Add a message to those that are handed out."""
+        """Add a message to those to deliver."""
         self._stats.received += 1
         self._messages.append(message)
 
@@ -197,8 +198,8 @@ class MqttSession:
         self._replies.append(mqtt5.PubCompPacket(packet.packet_id, reason_code=code))
 
     def _on_pubrec(self, packet: mqtt5.PubRecPacket, _now: float) -> None:
-        """Release a QoS 2 message of ours that the broker has."""
-        release = self._ours.received(packet)
+        """Answer PUBREC of one of our QoS 2 messages with PUBREL."""
+        release = self._window.received(packet)
         if release is not None:
             self._replies.append(release)
 
@@ -209,12 +210,12 @@ class MqttSession:
         raise SessionEnded(reasons.of(packet))
 
 
-def _alive(_packet: mqtt5.Packet, _now: float) -> None:
-    """Do nothing: the packet says no more than that the link is alive, which its watch has noted."""
+def _ignore(_packet: mqtt5.Packet, _now: float) -> None:
+    """Ignore a packet that only shows that the link is alive; the keepalive has recorded that."""
 
 
 def _message_of(packet: mqtt5.PublishPacket) -> CloudMessage:
-    """Return the message that a packet carries."""
+    """Return the message in a PUBLISH packet."""
     return CloudMessage(
         packet.topic,
         packet.payload,
@@ -226,5 +227,5 @@ def _message_of(packet: mqtt5.PublishPacket) -> CloudMessage:
 
 
 def _broken(message: str) -> SessionEnded:
-    """Return the error for a broker that breaks the protocol."""
+    """Return the error for a broker that violates the protocol."""
     return SessionEnded(message, mqtt5.DisconnectReasonCode.PROTOCOL_ERROR)

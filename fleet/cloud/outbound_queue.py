@@ -1,7 +1,7 @@
-"""What waits to be sent: durable messages in the spool, and light ones (QoS 0), which never wait offline.
+"""Outbound messages: durable ones in the spool, and QoS 0 messages, which are never kept while offline.
 
-The spool sends replies first, then status, then events; light ones go behind them, in every write. A full
-queue of QoS 0 refuses new messages.
+The spool sends replies first, then status, then events. Each write also has a share for QoS 0. A full QoS 0
+queue refuses new messages.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from collections import deque
 from collections.abc import Iterable
 
 from fleet.clock import Clock
-from fleet.cloud.publish import PublishRoute, QueuedQos0
+from fleet.cloud.publish import Qos0Route, QueuedQos0
 from fleet.cloud.values import CloudStats, QueueStats
 from fleet.spool.message import OVERHEAD, Outgoing
 from fleet.spool.spool import Spool
 
 
 class OutboundQueue:
-    """The queue between any thread that publishes and the loop that writes.
+    """The queue between the publishing threads and the loop that writes.
 
-    ``messages`` and ``size`` (bytes) bound the queue of QoS 0.
+    ``messages`` and ``size`` (bytes) bound the QoS 0 queue.
     """
 
     def __init__(self, spool: Spool, messages: int, size: int, stats: CloudStats, clock: Clock) -> None:
@@ -29,84 +29,87 @@ class OutboundQueue:
         self._most_messages = messages
         self._most_bytes = size
         self._lock = threading.Lock()
-        self._light: deque[QueuedQos0] = deque()
+        self._qos0: deque[QueuedQos0] = deque()
         stats.outbox = self._queued
         self._bytes = 0
         self._refused = 0
         self._online = False
 
     def __len__(self) -> int:
-        return len(self._light) + self.spool.waiting
+        return len(self._qos0) + self.spool.waiting
 
-    def put_light(self, where: PublishRoute, payload: bytes) -> bool:
-        """Add a message of QoS 0; tell whether it was taken. What is durable is put into the spool."""
-        message = QueuedQos0(where, payload, self._clock.monotonic())
+    def put_qos0(self, route: Qos0Route, payload: bytes) -> bool:
+        """Queue a QoS 0 message; return whether it was accepted.
+
+        Durable messages go to the spool directly.
+        """
+        message = QueuedQos0(route, payload, self._clock.monotonic())
         with self._lock:
             size = self._bytes + _size(message)
-            if not self._online or len(self._light) >= self._most_messages or size > self._most_bytes:
+            if not self._online or len(self._qos0) >= self._most_messages or size > self._most_bytes:
                 self._refused += 1
                 return False
-            self._light.append(message)
+            self._qos0.append(message)
             self._bytes = size
             return True
 
-    def take_light(self, now: float, size: int) -> list[QueuedQos0]:
-        """Remove and return what of QoS 0 may be written next, about ``size`` bytes; drop what is late."""
+    def take_qos0(self, now: float, size: int) -> list[QueuedQos0]:
+        """Remove and return the next QoS 0 messages, about ``size`` bytes; drop expired ones."""
         taken: list[QueuedQos0] = []
         with self._lock:
-            while self._light and size > 0:
-                message = self._light.popleft()
+            while self._qos0 and size > 0:
+                message = self._qos0.popleft()
                 self._bytes -= _size(message)
                 if message.is_late(now):
                     self._refused += 1
                     continue
                 taken.append(message)
-                size -= len(message.where.topic) + len(message.payload)
+                size -= len(message.route.topic) + len(message.payload)
         return taken
 
     @property
     def waits(self) -> bool:
-        """True while messages of QoS 0 wait."""
-        return bool(self._light)
+        """True while QoS 0 messages wait."""
+        return bool(self._qos0)
 
     def go_online(self) -> None:
-        """From now on QoS 0 is taken."""
+        """Start to accept QoS 0."""
         self._online = True
         self.spool.go_online()
 
     def go_offline(self, unanswered: Iterable[Outgoing]) -> None:
-        """Take back what was not acknowledged, oldest first; drop QoS 0 and take no more of it."""
+        """Take back the unacknowledged messages, oldest first; drop QoS 0 and refuse new ones."""
         self.spool.put_back(unanswered)
         self.spool.go_offline()
-        self._drop_light()
+        self._drop_qos0()
 
     def tick(self) -> None:
-        """Look after time: once a second or so."""
+        """Run the periodic work of the spool; about once a second."""
         self.spool.tick()
 
     def close(self) -> None:
-        """Take nothing more; what is durable stays on disk."""
-        self._drop_light()
+        """Refuse new messages; durable ones stay on disk."""
+        self._drop_qos0()
         self.spool.close()
 
     @property
     def idle(self) -> bool:
-        """True when nothing could be sent now."""
-        return not self._light and self.spool.idle
+        """True when there is nothing to send now."""
+        return not self._qos0 and self.spool.idle
 
-    def _drop_light(self) -> None:
-        """Drop all of QoS 0, and take no more of it."""
+    def _drop_qos0(self) -> None:
+        """Drop all QoS 0 messages and refuse new ones."""
         with self._lock:
             self._online = False
-            self._refused += len(self._light)
-            self._light.clear()
+            self._refused += len(self._qos0)
+            self._qos0.clear()
             self._bytes = 0
 
     def _queued(self) -> QueueStats:
-        """Return the figures."""
+        """Return the statistics."""
         return QueueStats(len(self), self._bytes, self._refused + self.spool.lost)
 
 
 def _size(message: QueuedQos0) -> int:
-    """Return the bytes that a message of QoS 0 costs while it waits."""
-    return len(message.where.topic) + len(message.payload) + OVERHEAD
+    """Return the memory, in bytes, of a waiting QoS 0 message."""
+    return len(message.route.topic) + len(message.payload) + OVERHEAD

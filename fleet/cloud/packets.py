@@ -1,7 +1,7 @@
-"""MQTT packets to and from bytes, for both protocol versions, with the codec's sharp edges covered.
+"""Encodes and decodes MQTT packets of both protocol versions, and guards against defects of the codec.
 
-A packet is read only when all of it is there, so "not enough bytes" inside one is a fault and not a wait.
-The codec panics on text that is not UTF-8, which prints a page on stderr: such a packet is refused before.
+A packet is decoded only once it is complete, so "not enough bytes" inside one is an error, not a wait. The
+codec panics on text that is not UTF-8 and prints a page on stderr: such a packet is refused before.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ ReadT = TypeVar("ReadT")
 
 _CONNECT = 1
 _CONNACK = 0x20
-MORE = 0x80  # in a byte of a length: another follows
-_ONLY_OLDER = b"\x20\x02\x00\x01"
-"""How a broker without MQTT 5 answers an MQTT 5 CONNECT; the MQTT 5 codec cannot read it."""
+MORE = 0x80  # continuation bit of a length byte
+_V311_REFUSAL = b"\x20\x02\x00\x01"
+"""Answer of a broker without MQTT 5 to an MQTT 5 CONNECT; the MQTT 5 codec cannot decode it."""
 
 
 def encode(packet: mqtt5.Packet, protocol: Protocol) -> bytes:
-    """Return the bytes of a packet; raise ValueError when the protocol cannot carry it."""
+    """Return the bytes of a packet; raise ValueError if the protocol has no such packet."""
     return packet.write() if protocol == 5 else v311.write(packet)
 
 
 def frame_length(data: bytes, start: int = 0) -> int | None:
-    """Return the length of the frame that starts there, None while too little is known.
+    """Return the length of the frame at ``start``, None if too few bytes are known.
 
     Raises WireError for a length field of more than four bytes.
     """
@@ -49,7 +49,7 @@ def frame_length(data: bytes, start: int = 0) -> int | None:
 
 
 class PacketTooLarge(WireError):
-    """A packet is larger than was agreed; ``head`` is how it begins."""
+    """A packet is above the limit; ``head`` has its first bytes."""
 
     def __init__(self, message: str, head: bytes) -> None:
         super().__init__(message)
@@ -57,10 +57,10 @@ class PacketTooLarge(WireError):
 
 
 class PacketFramer(Generic[ReadT]):
-    """Cuts one byte stream into packets and remembers the piece that is not whole yet.
+    """Splits a byte stream into packets and keeps the incomplete rest.
 
-    ``read`` makes a packet of some bytes, from where to where it stands in them; ``limit`` is the most bytes
-    that one may have. Of one that has more, the first ``head`` are waited for.
+    ``read`` decodes a packet from a buffer, its start and its end; ``limit`` is the largest packet in bytes.
+    For a larger one, the first ``head`` bytes are collected for the error.
     """
 
     def __init__(self, read: Callable[[bytes, int, int], ReadT], limit: int, *, head: int = 0) -> None:
@@ -71,7 +71,7 @@ class PacketFramer(Generic[ReadT]):
         self._needed = 0
 
     def feed(self, data: bytes) -> Iterator[ReadT]:
-        """Yield the packets that the bytes complete; raise WireError where they stop making sense."""
+        """Yield the packets that the bytes complete; raise WireError at the first invalid one."""
         if self._rest:
             self._rest += data
             if len(self._rest) < self._needed:
@@ -85,7 +85,7 @@ class PacketFramer(Generic[ReadT]):
         self._rest += data[start:]
 
     def _end(self, data: bytes, start: int) -> int | None:
-        """Return where the frame ends, None when it is not whole; note how much is needed then."""
+        """Return the end of the frame, None if it is incomplete; then record how many bytes it needs."""
         length = frame_length(data, start)
         if length is None:
             self._needed = 0
@@ -101,9 +101,9 @@ class PacketFramer(Generic[ReadT]):
 
 
 class PacketDecoder(PacketFramer[mqtt5.Packet]):
-    """Decodes one byte stream.
+    """Decodes a byte stream.
 
-    Without a protocol, the first packet must be CONNECT and decides it (a broker's side).
+    Without a protocol, the first packet must be CONNECT, which selects it (the broker's side).
     """
 
     def __init__(self, protocol: Protocol | None, limit: int) -> None:
@@ -111,22 +111,22 @@ class PacketDecoder(PacketFramer[mqtt5.Packet]):
         self.protocol = protocol
 
     def _decode(self, data: bytes, start: int, end: int) -> mqtt5.Packet:
-        """Return the packet of one whole frame."""
+        """Decode one complete frame."""
         if self.protocol is None:
-            self.protocol = _spoken(memoryview(data)[start:end])
+            self.protocol = _version_of(memoryview(data)[start:end])
         return decode(data, start, end, self.protocol)
 
 
 def decode(data: bytes, start: int, end: int, protocol: Protocol) -> mqtt5.Packet:
-    """Return the packet of one whole frame; raise WireError for what is none."""
+    """Decode one complete frame; raise WireError if it is invalid."""
     frame = memoryview(data)[start:end]
-    if protocol == 5 and data[start] == _CONNACK and frame == _ONLY_OLDER:
+    if protocol == 5 and data[start] == _CONNACK and frame == _V311_REFUSAL:
         return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
     return _packet(frame, protocol)
 
 
-def _spoken(frame: memoryview) -> Protocol:
-    """Return the protocol version that a CONNECT asks for: the byte behind the protocol name."""
+def _version_of(frame: memoryview) -> Protocol:
+    """Return the protocol version in a CONNECT: the byte behind the protocol name."""
     head = bytes(frame[:12])
     if head[0] >> 4 != _CONNECT:
         raise WireError("the first packet is not CONNECT")
@@ -138,7 +138,7 @@ def _spoken(frame: memoryview) -> Protocol:
 
 
 def _packet(frame: memoryview, protocol: Protocol) -> mqtt5.Packet:
-    """Read one frame, turning every way in which the codecs refuse bytes into WireError."""
+    """Decode one frame; turn every error of the codecs into WireError."""
     if protocol == 5 and has_broken_text(frame):
         raise WireError("not an MQTT packet: a text is not UTF-8")
     try:
@@ -146,7 +146,7 @@ def _packet(frame: memoryview, protocol: Protocol) -> mqtt5.Packet:
     except (ValueError, IndexError) as error:
         raise WireError(f"not an MQTT packet: {error}") from None
     except BaseException as error:
-        # A panic of the codec derives from BaseException and has no public name to catch it by.
+        # A panic of the codec derives from BaseException, and its class is not public.
         if type(error).__name__ != "PanicException":
             raise
         raise WireError("not an MQTT packet: the codec panicked over it") from None

@@ -1,4 +1,4 @@
-"""PUBLISH from what waits to be sent, for both protocol versions."""
+"""PUBLISH packets of queued messages, for both protocol versions."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _QOS = tuple(map(mqtt5.QoS, range(3)))
 
 
 def publish(message: Outgoing, identifier: int, now: float, protocol: Protocol) -> bytes:
-    """Return the packet of a message of QoS 1 or 2, at the monotonic time ``now``.
+    """Return the packet of a QoS 1 or 2 message at the monotonic time ``now``.
 
-    Raises ValueError or TypeError for what MQTT cannot carry.
+    Raises ValueError or TypeError for content that MQTT cannot carry.
     """
     packet = mqtt5.PublishPacket(
         message.topic,
@@ -34,45 +34,45 @@ def publish(message: Outgoing, identifier: int, now: float, protocol: Protocol) 
     return encode(packet, protocol)
 
 
-class PublishRoute(msgspec.Struct, frozen=True, gc=False):
-    """Where messages of QoS 0 go; ``expiry`` is how many seconds they are worth sending, None: always."""
+class Qos0Route(msgspec.Struct, frozen=True, gc=False):
+    """Publish route of QoS 0 messages; ``expiry`` is their lifetime in seconds, None for no limit."""
 
     topic: str
     expiry: float | None
 
 
-@functools.lru_cache(maxsize=16384)  # an edge says the same few topics again and again
-def publish_route(topic: str, expiry: float | None) -> PublishRoute:
-    """Return where messages go; raise ValueError for a topic that no message can be published to."""
-    return PublishRoute(check_topic(topic), expiry)
+@functools.lru_cache(maxsize=16384)  # an edge publishes on the same few topics
+def qos0_route(topic: str, expiry: float | None) -> Qos0Route:
+    """Return the route of a topic; raise ValueError if no message can be published to it."""
+    return Qos0Route(check_topic(topic), expiry)
 
 
 class QueuedQos0(msgspec.Struct, frozen=True, gc=False):
-    """A message of QoS 0 that waits; ``since`` is when (monotonic s) it was queued."""
+    """A queued QoS 0 message; ``since`` is the monotonic time of queueing in seconds."""
 
-    where: PublishRoute
+    route: Qos0Route
     payload: bytes
     since: float
 
     def is_late(self, now: float) -> bool:
-        """Tell whether it is not worth sending any more."""
-        return self.where.expiry is not None and now - self.since >= self.where.expiry
+        """Return whether the message has expired."""
+        return self.route.expiry is not None and now - self.since >= self.route.expiry
 
 
-def publish_light(message: QueuedQos0, now: float, protocol: Protocol) -> bytes:
-    """Return the packet of a message of QoS 0, with what is left of its time.
+def publish_qos0(message: QueuedQos0, now: float, protocol: Protocol) -> bytes:
+    """Return the packet of a QoS 0 message with its remaining lifetime.
 
-    Raises ValueError or TypeError for what MQTT cannot carry.
+    Raises ValueError or TypeError for content that MQTT cannot carry.
     """
-    where = message.where
+    route = message.route
     packet = mqtt5.PublishPacket(
-        where.topic,
+        route.topic,
         message.payload,
-        message_expiry_interval=None if where.expiry is None else _whole(message.since + where.expiry - now),
+        message_expiry_interval=None if route.expiry is None else _whole(message.since + route.expiry - now),
     )
     return encode(packet, protocol)
 
 
 def _whole(left: float) -> int:
-    """Return how many seconds are left of a message's time, rounded up; never none."""
+    """Return the remaining seconds of a message's lifetime, rounded up; at least 1."""
     return min(max(math.ceil(left), 1), _LONGEST)

@@ -1,16 +1,18 @@
-"""How long to wait before trying the cloud again."""
+"""Delays between attempts to connect to the cloud."""
 
 from __future__ import annotations
 
 from fleet.link.backoff import backoff
 
 JITTER = 0.5
-"""Share by which a wait is shortened at random at most: edges must not come back all at once after the broker
-restarts."""
+"""Largest share by which a delay is randomly shortened.
+
+Without it all edges would reconnect at once after a restart of the broker.
+"""
 
 
 class Backoff:
-    """Doubles from the first wait to the longest, in seconds."""
+    """Delays in seconds, doubling from the first to the longest."""
 
     def __init__(self, first: float, longest: float) -> None:
         self._first = first
@@ -18,13 +20,14 @@ class Backoff:
         self._waits = backoff(first, longest, jitter=JITTER)
 
     def wait(self) -> float:
-        """Return the next wait."""
+        """Return the next delay."""
         return next(self._waits)
 
     def note(self, lasted: float) -> None:
-        """Note how many seconds a success lasted; after one longer than the longest wait, begin again.
+        """Record how many seconds a connection lasted; reset the delays if it exceeded the longest one.
 
-        A shorter one does not count, so that a broker that lets in and throws out is not hammered.
+        A shorter connection does not count, so that a broker that accepts and then disconnects is not
+        hammered.
         """
         if lasted > self._longest:
             self._waits = backoff(self._first, self._longest, jitter=JITTER)

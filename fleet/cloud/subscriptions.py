@@ -1,4 +1,4 @@
-"""The filters of one MQTT session: what is asked of the broker for them, and what it answers. Pure."""
+"""The subscriptions of one MQTT session: SUBSCRIBE packets and the broker's answers. Pure."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 import mqtt5
 
 _FILTERS = 64
-"""Filters in one SUBSCRIBE."""
+"""Filters in one SUBSCRIBE or UNSUBSCRIBE."""
 
 
 class Subscriptions:
-    """What is subscribed to; ``next_id`` gives each request its packet identifier."""
+    """The subscribed filters; ``next_id`` returns the packet identifier of each request."""
 
     def __init__(self, filters: Mapping[str, int], next_id: Callable[[], int]) -> None:
         self._filters = filters
@@ -20,16 +20,16 @@ class Subscriptions:
 
     @property
     def open(self) -> bool:
-        """True while a filter is not answered."""
+        """True while the broker has not answered a SUBSCRIBE."""
         return bool(self._asked)
 
     def begin(self) -> Iterator[mqtt5.Packet]:
-        """Yield what asks for all filters; what was asked for before counts no more."""
+        """Yield the SUBSCRIBE packets for all filters; requests before are forgotten."""
         self._asked.clear()
         return self._subscribe(self._filters.items())
 
     def change(self, filters: Mapping[str, int]) -> Iterator[mqtt5.Packet]:
-        """Yield what asks for other filters; those that stay are not touched, so that nothing is missed."""
+        """Yield the packets that replace the filters; common ones stay subscribed, so nothing is missed."""
         before, self._filters = self._filters, filters
         yield from self._subscribe((each, qos) for each, qos in filters.items() if each not in before)
         gone = [each for each in before if each not in filters]
@@ -37,7 +37,7 @@ class Subscriptions:
             yield mqtt5.UnsubscribePacket(self._next_id(), gone[start : start + _FILTERS])
 
     def answered(self, packet: mqtt5.SubAckPacket) -> list[str] | None:
-        """Take an answer; return which filters the broker refuses, None for one that nobody waits for."""
+        """Handle SUBACK: return the refused filters as sentences, None if nothing was requested."""
         patterns = self._asked.pop(packet.packet_id, [])
         if len(patterns) != len(packet.reason_codes):
             return None
@@ -48,7 +48,7 @@ class Subscriptions:
         ]
 
     def _subscribe(self, filters: Iterable[tuple[str, int]]) -> Iterator[mqtt5.Packet]:
-        """Ask for some filters; what we publish ourselves must not come back as if somebody asked for it."""
+        """Yield SUBSCRIBE packets with No Local: our own messages must not come back as requests."""
         wanted = [
             mqtt5.TopicFilter(pattern, max_qos=mqtt5.QoS(qos), no_local=True, retain_as_published=False)
             for pattern, qos in filters

@@ -1,7 +1,7 @@
-"""Finds text that is not UTF-8 in an MQTT 5 packet (sections 2.2.2 and 3), before the codec reads it; pure.
+"""Finds text that is not UTF-8 in an MQTT 5 packet (sections 2.2.2 and 3) before the codec decodes it; pure.
 
-The codec panics on such text, and its panic prints a page on stderr whatever is made of it. A packet whose
-form is wrong ends the search: that the codec refuses in an orderly way.
+The codec panics on such text, and the panic prints a page on stderr even when it is caught. A malformed
+packet ends the search: the codec refuses it with a normal error.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ _SIZES: Mapping[int, int] = {
     **dict.fromkeys((0x13, 0x21, 0x22, 0x23), 2),
     **dict.fromkeys((0x02, 0x11, 0x18, 0x27), 4),
 }
-"""Bytes of the properties that have a fixed size, by identifier."""
+"""Sizes, in bytes, of the properties of fixed size, by identifier."""
 _TEXTS = frozenset({0x03, 0x08, 0x12, 0x15, 0x1A, 0x1C, 0x1F})
 _BINARIES = frozenset({0x09, 0x16})
-_NUMBER = 0x0B  # of variable length
+_NUMBER = 0x0B  # a variable byte integer
 _PAIR = 0x26
 _LAYOUTS: Mapping[int, str] = {
     1: "s4pw",
@@ -33,10 +33,10 @@ _LAYOUTS: Mapping[int, str] = {
     14: "1p",
     15: "1p",
 }
-"""What follows the length, by type of packet.
+"""Layout behind the remaining length, by packet type.
 
-s: a text; a digit: so many bytes; i: the identifier of QoS 1 and 2; p: properties; w: what a CONNECT has
-behind its properties; ``*``: filters to the end, with a byte of options each in a SUBSCRIBE.
+s: a string; a digit: so many bytes; i: the packet identifier of QoS 1 and 2; p: properties; w: the rest of a
+CONNECT behind its properties; ``*``: filters to the end, each with an options byte in a SUBSCRIBE.
 """
 _SUBSCRIBE = 8
 _QOS = 0x06
@@ -44,19 +44,19 @@ _HAS_WILL, _HAS_USER = 0x04, 0x80
 
 
 class _NotUtf8(Exception):
-    """A text was met that is not UTF-8."""
+    """A string of the packet is not UTF-8."""
 
 
-class _Walk:
-    """Goes through one packet; raises _NotUtf8, and IndexError where its form is wrong."""
+class _Scanner:
+    """Scans one packet; raises _NotUtf8, and IndexError for a malformed packet."""
 
     def __init__(self, packet: memoryview) -> None:
         self._packet = packet
         self._at = 1
-        self.number()  # the length: the packet is whole
+        self.number()  # skip the remaining length: the packet is complete
 
     def packet(self) -> None:
-        """Go through all of it."""
+        """Scan the whole packet."""
         kind, flags = self._packet[0] >> 4, self._packet[0]
         for part in _LAYOUTS.get(kind, ""):
             match part:
@@ -74,13 +74,13 @@ class _Walk:
                     self.skip(int(part))
 
     def skip(self, size: int) -> None:
-        """Go on."""
+        """Skip bytes."""
         self._at += size
         if self._at > len(self._packet):
             raise IndexError
 
     def number(self) -> int:
-        """Read a number of variable length."""
+        """Read a variable byte integer."""
         value = shift = 0
         while True:
             byte = self._packet[self._at]
@@ -93,28 +93,28 @@ class _Walk:
                 raise IndexError
 
     def binary(self) -> bytes:
-        """Read bytes with their length before them."""
+        """Read binary data with its length."""
         start = self._at + 2
         size = self._packet[self._at] << 8 | self._packet[self._at + 1]
         self.skip(2 + size)
         return bytes(self._packet[start : start + size])
 
     def text(self) -> None:
-        """Read a text."""
+        """Read a string."""
         try:
             self.binary().decode()
         except UnicodeDecodeError:
             raise _NotUtf8 from None
 
     def properties(self) -> None:
-        """Read properties with their length before them."""
+        """Read properties with their length."""
         size = self.number()
         end = self._at + size
         while self._at < end:
             self._property(self.number())
 
     def _property(self, identifier: int) -> None:
-        """Read one."""
+        """Read one property."""
         if identifier in _TEXTS:
             self.text()
         elif identifier == _PAIR:
@@ -129,7 +129,7 @@ class _Walk:
 
     def rest_of_connect(self) -> None:
         """Read client id, will and user name of a CONNECT; ``_at`` is behind its properties."""
-        flags = self._packet[8 + self._length_bytes()]  # behind type, length, name (6) and version
+        flags = self._packet[8 + self._length_bytes()]  # offset: type, length, name (6), version
         self.text()
         if flags & _HAS_WILL:
             self.properties()
@@ -139,7 +139,7 @@ class _Walk:
             self.text()
 
     def _length_bytes(self) -> int:
-        """Return how many bytes the packet's length has."""
+        """Return the size of the packet's length field."""
         return next(size for size in range(1, 5) if self._packet[size] < 0x80)
 
     def filters(self, *, options: bool) -> None:
@@ -150,9 +150,9 @@ class _Walk:
 
 
 def has_broken_text(packet: memoryview) -> bool:
-    """Return whether a text of a whole MQTT 5 packet is not UTF-8, as far as its form is right."""
+    """Return whether a string in a complete MQTT 5 packet is not UTF-8; False if it is malformed before."""
     try:
-        _Walk(packet).packet()
+        _Scanner(packet).packet()
     except _NotUtf8:
         return True
     except IndexError:

@@ -1,8 +1,8 @@
-"""MQTT 3.1.1 bytes for the packet values of the MQTT 5 codec (OASIS MQTT 3.1.1, section 3).
+"""MQTT 3.1.1 encoding of the MQTT 5 codec's packet objects (OASIS MQTT 3.1.1, section 3).
 
-What 3.1.1 cannot say is left out when written: properties, reason codes, subscription options. A persistent
-session (clean session 0) is one that never expires. Reading is strict: anything that the standard forbids
-raises ValueError, and running out of bytes inside a packet is an error, never a wait.
+Fields that 3.1.1 does not have are left out: properties, reason codes, subscription options. A persistent
+session (clean session 0) is one that never expires. Decoding is strict: a violation of the standard raises
+ValueError, and so does the end of the data inside a packet.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import mqtt5
 from fleet.cloud.fields import binary, length, text
 
 NEVER = 0xFFFF_FFFF
-"""MQTT 5's session expiry for a session that stays."""
+"""MQTT 5's session expiry of a session that never expires."""
 
 _REASONS = {
     0: mqtt5.ConnAckReasonCode.SUCCESS,
@@ -30,14 +30,14 @@ _FAILURE = 0x80
 
 
 class _Fields:
-    """Reads the fields of one packet body in order."""
+    """Reader of the fields of one packet body, in order."""
 
     def __init__(self, body: memoryview) -> None:
         self._body = body
         self._at = 0
 
     def take(self, count: int) -> bytes:
-        """Return the next bytes; raise ValueError when there are fewer."""
+        """Return the next bytes; raise ValueError if there are fewer."""
         end = self._at + count
         if end > len(self._body):
             raise ValueError("the packet ends inside a field")
@@ -50,7 +50,7 @@ class _Fields:
         return self.take(1)[0]
 
     def number(self) -> int:
-        """Return two bytes, the larger end first."""
+        """Return a two-byte integer, big-endian."""
         return int.from_bytes(self.take(2))
 
     def identifier(self) -> int:
@@ -60,27 +60,27 @@ class _Fields:
         return value
 
     def binary(self) -> bytes:
-        """Return bytes that their length precedes."""
+        """Return binary data behind its length."""
         return self.take(self.number())
 
     def text(self) -> str:
-        """Return UTF-8 text without NUL."""
+        """Return a UTF-8 string without NUL."""
         value = self.binary().decode()
         if "\0" in value:
             raise ValueError("a text holds a NUL")
         return value
 
     def left(self) -> bool:
-        """Tell whether bytes are left."""
+        """Return whether bytes are left."""
         return self._at < len(self._body)
 
     def rest(self) -> bytes:
-        """Return all that is left."""
+        """Return the remaining bytes."""
         return self.take(len(self._body) - self._at)
 
 
 def read(frame: memoryview) -> mqtt5.Packet:
-    """Return the packet of one whole frame; raise ValueError when it is not one."""
+    """Decode one complete frame; raise ValueError if it is invalid."""
     kind, flags = frame[0] >> 4, frame[0] & 0x0F
     start = 1
     while frame[start] & 0x80:
@@ -109,7 +109,7 @@ def write(packet: mqtt5.Packet) -> bytes:
 
 
 def _read_connect(fields: _Fields) -> mqtt5.Packet:
-    """CONNECT: who the client is, its will and its name and password."""
+    """CONNECT: client id, will, user name and password."""
     if fields.binary() != b"MQTT" or fields.byte() != 4:
         raise ValueError("the client does not speak MQTT 3.1.1")
     flags = fields.byte()
@@ -147,7 +147,7 @@ def _read_connack(fields: _Fields) -> mqtt5.Packet:
 
 
 def _read_publish(fields: _Fields, flags: int) -> mqtt5.Packet:
-    """PUBLISH: topic, identifier from QoS 1 up, payload."""
+    """PUBLISH: topic, identifier for QoS 1 and 2, payload."""
     qos = flags >> 1 & 0x03
     topic = fields.text()
     if not topic or (flags & 0x08 and not qos):
@@ -164,7 +164,7 @@ def _read_publish(fields: _Fields, flags: int) -> mqtt5.Packet:
 
 
 def _read_subscribe(fields: _Fields) -> mqtt5.Packet:
-    """SUBSCRIBE: identifier, then filter and QoS by turns."""
+    """SUBSCRIBE: identifier, then pairs of filter and QoS."""
     identifier = fields.identifier()
     filters = []
     while fields.left():
@@ -175,7 +175,7 @@ def _read_subscribe(fields: _Fields) -> mqtt5.Packet:
 
 
 def _read_suback(fields: _Fields) -> mqtt5.Packet:
-    """SUBACK: identifier, then one granted QoS or a failure for each filter."""
+    """SUBACK: identifier, then a granted QoS or a failure for each filter."""
     identifier = fields.identifier()
     codes = fields.rest()
     if not codes or any(code > 2 and code != _FAILURE for code in codes):
@@ -202,7 +202,7 @@ def _pattern(fields: _Fields) -> str:
 
 
 def _write_connect(packet: Any) -> tuple[int, bytes]:
-    """CONNECT; a session that must survive is asked for with clean session 0."""
+    """CONNECT; a session that must persist is requested with clean session 0."""
     will = packet.will
     flags = 0x02 if packet.clean_start and not packet.session_expiry_interval else 0
     body = packet.keep_alive.to_bytes(2) + text(packet.client_id)
@@ -221,7 +221,7 @@ def _write_connect(packet: Any) -> tuple[int, bytes]:
 
 
 def _write_connack(packet: Any) -> tuple[int, bytes]:
-    """CONNACK; a reason that 3.1.1 does not know becomes "server unavailable"."""
+    """CONNACK; a reason that 3.1.1 does not have becomes "server unavailable"."""
     code = _CODES.get(int(packet.reason_code), 3)
     return 0x20, bytes([packet.session_present and not code, code])
 
@@ -240,7 +240,7 @@ def _write_subscribe(packet: Any) -> tuple[int, bytes]:
 
 
 def _write_suback(packet: Any) -> tuple[int, bytes]:
-    """SUBACK; 3.1.1 knows one failure."""
+    """SUBACK; 3.1.1 has one failure code."""
     return 0x90, packet.packet_id.to_bytes(2) + bytes(
         min(int(code), _FAILURE) for code in packet.reason_codes
     )
@@ -252,12 +252,12 @@ def _write_unsubscribe(packet: Any) -> tuple[int, bytes]:
 
 
 def _numbered(kind: Callable[[int], mqtt5.Packet]) -> Callable[[_Fields], mqtt5.Packet]:
-    """Return the reader of a packet that is only an identifier."""
+    """Return the decoder of a packet that has only an identifier."""
     return lambda fields: kind(fields.identifier())
 
 
 def _write_number(first: int) -> Callable[[Any], tuple[int, bytes]]:
-    """Return the writer of a packet that is only an identifier."""
+    """Return the encoder of a packet that has only an identifier."""
     return lambda packet: (first, packet.packet_id.to_bytes(2))
 
 
@@ -276,7 +276,10 @@ _READERS: dict[int, tuple[int, Callable[[_Fields], mqtt5.Packet]]] = {
     13: (0, lambda _: mqtt5.PingRespPacket()),
     14: (0, lambda _: mqtt5.DisconnectPacket()),
 }
-"""By packet type: the flags that the standard demands, and what reads the body. PUBLISH has its own flags."""
+"""By packet type: the flags that the standard requires, and the decoder of the body.
+
+PUBLISH has its own flags.
+"""
 
 _WRITERS: dict[type, Callable[[object], tuple[int, bytes]]] = {
     mqtt5.ConnectPacket: _write_connect,
@@ -294,4 +297,4 @@ _WRITERS: dict[type, Callable[[object], tuple[int, bytes]]] = {
     mqtt5.PingRespPacket: lambda _: (0xD0, b""),
     mqtt5.DisconnectPacket: lambda _: (0xE0, b""),
 }
-"""By packet: what gives the first byte and the body."""
+"""By packet class: the encoder, which returns first byte and body."""

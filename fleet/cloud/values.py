@@ -1,4 +1,4 @@
-"""What the cloud connection is given and what it hands out; frozen, and free of the codec's types."""
+"""Settings, messages, states and statistics of the cloud connection, without the codec's types."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import msgspec
 from fleet.spool.message import Outcome
 
 PAYLOAD_LIMIT = 32 * 1024 * 1024
-"""The largest MQTT packet, in bytes, that Cyberwave's broker takes; also the most that is accepted."""
+"""Largest MQTT packet, in bytes, of Cyberwave's broker; also the largest that is accepted."""
 
 
 class CloudMessage(msgspec.Struct, frozen=True):
     """One message from the broker.
 
-    ``retain`` is true only for an old message that the broker kept, so a command that carries it is stale.
-    ``response_topic`` and ``correlation`` are MQTT 5's request and response pair. ``flaw`` says what was
-    wrong with the packet of one that is only to be looked at for a stop; without a payload its topic alone
-    counts.
+    ``retain`` is true only for an old message that the broker stored, so a command in it is stale.
+    ``response_topic`` and ``correlation`` are MQTT 5's request and response properties. ``flaw`` says what
+    was wrong with the packet: such a message is only checked for a stop, and without a payload its topic
+    alone decides.
     """
 
     topic: str
@@ -33,7 +33,7 @@ class CloudMessage(msgspec.Struct, frozen=True):
 
 
 class Will(msgspec.Struct, frozen=True):
-    """What the broker says for us when the connection falls without a goodbye."""
+    """The message that the broker publishes for us when the connection is lost without a DISCONNECT."""
 
     topic: str
     payload: bytes
@@ -41,11 +41,11 @@ class Will(msgspec.Struct, frozen=True):
 
 
 class CloudSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the broker is and how to speak to it. Times are seconds, sizes are bytes.
+    """Address of the broker and parameters of the connection. Times are seconds, sizes are bytes.
 
     ``insecure`` must be true for a plain connection to another computer: the token travels in clear text.
-    ``backoff`` is the first and the longest wait after a network failure, ``refused_backoff`` after a no.
-    ``queue_messages`` and ``queue_bytes`` bound the QoS 0 messages that wait for the next write.
+    ``backoff`` is the first and the longest delay after a network failure, ``refused_backoff`` after a
+    refusal. ``queue_messages`` and ``queue_bytes`` bound the QoS 0 messages that wait for the next write.
     """
 
     host: str
@@ -66,24 +66,24 @@ class CloudSettings(msgspec.Struct, frozen=True, kw_only=True):
     queue_bytes: int = 8 * 1024 * 1024
 
     def __repr__(self) -> str:
-        """Describe the connection without the password, so that no log can hold it."""
+        """Describe the connection without the password, so that no log can contain it."""
         return f"CloudSettings({self.client_id!r} at {self.host}:{self.port})"
 
 
 class CloudState(enum.StrEnum):
-    """How the connection stands."""
+    """State of the connection."""
 
     CONNECTING = "connecting"
     CONNECTED = "connected"
     DISCONNECTED = "disconnected"
-    """The network failed; it is tried again soon."""
+    """The network failed; the next attempt is soon."""
     REFUSED = "refused"
-    """The broker said no; it is tried again slowly, and a person should read why."""
+    """The broker refused the connection; attempts are slow, and the user should read the reason."""
     CLOSED = "closed"
 
 
 class QueueStats(msgspec.Struct, frozen=True):
-    """What the outbox tells of itself: messages that wait, bytes of those of QoS 0, messages dropped."""
+    """Statistics of the outbound queue: waiting messages, bytes of waiting QoS 0, dropped messages."""
 
     messages: int = 0
     size: int = 0
@@ -94,7 +94,7 @@ class CloudStats:
     """Counters since the start; read from any thread, written on the loop.
 
     ``rtt`` is the last measured round trip to the broker in seconds, None before the first. ``outbox``
-    tells what waits when it is asked.
+    returns the statistics of the queue.
     """
 
     def __init__(self) -> None:
@@ -108,30 +108,30 @@ class CloudStats:
 
     @property
     def acked(self) -> int:
-        """How many messages the broker has taken."""
+        """Messages that the broker has acknowledged."""
         return self.outcomes[Outcome.ACKED]
 
     @property
     def refused(self) -> int:
-        """How many messages the broker has refused."""
+        """Messages that the broker has refused."""
         return self.outcomes[Outcome.REFUSED]
 
     @property
     def held(self) -> int:
-        """How many times a message was given back, to be sent again."""
+        """Messages that were returned to the queue, to be sent again; counted each time."""
         return self.outcomes[Outcome.HELD]
 
     @property
     def queued(self) -> int:
-        """How many messages wait to be sent."""
+        """Messages that wait to be sent."""
         return self.outbox().messages
 
     @property
     def queued_bytes(self) -> int:
-        """How many bytes of QoS 0 wait to be sent."""
+        """Bytes of QoS 0 that wait to be sent."""
         return self.outbox().size
 
     @property
     def dropped(self) -> int:
-        """How many messages were lost on the way out."""
+        """Outbound messages that were lost."""
         return self.outbox().dropped

@@ -1,1 +1,1 @@
-"""fleet.yaml to models, with line and column for every problem."""
+"""fleet.yaml to models; every error is reported with line and column."""

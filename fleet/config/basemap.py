@@ -1,6 +1,6 @@
-"""What the head of a PMTiles archive says: whether the console can show it; pure.
+"""Check of a PMTiles archive's header: whether the console can show it; pure.
 
-PMTiles specification, version 3: "PMTiles" and the version in bytes 0 to 7, the type of the tiles in byte 99.
+PMTiles specification, version 3: "PMTiles" and the version in bytes 0 to 7, the tile type in byte 99.
 """
 
 from __future__ import annotations
@@ -8,16 +8,16 @@ from __future__ import annotations
 from pathlib import Path
 
 HEAD = 127
-"""Bytes of the head of an archive."""
+"""Bytes of the header of an archive."""
 MEDIA_TYPES = {2: "image/png", 3: "image/jpeg", 4: "image/webp", 5: "image/avif"}
-"""The types of tiles that are pictures, with their media types."""
+"""Tile types that are pictures, with their media types."""
 _MAGIC, _VERSION = b"PMTiles", 3
 _TYPE_AT = 99
 _VECTOR = 1
 
 
 def archive_problem(head: bytes) -> str:
-    """Return why the console cannot show an archive with these first bytes; empty if it can."""
+    """Return why the console cannot show an archive with this header; empty if it can."""
     if len(head) < HEAD or not head.startswith(_MAGIC):
         return "it is no PMTiles archive"
     if head[len(_MAGIC)] != _VERSION:
@@ -30,7 +30,7 @@ def archive_problem(head: bytes) -> str:
 
 
 def raster_archive(path: Path) -> Path:
-    """Refuse a file that is no archive of pictures, or cannot be read, where fleet.yaml names it."""
+    """Refuse a file that is unreadable or no archive of pictures."""
     try:
         with path.open("rb") as file:
             problem = archive_problem(file.read(HEAD))

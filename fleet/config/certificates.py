@@ -1,7 +1,7 @@
-"""A site's certificates: its authority, and one for each identity on the bus (X.509, ECDSA on P-256).
+"""Certificates of a site: its authority, and one for each identity on the bus (X.509, ECDSA on P-256).
 
-The common name is the identity, the organisational unit what it is there for. Pure functions over PEM; the
-time is handed in. Raises ValueError for what is not PEM.
+The common name is the identity, the organisational unit its role. Pure functions on PEM data; the time is an
+argument. Raises ValueError for data that is not PEM.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cryptography.hazmat.primitives.serialization import (
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 AUTHORITY_LIFE = timedelta(days=3650)
-SKEW = timedelta(hours=1)  # a computer whose clock is behind takes a new certificate all the same
+SKEW = timedelta(hours=1)  # tolerates a computer whose clock is slow
 
 
 class Pair(NamedTuple):
@@ -33,7 +33,7 @@ class Pair(NamedTuple):
 
 
 class Identity(NamedTuple):
-    """What a certificate says: who it is for, as what, under which names and addresses, and until when."""
+    """Contents of a certificate: identity, role, host names and addresses, and expiry."""
 
     name: str
     role: str
@@ -42,7 +42,7 @@ class Identity(NamedTuple):
 
 
 def make_authority(site: str, now: datetime) -> Pair:
-    """Return the certificate of a site's authority, which may sign others and nothing else."""
+    """Return the certificate of a site's authority, which can only sign other certificates."""
     key = ec.generate_private_key(ec.SECP256R1())
     name = _named(site, "authority")
     built = (
@@ -56,10 +56,10 @@ def make_authority(site: str, now: datetime) -> Pair:
 
 
 def issue_pair(authority: Pair, identity: Identity, now: datetime) -> Pair:
-    """Return a new key and the certificate that says this, for both ends of a connection."""
+    """Return a new key and a certificate for an identity, for both ends of a connection."""
     signer = load_pem_private_key(authority.key, None)
     if not isinstance(signer, ec.EllipticCurvePrivateKey):
-        raise ValueError("the authority's key is none on an elliptic curve")  # noqa: TRY004 - bad content
+        raise ValueError("the authority's key is not on an elliptic curve")  # noqa: TRY004 - bad content
     issuer = x509.load_pem_x509_certificate(authority.certificate)
     key = ec.generate_private_key(ec.SECP256R1())
     uses = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
@@ -78,7 +78,7 @@ def issue_pair(authority: Pair, identity: Identity, now: datetime) -> Pair:
 
 
 def read_identity(pem: bytes) -> Identity:
-    """Return what a certificate says."""
+    """Return the contents of a certificate."""
     certificate = x509.load_pem_x509_certificate(pem)
     return Identity(
         _first(certificate.subject, NameOID.COMMON_NAME),
@@ -89,14 +89,14 @@ def read_identity(pem: bytes) -> Identity:
 
 
 def first_end(pem: bytes) -> datetime:
-    """Return when the first of the certificates in a file ends."""
+    """Return the earliest expiry of the certificates in a file."""
     return min(each.not_valid_after_utc for each in x509.load_pem_x509_certificates(pem))
 
 
 def _builder(
     subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey, now: datetime
 ) -> x509.CertificateBuilder:
-    """Return what all certificates have in common."""
+    """Return a builder with the common fields of all certificates."""
     return (
         x509.CertificateBuilder()
         .subject_name(subject)
@@ -108,7 +108,7 @@ def _builder(
 
 
 def _named(name: str, role: str) -> x509.Name:
-    """Return a subject."""
+    """Return a subject name."""
     return x509.Name(
         [
             x509.NameAttribute(NameOID.ORGANIZATIONAL_UNIT_NAME, role),
@@ -118,7 +118,7 @@ def _named(name: str, role: str) -> x509.Name:
 
 
 def _usage(*, signs_others: bool) -> x509.KeyUsage:
-    """Return what a key may be used for."""
+    """Return the permitted usage of a key."""
     return x509.KeyUsage(
         digital_signature=not signs_others,
         content_commitment=False,
@@ -133,7 +133,7 @@ def _usage(*, signs_others: bool) -> x509.KeyUsage:
 
 
 def _host(text: str) -> x509.GeneralName:
-    """Return an address or a name under which a computer is reached."""
+    """Return a host name or address as a subject alternative name."""
     try:
         return x509.IPAddress(ipaddress.ip_address(text))
     except ValueError:
@@ -141,7 +141,7 @@ def _host(text: str) -> x509.GeneralName:
 
 
 def _hosts(certificate: x509.Certificate) -> tuple[str, ...]:
-    """Return the addresses and names of a certificate."""
+    """Return the host names and addresses of a certificate."""
     try:
         found = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     except x509.ExtensionNotFound:
@@ -150,7 +150,7 @@ def _hosts(certificate: x509.Certificate) -> tuple[str, ...]:
 
 
 def _first(name: x509.Name, kind: x509.ObjectIdentifier) -> str:
-    """Return the first value of its kind in a name, empty when there is none."""
+    """Return the first value of a kind in a name, empty if there is none."""
     found = name.get_attributes_for_oid(kind)
     return str(found[0].value) if found else ""
 
@@ -158,7 +158,7 @@ def _first(name: x509.Name, kind: x509.ObjectIdentifier) -> str:
 def _pair(
     builder: x509.CertificateBuilder, key: ec.EllipticCurvePrivateKey, signer: ec.EllipticCurvePrivateKey
 ) -> Pair:
-    """Sign, and write both as PEM."""
+    """Sign a certificate; return it and its key as PEM."""
     signed = builder.sign(signer, SHA256())
     private = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
     return Pair(signed.public_bytes(Encoding.PEM), private)

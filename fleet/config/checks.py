@@ -1,4 +1,4 @@
-"""What can only be seen by looking at several robots at once."""
+"""Checks across several robots or sections."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from fleet.config.yaml import Document
 from fleet.robot_config import MAIN, AdapterConfig
 
 MOST_TOLD = 5
-"""Robots of which each is warned of for the same reason; more are warned of together."""
+"""Number of robots up to which a warning is repeated for each; beyond it, one warning covers all."""
 _WAY = "way to the robot"
 _APART = {
     "name": "give each robot a name of its own",
@@ -35,9 +35,9 @@ _APART = {
 
 
 def check_robots(listed: object, identities: Mapping[int, Identity], document: Document) -> None:
-    """Report, at the later one, robots that share a name, a twin, or the very same machine.
+    """Report robots that share a name, a twin or a physical machine, each at the later robot.
 
-    ``identities`` are those of the robots, by place in the list, whose config has one.
+    ``identities`` are those of the robots whose config has one, by index in the list.
     """
     first: dict[tuple[str, object], int] = {}
     for index, robot in enumerate(listed if isinstance(listed, list) else ()):
@@ -50,7 +50,7 @@ def check_robots(listed: object, identities: Mapping[int, Identity], document: D
 
 
 def _unique(robot: object, identity: Identity | None) -> Iterator[tuple[str, object, str]]:
-    """Yield what no two robots may share: the word for it, the value, the key to point at."""
+    """Yield the values that robots must not share: description, value, and key to report."""
     for key in ("name", "twin"):
         if isinstance(robot, dict) and isinstance(robot.get(key), str):
             yield key, robot[key].lower(), key
@@ -59,14 +59,14 @@ def _unique(robot: object, identity: Identity | None) -> Iterator[tuple[str, obj
 
 
 def _place(index: int, key: str, document: Document) -> Mark:
-    """Return the mark of a robot's key, or of the robot when defaults gave the value."""
+    """Return the mark of a robot's key, or of the robot if a default gave the value."""
     mark = document.marks.get(("robots", index, key))
     robot = document.marks["robots", index]
     return mark if mark and mark.path[:2] == robot.path else robot
 
 
 def warn_of_batteries(robots: Mapping[int, AdapterConfig], document: Document) -> None:
-    """Warn of a battery policy that calls a robot home only when its reserve is used up."""
+    """Warn of a battery policy that acts only when the reserve is used up."""
     for index, robot in robots.items():
         policy = robot.battery_policy
         if policy is None or policy.low >= policy.reserve:
@@ -74,11 +74,11 @@ def warn_of_batteries(robots: Mapping[int, AdapterConfig], document: Document) -
         at = ("robots", index, "battery_policy")
         mark = document.keys.get((*at, "low")) or document.marks.get(at) or document.marks["robots", index]
         message = f"low ({policy.low:g} %) is below reserve ({policy.reserve:g} %)"
-        document.warn(mark, message, "what is done at low would end below the reserve; make low the larger")
+        document.warn(mark, message, "the action at low would end below the reserve; make low larger")
 
 
 def check_followers(robots: Mapping[int, AdapterConfig], document: Document) -> None:
-    """Report robots that follow one that is led itself, so that no loop moves itself, or a simulated one."""
+    """Report robots that follow a follower (which could form a loop), or a simulated robot."""
     by_twin = {robot.twin: robot for robot in robots.values()}
     for index, robot in robots.items():
         leader = by_twin.get(robot.follows) if robot.follows is not None else None
@@ -100,10 +100,10 @@ def warn_of_places(
     has_partners: bool,
     document: Document,
 ) -> None:
-    """Warn of robots that nobody can place beside the others, so that they are not kept apart.
+    """Warn of robots without a position in the site's frame, which are not kept apart from others.
 
-    ``at_home`` are the robots that tell where on Earth their home is, ``has_site``: the site has an origin,
-    ``has_partners``: there are robots of other edges.
+    ``at_home`` are robots that report the geodetic position of their home. ``has_site``: the site has an
+    origin. ``has_partners``: there are robots of other edges.
     """
     if len(robots) < 2 and not has_partners:
         return
@@ -112,13 +112,13 @@ def warn_of_places(
     _warn_of_unplaced(sorted(robots.keys() - {*on_earth, *started}), document)
     others_on_earth = has_partners or set(on_earth) - set(started)
     for index in started if not has_site and others_on_earth else ():
-        message = "nobody knows where its start is on Earth, where other robots are: separation unknown"
+        message = "the position of its start on Earth is unknown: no separation from robots placed on Earth"
         mark = document.marks.get(("robots", index, "start")) or document.marks["robots", index]
         document.warn(mark, message, "site: {origin: [latitude, longitude, altitude]}")
 
 
 def _warn_of_unplaced(unplaced: Sequence[int], document: Document) -> None:
-    """Warn of each robot that nobody can place, or once of many: a file may have a thousand."""
+    """Warn of each robot that cannot be placed, or once for many: a file may have a thousand."""
     hint = "start: [metres east, metres north, heading in radians], from the site's origin"
     told = unplaced if len(unplaced) <= MOST_TOLD else unplaced[:1]
     others = len(unplaced) - len(told)
@@ -142,7 +142,7 @@ def warn_of_drop_ins(robots: Mapping[int, AdapterConfig], document: Document) ->
 
 
 def check_names(data: Mapping[str, object], document: Document) -> None:
-    """Report what one section names and another does not have."""
+    """Report names that refer to nothing in another section."""
     for check in (
         _check_stop_inputs,
         _check_notify,
@@ -155,7 +155,7 @@ def check_names(data: Mapping[str, object], document: Document) -> None:
 
 
 def _check_stop_inputs(data: Mapping[str, object], document: Document) -> None:
-    """Report stop inputs of one name, and those that stop what there is not."""
+    """Report stop inputs with equal names, and unknown robots and groups in them."""
     inputs, listed, groups = data.get("stop_inputs"), data.get("robots"), data.get("groups")
     if not isinstance(inputs, list) or not isinstance(listed, list):
         return
@@ -176,7 +176,7 @@ def _check_stop_inputs(data: Mapping[str, object], document: Document) -> None:
 
 
 def _check_notify(data: Mapping[str, object], document: Document) -> None:
-    """Report targets of notices for robots and groups that there are not."""
+    """Report unknown robots and groups in targets of notices."""
     targets, listed, groups = (data.get(key) for key in ("notify", "robots", "groups"))
     if not isinstance(targets, list) or not isinstance(listed, list):
         return
@@ -191,7 +191,7 @@ def _check_notify(data: Mapping[str, object], document: Document) -> None:
 
 
 def _check_schedules(data: Mapping[str, object], document: Document) -> None:
-    """Report schedules of missions and robots that there are not."""
+    """Report unknown missions and robots in schedules."""
     schedules, missions, listed = (data.get(key) for key in ("schedules", "missions", "robots"))
     if not isinstance(schedules, dict) or not isinstance(listed, list):
         return
@@ -213,7 +213,7 @@ def _check_schedules(data: Mapping[str, object], document: Document) -> None:
 
 
 def _check_partners(data: Mapping[str, object], document: Document) -> None:
-    """Report robots of other edges whose names are taken, and an edge that is its own partner."""
+    """Report names of partner robots that are taken, and an edge that is its own partner."""
     partners, listed, edge = data.get("partners"), data.get("robots"), data.get("edge")
     robots = listed if isinstance(listed, list) else []
     taken = {str(robot.get("name")) for robot in robots if isinstance(robot, dict)}
@@ -229,17 +229,17 @@ def _check_partners(data: Mapping[str, object], document: Document) -> None:
 
 
 def _check_console_map(data: Mapping[str, object], document: Document) -> None:
-    """Report a map of a site that is nowhere on Earth."""
+    """Report a map for a site without an origin on Earth."""
     console, site = data.get("console"), data.get("site")
     if not isinstance(console, dict) or console.get("map") is None:
         return
     if not isinstance(site, dict) or site.get("origin") is None:
         hint = "site: {origin: [latitude, longitude, altitude]}"
-        document.report(document.marks["console", "map"], "nobody knows where the site is on this map", hint)
+        document.report(document.marks["console", "map"], "the site's position on this map is unknown", hint)
 
 
 def _check_workflows(data: Mapping[str, object], document: Document) -> None:
-    """Report workflows of missions that there are not."""
+    """Report unknown missions in workflows."""
     cloud, missions = data.get("cloud"), data.get("missions")
     workflows = cloud.get("workflows") if isinstance(cloud, dict) else None
     known = set(missions) if isinstance(missions, dict) else set()
@@ -251,9 +251,9 @@ def _check_workflows(data: Mapping[str, object], document: Document) -> None:
 
 
 def check_bus(bus: BusConfig, document: Document) -> None:
-    """Report each endpoint of the bus by which somebody unknown could command the robots, at its place.
+    """Report each endpoint of the bus through which strangers could command the robots, at its position.
 
-    What guards one endpoint says nothing of another beside it.
+    Each endpoint is judged separately: the protection of one does not protect another.
     """
     tls = bus.tls
     proof = Proof(bus.password is not None, tls is not None, tls is not None and tls.mutual)
@@ -271,11 +271,11 @@ def check_bus(bus: BusConfig, document: Document) -> None:
             if wrong:
                 document.report(mark, wrong)
             elif carried_in_the_open(end) and bus.insecure is not True:
-                message = "the password is asked for, but what is said can be read and changed on the way"
+                message = "the password is required, but the traffic can be read and changed on the network"
                 document.warn(mark, message, "use a tls/ endpoint with tls:")
     if tls is not None and bus.listen and bus.access is None:
         message = (
-            "whoever has a certificate of the authority may do everything, another edge or a program too"
+            "every certificate of the authority permits everything, also that of another edge or a program"
         )
         document.warn(
             document.marks["bus", "tls"], message, "say who may do what in bus.access (docs/how-to/bus.md)"
@@ -285,7 +285,7 @@ def check_bus(bus: BusConfig, document: Document) -> None:
 
 
 def _is_shared(folder: str) -> bool:
-    """Return True for a folder that every user of this computer may write to."""
+    """Return True for a folder that every user of this computer can write to."""
     try:
         return bool(folder) and bool(Path(folder).stat().st_mode & stat.S_IWOTH)
     except OSError:
@@ -293,7 +293,7 @@ def _is_shared(folder: str) -> bool:
 
 
 def check_consoles(sections: Sections, document: Document) -> None:
-    """Report limits of consoles that are none."""
+    """Report limits for unknown consoles."""
     consoles = [name for name, role in (sections.bus.access or {}).items() if role == "console"]
     for name in sections.bus.consoles:
         if name not in consoles:
@@ -304,7 +304,7 @@ def check_consoles(sections: Sections, document: Document) -> None:
 
 
 def check_workers(sections: Sections, document: Document) -> None:
-    """Report identities of workers that nobody starts on another computer; those here come by the sockets."""
+    """Report identities of workers that are not remote workers; local workers join by the sockets."""
     for name, role in (sections.bus.access or {}).items():
         if role == "worker" and name not in sections.remote_workers:
             hint = nearest(name, sections.remote_workers) or "a worker's identity is the worker's name"

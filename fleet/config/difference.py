@@ -1,7 +1,7 @@
-"""Two loaded fleet files to what differs between them, robot by robot. Pure.
+"""Differences between two loaded fleet files, robot by robot; pure.
 
-A file is compared by its ``Outline``: every field that counts, as text. ``SECTIONS`` and ``FIELDS`` are the
-tables of what a running edge can take over, and what needs its next start, and why.
+A file is compared by its ``Outline``: every relevant field as text. The tables ``SECTIONS`` and ``FIELDS``
+define which changes a running edge cannot apply before its next start, and why.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from fleet.robot_config import AdapterConfig
 
 NAVIGATES = "adapter navigates"
 PLAIN = frozenset({NAVIGATES, "twin"})
-"""Fields whose values are kept as they are: what is done about the others depends on them."""
-LONGEST = 60  # characters of a value that are shown
+"""Fields whose values are not replaced by digests, because other decisions depend on them."""
+LONGEST = 60  # characters of a shown value
 
 SECTIONS: Mapping[str, str] = {
     "edge": "its id is in every key of the bus and in the path of its state; spool and history are open",
@@ -45,7 +45,7 @@ SECTIONS: Mapping[str, str] = {
     "partners": "the runs of other edges refer to them",
     "stop_inputs": "their devices are opened at the start, and hold the robots",
 }
-"""Why each section is taken over by the next start only. ``defaults`` has no line: robots say it."""
+"""Sections that only the next start applies, with the reason. ``defaults`` is compared through the robots."""
 
 LIVE_SECTIONS: Mapping[str, str] = {
     "missions": "the next run has them; runs under way keep their copy",
@@ -55,13 +55,13 @@ LIVE_SECTIONS: Mapping[str, str] = {
     "notify": "from the next event on; a target that is gone still sends what waits",
     "schedules": "a changed schedule counts from then on; firings of one that is gone are skipped",
 }
-"""How each other section is taken over by the running edge."""
+"""Sections that the running edge applies, with the effect."""
 
 LED = frozenset({"fence", "limits"})
-"""Of these, what an adapter has too that leads its robot to goals by itself: then it is rebuilt at rest."""
+"""Settings that are also used by adapters that navigate: for these the adapter is rebuilt at rest."""
 
 SETTINGS = frozenset({"accepts", "battery_policy", "fence", "limits", "separation"})
-"""Fields of a robot that its host takes over while the adapter goes on: stricter at once, looser at rest."""
+"""Robot settings that the host applies without a new adapter: stricter at once, looser at rest."""
 
 FIELDS: Mapping[str, str] = {
     "name": "its stop, its leases and all that is asked of it go by the name",
@@ -79,18 +79,18 @@ FIELDS: Mapping[str, str] = {
     "rules": "the bridge to the cloud has it",
     "inbound": "the bridge to the cloud has it",
 }
-"""Fields of a robot that only the next start takes over, and why; any other rebuilds the robot."""
+"""Robot fields that only the next start applies, with the reason; any other change rebuilds the robot."""
 
 
 class Outline(msgspec.Struct, frozen=True):
-    """A fleet file, as it is compared: sections, and the fields of robots by dotted name, as JSON."""
+    """A fleet file in the form for comparison: sections, and robots' fields by dotted name, as JSON."""
 
     edge: str
     sections: Mapping[str, Mapping[str, str]]
     robots: Mapping[str, Mapping[str, str]]
 
     def digest(self, key: bytes) -> Outline:
-        """Return the same with a keyed digest in the place of every value but those of ``PLAIN``."""
+        """Return a copy with every value replaced by its keyed digest, except those of ``PLAIN``."""
 
         def hidden(fields: Mapping[str, str]) -> dict[str, str]:
             return {name: value if name in PLAIN else _digest(key, value) for name, value in fields.items()}
@@ -103,7 +103,7 @@ class Outline(msgspec.Struct, frozen=True):
 
 
 def outline_of(loaded: Loaded) -> Outline:
-    """Return what is compared of a loaded fleet file."""
+    """Return the outline of a loaded fleet file."""
     config = loaded.config
     sections = {name: flat(getattr(config, name)) for name in (*SECTIONS, *LIVE_SECTIONS)}
     sections["missions"] = {mission.name: _text(mission.data) for mission in loaded.missions}
@@ -112,7 +112,7 @@ def outline_of(loaded: Loaded) -> Outline:
 
 
 def _robot(config: AdapterConfig, plugin: Plugin, given: str) -> dict[str, str]:
-    """Return the fields of a robot: the host's, the adapter's own, and where its code comes from."""
+    """Return the fields of a robot: the host's, the adapter's own, and the origin of its code."""
     fields = {**json.loads(given), **dict(config), "adapter": plugin.name, "simulated": config.simulated}
     fields[NAVIGATES] = _navigates(plugin)
     if plugin.file is not None:
@@ -122,7 +122,7 @@ def _robot(config: AdapterConfig, plugin: Plugin, given: str) -> dict[str, str]:
 
 
 def _navigates(plugin: Plugin) -> bool:
-    """Return whether the adapter leads its robot to goals by itself."""
+    """Return True if the adapter itself leads its robot to goals."""
     if plugin.description is not None:
         return plugin.description.navigates
     kind = plugin.adapter
@@ -130,14 +130,14 @@ def _navigates(plugin: Plugin) -> bool:
 
 
 def flat(value: Any) -> dict[str, str]:
-    """Return a value by dotted names; what is empty or left out has none, so that both mean the same."""
+    """Return a value as fields by dotted name; empty and missing values have none, so they compare equal."""
     found: dict[str, str] = {}
     _flatten("", value, found)
     return found
 
 
 def _flatten(at: str, value: Any, found: dict[str, str]) -> None:
-    """Add a value to what was found."""
+    """Add a value to the found fields."""
     if isinstance(value, BaseModel):
         value = dict(value)
     if isinstance(value, Mapping):
@@ -148,12 +148,12 @@ def _flatten(at: str, value: Any, found: dict[str, str]) -> None:
 
 
 def _text(value: Any) -> str:
-    """Return a value as JSON that is the same for the same value, secrets included."""
+    """Return a value as canonical JSON, including secrets."""
     return json.dumps(value, default=_plain, sort_keys=True, ensure_ascii=False)
 
 
 def _plain(value: Any) -> Any:
-    """Return what JSON has no form for."""
+    """Convert values that JSON does not support."""
     if isinstance(value, SecretStr):
         return value.get_secret_value()
     if isinstance(value, BaseModel):
@@ -168,9 +168,9 @@ def _digest(key: bytes, value: str) -> str:
 
 
 def difference(old: Outline, new: Outline, shown: Callable[[str, str], str]) -> tuple[Change, ...]:
-    """Return what differs, each robot of either file once and then each section that differs.
+    """Return the changes: each robot of either file once, then each section that differs.
 
-    ``shown`` writes the value (JSON) of a field for people, without secrets.
+    ``shown`` formats the value (JSON) of a field for users, without secrets.
     """
     before = _new_names(old, new)
     gone = old.robots.keys() - new.robots.keys() - set(before.values())
@@ -191,7 +191,7 @@ def difference(old: Outline, new: Outline, shown: Callable[[str, str], str]) -> 
 
 
 def _new_names(old: Outline, new: Outline) -> dict[str, str]:
-    """Return the robots that have another name: new to old; a name of both files stays."""
+    """Return renamed robots, new name to old; a name in both files is no rename."""
     return {
         name: was
         for name, was in renamed(old, new).items()
@@ -200,7 +200,7 @@ def _new_names(old: Outline, new: Outline) -> dict[str, str]:
 
 
 def _section_change(name: str, fields: tuple[str, ...]) -> Change:
-    """Return what becomes of a section that differs."""
+    """Return the change of a section that differs."""
     if name in LIVE_SECTIONS:
         return Change(name, ChangeKind.SETTINGS, fields, section=True)
     return Change(name, ChangeKind.RESTART, fields, SECTIONS.get(name, "a newer fleet has it"), section=True)
@@ -212,7 +212,7 @@ def _robot_change(
     new: Mapping[str, str] | None,
     shown: Callable[[str, str], str],
 ) -> Change:
-    """Return what becomes of one robot."""
+    """Return the change of one robot."""
     if new is None:
         return Change(name, ChangeKind.REMOVED)
     if old is None:
@@ -225,12 +225,12 @@ def _robot_change(
 def _renamed(
     name: str, old: Mapping[str, str], new: Mapping[str, str], shown: Callable[[str, str], str]
 ) -> Change:
-    """Return what becomes of a robot that has another name, whatever else differs."""
+    """Return the change of a renamed robot, whatever else differs."""
     return Change(name, ChangeKind.RESTART, _fields(old, new, shown), f"name: {FIELDS['name']}")
 
 
 def _judged(fields: AbstractSet[str], navigates: bool) -> tuple[ChangeKind, str]:  # noqa: FBT001 - by position
-    """Return what the change of some fields of a robot means, and why it needs a restart."""
+    """Return the kind of a change of some fields of a robot, with the reason for a restart."""
     why = "; ".join(f"{field}: {FIELDS[field]}" for field in sorted(fields & FIELDS.keys()))
     if why:
         return ChangeKind.RESTART, why
@@ -247,12 +247,12 @@ def changed(old: Mapping[str, str], new: Mapping[str, str]) -> list[str]:
 def _fields(
     old: Mapping[str, str], new: Mapping[str, str], shown: Callable[[str, str], str]
 ) -> tuple[str, ...]:
-    """Return the fields that differ, for people."""
+    """Return the fields that differ, as text for users."""
     return tuple(_line(name, old.get(name), new.get(name), shown) for name in changed(old, new))
 
 
 def _line(name: str, old: str | None, new: str | None, shown: Callable[[str, str], str]) -> str:
-    """Return one field that differs: what it was and what it is."""
+    """Return one field that differs, with its old and new value."""
     told = [value and shown(name, value) for value in (old, new)]
     if not any(told):
         return name
@@ -262,7 +262,7 @@ def _line(name: str, old: str | None, new: str | None, shown: Callable[[str, str
 OF_ONE_COMPUTER = frozenset(
     {"edge", "lease", "cloud", "bus", "metrics", "console", "record", "plugins", "notify", "remote_workers"}
 )
-"""Sections that may differ between the two computers of a pair, by variables and secrets."""
+"""Sections that may differ between the computers of a pair, by variables and secrets."""
 LINKS = frozenset({"link", "links"})
 
 
@@ -272,9 +272,10 @@ def digest_of(loaded: Loaded) -> str:
 
 
 def pair_digest(outline: Outline, folder: PurePath) -> str:
-    """Return the digest of what the two edges of a pair must agree about: robots, missions, places and so on.
+    """Return the digest of the parts that both edges of a pair must share: robots, missions, places etc.
 
-    Links may differ, and the ``folder`` of the file. The digest leaves the computer: no secret is part of it.
+    Links and the ``folder`` of the file may differ. The digest leaves the computer, so it contains no
+    secrets.
     """
     sections = {name: fields for name, fields in outline.sections.items() if name not in OF_ONE_COMPUTER}
     told = [
@@ -288,12 +289,12 @@ def pair_digest(outline: Outline, folder: PurePath) -> str:
 
 
 def _is_secret(field: str) -> bool:
-    """Return whether a field's value is a secret, by its dotted name."""
+    """Return True if a field's value is a secret, by its dotted name."""
     return any(map(is_secret, field.split(".")))
 
 
 def shown_by(secrets: Iterable[str]) -> Callable[[str, str], str]:
-    """Return what shows values for people, without these secrets and without those of secret fields."""
+    """Return a function that formats values for users, without these secrets and those of secret fields."""
     masking = Masking(secrets)
 
     def shown(name: str, value: str) -> str:
@@ -307,12 +308,12 @@ def shown_by(secrets: Iterable[str]) -> Callable[[str, str], str]:
 
 
 def not_shown(_name: str, _value: str) -> str:
-    """Show no value: only digests are known."""
+    """Return an empty text: only digests are known."""
     return ""
 
 
 def renamed(old: Outline, new: Outline) -> dict[str, str]:
-    """Return the robots of the new file that had another name in the old one, by their twin: new to old."""
+    """Return robots whose twin had another name in the old file, new name to old."""
     before = {fields.get("twin"): name for name, fields in old.robots.items()}
     names = {name: before.get(fields.get("twin"), name) for name, fields in new.robots.items()}
     return {name: was for name, was in names.items() if was != name}

@@ -1,4 +1,4 @@
-"""What the edge knows of a robot whose adapter is a drop-in file: what the file's own process says of it."""
+"""Robots whose adapter is a drop-in file: validated by the file's own process."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from fleet.robot_config import AdapterConfig
 
 
 class DropInConfig(AdapterConfig):
-    """The host's own fields of a robot; the others are its adapter's, and checked where that is imported."""
+    """The host's fields of a robot; the adapter's other fields are validated where the file is imported."""
 
     model_config = ConfigDict(extra="ignore")
     is_simulated: bool = Field(False, description="What its own Config says.")
 
     @property
     def simulated(self) -> bool:
-        """True when the robot is a simulation."""
+        """True if the robot is a simulation."""
         return self.is_simulated
 
 
@@ -37,7 +37,7 @@ def asked(
     document: Document,
     context: Mapping[str, object],
 ) -> tuple[DropInConfig, CheckedConfig] | None:
-    """Return what a drop-in file's Config makes of a robot; None after reporting why nothing."""
+    """Return a robot validated by a drop-in file's Config; None after reporting the errors."""
     try:
         said = registry.check(plugin, _case(plugin, data, at, document, context["folder"]))
     except ProbeError as error:
@@ -58,7 +58,7 @@ def asked(
 
 
 def _case(plugin: Plugin, data: object, at: Path, document: Document, folder: object) -> ConfigCase:
-    """Return a robot with its places in the file, and nothing else of it."""
+    """Return a robot with its positions in the file, without the rest of the file."""
 
     def within(steps: Steps) -> bool:
         return steps[: len(at)] == at or not steps

@@ -1,3 +1,3 @@
-"""Which edge of a pair this computer is: the variable by which ``fleet run --edge-id`` says it."""
+"""Environment variable with the edge of a pair on this computer, set by ``fleet run --edge-id``."""
 
 EDGE_ID = "FLEET_EDGE_ID"

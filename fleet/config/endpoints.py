@@ -1,6 +1,6 @@
-"""Who could come in by an endpoint of the bus: each is judged by itself, whatever stands beside it.
+"""Security of the bus endpoints: each is judged by itself, whatever others there are.
 
-Pure functions over Zenoh's locators (``protocol/address?metadata#options``).
+Pure functions on Zenoh's locators (``protocol/address?metadata#options``).
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ from typing import Literal, NamedTuple
 from fleet.model.permission import Permission
 
 Insecure = Literal["local"] | bool
-"""What fleet.yaml allows without proof: nothing, all of this computer, everything."""
+"""Access without proof of identity permitted in fleet.yaml: none, from this computer, from anywhere."""
 
 Role = Literal["edge", "worker", "console", "program", "router", "view", "operate", "admin"]
-"""What an identity on the bus is there for; of a person, what that person may do."""
+"""Roles of identities on the bus; the role of a person is the person's permission."""
 
 PERSONS: Mapping[str, Permission] = {each.word: each for each in Permission}
-"""The roles of persons."""
+"""Permissions by the roles of persons."""
 
 PERSON = "person"
-"""What the certificate of a person is for; what the person may do is said by each edge."""
+"""Role in the certificates of persons; each edge configures their permissions."""
 
 COMMON_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
-"""What an identity may be called: what fits the common name of a certificate, and a file's name."""
+"""Valid names of identities: they fit the common name of a certificate and a file name."""
 
 LONGEST_SOCKET_PATH = 107
-"""Bytes of a Unix socket's path that the kernel takes."""
+"""Linux's limit of a Unix socket's path, bytes."""
 LONGEST_LISTENING_PATH = LONGEST_SOCKET_PATH - len(".control")
-"""Bytes of the path of a socket that listens: the second session's is ``.control`` behind it."""
+"""Limit for a listening socket, bytes: the second session appends ``.control`` to the path."""
 
 _LOCATOR = re.compile(r"(tcp|udp|tls|quic|ws|unixsock-stream|unixpipe|serial|vsock)/\S+")
-_OF_ITS_OWNER = frozenset({"unixsock-stream", "serial"})  # who may, say the rights of a file
-_ON_THIS_COMPUTER = frozenset({"unixpipe", "vsock"})  # Zenoh makes its pipes open to all users
+_OF_ITS_OWNER = frozenset({"unixsock-stream", "serial"})  # protected by file permissions
+_ON_THIS_COMPUTER = frozenset({"unixpipe", "vsock"})  # Zenoh creates its pipes open to all users
 _ENCRYPTED = frozenset({"tls", "quic"})
 _UNDERMINES = re.compile(
     r"\b(enable_mtls|verify_name_on_connect|root_ca_certificate\w*|\w+_(private_key|certificate)\w*)="
@@ -42,7 +42,7 @@ _UNDERMINES = re.compile(
 
 
 class Proof(NamedTuple):
-    """What is asked of who comes in: a password, a certificate (``mutual``), or neither."""
+    """Required proof of peers: a password, a certificate (``mutual``), or neither."""
 
     password: bool
     certificates: bool
@@ -50,7 +50,7 @@ class Proof(NamedTuple):
 
 
 def check_locator(text: str) -> str:
-    """Return an endpoint as it is; raises ValueError for one that is unusable, or undoes ``tls``."""
+    """Return a valid endpoint unchanged; raises ValueError for one that is unusable or bypasses ``tls``."""
     if not _LOCATOR.fullmatch(text):
         raise ValueError("must be an endpoint like tcp/192.168.1.10:7447 or unixsock-stream//run/fleet.sock")
     if is_encrypted(text) and (found := _UNDERMINES.search(text.partition("#")[2])):
@@ -61,7 +61,7 @@ def check_locator(text: str) -> str:
 
 
 def socket_too_long(endpoint: str, longest: int) -> str:
-    """Return what is wrong with a Unix socket whose path has more bytes than it may; empty for others."""
+    """Return the error of a Unix socket whose path is too long; empty for other endpoints."""
     kind, _, address = re.split("[?#]", endpoint)[0].partition("/")
     size = len(address.encode())
     if kind != "unixsock-stream" or size <= longest:
@@ -72,7 +72,7 @@ def socket_too_long(endpoint: str, longest: int) -> str:
 
 
 def is_local(host: str) -> bool:
-    """Return True when a host name or address is this computer itself."""
+    """Return True if a host name or address is this computer."""
     if host == "localhost":
         return True
     try:
@@ -82,28 +82,28 @@ def is_local(host: str) -> bool:
 
 
 def is_encrypted(endpoint: str) -> bool:
-    """Return True for an endpoint whose listener shows a certificate."""
+    """Return True for an endpoint whose listener presents a certificate."""
     return endpoint.partition("/")[0] in _ENCRYPTED
 
 
 def listening_danger(endpoint: str, proof: Proof, insecure: Insecure) -> str:
-    """Return who could command the robots over an endpoint that listens; empty when nobody unknown could."""
+    """Return who could command the robots over a listening endpoint; empty if no stranger could."""
     if proof.password or (is_encrypted(endpoint) and proof.mutual):
         return ""
     return _danger(endpoint, insecure, "could command the robots over it")
 
 
 def connecting_danger(endpoint: str, proof: Proof, insecure: Insecure) -> str:
-    """Return who could take the place of whom we connect to, and command the robots; empty for nobody."""
+    """Return who could impersonate a peer that we connect to, and command the robots; empty if none."""
     if proof.password or is_encrypted(endpoint):
         return ""
     return _danger(endpoint, insecure, "could answer there instead, and command the robots")
 
 
 def scouting_danger(endpoints: tuple[str, ...], proof: Proof, insecure: Insecure) -> str:
-    """Return what is wrong with joining whoever announces itself on the network; empty when nothing is.
+    """Return the danger of joining peers found by multicast; empty if there is none.
 
-    Who announces is dialled, and shows a certificate only where nothing but encrypted endpoints is spoken.
+    Announced peers are dialled, and present a certificate only if all endpoints are encrypted.
     """
     plain = [end for end in endpoints if not is_encrypted(end) and _reach(end) != "socket"]
     if insecure is True or (proof.certificates and not plain):
@@ -122,7 +122,7 @@ def folder_of(endpoint: str) -> str:
 
 
 def shared_folder_danger(endpoint: str, proof: Proof, insecure: Insecure) -> str:
-    """Return who could take the place of a Unix socket in a folder that all users may write to."""
+    """Return who could replace a Unix socket in a folder that all users can write to."""
     if proof.password or insecure is not False:
         return ""
     return (
@@ -132,12 +132,12 @@ def shared_folder_danger(endpoint: str, proof: Proof, insecure: Insecure) -> str
 
 
 def carried_in_the_open(endpoint: str) -> bool:
-    """Return True when what is said over an endpoint can be read and changed on the network."""
+    """Return True if the traffic of an endpoint can be read and changed on the network."""
     return not is_encrypted(endpoint) and _reach(endpoint) == "network"
 
 
 def _danger(endpoint: str, insecure: Insecure, could: str) -> str:
-    """Return who could do what by an endpoint that asks for no proof."""
+    """Return who could do ``could`` over an endpoint that requires no proof."""
     reach = _reach(endpoint)
     if reach == "socket" or insecure is True or (reach == "computer" and insecure == "local"):
         return ""
@@ -148,7 +148,7 @@ def _danger(endpoint: str, insecure: Insecure, could: str) -> str:
 
 
 def _reach(endpoint: str) -> Literal["socket", "computer", "network"]:
-    """Return from where an endpoint can be reached: by its owner, by all users of a computer, by others."""
+    """Return who reaches an endpoint: its owner, all users of the computer, or the network."""
     kind, _, address = endpoint.partition("/")
     if kind in _OF_ITS_OWNER:
         return "socket"

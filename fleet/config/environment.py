@@ -1,4 +1,4 @@
-"""What Cyberwave's environment variables say, where the ``cloud:`` section leaves it open."""
+"""Defaults of the ``cloud:`` section from Cyberwave's environment variables."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SECRET = ("password", "token")
 
 
 def cloud_from_environment(document: Document, environ: Mapping[str, str]) -> None:
-    """Fill what a present ``cloud:`` leaves out; a problem with it is told at the ``cloud:`` section."""
+    """Complete an existing ``cloud:``; errors in the values are reported at the ``cloud:`` section."""
     data = document.data
     if "cloud" not in data:
         return
@@ -35,7 +35,7 @@ def cloud_from_environment(document: Document, environ: Mapping[str, str]) -> No
 
 
 def _fill(cloud: dict[str, object], document: Document, environ: Mapping[str, str]) -> None:
-    """Fill the fields that are left out, each from the first of its variables that is set."""
+    """Fill each missing field from the first of its variables that is set."""
     section = document.marks["cloud",]
     for field, variables in _VARIABLES.items():
         variable = next((name for name in variables if environ.get(name)), None)

@@ -1,4 +1,4 @@
-"""What pydantic found, in words for the person who edits the file, at the line that is wrong."""
+"""Translation of pydantic's errors to plain messages, at the line of the error."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _BOOLEAN_WORDS = {
 }
 _NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?\d+(?:\.\d+)?)\s*([^\d\s].*)")
 _NAME_PATTERN = next(m.pattern for m in typing.get_args(Name)[1].metadata if hasattr(m, "pattern"))
-_THERE_ARE = re.compile(r"there is no .*'([^']*)'; there are (.+)")  # as checks of adapters say it
+_THERE_ARE = re.compile(r"there is no .*'([^']*)'; there are (.+)")  # wording of the adapters' own checks
 _MESSAGES: Mapping[str, str] = {
     "string_type": "must be text",
     "int_type": "must be a whole number",
@@ -54,16 +54,16 @@ _MESSAGES: Mapping[str, str] = {
     "model_type": "must be a mapping of  key: value",
 }
 RENAMED: Mapping[str, str] = {"listen": "inbound", "tell": "warn"}
-"""Keys and values of fleet.yaml that had another name before version 0.1.0 was released: old to new."""
+"""Keys and values of fleet.yaml renamed before version 0.1.0 was released: old to new."""
 
 
 def validated(
     model: type[ModelT], data: object, at: Path, document: Document, context: Mapping[str, object]
 ) -> ModelT | None:
-    """Return the model made from ``data`` that stands at path ``at``; None after reporting why not.
+    """Return the model of ``data`` at path ``at``; None after reporting the errors.
 
-    Strict: a number in quotes is no number, ``yes`` is no boolean. Text that came from a variable or a
-    secret is read as what its field wants.
+    Strict: a quoted number is no number, ``yes`` is no boolean. Text from a variable or a secret is converted
+    to the type of its field.
     """
     found = validated_with(model, data, at, document, context)
     return found[0] if found else None
@@ -72,7 +72,7 @@ def validated(
 def validated_with(
     model: type[ModelT], data: object, at: Path, document: Document, context: Mapping[str, object]
 ) -> tuple[ModelT, object] | None:
-    """Return the same, with the data that the model takes as it is."""
+    """Return the model, and the data in the form that the model accepted."""
     try:
         return checked(model, data, context), data
     except ValidationError as error:
@@ -85,12 +85,12 @@ def validated_with(
 
 
 def checked(model: type[ModelT], data: object, context: Mapping[str, object]) -> ModelT:
-    """Validate in JSON mode, where strict still takes a list for a tuple and text for a uuid."""
+    """Validate in JSON mode, in which strict still accepts a list for a tuple and text for a uuid."""
     return model.model_validate_json(json.dumps(data), strict=True, context=dict(context))
 
 
 def _retyped(data: object, at: Path, error: ValidationError, document: Document) -> object:
-    """Return the data with the refused texts of variables and secrets read as numbers or booleans."""
+    """Return the data with refused texts of variables and secrets converted to numbers or booleans."""
     copy = json.loads(json.dumps(data))
     for each in error.errors(include_url=False):
         path = _known(at, each["loc"], document)
@@ -103,7 +103,7 @@ def _retyped(data: object, at: Path, error: ValidationError, document: Document)
 
 
 def _known(at: Path, location: Iterable[str | int], document: Document) -> Path:
-    """Return the path in the file for pydantic's location: union tags and missing keys left out."""
+    """Return the path in the file for pydantic's location, without union tags and missing keys."""
     path = at
     for step in location:
         if (*path, step) in document.marks:
@@ -112,7 +112,7 @@ def _known(at: Path, location: Iterable[str | int], document: Document) -> Path:
 
 
 def _report(error: ValidationError, model: type[BaseModel], at: Path, document: Document) -> None:
-    """Report each error once at its place; a misspelt key is not reported as missing as well."""
+    """Report each error once at its position; a misspelt key is not reported as missing as well."""
     errors = error.errors(include_url=False)
     misspelt = set()
     for each in errors:
@@ -152,12 +152,12 @@ def _report_one(error: _Error, model: type[BaseModel], path: Path, document: Doc
 
 
 def _place(path: Path, document: Document) -> Mark:
-    """Return the mark of a path; of the file's beginning when the file says nothing there."""
+    """Return the mark of a path, or of the start of the file if it is not in the file."""
     return document.marks.get(path) or document.marks[()]
 
 
 def _message(error: _Error, context: Mapping[str, object]) -> str:
-    """Return what is wrong; pydantic's own words where there are no better ones."""
+    """Return the message of an error; pydantic's own if there is no better one."""
     kind = error["type"]
     if kind == "value_error":
         return str(context.get("reason") or context.get("error") or error["msg"])
@@ -172,8 +172,8 @@ def _message(error: _Error, context: Mapping[str, object]) -> str:
 
 
 def _hint(error: _Error, field: FieldInfo | None) -> str:
-    """Return what to write instead, where that can be guessed."""
-    if error["type"] == "value_error":  # the check itself says what to do
+    """Return a suggestion for a correction, if one can be guessed."""
+    if error["type"] == "value_error":  # the check's own message has the suggestion
         named = _THERE_ARE.fullmatch(_message(error, error.get("ctx", {})))
         return nearest(named[1], named[2].split(", ")) if named else ""
     guess = _GUESSES.get(error["type"])
@@ -236,7 +236,7 @@ def _models_in(annotation: object) -> list[type[BaseModel]]:
 
 
 def _models_at(model: type[BaseModel], location: Iterable[str | int]) -> list[type[BaseModel]]:
-    """Return the models that may stand at pydantic's location; its union tags change nothing."""
+    """Return the possible models at pydantic's location; its union tags are skipped."""
     models = [model]
     for step in location:
         fields = [fields_of(each)[str(step)] for each in models if str(step) in fields_of(each)]
@@ -246,12 +246,12 @@ def _models_at(model: type[BaseModel], location: Iterable[str | int]) -> list[ty
 
 
 def _keys(model: type[BaseModel], location: Iterable[str | int]) -> set[str]:
-    """Return the keys that are known at a location."""
+    """Return the known keys at a location."""
     return {name for each in _models_at(model, location) for name in fields_of(each)}
 
 
 def _field(model: type[BaseModel], location: tuple[str | int, ...]) -> FieldInfo | None:
-    """Return the field at a location, or the one whose list it is in; None elsewhere."""
+    """Return the field at a location, or the field that contains it in a list; None elsewhere."""
     while location and isinstance(location[-1], int):
         location = location[:-1]
     if not location:
@@ -262,5 +262,5 @@ def _field(model: type[BaseModel], location: tuple[str | int, ...]) -> FieldInfo
 
 
 def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
-    """Return a model's fields by the key that stands in the file: some keys are words of Python."""
+    """Return a model's fields by their key in the file: some keys are keywords of Python."""
     return {field.alias or name: field for name, field in model.model_fields.items()}

@@ -1,4 +1,4 @@
-"""fleet.yaml's ``groups``: names for several robots, and what holds for all of them."""
+"""fleet.yaml's ``groups``: names for several robots, with common settings."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from fleet.robot_config import Accepts, Limits, Name
 from fleet.yaml_model import Model
 
 SHARED = ("accepts", "limits")
-"""What a group may say of its robots, as they may say it themselves."""
+"""Settings that a group may give its robots."""
 
 
 class GroupConfig(Model):
-    """Several robots, and what holds for each of them unless it says otherwise itself."""
+    """Several robots with common settings; a robot's own settings take precedence."""
 
     robots: tuple[Name, ...] = Field(description="Its robots.")
     accepts: Accepts | None = Field(None, description="Whose commands each of them obeys.")
@@ -41,7 +41,7 @@ def members_of(group: tuple[str, ...] | GroupConfig) -> tuple[str, ...]:
 
 
 def said_by_groups(name: str, document: Document) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Yield what groups say of a robot that they list, with the place of each, in the order of the file."""
+    """Yield the settings from the groups of a robot, with their paths, in the order of the file."""
     groups = document.data.get("groups")
     for group, given in groups.items() if isinstance(groups, dict) else ():
         listed = given.get("robots") if isinstance(given, dict) else None
@@ -50,7 +50,7 @@ def said_by_groups(name: str, document: Document) -> Iterator[tuple[Path, dict[s
 
 
 def contradiction(one: Any, other: Any) -> bool:
-    """Return whether two groups say different things of the same field."""
+    """Return True if two groups give different values for the same field."""
     if isinstance(one, dict) and isinstance(other, dict):
         return any(contradiction(one[key], other[key]) for key in one.keys() & other.keys())
     if isinstance(one, list) and isinstance(other, list):
@@ -59,7 +59,7 @@ def contradiction(one: Any, other: Any) -> bool:
 
 
 def check_groups(data: Mapping[str, Any], document: Document) -> None:
-    """Report groups that name no robot, name one twice, or are called like one."""
+    """Report groups with unknown or repeated robots, and groups with the name of a robot."""
     groups = data.get("groups")
     listed = data.get("robots")
     if not isinstance(groups, dict) or not isinstance(listed, list):

@@ -1,18 +1,18 @@
-"""The machine that the configuration of a robot stands for."""
+"""The physical machine behind a robot's configuration."""
 
 from __future__ import annotations
 
 from fleet.robot_config import AdapterConfig
 
 Identity = tuple[object, str]
-"""A kind of robot, and the very machine."""
+"""The class of the config (or name of the adapter), and the machine."""
 
 
 def identity_of(config: AdapterConfig) -> Identity | None:
-    """Return what machine a config stands for, as far as it tells.
+    """Return the machine of a config, if it can tell.
 
-    A config may define ``identity() -> str | None``: equal for two configs of one class that reach the
-    very same machine (the same link and system id, say), None when that cannot happen.
+    A config may define ``identity() -> str | None``: equal for two configs of one class that reach the same
+    machine (for example the same link and system id), None if that is not possible.
     """
     identity = getattr(config, "identity", None)
     value = identity() if callable(identity) else None

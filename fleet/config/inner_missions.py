@@ -1,4 +1,4 @@
-"""Missions within missions, checked: what a step with ``mission:`` names, gives and may not contradict."""
+"""Checks of inner missions: the names, inputs and settings of steps with ``mission:``."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from fleet.config.text import nearest
 from fleet.missions.model import ALL, ActConfig, MissionConfig, StepConfig
 
 Report = Callable[[Path, str, str], None]
-"""Reports a problem at a path, with a hint."""
+"""Reports an error at a path, with a hint."""
 _ONE_END = ("on_failure", "on_abort", "on_restart")
-"""What is said of a whole run, which has one end: that of the outermost mission."""
+"""Settings of a whole run, which has one end: those of the outermost mission apply."""
 
 
 def carried(mission: MissionConfig, at: Path) -> Iterator[tuple[str, ActConfig, Path]]:
-    """Yield the role, what it does, and its path, for each step of a mission that carries out another."""
+    """Yield role, act and path of each step that executes another mission."""
     for step, where in all_steps(mission.steps, (*at, "steps")):
         if step.mission is not None:
             role, act = step.mission
@@ -24,7 +24,7 @@ def carried(mission: MissionConfig, at: Path) -> Iterator[tuple[str, ActConfig, 
 
 
 def all_steps(steps: list[StepConfig], at: Path) -> Iterator[tuple[StepConfig, Path]]:
-    """Yield all steps, repeated ones too, with their paths."""
+    """Yield all steps with their paths, including repeated ones."""
     for index, step in enumerate(steps):
         yield step, (*at, index)
         if step.repeat is not None:
@@ -32,10 +32,9 @@ def all_steps(steps: list[StepConfig], at: Path) -> Iterator[tuple[StepConfig, P
 
 
 class InnerCheck:
-    """Checks what one mission carries out within it. ``known``: all missions that can be used, by name.
+    """Checks the inner missions of one mission. ``known``: all valid missions, by name.
 
-    ``named``: those that there are, also where something else is wrong with them; None where that is not
-    known. ``report`` takes each problem.
+    ``named``: all declared missions, including invalid ones; None if unknown. ``report`` receives each error.
     """
 
     def __init__(
@@ -53,10 +52,10 @@ class InnerCheck:
         self._report = report
 
     def all(self, at: Path, given: Callable[[Path], Any]) -> None:
-        """Check each step that carries out a mission; ``given`` returns the inputs as they are written."""
+        """Check each step that executes a mission; ``given`` returns its inputs as written."""
         for role, act, where in carried(self._config, at):
             name, place = act.mission or "", (*where, "mission")
-            cycle = self._way_back(name, (self._name,))
+            cycle = self._cycle_from(name, (self._name,))
             inner = self._known.get(name)
             if cycle:
                 self._report(
@@ -70,18 +69,18 @@ class InnerCheck:
                 hint = nearest(name, self._named) or "missions are declared under missions: in fleet.yaml"
                 self._report(place, f"there is no mission {name!r}", hint)
 
-    def _way_back(self, name: str, before: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the way from a mission back to this one; empty when there is none."""
+    def _cycle_from(self, name: str, before: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the cycle from a mission back to this one; empty if there is none."""
         if name == self._name:
             return (*before, name)
         found = self._known.get(name)
         if found is None or name in before:
             return ()
-        ways = (self._way_back(act.mission or "", (*before, name)) for _, act, _ in carried(found, ()))
-        return next((way for way in ways if way), ())
+        cycles = (self._cycle_from(act.mission or "", (*before, name)) for _, act, _ in carried(found, ()))
+        return next((cycle for cycle in cycles if cycle), ())
 
     def _inputs(self, act: ActConfig, inner: MissionConfig, where: Path, given: Any) -> None:
-        """Check the values that are given for its inputs; one that is an input itself is checked at start."""
+        """Check the inputs of an inner mission; a value that is itself an input is checked at the start."""
         written = given if isinstance(given, dict) else {}
         for key in act.with_:
             place = (*where, "with", key)
@@ -97,7 +96,7 @@ class InnerCheck:
             self._report(place, f"{act.mission} needs {', '.join(missing)}", "give them under with:")
 
     def _robots(self, role: str, name: str, inner: MissionConfig, place: Path) -> None:
-        """Check that the role can have as many robots as the roles of the mission need."""
+        """Check that the role can have as many robots as the roles of the inner mission need."""
         roles = self._config.roles
         names = roles if role == ALL else [role] if role in roles else []
         most = sum(roles[each].count.max for each in names)
@@ -106,7 +105,7 @@ class InnerCheck:
             self._report(place, f"{name} needs {least} robots, {role} has at most {most}", "")
 
     def _end(self, name: str, inner: MissionConfig, place: Path) -> None:
-        """Check that it says nothing else of how the run ends; what it leaves out is the outer one's."""
+        """Check that its settings for the end of the run agree with the outer mission's."""
         for key in _ONE_END:
             said, ours = getattr(inner, key), getattr(self._config, key)
             if key in inner.model_fields_set and said != ours:

@@ -1,4 +1,4 @@
-"""The JSON Schema (2020-12) of fleet.yaml, as editors want it: one kind of robot for each adapter."""
+"""JSON Schema (2020-12) of fleet.yaml for editors, with one kind of robot per adapter."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ log = logging.getLogger(__name__)
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _OWN_TO_ROBOT = ("name", "twin", "adapter")
-_VARIABLE = {"type": "string", "pattern": r"\$\{"}  # what ${PORT} is to an editor
+_VARIABLE = {"type": "string", "pattern": r"\$\{"}  # ${PORT} in the view of an editor
 _TYPED = ("integer", "number", "boolean")
 
 
 def json_schema(registry: Registry) -> dict[str, object]:
-    """Return the schema of all kinds of robots that the registry has; those that fail are left out."""
+    """Return the schema with all kinds of robots in the registry; failed adapters are left out."""
     model: object = create_model("Fleet", __base__=Sections, robots=_robots_field())
     schema: dict[str, Any] = model.model_json_schema()
     definitions = schema["$defs"]
@@ -33,7 +33,7 @@ def json_schema(registry: Registry) -> dict[str, object]:
         schema["properties"]["robots"]["items"] = _one_of(dict(names))
     kinds = [definitions[name] for _, name in names] or [definitions["AdapterConfig"]]
     schema["properties"]["defaults"] = _defaults(kinds, schema["properties"]["defaults"]["description"])
-    for kind in kinds:  # the rest may stand in defaults:
+    for kind in kinds:  # defaults: may give the others
         kind["required"] = [key for key in _OWN_TO_ROBOT if key in kind["properties"]]
     mission = mission_schema()
     definitions |= mission.pop("$defs") | {"MissionConfig": mission}
@@ -43,18 +43,18 @@ def json_schema(registry: Registry) -> dict[str, object]:
 
 
 def mission_file_schema() -> dict[str, object]:
-    """Return the schema of a file that has one mission."""
+    """Return the schema of a file with one mission."""
     return {"$schema": DIALECT, **_with_variables(mission_schema())}
 
 
 def _robots_field() -> tuple[Any, object]:
-    """Return the list of robots, of no kind yet."""
+    """Return the field of the list of robots, without kinds yet."""
     described = FleetConfig.model_fields["robots"].description
     return list[AdapterConfig], Field(min_length=1, description=described)
 
 
 def _kinds(registry: Registry) -> Iterable[tuple[str, dict[str, object]]]:
-    """Yield each kind of robot whose config can be said in JSON Schema, with that."""
+    """Yield each kind of robot with the schema of its config, if it can be expressed in JSON Schema."""
     for plugin in registry.load_all():
         if plugin.state is not PluginState.LOADED:
             continue
@@ -66,7 +66,7 @@ def _kinds(registry: Registry) -> Iterable[tuple[str, dict[str, object]]]:
 
 
 def _schema_of(adapter: Any) -> dict[str, object] | None:
-    """Return the schema of an installed adapter's config, None where there is none."""
+    """Return the schema of an installed adapter's config, None if there is none."""
     try:
         schema: dict[str, object] = adapter.Config.model_json_schema()
     except PydanticInvalidForJsonSchema:
@@ -75,9 +75,9 @@ def _schema_of(adapter: Any) -> dict[str, object] | None:
 
 
 def _hoisted(kind: str, schema: dict[str, Any], definitions: dict[str, object]) -> tuple[str, str]:
-    """Put a kind's schema and what it refers to among the definitions; return its name there.
+    """Move a kind's schema and its references to the definitions; return its name there.
 
-    What is another thing there under the same name gets the kind's name before its own.
+    A definition whose name is taken by a different one is prefixed with the kind.
     """
     own = dict(schema)
     inner = own.pop("$defs", {})
@@ -91,7 +91,7 @@ def _hoisted(kind: str, schema: dict[str, Any], definitions: dict[str, object]) 
 
 
 def _referring(part: object, renamed: Mapping[str, str]) -> Any:
-    """Return a schema whose references follow what was renamed."""
+    """Return a schema with references to the renamed definitions."""
     if isinstance(part, list):
         return [_referring(each, renamed) for each in part]
     if not isinstance(part, dict):
@@ -104,7 +104,7 @@ def _referring(part: object, renamed: Mapping[str, str]) -> Any:
 
 
 def _one_of(names: Mapping[str, str]) -> dict[str, Any]:
-    """Return the schema of a robot: the definition that its adapter names."""
+    """Return the schema of a robot: the definition selected by its adapter."""
     references = {kind: f"#/$defs/{name}" for kind, name in names.items()}
     if len(references) == 1:
         return {"$ref": next(iter(references.values()))}
@@ -115,7 +115,7 @@ def _one_of(names: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _defaults(kinds: Iterable[dict[str, Any]], description: str) -> dict[str, Any]:
-    """Return the schema of ``defaults``: whatever some kind of robot may have, but its own three keys."""
+    """Return the schema of ``defaults``: the fields of every kind of robot, except those that identify it."""
     properties: dict[str, list[object]] = {}
     for kind in kinds:
         for key, value in kind["properties"].items():
@@ -132,7 +132,7 @@ def _defaults(kinds: Iterable[dict[str, Any]], description: str) -> dict[str, An
 
 
 def _with_variables(schema: object) -> Any:
-    """Return a schema in which a variable may stand for any number or boolean."""
+    """Return a schema in which a variable can replace any number or boolean."""
     if isinstance(schema, list):
         return [_with_variables(part) for part in schema]
     if not isinstance(schema, dict):

@@ -1,4 +1,4 @@
-"""What the missions of a fleet file may name: its robots, groups, places and events."""
+"""Names in a fleet file that missions may use: robots, groups, places and events."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fleet.config.missions import Known, events_of
 
 
 def known_of(data: Mapping[str, Any]) -> Known:
-    """Return what a mission may name, from the data of a fleet file, whatever else is wrong in it."""
+    """Return the known names from the data of a fleet file, whatever other errors it has."""
     listed = data.get("robots")
     robots = [
         robot.get("name") for robot in (listed if isinstance(listed, list) else ()) if isinstance(robot, dict)

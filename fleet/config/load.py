@@ -1,7 +1,7 @@
-"""fleet.yaml to a checked fleet: ``load`` is what ``fleet run`` and ``fleet check`` begin with.
+"""fleet.yaml to a validated fleet: ``load`` is the first step of ``fleet run`` and ``fleet check``.
 
-Two passes: the outline tells which folders and adapters are used; then every robot is checked by the
-``Config`` of its adapter. All problems of one run are told together.
+Two passes: the outline gives the folders and adapters; then the ``Config`` of its adapter validates every
+robot. All errors are reported together.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from fleet.config.explain import validated, validated_with
 from fleet.config.groups import check_groups, contradiction, said_by_groups
 from fleet.config.identity import Identity, identity_of
 from fleet.config.known import known_of
-from fleet.config.mission_ways import check_ways
+from fleet.config.mission_ways import check_routes
 from fleet.config.missions import Mission, check_missions
 from fleet.config.pair import check_pair, choose_edge
 from fleet.config.places import check_places
@@ -46,7 +46,7 @@ from fleet.plugins.probe import CheckedConfig
 from fleet.plugins.registry import Plugin, PluginState, Registry
 from fleet.robot_config import AdapterConfig
 
-_OWN_TO_ROBOT = ("name", "twin", "adapter")  # what defaults cannot give
+_OWN_TO_ROBOT = ("name", "twin", "adapter")  # fields that defaults cannot give
 _OTHER_ADAPTERS = "for another, install its package here or name the folder of its file in plugins"
 _ROBOT_PATH = re.compile(r"robots\[(\d+)\]")
 
@@ -57,9 +57,10 @@ class Loaded(msgspec.Struct, frozen=True):
     """A fleet that can run.
 
     ``robots`` pairs each robot's config with its plugin (always loaded); ``given`` has, by robot, the data
-    (JSON) that its adapter's Config takes, relative to ``folder``. If the fleet was loaded partially,
-    ``problems`` says why the other robots cannot run, and ``config`` (its groups too) holds only those that
-    can. ``warnings``: what a person should look at, though it can run. ``secrets`` must never be shown.
+    (JSON) that its adapter's Config accepted, relative to ``folder``. If the fleet was loaded partially,
+    ``problems`` says why the other robots cannot run, and ``config`` (including its groups) has only those
+    that can. ``warnings`` need a person's attention, but do not prevent the run. ``secrets`` must never be
+    shown.
     """
 
     config: FleetConfig
@@ -74,8 +75,8 @@ class Loaded(msgspec.Struct, frozen=True):
     secrets: frozenset[str] = frozenset()
 
 
-class _Made(msgspec.Struct, frozen=True):
-    """A robot that its own adapter's Config has taken."""
+class _ValidRobot(msgspec.Struct, frozen=True):
+    """A robot accepted by its own adapter's Config."""
 
     config: AdapterConfig
     plugin: Plugin
@@ -84,13 +85,13 @@ class _Made(msgspec.Struct, frozen=True):
 
 
 class _Outline(Sections):
-    """fleet.yaml with its robots not looked into."""
+    """fleet.yaml with unvalidated robots."""
 
     robots: list[Any] = Field(min_length=1, description="- {name: ..., twin: ..., adapter: ...}")
 
 
-class _AnyRobot(AdapterConfig):
-    """What can be checked of a robot whose adapter cannot be used."""
+class _HostFields(AdapterConfig):
+    """The part of a robot that can be validated without its adapter."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -102,11 +103,11 @@ def load(
     partial: bool = False,
     registry: Registry | None = None,
 ) -> Loaded:
-    """Read and check a fleet file; what its drop-in files have is asked of processes of their own.
+    """Read and validate a fleet file; drop-in files are inspected by separate processes.
 
-    With ``partial``, a robot that cannot run is left out and told in ``problems``; anything wrong outside
-    the robots is still fatal, and so is a fleet of which no robot is left. Raises InvalidConfig (a
-    ConfigError) with every problem.
+    With ``partial``, a robot that cannot run is left out and reported in ``problems``; errors outside the
+    robots, and a fleet without any valid robot, are still fatal. Raises InvalidConfig (a ConfigError) with
+    every error.
     """
     if registry is not None:
         return _load(pathlib.Path(path), os.environ if environ is None else environ, partial, registry)
@@ -118,7 +119,7 @@ def load(
 
 
 def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registry: Registry) -> Loaded:  # noqa: FBT001 - by position
-    """Do it with a registry."""
+    """Load with a given registry."""
     document = read(file, environ, if_missing=_EXAMPLE_HINT)
     if not _is_mapping(document):
         raise InvalidConfig(document.problems)
@@ -132,7 +133,7 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     robots = _robots(document, registry, context)
     _check_together(document, sections, robots)
     missions = check_missions(data, document, file.parent, known_of(data))
-    check_ways(document, sections, (made.config for made in robots.values()), missions)
+    check_routes(document, sections, (made.config for made in robots.values()), missions)
     _warn(document, sections, robots)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
@@ -151,8 +152,8 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
     return Loaded(config, registry, runnable, file.parent, given, problems, warnings, known, file, secrets)
 
 
-def _check_together(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:
-    """Report what is wrong between the parts of a fleet file, each of which is right by itself."""
+def _check_together(document: Document, sections: Sections | None, robots: Mapping[int, _ValidRobot]) -> None:
+    """Report contradictions between parts of a fleet file that are valid by themselves."""
     identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
     check_robots(document.data.get("robots"), identities, document)
     check_groups(document.data, document)
@@ -167,8 +168,8 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
         check_places(sections.places, configs.values(), sections.site.origin, document)
 
 
-def _warn(document: Document, sections: Sections | None, robots: Mapping[int, _Made]) -> None:
-    """Warn of what a person should look at, though it can run."""
+def _warn(document: Document, sections: Sections | None, robots: Mapping[int, _ValidRobot]) -> None:
+    """Add warnings that need a person's attention."""
     configs = {index: robot.config for index, robot in robots.items()}
     warn_of_batteries(configs, document)
     warn_of_drop_ins({index: made.config for index, made in robots.items() if made.plugin.file}, document)
@@ -179,9 +180,9 @@ def _warn(document: Document, sections: Sections | None, robots: Mapping[int, _M
 
 
 def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None = None) -> Sections:
-    """Return what a fleet file says besides its robots; no adapter is asked or imported.
+    """Return the sections of a fleet file without its robots; no adapter is imported or inspected.
 
-    Raises InvalidConfig when something there is wrong; what is wrong with robots does not matter.
+    Raises InvalidConfig for errors in the sections; errors in robots are ignored.
     """
     file = pathlib.Path(path)
     environ = os.environ if environ is None else environ
@@ -190,7 +191,7 @@ def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None 
         raise InvalidConfig(document.problems)
     cloud_from_environment(document, environ)
     choose_edge(document, environ)
-    document.data.pop("robots", None)  # who only looks at edges needs none
+    document.data.pop("robots", None)  # no robots are needed to look at edges
     sections = _sections(document, {"folder": file.parent}, Sections)
     if sections is None or _is_fatal(document.problems):
         raise InvalidConfig(document.problems)
@@ -200,13 +201,13 @@ def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None 
 def _sections(
     document: Document, context: Mapping[str, object], kind: type[Sections] = _Outline
 ) -> Sections | None:
-    """Return all but the robots; None after reporting what is wrong."""
+    """Return the sections without the robots; None after reporting the errors."""
     known = {key: value for key, value in document.data.items() if not key.startswith("x-")}
     return validated(kind, known, (), document, context)
 
 
 def _is_fatal(problems: Iterable[Problem]) -> bool:
-    """Return True when something is wrong outside the robots."""
+    """Return True for errors outside the robots."""
     return any(not _ROBOT_PATH.match(problem.path) for problem in problems)
 
 
@@ -215,9 +216,9 @@ def registry_for(
     environ: Mapping[str, str] | None = None,
     registry: Registry | None = None,
 ) -> Registry:
-    """Return the adapters that a fleet file can use, whatever else is wrong in it.
+    """Return the adapters available to a fleet file, whatever other errors it has.
 
-    Raises InvalidConfig when the file cannot be read at all.
+    Raises InvalidConfig if the file cannot be read at all.
     """
     file = pathlib.Path(path)
     registry = registry or Registry()
@@ -234,7 +235,7 @@ def _place_in_file(problem: Problem) -> tuple[str, int, int]:
 
 
 def _is_mapping(document: Document) -> bool:
-    """Return True when the file is a mapping; else report that it is not."""
+    """Return True if the file is a mapping; otherwise report that it is not."""
     if isinstance(document.data, dict):
         return True
     if () not in document.spoiled:
@@ -244,15 +245,15 @@ def _is_mapping(document: Document) -> bool:
 
 
 def _folders(data: Mapping[str, object], folder: pathlib.Path) -> Iterable[pathlib.Path]:
-    """Return the drop-in folders that exist; the others are told when the sections are checked."""
+    """Return the existing drop-in folders; missing ones are reported with the sections."""
     named = data.get("plugins")
     for name in named if isinstance(named, list) else ():
         if isinstance(name, str) and (folder / name).is_dir():
             yield folder / name
 
 
-def _robots(document: Document, registry: Registry, context: Mapping[str, object]) -> dict[int, _Made]:
-    """Return the robots that could be made, by their place in the list."""
+def _robots(document: Document, registry: Registry, context: Mapping[str, object]) -> dict[int, _ValidRobot]:
+    """Return the valid robots, by index in the list."""
     listed = document.data.get("robots")
     made = {}
     for index, robot in enumerate(listed if isinstance(listed, list) else ()):
@@ -264,8 +265,8 @@ def _robots(document: Document, registry: Registry, context: Mapping[str, object
 
 def _robot(
     robot: object, at: Path, document: Document, registry: Registry, context: Mapping[str, object]
-) -> _Made | None:
-    """Check one robot by its adapter's Config; None after reporting why it cannot be made."""
+) -> _ValidRobot | None:
+    """Validate one robot with its adapter's Config; None after reporting the errors."""
     if at in document.spoiled:
         return None
     merged = _with_defaults(robot, at, document)
@@ -273,11 +274,11 @@ def _robot(
     if plugin is not None and plugin.description is not None:
         return _dropped_in(plugin, asked(registry, plugin, merged, at=at, document=document, context=context))
     if plugin is None or plugin.adapter is None:
-        validated(_AnyRobot, merged, at, document, context)
+        validated(_HostFields, merged, at, document, context)
         return None
     try:
         found = validated_with(plugin.adapter.Config, merged, at, document, context)
-        return _Made(found[0], plugin, identity_of(found[0]), json.dumps(found[1])) if found else None
+        return _ValidRobot(found[0], plugin, identity_of(found[0]), json.dumps(found[1])) if found else None
     except KeyboardInterrupt:
         raise
     # The validators are the adapter's own code.
@@ -287,17 +288,17 @@ def _robot(
         return None
 
 
-def _dropped_in(plugin: Plugin, found: tuple[DropInConfig, CheckedConfig] | None) -> _Made | None:
-    """Return a robot whose drop-in file has taken it."""
+def _dropped_in(plugin: Plugin, found: tuple[DropInConfig, CheckedConfig] | None) -> _ValidRobot | None:
+    """Return a robot accepted by its drop-in file."""
     if found is None:
         return None
     config, said = found
     identity = None if said.identity is None else (plugin.name, said.identity)
-    return _Made(config, plugin, identity, said.given)
+    return _ValidRobot(config, plugin, identity, said.given)
 
 
 def _plugin(robot: object, at: Path, document: Document, registry: Registry) -> Plugin | None:
-    """Return the plugin that a robot names; None after reporting why there is none."""
+    """Return the plugin of a robot; None after reporting why there is none."""
     path = (*at, "adapter")
     if not isinstance(robot, dict) or path in document.spoiled:
         return None
@@ -317,7 +318,7 @@ def _plugin(robot: object, at: Path, document: Document, registry: Registry) -> 
 
 
 def _report_no_adapter(robot: Mapping[str, object], at: Path, document: Document, hint: str) -> None:
-    """Report that a robot names no adapter, at the key that was perhaps meant to."""
+    """Report a missing adapter, at the key that is perhaps a misspelling."""
     near = difflib.get_close_matches("adapter", robot, n=1)
     if near:
         document.report(document.keys[*at, near[0]], "unknown key", "did you mean 'adapter'?")
@@ -326,7 +327,7 @@ def _report_no_adapter(robot: Mapping[str, object], at: Path, document: Document
 
 
 def _with_defaults(robot: object, at: Path, document: Document) -> object:
-    """Return a robot with what its groups say under it, and the defaults under that, places included."""
+    """Return a robot completed by its groups, then by the defaults; the positions are merged as well."""
     defaults = document.data.get("defaults")
     if not isinstance(robot, dict):
         return robot
@@ -338,7 +339,7 @@ def _with_defaults(robot: object, at: Path, document: Document) -> object:
 
 
 def _with_groups(robot: dict[str, object], at: Path, document: Document) -> object:
-    """Return a robot with what its groups say under it; reports where two of them contradict each other."""
+    """Return a robot completed by its groups; reports contradictions between them."""
     name = str(robot.get("name", ""))
     said = [
         (place, {key: _unsaid(value, robot.get(key)) for key, value in under.items()})
@@ -355,14 +356,14 @@ def _with_groups(robot: dict[str, object], at: Path, document: Document) -> obje
 
 
 def _unsaid(value: object, own: object) -> object:
-    """Return what a group says that the robot does not say itself."""
+    """Return the settings of a group that the robot does not give itself."""
     if not isinstance(value, dict) or not isinstance(own, dict):
         return value
     return {key: each for key, each in value.items() if key not in own}
 
 
 def _merged(under: object, over: object, under_at: Path, over_at: Path, document: Document) -> object:
-    """Merge mappings key by key; anything else of ``over`` wins."""
+    """Merge mappings key by key; other values of ``over`` win."""
     if not (isinstance(under, dict) and isinstance(over, dict)):
         return over
     merged = dict(over)
@@ -377,9 +378,9 @@ def _merged(under: object, over: object, under_at: Path, over_at: Path, document
 
 
 def _runnable(
-    robots: Mapping[int, _Made], problems: Iterable[Problem]
+    robots: Mapping[int, _ValidRobot], problems: Iterable[Problem]
 ) -> tuple[tuple[AdapterConfig, Plugin], ...]:
-    """Return the robots that nothing is wrong with, in the order of the file."""
+    """Return the robots without errors, in the order of the file."""
     matches = (_ROBOT_PATH.match(problem.path) for problem in problems)
     broken = {int(match[1]) for match in matches if match}
     return tuple((made.config, made.plugin) for index, made in robots.items() if index not in broken)

@@ -1,4 +1,4 @@
-"""A loaded fleet file with other robots: what an edge runs with after a part of its file was taken over."""
+"""Variants of a loaded fleet file with other robots, for an edge that has applied part of a changed file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def with_configs(loaded: Loaded, configs: Mapping[str, AdapterConfig], given: Ma
 
 
 def with_settings(loaded: Loaded, name: str, settings: str) -> tuple[AdapterConfig, str]:
-    """Return the configuration of a robot with other settings (JSON), and what a file would give for it."""
+    """Return a robot's configuration with other settings (JSON), and the equivalent data of a file."""
     config = next(robot for robot, _ in loaded.robots if robot.name == name)
     said = json.loads(settings)
     known = {field: _FIELDS[field].validate_python(value) for field, value in said.items()}
@@ -35,7 +35,7 @@ def with_settings(loaded: Loaded, name: str, settings: str) -> tuple[AdapterConf
 
 
 def with_robot(loaded: Loaded, new: Loaded, name: str) -> Loaded:
-    """Return a loaded file with one more robot, that of a new file."""
+    """Return a loaded file with one more robot, taken from a new file."""
     added = next((robot, plugin) for robot, plugin in new.robots if robot.name == name)
     return _with(loaded, (*loaded.robots, added), {**loaded.given, name: new.given[name]})
 

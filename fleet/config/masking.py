@@ -1,4 +1,4 @@
-"""Taking the secrets of fleet.yaml, secrets.yaml and the environment out of what leaves this computer."""
+"""Removal of the secrets of fleet.yaml, secrets.yaml and the environment from exported text."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BEARER = re.compile(r"(?i)\b(bearer|basic)\s+[A-Za-z0-9._~+/=-]{8,}")
 
 
 class Masking:
-    """Replaces ``secrets``, also as JSON, URLs and Python write them, and what looks like one in a URL."""
+    """Masks ``secrets`` in plain, JSON, URL and Python notation, and credentials in URLs and headers."""
 
     def __init__(self, secrets: Iterable[str]) -> None:
         forms = {form for secret in secrets for form in _forms(secret)}
@@ -35,19 +35,19 @@ class Masking:
         return _BEARER.sub(rf"\1 {MASK}", _USER_IN_URL.sub(rf"\1{MASK}@", text))
 
     def finds(self, content: bytes) -> bool:
-        """Return whether one of the secrets stands in a file."""
+        """Return True if a file contains one of the secrets."""
         return self._known is not None and self._known.search(content.decode(errors="replace")) is not None
 
     def config(self, lines: Iterable[str]) -> str:
-        """Return a configuration file without secrets, and without the values of keys that name one."""
+        """Return a configuration file without secrets and without values of secret keys."""
         return "".join(f"{self.text(masked(line.rstrip()))}\n" for line in lines)
 
 
 def secrets_in(document: Document, kept: Iterable[str], environ: Mapping[str, str]) -> set[str]:
-    """Return what must not leave this computer.
+    """Return the values that must not leave this computer.
 
-    That is all that ``!secret`` and secret variables gave, ``kept`` (the values of secrets.yaml), what stands
-    under a key that names a secret or is a webhook's address, and every variable whose name is a secret's.
+    These are the values from ``!secret`` and secret variables, ``kept`` (the values of secrets.yaml), values
+    of keys that name a secret, webhook addresses, and all variables whose name is that of a secret.
     """
     found = {*document.secrets, *kept, *_under_secret_keys(document.data)}
     found |= {value for name, value in environ.items() if is_secret(name)}
@@ -58,7 +58,7 @@ def secrets_in(document: Document, kept: Iterable[str], environ: Mapping[str, st
 
 
 def kept_secrets(path: Path) -> list[str]:
-    """Return the values of a secrets file, however wrong it is otherwise; none where there is no file."""
+    """Return the values of a secrets file, even if it is invalid; empty without a file."""
     try:
         content = path.read_bytes()
     except OSError:
@@ -71,14 +71,14 @@ def kept_secrets(path: Path) -> list[str]:
 
 
 def _scalars(node: yaml.Node | None) -> list[str]:
-    """Return the values of a mapping, and of those within it."""
+    """Return the values of a mapping and of nested mappings."""
     if isinstance(node, yaml.MappingNode):
         return [each for _, value in node.value for each in _scalars(value)]
     return [node.value] if isinstance(node, yaml.ScalarNode) else []
 
 
 def _under_secret_keys(value: object, *, secret: bool = False) -> Iterator[str]:
-    """Yield the texts that stand under keys that name secrets."""
+    """Yield the values of keys that name secrets."""
     if isinstance(value, dict):
         for key, part in value.items():
             yield from _under_secret_keys(part, secret=secret or is_secret(str(key)))
@@ -90,7 +90,7 @@ def _under_secret_keys(value: object, *, secret: bool = False) -> Iterator[str]:
 
 
 def _forms(secret: str) -> Iterator[str]:
-    """Yield a secret, and each of its lines, in all the ways in which it may be written."""
+    """Yield a secret and each of its lines in all notations."""
     for part in {secret, secret.strip(), *secret.splitlines()}:
         for form in (
             part,

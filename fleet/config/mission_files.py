@@ -1,4 +1,4 @@
-"""Files that missions name: plans and routes, read when the mission is, so that a run has its own copy."""
+"""Plan and route files of missions, read together with the mission, so that a run has its own copy."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _YAML = frozenset({".yaml", ".yml"})
 
 
 def with_files(data: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
-    """Return a mission's data with the content of its files in the place of their names.
+    """Return a mission's data with file names replaced by the contents of the files.
 
-    What is wrong with a file is reported where it is named, or in a YAML file itself.
+    Errors in a file are reported where it is named, or in the file itself if it is YAML.
     """
     if isinstance(data, dict):
         return {key: _member(key, value, (*at, key), document, folder) for key, value in data.items()}
@@ -28,7 +28,7 @@ def with_files(data: Any, at: Path, document: Document, folder: pathlib.Path) ->
 
 
 def _member(key: str, value: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
-    """Return the value of a key: of a plan or a path, the content of the files that it names."""
+    """Return the value of a key; for a plan or a path, the contents of the named files."""
     if key == "plan" and isinstance(value, str | list):
         return _each(value, at, document, folder)
     if key == "path" and (isinstance(value, str) or _names_files(value)):
@@ -37,12 +37,12 @@ def _member(key: str, value: Any, at: Path, document: Document, folder: pathlib.
 
 
 def _names_files(value: Any) -> bool:
-    """Return whether a list has the name of a file in it."""
+    """Return True if a list contains a file name."""
     return isinstance(value, list) and any(isinstance(each, str) for each in value)
 
 
 def _each(value: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
-    """Return the content of a file, or of each file of a list; what names no file stays as it is."""
+    """Return the content of a file, or of each file in a list; other values unchanged."""
     if isinstance(value, list):
         return [_each(each, (*at, index), document, folder) for index, each in enumerate(value)]
     if not isinstance(value, str):
@@ -57,7 +57,7 @@ def _each(value: Any, at: Path, document: Document, folder: pathlib.Path) -> Any
 
 
 def _route_in(file: pathlib.Path, document: Document) -> list[Any]:
-    """Return the points of a route; raises Refused. Problems of a YAML file are reported in it."""
+    """Return the points of a route; raises Refused. Errors in a YAML file are reported in it."""
     if file.suffix in _YAML:
         return _yaml_route(file, document)
     route = read_route(file)
@@ -67,7 +67,7 @@ def _route_in(file: pathlib.Path, document: Document) -> list[Any]:
 
 
 def _yaml_route(file: pathlib.Path, document: Document) -> list[Any]:
-    """Return the points of a YAML file, a list; raises OSError, and Refused for what is no list of points."""
+    """Return the list of points in a YAML file; raises OSError, and Refused for other content."""
     file.open("rb").close()
     found = read(file, {})
     document.problems += found.problems
@@ -84,7 +84,7 @@ def _yaml_route(file: pathlib.Path, document: Document) -> list[Any]:
 
 
 def _bytes_of(path: pathlib.Path) -> bytes:
-    """Read a file; raises OSError, WireError for one that is too large."""
+    """Read a file; raises OSError, and WireError if it is too large."""
     with path.open("rb") as file:
         data = file.read(LARGEST + 1)
     if len(data) > LARGEST:

@@ -1,4 +1,4 @@
-"""Steps in which robots follow others: whom, and when that ends; pure."""
+"""Checks of steps in which robots follow others: whom, and when the step ends; pure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fleet.missions.model import ALL, ActConfig, MissionConfig, StepConfig
 
 
 class FollowProblem(msgspec.Struct, frozen=True):
-    """What is wrong, where in its step, and what to do."""
+    """An error, its path within the step, and a hint."""
 
     path: Path
     message: str
@@ -19,13 +19,13 @@ class FollowProblem(msgspec.Struct, frozen=True):
 
 
 def follow_problems(step: StepConfig, mission: MissionConfig) -> Iterator[FollowProblem]:
-    """Yield what is wrong with who follows whom in a step."""
+    """Yield the errors of ``follow`` in a step."""
     acts = step.do or {}
     for role, act in step.undo.items():
         if act.follow is not None:
             yield FollowProblem(("undo", role, "follow"), "to follow undoes nothing", "say where it goes")
     for role, act in acts.items():
-        trouble = (act.follow and _trouble(act.follow, mission)) or _way_back(role, acts)
+        trouble = (act.follow and _trouble(act.follow, mission)) or _chain_problem(role, acts)
         if act.follow is not None and trouble:
             hint = "one robot is followed, which does something else in the same step"
             yield FollowProblem(("do", role, "follow"), trouble, hint)
@@ -36,7 +36,7 @@ def follow_problems(step: StepConfig, mission: MissionConfig) -> Iterator[Follow
 
 
 def _trouble(leader: str, mission: MissionConfig) -> str:
-    """Return why nobody can follow a role; empty when its robot can be followed."""
+    """Return why a role cannot be followed; empty if it can."""
     if leader == ALL:
         return "all is every robot"
     if leader not in mission.roles:
@@ -45,13 +45,13 @@ def _trouble(leader: str, mission: MissionConfig) -> str:
     return f"role {leader} may have {most} robots" if most > 1 else ""
 
 
-def _way_back(role: str, acts: Mapping[str, ActConfig]) -> str:
-    """Return why nobody goes ahead of those who follow; empty when somebody does."""
+def _chain_problem(role: str, acts: Mapping[str, ActConfig]) -> str:
+    """Return why a chain of followers has no leader; empty if it has one."""
     before: list[str] = []
     act = acts.get(role)
     while act is not None and act.follow is not None:
         if role in before:
-            return f"nobody goes ahead: {' > '.join([*before, role])}"
+            return f"no robot leads: {' > '.join([*before, role])}"
         before.append(role)
         role = act.follow
         act = acts.get(role, acts.get(ALL))

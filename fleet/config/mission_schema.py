@@ -1,4 +1,4 @@
-"""The JSON Schema of a mission, as editors want it: with short forms, and inputs in the place of values."""
+"""JSON Schema of a mission for editors, with short forms, and inputs in place of values."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fleet.missions.model import MissionConfig
 
 _INPUT = "InputValue"
 _FIXED = frozenset({"id", "version", "type", "event_type"})
-"""Keys whose value no input can give."""
+"""Keys whose value cannot be an input."""
 _ABOUT = ("title", "description", "default")
 _VALUES = frozenset({"string", "number", "integer", "boolean", "array"})
 
@@ -42,7 +42,7 @@ def mission_schema() -> dict[str, Any]:
 
 
 def _with_short_acts(part: Any) -> Any:
-    """Return a schema in which a command alone stands for what a role does."""
+    """Return a schema in which an act can be a command alone."""
     if isinstance(part, list):
         return [_with_short_acts(each) for each in part]
     if not isinstance(part, dict):
@@ -53,7 +53,7 @@ def _with_short_acts(part: Any) -> Any:
 
 
 def _or_input(part: dict[str, Any]) -> dict[str, Any]:
-    """Return a schema of a value, or of the values in a list, that an input may give as well."""
+    """Return a schema in which a value, or each value of a list, can be an input."""
     reference = {"$ref": f"#/$defs/{_INPUT}"}
     about: dict[str, Any] = {key: part[key] for key in _ABOUT if key in part}
     plain = {key: value for key, value in part.items() if key not in about}
@@ -65,7 +65,7 @@ def _or_input(part: dict[str, Any]) -> dict[str, Any]:
 
 
 def _or_input_inside(part: dict[str, Any]) -> dict[str, Any]:
-    """Return one of several schemas of a value, whose parts an input may give."""
+    """Return one of several alternative schemas, with inputs permitted in its lists."""
     if isinstance(part.get("items"), dict):
         return {**part, "items": _or_input(part["items"])}
     return part

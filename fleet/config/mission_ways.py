@@ -1,6 +1,6 @@
-"""Goals, paths and plans of missions against the robots that may be sent there, before anything runs.
+"""Goals, paths and plans of missions, checked against the fences and autopilots of their robots.
 
-What is only known of a robot that runs (its placement, its home) is checked when the mission is started.
+Facts that are known only at run time (placement, home) are checked when the mission is started.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fleet.model.place import Place
 from fleet.robot_config import AdapterConfig
 
 
-class WayCheck:
+class RouteCheck:
     """Checks the missions of a fleet file against the fences and autopilots of its robots."""
 
     def __init__(
@@ -39,7 +39,7 @@ class WayCheck:
         self._document = document
 
     def check(self, mission: Mission, at: Path) -> None:
-        """Report what no robot of a role may do; warn of what some of its robots may not do."""
+        """Report acts that no robot of a role may do; warn of acts that some of them may not do."""
         for step, where in all_steps(mission.config.steps, (*at, "steps")):
             for role, act in (step.do or {}).items():
                 meant = self._meant(mission.config.roles, role)
@@ -50,7 +50,7 @@ class WayCheck:
                     self._check_plan(at_path(mission.data, place[len(at) :]), place, meant)
 
     def _check_plan(self, plan: Any, at: Path, meant: list[AdapterConfig]) -> None:
-        """Report or warn of a plan, or of each of a list, that was made for another kind of vehicle."""
+        """Check a plan, or each plan of a list, for the kind of vehicle that it was made for."""
         for index, each in enumerate(plan if isinstance(plan, list) else ()):
             self._check_plan(each, (*at, index), meant)
         wanted = made_for(plan) if isinstance(plan, dict) else ()
@@ -63,12 +63,12 @@ class WayCheck:
         return [robot for robot in self._robots if any(self._may_fill(robot, each) for each in wanted)]
 
     def _may_fill(self, robot: AdapterConfig, role: RoleConfig) -> bool:
-        """Return whether a role asks for a robot."""
+        """Return True if a robot matches a role."""
         named = role.from_ in (None, robot.name) or robot.name in self._groups.get(role.from_ or "", set())
         return named and role.kind in (None, getattr(robot, "adapter", None))
 
     def _points(self, act: ActConfig, where: Path) -> Iterator[tuple[Path, Place]]:
-        """Yield the points of a goal or a path that are written in the mission, with their paths."""
+        """Yield the points of a goal or path written in the mission, with their paths."""
         if act.goto is not None:
             yield from self._point(act.goto, (*where, "goto"))
         for index, point in enumerate(act.path if isinstance(act.path, list) else ()):
@@ -76,7 +76,7 @@ class WayCheck:
                 yield from self._point(point, (*where, "path", index))
 
     def _point(self, value: Any, where: Path) -> Iterator[tuple[Path, Place]]:
-        """Yield a point as a place; nothing for one that an input gives, or that there is not."""
+        """Yield a point as a place; nothing if it is an input or an unknown place."""
         if any(isinstance(each, dict) and set(each) == {"input"} for each in self._written(where)):
             return
         if isinstance(value, str):
@@ -89,19 +89,19 @@ class WayCheck:
             yield where, each
 
     def _written(self, where: Path) -> list[Any]:
-        """Return what stands at a path, and its parts: an input there is a value that is not known yet."""
+        """Return the written value at a path and its parts; an input in it is not known yet."""
         value = self._document.data
         for step in where:
             value = value[step]
         return [value, *value] if isinstance(value, list) else [value]
 
     def _check_point(self, point: Place, where: Path, meant: list[AdapterConfig]) -> None:
-        """Report or warn of one point."""
+        """Check one point against the fences."""
         out = sorted(robot.name for robot in meant if is_allowed(robot, point, self._site) is False)
         self._tell(out, meant, where, "it is outside the fence of {}", "go there")
 
     def _tell(self, out: list[str], meant: list[AdapterConfig], where: Path, message: str, what: str) -> None:
-        """Report what is wrong with something for every robot of a role; warn of what is for some."""
+        """Report an error that affects every robot of a role; warn if it affects only some."""
         if not out:
             return
         mark, message = self._document.marks[where], message.format(", ".join(out))
@@ -111,15 +111,15 @@ class WayCheck:
             self._document.warn(mark, message, f"they would refuse to {what}")
 
 
-def check_ways(
+def check_routes(
     document: Document,
     sections: Sections | None,
     robots: Iterable[AdapterConfig],
     missions: Iterable[Mission],
 ) -> None:
-    """Report goals and plans of missions that their robots do not take."""
+    """Report goals and plans of missions that their robots would refuse."""
     if sections is None:
         return
-    check = WayCheck(robots, sections.members, sections.places, sections.site.origin, document)
+    check = RouteCheck(robots, sections.members, sections.places, sections.site.origin, document)
     for mission in missions:
         check.check(mission, ("missions", mission.name))

@@ -1,7 +1,7 @@
-"""Missions of fleet.yaml and of files, checked: every problem with file, line and column.
+"""Validation of missions in fleet.yaml and in files; every error has file, line and column.
 
-The models say what may stand where; what can only be seen by looking at several parts at once (roles that
-nobody declared, a step whose name stands twice, a plan file that is missing) is checked here.
+The models define the structure. Checks across parts (unknown roles, repeated step names, missing plan files)
+are here.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ from fleet.wire.missions import plan_of
 
 
 class Mission(msgspec.Struct, frozen=True):
-    """A mission that was checked.
+    """A valid mission.
 
-    ``data`` is what it says, with the content of its files; ``config`` has samples for inputs. ``others`` are
-    the missions that may be carried out within it, by name.
+    ``data`` is its content, including that of its files; ``config`` has sample values for inputs. ``others``
+    are the possible inner missions, by name.
     """
 
     name: str
@@ -53,11 +53,11 @@ class Mission(msgspec.Struct, frozen=True):
     others: Mapping[str, Mission] = {}
 
     def program(self, given: Mapping[str, Any]) -> Program:
-        """Return the program for values of its inputs; raises Refused naming what is wrong with them."""
+        """Return the program for given inputs; raises Refused with the error in them."""
         return compiled(self.name, self.filled(given), self._inner)
 
     def _inner(self, name: str, given: Mapping[str, Any]) -> MissionConfig:
-        """Return another mission for values of its inputs; raises Refused."""
+        """Return an inner mission for given inputs; raises Refused."""
         if name not in self.others:
             raise Refused(
                 f"there is no mission {name!r}", hint=f"known are {', '.join(self.others) or 'none'}"
@@ -68,7 +68,7 @@ class Mission(msgspec.Struct, frozen=True):
             raise Refused(f"mission {name}: {error.reason}", hint=error.hint) from None
 
     def filled(self, given: Mapping[str, Any]) -> MissionConfig:
-        """Return the mission with values in the place of its inputs; raises Refused."""
+        """Return the mission with its inputs replaced by values; raises Refused."""
         values = _values(self.config.inputs, given)
         filled = normalised(self.data, values)
         try:
@@ -79,7 +79,7 @@ class Mission(msgspec.Struct, frozen=True):
 
 
 class Known(msgspec.Struct, frozen=True):
-    """What a mission may name: robots and groups, places, missions. None where the fleet is not known."""
+    """Names that a mission may use: robots and groups, places, missions. None if the fleet is unknown."""
 
     names: Collection[str] | None = None
     places: Collection[str] | None = None
@@ -89,12 +89,12 @@ class Known(msgspec.Struct, frozen=True):
 
 
 def events_of(declared: Iterable[str]) -> list[str]:
-    """Return the events that a mission may wait for: the host's own, and those that fleet.yaml declares."""
+    """Return the events that a mission may wait for: the host's own, and those declared in fleet.yaml."""
     return [*(kind.value for kind in EventKind), *map(str, declared)]
 
 
 def read_mission(path: pathlib.Path, environ: Mapping[str, str], known: Known) -> Mission:
-    """Return the mission of a file; raises InvalidConfig with every problem."""
+    """Return the mission of a file; raises InvalidConfig with every error."""
     document = read(path, environ)
     return _alone(checked_mission(path.stem, (), document, path.parent, known), document, known)
 
@@ -105,9 +105,9 @@ def mission_of(
     missions: Mapping[str, Mission] | None = None,
     events: Collection[str] | None = None,
 ) -> Mission:
-    """Return a mission that came over the bus, its files in it; raises InvalidConfig.
+    """Return a mission received over the bus, with the contents of its files; raises InvalidConfig.
 
-    ``missions`` are those that may be carried out within it, ``events`` those that it may wait for.
+    ``missions`` are the possible inner missions, ``events`` those that it may wait for.
     """
     document = read_data(data)
     known = Known(missions=missions, events=events)
@@ -115,7 +115,7 @@ def mission_of(
 
 
 def _alone(mission: Mission | None, document: Document, known: Known) -> Mission:
-    """Return a mission that stands in a document of its own; raises InvalidConfig."""
+    """Return a mission in a document of its own; raises InvalidConfig."""
     if mission is not None:
         others = known.missions or {}
         named = None if known.missions is None else set(others)
@@ -126,7 +126,7 @@ def _alone(mission: Mission | None, document: Document, known: Known) -> Mission
 
 
 def read_data(data: Any) -> Document:
-    """Return a document of data that stands in no file: its places are all the beginning."""
+    """Return a document for data without a file: every position is its start."""
     from fleet.config.problems import Mark  # noqa: PLC0415
 
     document = Document(data=data)
@@ -146,7 +146,7 @@ def read_data(data: Any) -> Document:
 def check_missions(
     data: Mapping[str, Any], document: Document, folder: pathlib.Path, known: Known
 ) -> list[Mission]:
-    """Return the missions of a fleet file that can be used; the problems of all are reported."""
+    """Return the valid missions of a fleet file; the errors of all are reported."""
     listed = data.get("missions")
     found: dict[str, Mission] = {}
     named = {name: mission for name, mission in listed.items() if mission} if isinstance(listed, dict) else {}
@@ -164,7 +164,7 @@ def check_missions(
 def _check_inner(
     mission: Mission, at: Path, document: Document, others: Mapping[str, Mission], named: set[str] | None
 ) -> None:
-    """Report what is wrong with the missions that stand within one."""
+    """Report the errors of a mission's inner missions."""
 
     def report(path: Path, message: str, hint: str) -> None:
         _report_at(document, path, message, hint)
@@ -174,14 +174,14 @@ def _check_inner(
 
 
 def at_path(value: Any, path: Path) -> Any:
-    """Return what stands at a path; None for what is left out."""
+    """Return the value at a path; None for a missing one."""
     for step in path:
         value = value.get(step) if isinstance(value, dict) else value[step]
     return value
 
 
 def _report_at(document: Document, path: Path, message: str, hint: str = "") -> None:
-    """Report a problem at the nearest place that the file has."""
+    """Report an error at the nearest position in the file."""
     while path and path not in document.marks:
         path = path[:-1]
     document.report(document.marks[path], message, hint)
@@ -190,9 +190,9 @@ def _report_at(document: Document, path: Path, message: str, hint: str = "") -> 
 def checked_mission(
     name: str, at: Path, document: Document, folder: pathlib.Path | None, known: Known
 ) -> Mission | None:
-    """Check the mission that stands at a path; None after reporting why it cannot be used.
+    """Validate the mission at a path; None after reporting the errors.
 
-    ``folder`` is what its files are relative to; None: it has none.
+    ``folder`` is the base of its file names; None: it has no files.
     """
     data = document.data
     for step in at:
@@ -210,7 +210,7 @@ def checked_mission(
 
 
 class _Check:
-    """Looks at one mission as a whole."""
+    """Checks across the parts of one mission."""
 
     def __init__(
         self, mission: MissionConfig, at: Path, document: Document, known: Known, *, has_files: bool
@@ -223,11 +223,11 @@ class _Check:
         self._ids: set[str] = set()
 
     def report(self, path: Path, message: str, hint: str = "") -> None:
-        """Report a problem at the nearest place that the file has."""
+        """Report an error at the nearest position in the file."""
         _report_at(self._document, path, message, hint)
 
     def inputs(self, value: Any, at: Path) -> None:
-        """Report inputs that are used and not declared."""
+        """Report undeclared inputs."""
         if isinstance(value, dict):
             if set(value) == {"input"} and value["input"] not in self._mission.inputs:
                 hint = nearest(str(value["input"]), self._mission.inputs) or "declare it under inputs:"
@@ -262,25 +262,25 @@ class _Check:
         self._steps(mission.steps, (*self._at, "steps"), 0)
 
     def _no_role(self, where: Path, name: str) -> None:
-        """Report a role that nobody declared."""
+        """Report an undeclared role."""
         hint = (
             nearest(name, [*self._mission.roles, ALL]) or f"roles are {', '.join(self._mission.roles)}, all"
         )
         self.report(where, f"there is no role {name!r}", hint)
 
     def _place(self, name: str, where: Path) -> None:
-        """Report a place that fleet.yaml does not have."""
+        """Report a place that is not in fleet.yaml."""
         if self._known.places is not None and name not in self._known.places:
             hint = nearest(name, self._known.places) or "places are declared under places: in fleet.yaml"
             self.report(where, f"there is no place {name!r}", hint)
 
     def _not_a_repeated(self, command: str, where: Path) -> None:
-        """Report a command that begins something, where something is to end."""
+        """Report a command that starts something where the mission must become safer."""
         if command in NEVER_REPEATED:
             self.report(where, f"{command} makes nothing safer", "hold, land or return_to_home")
 
     def _steps(self, steps: list[StepConfig], at: Path, depth: int) -> None:
-        """Check steps and those that they repeat."""
+        """Check steps, including repeated ones."""
         if depth > DEEPEST:
             self.report(at, f"repeats stand within each other more than {DEEPEST} deep")
             return
@@ -314,22 +314,22 @@ class _Check:
             self._no_role(where, name)
 
     def _condition(self, condition: ConditionConfig | None, where: Path) -> None:
-        """Check whose condition it is."""
+        """Check the role and the event of a condition."""
         if condition is None:
             return
         self._role(condition.role, (*where, "role"))
         event, known = condition.event, self._known.events
         if event is not None and known is not None and event not in known:
             hint = nearest(event, known) or "name it under events: in fleet.yaml, where a program reports it"
-            self.report((*where, "event"), f"nobody reports the event {event!r}", hint)
+            self.report((*where, "event"), f"there is no source of the event {event!r}", hint)
 
     def _act(self, act: ActConfig, role: str, where: Path) -> None:
-        """Check what one role does."""
+        """Check the act of one role."""
         if isinstance(act.goto, str) and isinstance(at_path(self._document.data, (*where, "goto")), str):
             self._place(act.goto, (*where, "goto"))
         value, place = getattr(act, act.verb), (*where, act.verb)
         if act.verb in {"goto", "path"} and self._known.on_earth is False and _is_on_earth(value):
-            message = "nobody knows where the site is on Earth"
+            message = "the site's position on Earth is unknown"
             self.report(place, message, "site: {origin: [latitude, longitude, altitude]} in fleet.yaml")
         files = value if isinstance(value, list) else [value]
         if (
@@ -346,7 +346,7 @@ class _Check:
                 self.report(place, f"{len(value)} files for {most} robots", "one, or one for each")
 
     def _plan(self, plan: Any, where: Path) -> None:
-        """Check a plan that stands in the mission itself."""
+        """Check a plan written in the mission itself."""
         try:
             if isinstance(plan, dict):
                 made_for(plan)
@@ -356,12 +356,12 @@ class _Check:
 
 
 def _is_on_earth(value: Any) -> bool:
-    """Return whether a goal or a path has a point on Earth."""
+    """Return True if a goal or path has a point on Earth."""
     return isinstance(value, dict) or (isinstance(value, list) and any(map(_is_on_earth, value)))
 
 
 def _values(inputs: Mapping[str, InputConfig], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of all inputs; raises Refused for what is unknown, missing or out of bounds."""
+    """Return the values of all inputs; raises Refused for unknown, missing or invalid ones."""
     for name in given:
         if name not in inputs:
             hint = nearest(name, inputs) or f"it takes {', '.join(inputs) or 'none'}"
@@ -377,7 +377,7 @@ def _values(inputs: Mapping[str, InputConfig], given: Mapping[str, Any]) -> dict
 
 
 def _samples(data: Any) -> dict[str, Any]:
-    """Return a sample of each input that is declared well enough."""
+    """Return sample values of the inputs with a valid declaration."""
     inputs = data.get("inputs") if isinstance(data, dict) else None
     found = {}
     for name, each in inputs.items() if isinstance(inputs, dict) else ():

@@ -1,7 +1,7 @@
-"""YAML text to nodes, and a node's scalar to a plain value, by the rules of YAML 1.2.
+"""YAML text to nodes, and scalars to plain values, by the rules of YAML 1.2.
 
 Only ``true`` and ``false`` are booleans; ``yes``, ``on`` and ``0755`` are text. Tags other than YAML's own
-plain ones are left to the caller; nothing of Python can be made from a file.
+plain ones are left to the caller; a file cannot create Python objects.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the C parser is fi
 
 
 class BadYaml(Exception):
-    """The text is no YAML, or more of it than is read; line and column count from 1."""
+    """The text is invalid YAML or exceeds a limit; line and column count from 1."""
 
     def __init__(self, message: str, line: int = 1, column: int = 1, *, hint: str = "") -> None:
         super().__init__(message)
@@ -29,7 +29,7 @@ class BadYaml(Exception):
 
 
 class _Loader(_Base):  # type: ignore[misc]  # the base is chosen at run time
-    """A loader that resolves nothing by itself, so that the rules here are the only ones."""
+    """A loader without implicit resolvers, so that only the rules of this module apply."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - the name and shape are PyYAML's
 
@@ -45,26 +45,26 @@ _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,30})")
 _HEX_OR_OCTAL = re.compile(r"0x[0-9a-fA-F]{1,16}|0o[0-7]{1,22}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]{1,4})?")
 _HINTS = (
-    ("did not find expected ','", "${", 'inside {...} and [...] a variable stands in quotes: "${NAME}"'),
+    ("did not find expected ','", "${", 'inside {...} and [...] a variable must be quoted: "${NAME}"'),
     ("did not find expected ','", "", "is a comma or a closing bracket or quote missing, here or above?"),
     ("did not find expected node", "", "is a closing bracket or a value missing, here or above?"),
     (
         "mapping values are not allowed",
         "",
-        "indent it as the lines around it; text with ': ' stands in quotes",
+        "indent it as the lines around it; text with ': ' must be quoted",
     ),
     ("did not find expected key", "", "indent it as the lines around it"),
     ("did not find expected '-'", "", "indent it as the lines around it"),
     ("could not find expected ':'", "", "a key is followed by a colon and a space"),
     ("found unexpected end of stream", "", "is a closing quote missing?"),
-    ("found undefined alias", "", "text that begins with * stands in quotes"),
+    ("found undefined alias", "", "text that begins with * must be quoted"),
 )
-"""What a parser's words mean: a part of them, what stands in the line, what is probably wrong there."""
+"""Hints for parser errors: a part of the message, a text in the line, the hint."""
 _SPECIAL = re.compile(r"([-+]?)\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
 
 def decoded(data: bytes) -> str:
-    """Return the text of a file; raises BadYaml when it is too long or no UTF-8."""
+    """Return the text of a file; raises BadYaml if it is too long or not UTF-8."""
     if len(data) > MAX_BYTES:
         raise BadYaml(f"the file is longer than {MAX_BYTES} bytes")
     try:
@@ -77,7 +77,7 @@ def decoded(data: bytes) -> str:
 
 
 def compose(text: str) -> yaml.Node | None:
-    """Return the root node of the one document in ``text``, None when it is empty; raises BadYaml."""
+    """Return the root node of the single document in ``text``, None if it is empty; raises BadYaml."""
     control = _CONTROL.search(text)
     if control:
         column = control.start() - text.rfind("\n", 0, control.start())
@@ -99,7 +99,7 @@ def compose(text: str) -> yaml.Node | None:
 
 
 def _check_depth(text: str) -> None:
-    """Refuse deep nesting before it is composed: the composer recurses in C."""
+    """Refuse deep nesting before the composer, which recurses in C."""
     depth = 0
     for event in yaml.parse(text, Loader=_Base):
         if isinstance(event, yaml.CollectionStartEvent):
@@ -112,7 +112,7 @@ def _check_depth(text: str) -> None:
 
 
 def _bad_from(error: yaml.MarkedYAMLError, text: str) -> BadYaml:
-    """Say a parser's error in one line, with tabs named as what they are."""
+    """Convert a parser's error to one line; tabs get a message of their own."""
     mark: Any = error.problem_mark or error.context_mark
     line, column = (mark.line, mark.column) if mark else (0, 0)
     lines = text.split("\n")
@@ -127,7 +127,7 @@ def _bad_from(error: yaml.MarkedYAMLError, text: str) -> BadYaml:
 
 
 def scalar(node: yaml.ScalarNode) -> object:
-    """Return what a scalar node says; quoted text stays text."""
+    """Return the value of a scalar node; quoted text stays text."""
     return node.value if node.style else plain(node.value)
 
 

@@ -1,4 +1,4 @@
-"""fleet.yaml's ``notify``: who is told of faults and stops."""
+"""fleet.yaml's ``notify``: targets that are informed of faults and stops."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TOLD = (
 
 
 class NotifyConfig(Model):
-    """A webhook or a program that is told of faults and stops; nothing waits for it."""
+    """A webhook or program that is informed of faults and stops; nothing waits for it."""
 
     url: SecretStr | None = Field(
         None,
@@ -34,17 +34,20 @@ class NotifyConfig(Model):
     )
     events: tuple[EventKind, ...] = Field(
         TOLD,
-        description="Kinds of events, as `fleet history` names them; errors are always told.",
+        description="Kinds of events, as `fleet history` names them; errors are always included.",
     )
     robots: tuple[Name, ...] = Field((), description="Only of these robots and groups. None: all.")
-    timeout: float = Field(5.0, gt=0, le=60, description="Seconds that it may take; it is tried three times.")
+    timeout: float = Field(5.0, gt=0, le=60, description="Timeout of each of three tries, in seconds.")
     per_minute: int = Field(
-        12, ge=1, le=600, description="Most notices in a minute; what is left out is counted, and told."
+        12,
+        ge=1,
+        le=600,
+        description="Limit of notices per minute; the number of suppressed ones is reported.",
     )
 
     @property
     def what(self) -> str:
-        """Return what it is, in a word."""
+        """Return its kind in one word."""
         return "webhook" if self.url is not None else "program"
 
     @model_validator(mode="after")
@@ -59,7 +62,7 @@ class NotifyConfig(Model):
 def with_members(
     configs: Iterable[NotifyConfig], groups: Mapping[str, tuple[str, ...]]
 ) -> tuple[NotifyConfig, ...]:
-    """Return the targets with the robots of groups in the place of their names."""
+    """Return the targets with groups replaced by their robots."""
     return tuple(
         each.model_copy(
             update={"robots": tuple(robot for name in each.robots for robot in groups.get(name, (name,)))}

@@ -1,4 +1,4 @@
-"""What fleet.yaml says of other edges: partners in missions, and the pair of which one edge is standby."""
+"""Sections about other edges: partners in missions, and the pair with a standby edge."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ class PartnerConfig(Model):
     )
     coordinates: bool = Field(
         False,
-        description="That edge may have robots of this one in its runs; if it falls silent meanwhile, this "
-        "edge does what the mission says of robots that fail (robot_failed.do).",
+        description="That edge may have robots of this one in its runs; if it falls silent meanwhile, "
+        "this edge executes the mission's action for failed robots (robot_failed.do).",
     )
 
 
 def check_server(text: str) -> str:
-    """Refuse what is no address of a NATS server."""
+    """Refuse an invalid address of a NATS server."""
     if _SERVER.fullmatch(text) is None:
         raise ValueError(f"{text!r} is no server; write nats://HOST:4222, or tls://HOST:4222")
     return text
@@ -53,14 +53,15 @@ class LeaseConfig(Model):
 
     servers: tuple[Annotated[str, AfterValidator(check_server)], ...] = Field(
         min_length=1,
-        description="nats://HOST:4222 or tls://HOST:4222, on neither computer of the pair; several are "
-        "those of one cluster.",
+        description="nats://HOST:4222 or tls://HOST:4222, on neither computer of the pair; several must "
+        "belong to one cluster.",
     )
     user: str | None = Field(None, min_length=1, description="Its account.")
     password: SecretStr | None = Field(None, description="The account's password.")
     ca_file: ExistingPath | None = Field(None, description="Certificates to trust instead of the system's.")
     insecure: bool = Field(
-        False, description="Allow nats:// to another computer: who is on the network can take the robots."
+        False,
+        description="Allow nats:// to another computer: anyone on the network could take over the robots.",
     )
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Two edges of one fleet.yaml: which of them this computer is, and what of the file a pair cannot have."""
+"""A pair of edges in one fleet.yaml: the choice of this computer's edge, and the limits of a pair."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LOCAL = ("serial", "can", "memory", "sim")
 
 
 def choose_edge(document: Document, environ: Mapping[str, str]) -> None:
-    """Fill in ``edge.id`` in the file of a pair: as the environment says, else the first of the two."""
+    """Set ``edge.id`` in the file of a pair: from the environment, else the first of the two."""
     data = document.data
     pair, edge = data.get("pair"), data.get("edge", {})
     if not isinstance(pair, list) or not pair or not isinstance(edge, dict | None):
@@ -37,7 +37,7 @@ def choose_edge(document: Document, environ: Mapping[str, str]) -> None:
 
 
 def check_pair(robots: Mapping[int, tuple[AdapterConfig, Plugin]], document: Document) -> None:
-    """Report what a pair cannot have, and warn of robots that have no standby."""
+    """Report settings that a pair does not support, and warn of robots without a standby."""
     data = document.data
     if "lease" in data and "pair" not in data:
         document.report(document.marks["lease",], "a lease is for a pair of edges", "pair: [a, b]")
@@ -61,7 +61,7 @@ def check_pair(robots: Mapping[int, tuple[AdapterConfig, Plugin]], document: Doc
             document.report(mark, message, "worker: main, or put it into an edge of its own")
         for link in filter(is_local_link, links_of(robot)):
             message = f"{robot.name} has no standby: only one computer can open {link}"
-            document.warn(mark, message, "nobody reaches it while the other edge has the lease")
+            document.warn(mark, message, "it cannot be reached while the other edge has the lease")
 
 
 def links_of(robot: AdapterConfig) -> list[str]:
@@ -72,5 +72,5 @@ def links_of(robot: AdapterConfig) -> list[str]:
 
 
 def is_local_link(link: str) -> bool:
-    """Return whether only one computer can open a link: its device, or a simulator that it starts."""
+    """Return True if only one computer can open a link: its device, or a simulator that it starts."""
     return link.partition(":")[0] in LOCAL

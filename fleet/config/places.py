@@ -1,4 +1,4 @@
-"""fleet.yaml's ``places``: named points and areas, and whether the robots' fences let anybody be there."""
+"""fleet.yaml's ``places``: named points and areas, checked against the robots' fences."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ At = Annotated[tuple[float, ...], Field(min_length=2, max_length=3)]
 
 
 class PlaceConfig(Model):
-    """A named place: a point, or an area. Robots are sent there by its name, missions occupy it."""
+    """A named place: a point or an area. Robots are sent there by its name, missions occupy it."""
 
-    kind: PlaceKind = Field("area", description="What it is.")
+    kind: PlaceKind = Field("area", description="Its kind.")
     frame: PlaceFrame = Field(
         "site",
-        description="What its numbers are: metres east and north in the site's frame, or latitude and "
+        description="Frame of its numbers: metres east and north in the site's frame, or latitude and "
         "longitude in degrees.",
     )
     at: At | None = Field(
@@ -36,9 +36,12 @@ class PlaceConfig(Model):
         "height.",
     )
     heading: float | None = Field(
-        None, ge=-6.2832, le=6.2832, description="How it stands there, radians counter-clockwise from east."
+        None,
+        ge=-6.2832,
+        le=6.2832,
+        description="Heading of a robot there, radians counter-clockwise from east.",
     )
-    radius: Positive | None = Field(None, description="How far a point reaches, m.")
+    radius: Positive | None = Field(None, description="Radius of a point, m.")
     polygon: Corners | None = Field(None, description="3 to 100 corners, as in [[0, 0], [2, 0], [2, 1]].")
     height: tuple[float, float] | None = Field(
         None, description="[lowest, highest] of its polygon, metres above the ground."
@@ -47,7 +50,7 @@ class PlaceConfig(Model):
 
     @model_validator(mode="after")
     def _somewhere(self) -> Self:
-        """Refuse a place that is nowhere, and one that is told twice."""
+        """Refuse a place without a position, and one with two definitions of its extent."""
         if self.at is None and self.polygon is None:
             raise wrong("at", "where is it? at: [x, y], or a polygon")
         if self.polygon is not None and self.radius is not None:
@@ -58,7 +61,7 @@ class PlaceConfig(Model):
 
     @model_validator(mode="after")
     def _pointed(self) -> Self:
-        """Refuse an area whose point lies outside of it, and degrees that are none."""
+        """Refuse an area whose point is outside, and invalid degrees."""
         corners = (*(self.polygon or ()), *(() if self.at is None else ((self.at[0], self.at[1]),)))
         if self.frame == "geodetic" and any(abs(lat) >= 89 or abs(lon) > 180 for lat, lon in corners):
             key = "at" if self.at is not None else "polygon"
@@ -72,7 +75,7 @@ class PlaceConfig(Model):
         return self
 
     def place(self, name: str) -> Place:
-        """Return what everybody else works with."""
+        """Return the place in the form used by the other modules."""
         corners = self.polygon or ()
         return Place(
             name,
@@ -95,9 +98,9 @@ def places_of(configs: Mapping[Name, PlaceConfig]) -> dict[str, Place]:
 def check_places(
     places: Mapping[Name, PlaceConfig], robots: Iterable[AdapterConfig], site: Site | None, document: Document
 ) -> None:
-    """Report places where the fence of no robot lets it be; warn of those where some may not be.
+    """Report places outside the fences of all robots; warn of those outside the fences of some.
 
-    A fence in the world of a robot that only its home or its start places is not known before it runs.
+    A fence in a world frame that is placed only by the robot's home or start is not checked before the run.
     """
     all_robots = list(robots)
     for name, config in places.items():
@@ -113,7 +116,7 @@ def check_places(
 
 
 def is_allowed(robot: AdapterConfig, place: Place, site: Site | None) -> bool | None:
-    """Return whether a robot's fence lets it be at the point of a place; None while nobody can tell."""
+    """Return True if a robot's fence contains the point of a place; None if that is unknown."""
     fence = robot.fence
     on_earth = _on_earth(place, site)
     if fence is None or on_earth is None:
@@ -127,7 +130,7 @@ def is_allowed(robot: AdapterConfig, place: Place, site: Site | None) -> bool | 
 
 
 def _on_earth(place: Place, site: Site | None) -> GeoPoint | None:
-    """Return where the point of a place is on Earth; None for one in a site that is nowhere."""
+    """Return the point of a place on Earth; None if the site has no origin."""
     if place.frame == "geodetic":
         return GeoPoint(place.at[0], place.at[1])
     if site is None:
@@ -136,7 +139,7 @@ def _on_earth(place: Place, site: Site | None) -> GeoPoint | None:
 
 
 def _within(fence: FenceConfig, point: Point, around: GeoOrigin | None) -> bool:
-    """Return whether a point is inside a fence, whose corners are metres, or degrees ``around`` a place."""
+    """Return True if a point is inside a fence with corners in metres, or in degrees ``around`` a place."""
     inclusion, exclusion = fence.inclusion, fence.exclusion
     if around is not None:
         inclusion = tuple(metric(polygon, around) for polygon in inclusion)

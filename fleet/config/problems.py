@@ -1,4 +1,4 @@
-"""What is wrong in a file, where, and how to say it: one line each, or with the text and a caret."""
+"""Errors in a file with their positions, as one line each, or with the text and a caret."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _QUOTED = re.compile(r"""\"(?:\\.|[^\"])*\"?|'(?:''|[^'])*'?""")
 _IN_BRACES = re.compile(r"[^,}\]]*")
 _REST_OF_LINE = re.compile(r".*")
 _SECRET_KEYS = ("password", "token", "secret", "passphrase", "api_key", "private_key")
-LONGEST_SHOWN = 300  # characters; a longer line helps nobody, and its place is told anyway
+LONGEST_SHOWN = 300  # characters; a longer line is not shown, only its position
 _SHORT_SECRETS = ("pw", "pwd", "pin", "psk")
 _TAIL_OF_SECRET = ("password", "token", "secret", "passphrase", "_key")
 
 
 class Mark(msgspec.Struct, frozen=True):
-    """A place in a file, counted from 1, and the path that the file itself has there."""
+    """A position in a file, counted from 1, and its path in the file."""
 
     file: str
     line: int
@@ -33,7 +33,7 @@ class Mark(msgspec.Struct, frozen=True):
 
 
 class Problem(msgspec.Struct, frozen=True):
-    """One thing wrong in fleet.yaml; ``text`` is the offending line, secrets masked."""
+    """One error in fleet.yaml; ``text`` is the line of the error, secrets masked."""
 
     file: str
     line: int
@@ -50,7 +50,7 @@ class Problem(msgspec.Struct, frozen=True):
         return f"{self.file}:{self.line}:{self.column}: {path}{self.message}{hint}"
 
     def shown(self) -> str:
-        """Return it with the offending line, a caret under the place, and the hint."""
+        """Return it with the line of the error, a caret at the position, and the hint."""
         path = f"{self.path}: " if self.path else ""
         lines = [f"{self.file}:{self.line}:{self.column}: {path}{self.message}"]
         if self.text.strip():
@@ -63,7 +63,7 @@ class Problem(msgspec.Struct, frozen=True):
 
 
 class InvalidConfig(ConfigError):
-    """fleet.yaml cannot be used; ``problems`` holds every reason, in the order of the file."""
+    """fleet.yaml cannot be used; ``problems`` has every error, in the order of the file."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = sorted(set(problems), key=lambda each: (each.file, each.line, each.column))
@@ -71,7 +71,7 @@ class InvalidConfig(ConfigError):
 
 
 def problem_at(mark: Mark, message: str, *, text: str = "", hint: str = "") -> Problem:
-    """Return a problem at a place, safe to print: one line each, secrets masked."""
+    """Return an error at a position, safe to print: one line each, secrets masked."""
     return Problem(
         file=printable(mark.file),
         line=mark.line,
@@ -84,26 +84,26 @@ def problem_at(mark: Mark, message: str, *, text: str = "", hint: str = "") -> P
 
 
 def dotted(path: Sequence[str | int]) -> str:
-    """Return a path as people write it: ``robots[0].limits.speed``."""
+    """Return a path in the usual notation: ``robots[0].limits.speed``."""
     words = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
     return words.removeprefix(".")
 
 
 def masked(line: str) -> str:
-    """Return a line without the values of its passwords and tokens, also where the key is misspelt."""
+    """Return a line without the values of passwords and tokens, also for misspelt keys."""
     shown, at = "", 0
     while key := _KEY.search(line, at):
         value = _value_after(key)
         shown += line[at : key.end()]
         at = key.end()
         if is_secret(key["word"]) and not value.startswith(("!secret", "!include", "${")):
-            shown += "*" * len(value)  # as long as it was: carets stay aligned
+            shown += "*" * len(value)  # same length, so that carets stay aligned
             at += len(value)
     return shown + line[at:]
 
 
 def _value_after(key: re.Match[str]) -> str:
-    """Return the value that follows a key on its line; rather too much of it than too little."""
+    """Return the value after a key on its line; rather too much of it than too little."""
     line, at = key.string, key.end()
     plain = _IN_BRACES if "{" in line[: key.start()] else _REST_OF_LINE
     found = _QUOTED.match(line, at) or plain.match(line, at)
@@ -111,7 +111,7 @@ def _value_after(key: re.Match[str]) -> str:
 
 
 def is_secret(key: str) -> bool:
-    """Return True when a key names a secret, or nearly so."""
+    """Return True if a key names a secret, or nearly so."""
     word = key.lower()
     if word in _SHORT_SECRETS or word.endswith(_TAIL_OF_SECRET):
         return True

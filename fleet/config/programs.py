@@ -1,4 +1,4 @@
-"""What fleet.yaml says of the programs beside an edge: the console and the recorder."""
+"""Sections of the programs beside an edge: the console and the recorder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ENDPOINT = re.compile(r"(\[[0-9a-fA-F:.]+\]|[0-9.]+):(\d{1,5})")
 
 
 def _tcp_endpoint(given: str) -> str:
-    """Refuse what is not ADDRESS:PORT."""
+    """Refuse a text that is not ADDRESS:PORT."""
     match = _ENDPOINT.fullmatch(given)
     try:
         ipaddress.ip_address(match[1].strip("[]") if match else "")
@@ -27,7 +27,7 @@ def _tcp_endpoint(given: str) -> str:
 
 
 class ConsoleTlsConfig(Model):
-    """The certificate that the console shows to browsers (PEM files)."""
+    """The certificate that the console presents to browsers (PEM files)."""
 
     cert: ExistingPath = Field(
         description="Certificate for the name in the browser's address, and its chain."
@@ -55,12 +55,13 @@ class ConsoleConfig(Model):
     )
     people: NewPath | None = Field(
         None,
-        description="File of who may log in. Left out: console-people.json, with the edge's state.",
+        description="File of the people who may log in. Left out: console-people.json, with the edge's "
+        "state.",
     )
 
     @model_validator(mode="after")
     def _listens_with_tls(self) -> Self:
-        """Refuse a port on which a password could be read on the way."""
+        """Refuse a port on which a password could be read on the network."""
         if self.listen is not None and self.tls is None:
             raise wrong(
                 "listen", "passwords and commands could be read and changed on the way; set tls: {cert, key}"
@@ -79,18 +80,20 @@ class ConsoleConfig(Model):
 
 
 class RecordConfig(Model):
-    """A recorder as a process beside the edge: what the robots report and are told, in MCAP files."""
+    """A recorder as a process beside the edge: reports and requests of the robots, in MCAP files."""
 
     folder: NewPath | None = Field(
         None,
-        description="For this recorder alone; nobody else may read it. Left out: recordings, beside the "
-        "spool of the edge.",
+        description="For this recorder only; not readable by other users. Left out: recordings, beside "
+        "the spool of the edge.",
     )
-    size: int = Field(2048, ge=16, le=1_048_576, description="Most MiB; beyond it the oldest is deleted.")
+    size: int = Field(
+        2048, ge=16, le=1_048_576, description="Limit in MiB; beyond it the oldest files are deleted."
+    )
     hours: float = Field(24.0, gt=0, le=87_600, allow_inf_nan=False, description="How long files are kept.")
     free: int = Field(
         512,
         ge=0,
         le=1_048_576,
-        description="MiB of the disk that stay free for others: with less nothing is recorded.",
+        description="MiB of the disk that stay free for others; with less, nothing is recorded.",
     )

@@ -1,7 +1,7 @@
-"""Reads places that robots are led through: from the command line, or from a CSV or GeoJSON file.
+"""Routes for robots, from the command line or from a CSV or GeoJSON file.
 
-CSV has one place a line, x,y[,z] in metres, or with a heading ``latitude,longitude[,altitude]`` on Earth.
-GeoJSON (RFC 7946) has them as a LineString, or as Points in their order: longitude, latitude[, altitude].
+CSV has one point per line: x,y[,z] in metres, or with a header line ``latitude,longitude[,altitude]`` on
+Earth. GeoJSON (RFC 7946) has a LineString, or Points in order: longitude, latitude[, altitude].
 """
 
 from __future__ import annotations
@@ -17,32 +17,32 @@ import msgspec
 
 from fleet.errors import Refused
 
-LARGEST = 1 << 20  # bytes of a file; a path of the most waypoints that a robot takes is far smaller
+LARGEST = 1 << 20  # bytes of a file; a path with the maximum of waypoints is far smaller
 METRES = ("x", "y", "z")
 EARTH = ("latitude", "longitude", "altitude")
 
 
 class Waypoints(msgspec.Struct, frozen=True):
-    """Places in their order, each of two or three numbers: metres, or with ``geo`` degrees and metres."""
+    """Points in order, each of two or three numbers: metres, or with ``geo`` degrees and metres."""
 
     places: tuple[tuple[float, ...], ...]
     geo: bool = False
 
 
 def is_name(word: str) -> bool:
-    """Return whether a word of the command line is the name of a place, and no number."""
+    """Return True if a word of the command line is the name of a place, not a number."""
     return word[:1].isalpha() and "," not in word
 
 
 def route_of(words: Sequence[str]) -> Waypoints:
-    """Return the places of a command line: ``X Y [Z]``, or several ``X,Y[,Z]``; raises Refused."""
+    """Return the points of a command line: ``X Y [Z]``, or several ``X,Y[,Z]``; raises Refused."""
     if any("," in word for word in words):
         return Waypoints(tuple(_place(word.split(","), f"place {at}") for at, word in enumerate(words, 1)))
     return Waypoints((_place(words, "the place"),))
 
 
 def read_route(file: Path) -> Waypoints:
-    """Return the places of a CSV or GeoJSON file; raises Refused with the line or the place in it."""
+    """Return the points of a CSV or GeoJSON file; raises Refused with the line or position in it."""
     try:
         with file.open("rb") as stream:
             data = stream.read(LARGEST + 1)
@@ -58,7 +58,7 @@ def read_route(file: Path) -> Waypoints:
 
 
 def _of_csv(text: str) -> Waypoints:
-    """Return the places of CSV."""
+    """Return the points of CSV."""
     try:
         rows = [(at, row) for at, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(row)]
     except csv.Error as error:
@@ -74,7 +74,7 @@ def _of_csv(text: str) -> Waypoints:
 
 
 def _of_geojson(text: str) -> Waypoints:
-    """Return the places of GeoJSON, whose longitude comes first."""
+    """Return the points of GeoJSON, whose longitude comes first."""
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -97,7 +97,7 @@ def _of_geojson(text: str) -> Waypoints:
 
 
 def _geometries(document: object) -> Iterator[dict[str, object]]:
-    """Yield the geometries of a GeoJSON object, as far as they are objects."""
+    """Yield the geometries of a GeoJSON object that are objects."""
     if not isinstance(document, dict):
         return
     if document.get("type") == "FeatureCollection":
@@ -111,7 +111,7 @@ def _geometries(document: object) -> Iterator[dict[str, object]]:
 
 
 def _place(cells: Iterable[object], where: str) -> tuple[float, ...]:
-    """Return one place; raises Refused."""
+    """Return one point; raises Refused."""
     numbers = [_number(cell, where) for cell in cells]
     if len(numbers) not in {2, 3}:
         raise Refused(f"{where}: two or three numbers are needed, these are {len(numbers)}")
@@ -127,7 +127,7 @@ def _number(cell: object, where: str) -> float:
 
 
 def _is_number(text: str) -> bool:
-    """Return whether a text is a finite number."""
+    """Return True if a text is a finite number."""
     try:
         return math.isfinite(float(text))
     except ValueError:

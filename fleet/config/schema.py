@@ -1,4 +1,4 @@
-"""The models of fleet.yaml. Robots are checked by the ``Config`` of the adapter each one names."""
+"""The models of fleet.yaml. The ``Config`` of each robot's adapter validates the robot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fleet.wire.topic_rules import ChannelConfig, ChannelName, TopicsConfig
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
 
 Mode = Literal["peer", "client", "router"]
-TOKEN = "cw_"  # noqa: S105 - how a Cyberwave token begins, whose user name follows from it
+TOKEN = "cw_"  # noqa: S105 - prefix of a Cyberwave token, which implies its user name
 
 
 def _folder(path: Path) -> Path:
@@ -31,7 +31,7 @@ def _folder(path: Path) -> Path:
 
 
 def _host(text: str) -> str:
-    """Refuse a URL or a port in the place of a host."""
+    """Refuse a URL, or a host with a port."""
     if "/" in text or text.count(":") == 1:
         raise ValueError("must be a name or an address alone; the port has a key of its own")
     return text
@@ -47,7 +47,7 @@ Age = Annotated[float, Field(gt=0, le=30 * 86400, allow_inf_nan=False)]
 
 
 class SpoolAges(Model):
-    """How long what the cloud has not taken is worth keeping, in seconds; older is dropped, and told."""
+    """Lifetimes of messages that the cloud has not accepted, in seconds; older ones are dropped."""
 
     reply: Age = Field(60.0, description="Answers to commands.")
     status: Age = Field(86400.0, description="The status of actions.")
@@ -55,7 +55,7 @@ class SpoolAges(Model):
 
 
 class SpoolConfig(Model):
-    """What outlives the edge: messages that the cloud has not taken yet, and what safety must remember."""
+    """State that survives the edge: messages for the cloud, and the state of stops and commands."""
 
     path: NewPath | None = Field(
         None,
@@ -66,21 +66,24 @@ class SpoolConfig(Model):
         256,
         ge=16,
         le=65536,
-        description="Most MiB on disk; beyond it the least important and oldest is dropped, and told.",
+        description="Limit in MiB on disk; beyond it the least important and oldest messages are dropped "
+        "and counted.",
     )
-    ages: SpoolAges = Field(SpoolAges(), description="How long messages are kept, by what they are.")
+    ages: SpoolAges = Field(SpoolAges(), description="How long messages are kept, by their kind.")
 
 
 class HistoryConfig(Model):
-    """How much is kept of what was asked of the robots, by whom, and what became of it."""
+    """Limits of the history of requests to the robots, their senders and outcomes."""
 
-    size: int = Field(64, ge=4, le=65536, description="Most MiB on disk; beyond it the oldest is dropped.")
+    size: int = Field(
+        64, ge=4, le=65536, description="Limit in MiB on disk; beyond it the oldest events are deleted."
+    )
     days: float = Field(
         90.0,
         gt=0,
         le=3650,
         allow_inf_nan=False,
-        description="How long it is kept; the newest 1000 events always are.",
+        description="Days for which events are kept; the newest 1000 always are.",
     )
 
 
@@ -89,8 +92,8 @@ class EdgeConfig(Model):
 
     id: Name = Field(description="The edge's name on the bus; no two edges of a site share it.")
     site: Name | None = Field(None, description="Its site in `fleet top`; edges of one site share it.")
-    spool: SpoolConfig = Field(SpoolConfig(), description="What outlives the edge, on its disk.")
-    history: HistoryConfig = Field(HistoryConfig(), description="Who commanded what; `fleet history`.")
+    spool: SpoolConfig = Field(SpoolConfig(), description="State that survives the edge, on its disk.")
+    history: HistoryConfig = Field(HistoryConfig(), description="Limits of the history (`fleet history`).")
 
 
 class WorkflowConfig(Model):
@@ -104,13 +107,13 @@ class WorkflowConfig(Model):
         "tele",
         min_length=1,
         max_length=32,
-        description="In whose name its robots are commanded: each must accept it for missions and for every "
-        "step. The cloud's message itself names none.",
+        description="Source type with which its robots are commanded: each must accept it for missions "
+        "and for every step. The cloud's message itself names none.",
     )
 
 
 class CloudConfig(TopicsConfig):
-    """The way to the Cyberwave cloud (MQTT). What is left out is taken from the environment."""
+    """The connection to the Cyberwave cloud (MQTT). Missing values are taken from the environment."""
 
     host: Host = Field(
         min_length=1, description="Name or address of the MQTT broker. Left out: CYBERWAVE_MQTT_HOST."
@@ -118,7 +121,9 @@ class CloudConfig(TopicsConfig):
     port: int = Field(8883, ge=1, le=65535, description="Left out: CYBERWAVE_MQTT_PORT, else 8883.")
     tls: bool = Field(True, description="Encrypt and check the broker's certificate.")
     insecure: bool = Field(
-        False, description="Allow tls: false to another computer: who listens reads and commands the robots."
+        False,
+        description="Allow tls: false to another computer: anyone on the way could read the traffic and "
+        "command the robots.",
     )
     ca_file: ExistingPath | None = Field(
         None,
@@ -138,7 +143,7 @@ class CloudConfig(TopicsConfig):
         "it is production.",
     )
     keepalive: int = Field(
-        5, ge=1, le=600, description="Seconds; a dead way is noticed after about one and a half of them."
+        5, ge=1, le=600, description="Seconds; a dead connection is detected after about 1.5 times this."
     )
 
     profile: Literal["lan", "lte", "satellite"] = Field(
@@ -150,7 +155,7 @@ class CloudConfig(TopicsConfig):
         description="More bus channels for the cloud than those in docs/reference/topics.md, by name.",
     )
     environments: frozenset[UUID] = Field(
-        frozenset(), description="Environments whose updates cross between the cloud and the bus."
+        frozenset(), description="Environments whose updates are forwarded between the cloud and the bus."
     )
     workflows: dict[UUID, WorkflowConfig] = Field(
         {}, description="Workflows of the cloud that start a mission, by uuid; any other starts none."
@@ -180,7 +185,7 @@ class CloudConfig(TopicsConfig):
         named = secrets if self.username is None else {"username": self.username, **secrets}
         for key, text in named.items():
             if not text.strip():
-                raise wrong(key, "is empty: nobody is let in by it; leave the key out, or give it a value")
+                raise wrong(key, "is empty and grants no access; leave the key out, or give it a value")
         password = secrets.get("password", TOKEN)
         if self.username is None and not password.startswith(TOKEN):
             raise wrong(
@@ -209,26 +214,27 @@ class BusConfig(Model):
         description="Endpoints to open besides the Unix sockets, by which programs of this user on this "
         "computer join (docs/how-to/bus.md).",
     )
-    connect: tuple[Locator, ...] = Field((), description="Endpoints to reach.")
+    connect: tuple[Locator, ...] = Field((), description="Endpoints to connect to.")
     tls: BusTlsConfig | None = Field(None, description="Certificates; needed for tls/ and quic/ endpoints.")
     user: str | None = Field(None, min_length=1, description="User name that peers must know.")
     password: SecretStr | None = Field(None, description="The user's password.")
     scouting: bool = Field(False, description="Find peers on the local network by multicast.")
     insecure: Insecure = Field(
         False,
-        description="Allow endpoints that ask for neither certificate nor password: local, those that every "
-        "user of this computer reaches (tcp/127.0.0.1:7447); true, also those that others reach.",
+        description="Allow endpoints without certificate and password: local, those that every user of "
+        "this computer can reach (tcp/127.0.0.1:7447); true, also those that other computers "
+        "can reach.",
     )
 
     access: dict[CommonName, Role] | None = Field(
         None,
-        description="Who may do what, by the common name of the certificate: edge, worker (of this edge, by "
-        "its name), console, program or router, for a person view, operate or admin; others may do nothing "
+        description="Roles by the common name of the certificate: edge, worker (of this edge, by its "
+        "name), console, program or router, for a person view, operate or admin; other names may do nothing "
         "(docs/how-to/bus.md). Left out: every certificate of the authority may do everything.",
     )
     consoles: dict[CommonName, Literal["view", "operate", "admin"]] = Field(
         {},
-        description="The most that persons at a console in access may do: view, operate or admin (default).",
+        description="Highest permission of persons at a console in access: view, operate or admin (default).",
     )
 
     @model_validator(mode="after")
@@ -247,7 +253,7 @@ class BusConfig(Model):
 
 
 class MetricsConfig(Model):
-    """Figures for Prometheus, at ``/metrics``."""
+    """Prometheus metrics at ``/metrics``."""
 
     port: int = Field(9464, ge=0, le=65535, description="0 takes any that is free, and logs it.")
     host: Host = Field("127.0.0.1", description="Where it listens.")
@@ -261,12 +267,13 @@ class MetricsConfig(Model):
 
 
 class SiteConfig(Model):
-    """The frame that the robots of this edge share: east-north-up, metres."""
+    """The common frame of the robots of this edge: east-north-up, metres."""
 
     origin: tuple[float, float, float] | None = Field(
         None,
-        description="[latitude, longitude, altitude]: degrees, and metres above mean sea level of the ground "
-        "there. Robots that know where on Earth they are are placed by it, those without GPS by their start.",
+        description="[latitude, longitude, altitude]: degrees, and metres above mean sea level of the "
+        "ground there. Robots with a position on Earth are placed by it, those without GPS by "
+        "their start.",
     )
 
     @model_validator(mode="after")
@@ -277,22 +284,23 @@ class SiteConfig(Model):
 
 
 class StopInputConfig(Model):
-    """A device whose heartbeat lets robots move: without it they are stopped. Not safety-rated."""
+    """A device whose heartbeat permits motion: without it the robots are stopped. Not safety-rated."""
 
-    name: Name = Field(description="What it is called in logs and health.")
+    name: Name = Field(description="Its name in logs and health.")
     kind: Literal["serial", "gpio", "hid"] = Field(
-        description="What is heard: bytes of a serial line, rising edges of a GPIO line, reports of HID."
+        description="Source of the heartbeat: bytes of a serial line, rising edges of a GPIO line, "
+        "reports of HID."
     )
     device: str = Field(
         pattern=r"^/",
-        description="/dev/serial/by-id/..., /dev/gpiochipN or /dev/hidrawN; what it is, is "
-        "seen when the edge runs: one that cannot be opened stops the robots.",
+        description="/dev/serial/by-id/..., /dev/gpiochipN or /dev/hidrawN; checked only when the edge "
+        "runs: a device that cannot be opened stops the robots.",
     )
     baud: Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400] = Field(
         9600, description="Of a serial line."
     )
     heartbeat: str = Field(
-        "", max_length=64, description="Text that a serial line must say; left out, any byte will do."
+        "", max_length=64, description="Text that a serial line must send; left out: any byte."
     )
     line: int | None = Field(None, ge=0, le=65535, description="Of a GPIO chip: the line's offset.")
     timeout: float = Field(
@@ -310,7 +318,7 @@ class StopInputConfig(Model):
 
 
 class Sections(Model):
-    """Everything in fleet.yaml but the robots themselves."""
+    """Everything in fleet.yaml except the robots."""
 
     edge: EdgeConfig = Field(description="The computer that this file is for.")
     pair: tuple[Name, Name] | None = Field(
@@ -323,7 +331,7 @@ class Sections(Model):
     bus: BusConfig = Field(BusConfig(), description="The Zenoh bus.")
     site: SiteConfig = Field(SiteConfig(), description="The frame that the robots share.")
     metrics: MetricsConfig | None = Field(
-        None, description="Figures for Prometheus. Left out: none, and no port is opened."
+        None, description="Prometheus metrics. Left out: none, and no port is opened."
     )
     console: ConsoleConfig | None = Field(
         None, description="A web page with the fleet (docs/how-to/console.md). Left out: none."
@@ -333,25 +341,25 @@ class Sections(Model):
     )
     plugins: tuple[ExistingFolder, ...] = Field(
         (),
-        description="Folders of drop-in adapters, which nobody but you and root may write; their code runs "
-        "in workers, with the rights of your user.",
+        description="Folders of drop-in adapters, writable only by you and root; their code runs in "
+        "workers, with the rights of your user.",
     )
     remote_workers: frozenset[Name] = Field(
         frozenset(),
-        description="Workers that somebody starts on another computer, with "
-        "fleet run --worker NAME and a copy of this file whose bus.connect is this edge; "
-        "the edge itself starts only the others.",
+        description="Workers that are started by hand on another computer, with fleet run --worker NAME "
+        "and a copy of this file whose bus.connect is this edge; the edge itself starts only "
+        "the others.",
     )
     defaults: dict[str, Any] = Field(
-        {}, description="Merged under every robot; what a robot says itself wins."
+        {}, description="Default values for every robot; a robot's own values take precedence."
     )
     groups: dict[Name, Group] = Field(
         {},
-        description="Names for several robots at once: [names], or {robots: [names], accepts: ..., limits: "
-        "...} with what holds for each of them unless it says otherwise itself.",
+        description="Names for several robots at once: [names], or {robots: [names], accepts: ..., "
+        "limits: ...} with settings for each of them, over which its own take precedence.",
     )
     missions: dict[Name, Any] = Field(
-        {}, description="What groups of robots shall do; docs/how-to/missions.md has the grammar."
+        {}, description="Tasks for groups of robots; docs/how-to/missions.md has the grammar."
     )
     events: tuple[Name, ...] = Field(
         (),
@@ -359,25 +367,25 @@ class Sections(Model):
         "wait for them, as they may for those of `fleet history`.",
     )
     schedules: dict[Name, ScheduleConfig] = Field(
-        {}, description="When missions start by themselves (docs/how-to/groups.md)."
+        {}, description="Automatic starts of missions (docs/how-to/groups.md)."
     )
     partners: dict[Name, PartnerConfig] = Field(
         {}, description="Other edges with which this one shares missions and the site, by their id."
     )
     places: dict[Name, PlaceConfig] = Field(
-        {}, description="Named points and areas: where robots are sent by name, and what missions occupy."
+        {}, description="Named points and areas: robots are sent there by name, missions occupy them."
     )
     stop_inputs: tuple[StopInputConfig, ...] = Field(
         (),
         description="Devices whose heartbeat lets robots move; their limits: docs/explanation/stops.md.",
     )
     notify: tuple[NotifyConfig, ...] = Field(
-        (), description="Webhooks and programs that are told of faults and stops, also without a cloud."
+        (), description="Webhooks and programs that are informed of faults and stops, also without a cloud."
     )
 
     @property
     def notified(self) -> tuple[NotifyConfig, ...]:
-        """Return who is told, with the robots of groups in the place of their names."""
+        """Return the targets of notices, with groups replaced by their robots."""
         return with_members(self.notify, self.members)
 
     @property
@@ -387,6 +395,6 @@ class Sections(Model):
 
 
 class FleetConfig(Sections):
-    """fleet.yaml as a whole."""
+    """The whole fleet.yaml."""
 
     robots: tuple[AdapterConfig, ...] = Field(description="The robots, each with its adapter's own fields.")

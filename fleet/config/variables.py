@@ -13,7 +13,7 @@ _VARIABLE = re.compile(
 
 
 class UndefinedVariable(Exception):
-    """A variable has no value and no default, or is written wrongly; ``hint`` says what to do."""
+    """A variable without value and default, or with a syntax error; ``hint`` is the remedy."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -21,9 +21,9 @@ class UndefinedVariable(Exception):
 
 
 def expand(text: str, environ: Mapping[str, str]) -> str:
-    """Return ``text`` with its variables filled in; an empty variable counts as not set for :- and :?.
+    """Return ``text`` with its variables expanded; for :- and :?, an empty variable counts as unset.
 
-    A dollar that begins neither ``${`` nor ``$$`` stays. Raises UndefinedVariable.
+    A dollar that starts neither ``${`` nor ``$$`` stays. Raises UndefinedVariable.
     """
 
     def value(match: re.Match[str]) -> str:

@@ -1,8 +1,9 @@
-"""fleet.yaml to plain data, with the place of every value: includes, secrets, variables.
+"""fleet.yaml to plain data with the position of every value: includes, secrets, variables.
 
-``!include FILE`` reads a file of the configuration's own folder; ``!secret NAME`` takes a value from
-secrets.yaml beside it, which only its owner may read; ``${VAR}`` comes from the environment. Reading goes
-on after a problem, so that one run tells them all: the value is then None and its path is ``spoiled``.
+``!include FILE`` reads a file in the folder of the configuration; ``!secret NAME`` takes a value from the
+secrets.yaml beside it, which only its owner may read; ``${VAR}`` is an environment variable. Reading
+continues after an error, so that one run reports all of them: the value is then None and its path is
+``spoiled``.
 """
 
 from __future__ import annotations
@@ -22,18 +23,18 @@ from fleet.config.variables import UndefinedVariable, expand
 
 MAX_NODES = 100_000
 SECRETS = "secrets.yaml"
-SHORTEST_SECRET = 4  # a shorter one cannot be told from the words around it
+SHORTEST_SECRET = 4  # a shorter one cannot be distinguished from ordinary text
 MERGE = "<<"
 NO_MERGE = "write what robots share under  defaults:"
 _COLLECTIONS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
 
 
 class Document(msgspec.Struct):
-    """What a file says, and where.
+    """Data of a file with positions.
 
-    ``marks`` and ``keys`` give the place of each value and of each mapping's key. ``texts`` are the paths
-    whose text came from a variable or a secret and may stand for a number. ``spoiled`` are the paths that
-    could not be read; their problems are told already. ``secrets`` must never be printed.
+    ``marks`` and ``keys`` are the positions of values and of keys of mappings. ``texts`` are the paths of
+    texts from variables or secrets, which may stand for a number. ``spoiled`` are the paths of unreadable
+    values, whose errors are reported already. ``secrets`` must never be printed.
     """
 
     data: Any = None
@@ -47,15 +48,15 @@ class Document(msgspec.Struct):
     lines: dict[str, list[str]] = {}
 
     def report(self, mark: Mark, message: str, hint: str = "") -> None:
-        """Add a problem with its line of text; secrets are taken out of the words."""
-        self.problems.append(self._told(mark, message, hint))
+        """Add an error with its line of text, without secrets."""
+        self.problems.append(self._problem(mark, message, hint))
 
     def warn(self, mark: Mark, message: str, hint: str = "") -> None:
-        """Add what a person should look at, though the file can be used."""
-        self.warnings.append(self._told(mark, message, hint))
+        """Add a warning: it needs a person's attention, but the file can be used."""
+        self.warnings.append(self._problem(mark, message, hint))
 
-    def _told(self, mark: Mark, message: str, hint: str) -> Problem:
-        """Return what is wrong, with its line of text and without secrets."""
+    def _problem(self, mark: Mark, message: str, hint: str) -> Problem:
+        """Return an error with its line of text, without secrets."""
         lines = self.lines.get(mark.file, [])
         text = lines[mark.line - 1] if 0 < mark.line <= len(lines) else ""
         for secret in sorted(self.secrets, key=len, reverse=True):
@@ -64,7 +65,7 @@ class Document(msgspec.Struct):
         return problem_at(mark, message, text=text, hint=hint)
 
     def copy_places(self, source: Path, target: Path, value: object) -> None:
-        """Let ``value``, which stands at ``source``, be told there when it is used at ``target`` too."""
+        """Register the positions of ``value`` at ``source`` for its copy at ``target``."""
         for places in (self.marks, self.keys):
             if source in places:
                 places[target] = places[source]
@@ -75,15 +76,15 @@ class Document(msgspec.Struct):
             self.copy_places((*source, step), (*target, step), part)
 
     def spoil(self, path: Path, mark: Mark, message: str, hint: str = "") -> None:
-        """Report a value that cannot be read."""
+        """Report an unreadable value."""
         self.spoiled.add(path)
         self.report(mark, message, hint)
 
 
 def read(path: pathlib.Path, environ: Mapping[str, str], *, if_missing: str = "") -> Document:
-    """Return what the file says with every problem met; never raises for what is in the files.
+    """Return the content of a file with every error; never raises for errors in files.
 
-    ``if_missing``: what to do where there is no such file.
+    ``if_missing``: the hint for a missing file.
     """
     reader = _Reader(path, environ, if_missing)
     reader.document.data = reader.file(path, Mark(str(path), 1, 1), ())
@@ -91,9 +92,9 @@ def read(path: pathlib.Path, environ: Mapping[str, str], *, if_missing: str = ""
 
 
 def read_sections(path: pathlib.Path, environ: Mapping[str, str], names: Iterable[str]) -> Document:
-    """Return some sections of a file, each read by itself: what is wrong elsewhere keeps none from it.
+    """Return some sections of a file, each read by itself, so that errors elsewhere do not matter.
 
-    A section is found by its name at the beginning of a line. Where none is, the whole file is read.
+    A section is found by its name at the start of a line. If none is found, the whole file is read.
     """
     try:
         text = _bytes_of(path).decode("utf-8-sig", errors="replace")
@@ -112,7 +113,7 @@ def read_sections(path: pathlib.Path, environ: Mapping[str, str], names: Iterabl
 
 
 def _section(text: str, name: str) -> str:
-    """Return a section of a file in the lines where it stands, all others empty; empty without one."""
+    """Return a section of a file on its original lines, all other lines empty; empty without one."""
     lines, within = [], False
     for line in text.splitlines():
         if line[:1] not in ("", " ", "\t", "#", "}", "]"):
@@ -122,7 +123,7 @@ def _section(text: str, name: str) -> str:
 
 
 class _Reader:
-    """Walks the nodes of a file and of what it includes."""
+    """Walks the nodes of a file and of its included files."""
 
     def __init__(self, path: pathlib.Path, environ: Mapping[str, str], if_missing: str = "") -> None:
         self.document = Document()
@@ -136,7 +137,7 @@ class _Reader:
         self._secrets: Mapping[str, str] | None = None
 
     def file(self, path: pathlib.Path, asked_at: Mark, where: Path) -> Any:
-        """Return the data of a file that stands at ``where``."""
+        """Return the data of a file for the path ``where``."""
         shown = str(path)
         try:
             text = decoded(_bytes_of(path))
@@ -153,7 +154,7 @@ class _Reader:
             self._open_files.pop()
 
     def text(self, text: str, shown: str, where: Path) -> Any:
-        """Return the data in a file's text that stands at ``where``."""
+        """Return the data of a file's text for the path ``where``."""
         self.document.lines[shown] = text.splitlines()
         try:
             node = compose(text)
@@ -166,7 +167,7 @@ class _Reader:
         return self._value(node, where, shown)
 
     def _value(self, node: yaml.Node, where: Path, file: str) -> Any:
-        """Return the value of a node, its place noted; None after reporting why it has none."""
+        """Return the value of a node and record its position; None after reporting an error."""
         mark = _mark(node, file, where)
         self.document.marks[where] = mark
         self._count += 1
@@ -191,7 +192,7 @@ class _Reader:
             self._open_nodes.pop()
 
     def _mapping(self, node: yaml.MappingNode, where: Path, file: str) -> dict[str, object]:
-        """Return a mapping; keys that are no words, or stand twice, are reported and left out."""
+        """Return a mapping; keys that are no words or occur twice are reported and left out."""
         data: dict[str, object] = {}
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode) or key.tag != STR:
@@ -211,7 +212,7 @@ class _Reader:
         return data
 
     def _scalar(self, node: yaml.ScalarNode, where: Path, mark: Mark) -> Any:
-        """Return a scalar by its tag, with its environment variables filled in."""
+        """Return a scalar by its tag, with environment variables expanded."""
         if node.tag == "!include":
             return self._include(node.value, where, mark)
         if node.tag == "!secret":
@@ -228,25 +229,25 @@ class _Reader:
         return text
 
     def _unknown_tag(self, node: yaml.Node, where: Path, mark: Mark) -> None:
-        """Report a tag that is not known here; nothing is made of it."""
+        """Report an unknown tag."""
         hint = nearest(node.tag, ("!include", "!secret")) or "only !include and !secret are known"
         self.document.spoil(where, mark, f"the tag {node.tag} is not allowed", hint)
 
     def _include(self, name: str, where: Path, mark: Mark) -> Any:
-        """Return what another file holds; one outside the folder of the first is reported and not read."""
+        """Return the content of an included file; one outside the first file's folder is refused."""
         path = pathlib.Path(os.path.normpath(pathlib.Path(mark.file).parent / name))
         target = path.resolve()
         if not target.is_relative_to(self._folder):
             message = f"{name} is outside the folder of the configuration"
             return self.document.spoil(where, mark, message, f"keep included files in {self._shown}/")
-        if target.exists() and not target.is_file():  # a FIFO would be waited for without end
+        if target.exists() and not target.is_file():  # opening a FIFO would block without end
             return self.document.spoil(where, mark, f"{name} is no regular file")
         if target in self._open_files:
             return self.document.spoil(where, mark, f"{name} includes itself")
         return self.file(path, mark, where)
 
     def _secret(self, name: str, where: Path, mark: Mark) -> str | None:
-        """Return a secret by its name; the file is read with the first of them."""
+        """Return a secret by its name; the file is read for the first one."""
         path = self._shown / SECRETS
         hint = "write the file with mode 0600, one  name: value  a line"
         try:
@@ -268,7 +269,7 @@ class _Reader:
 
 
 def secret_names(path: pathlib.Path) -> list[str]:
-    """Return the names in a secrets file, without their values; none where it cannot be used."""
+    """Return the names in a secrets file, without values; empty if it cannot be used."""
     try:
         return sorted(_secrets_of(path))
     except (OSError, BadYaml):
@@ -276,7 +277,7 @@ def secret_names(path: pathlib.Path) -> list[str]:
 
 
 def _secrets_of(path: pathlib.Path) -> Mapping[str, str]:
-    """Return the secrets by name; raises OSError, or BadYaml when others can read them."""
+    """Return the secrets by name; raises OSError, or BadYaml if other users can read the file."""
     if path.exists() and not path.is_file():
         raise BadYaml("it is no regular file")
     with path.open("rb") as file:
@@ -293,14 +294,14 @@ def _secrets_of(path: pathlib.Path) -> Mapping[str, str]:
 
 
 def _parts_of(value: object) -> Iterable[tuple[str | int, object]]:
-    """Return the parts of a mapping or a list with the step that leads to each."""
+    """Return the parts of a mapping or list with their keys or indices."""
     if isinstance(value, dict):
         return value.items()
     return enumerate(value) if isinstance(value, list) else ()
 
 
 def _bytes_of(path: pathlib.Path) -> bytes:
-    """Read a file, at most one byte more than is allowed."""
+    """Read a file, at most one byte more than permitted."""
     with path.open("rb") as file:
         return file.read(MAX_BYTES + 1)
 

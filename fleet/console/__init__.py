@@ -1,1 +1,1 @@
-"""The console: a web page with the fleet, served by a process of its own that is a client of the bus."""
+"""The console: a web page with the fleet, served by a separate process that is a client of the bus."""

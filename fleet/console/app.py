@@ -1,17 +1,17 @@
-"""The console's addresses: the page, its session, its WebSocket, and the stop that needs no WebSocket.
+"""HTTP and WebSocket endpoints of the console: page, session, live data, and stops without a WebSocket.
 
 =========================  ==========================================================================
 ``GET /`` and its files    the page, the same for everybody, without data
-``POST /api/session``      a link's token for the cookie of a session
-``POST /api/login``        name and password for the cookie of a session, where people log in
-``GET /api/session``       whose session it is
-``POST /api/logout``       the end of the session and of its pages
+``POST /api/session``      exchanges a link's token for a session cookie
+``POST /api/login``        exchanges name and password for a session cookie, if login is configured
+``GET /api/session``       the operator of the session
+``POST /api/logout``       ends the session and its pages
 ``GET /ws``                the WebSocket of a page
-``POST /api/stop``         an emergency stop; a request that is known by the WebSocket is not asked again
-``GET /api/stops/ID``      how that stop goes
-``GET /api/basemap``       how the map under the robots is placed, if there is one
-``GET /api/tiles/Z/X/Y``   a picture of it
-``GET /api/photos/ROBOT``  the newest picture of a robot that a page shows
+``POST /api/stop``         an emergency stop; a request already known by the WebSocket is not repeated
+``GET /api/stops/ID``      the progress of that stop
+``GET /api/basemap``       the placement of the map under the robots, if there is one
+``GET /api/tiles/Z/X/Y``   a tile of it
+``GET /api/photos/ROBOT``  the newest picture of a robot shown by a page
 ``POST /api/recording``    a window of the recordings as a file
 ``GET /foxglove/TOKEN``    the WebSocket of Foxglove, on loopback only
 =========================  ==========================================================================
@@ -46,43 +46,43 @@ from fleet.console.tab import Tab
 from fleet.errors import Refused, WireError
 from fleet.runtime.decoding import decode_json
 
-NOT_IN = "nobody is signed in: open a new link, which  fleet console --link  prints"
+NOT_IN = "not signed in: open a new link, printed by  fleet console --link"
 USED = "this link was used already, or is older than ten minutes: fleet console --link  prints a new one"
-LOGGED_OUT = "nobody is logged in here, or the session has ended: log in"
+LOGGED_OUT = "not logged in, or the session has ended: log in"
 LOGIN_PAGE = "/login.html"
-SESSION_ENDED = 4401  # close code of ours
+SESSION_ENDED = 4401  # close code of our own
 PROOF = "x-fleet-proof"
-"""The header in which a page shows its proof."""
+"""The header with the proof of a page."""
 PROTOCOL = "fleet.console"
-"""The protocol of the WebSocket; the proof is named after it, for a page can set no header there."""
+"""The subprotocol of the WebSocket; the proof is sent as a second one, as pages cannot set headers there."""
 TRY_AGAIN_LATER = 1013  # close code: overloaded
 
 
 class _Given(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What opens a session."""
+    """Request to open a session by a link."""
 
     token: str
 
 
 class _Credentials(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What somebody logs in with."""
+    """Request to log in."""
 
     name: Annotated[str, msgspec.Meta(max_length=LONGEST_NAME)]
     password: Annotated[str, msgspec.Meta(max_length=LONGEST_PASSWORD)]
 
 
 def make_app(hub: Hub, sessions: Sessions) -> ASGIApp:
-    """Return the console of loopback, which links open, as an ASGI application behind its guard."""
+    """Return the console on loopback, opened by links, as an ASGI application behind its guard."""
     return Guard(_App(hub, sessions, page_files()).routes())
 
 
 def make_login_app(hub: Hub, login: Login, served: Served) -> ASGIApp:
-    """Return the console on which people log in, as an ASGI application behind its guard."""
+    """Return the console with login, as an ASGI application behind its guard."""
     return Guard(_App(hub, login.sessions, page_files(), login).routes(), served)
 
 
 class _Export(StreamingResponse):
-    """A file that is being exported; ``stack`` ends that, also when the browser has gone before it began."""
+    """Response with an export; ``stack`` ends the export, even if the browser leaves before it begins."""
 
     def __init__(self, blocks: AsyncIterator[bytes], stack: contextlib.AsyncExitStack) -> None:
         super().__init__(blocks, media_type="application/octet-stream")
@@ -95,7 +95,7 @@ class _Export(StreamingResponse):
 
 
 class _App:
-    """The handlers of the addresses."""
+    """The request handlers."""
 
     def __init__(
         self, hub: Hub, sessions: Sessions, files: Mapping[str, PageFile], login: Login | None = None
@@ -131,18 +131,18 @@ class _App:
         )
 
     def _shown(self, connection: HTTPConnection) -> Session | None:
-        """Return the session that a request shows."""
+        """Return the session of a request."""
         shown = connection.scope.get("subprotocols") or []
         proof = shown[-1] if PROTOCOL in shown[:-1] else connection.headers.get(PROOF, "")
         return self._sessions.session_of(connection.cookies, proof)
 
     def _operator(self, connection: HTTPConnection) -> Operator | None:
-        """Return whose session a request shows."""
+        """Return the operator of a request's session."""
         session = self._shown(connection)
         return session.operator if session is not None else None
 
-    def _nobody(self) -> Response:
-        """Answer who shows no session."""
+    def _unauthorized(self) -> Response:
+        """Return the response to a request without a session."""
         if self._login is None:
             return _json({"error": NOT_IN}, 401)
         return _json({"error": LOGGED_OUT, "login": LOGIN_PAGE}, 401)
@@ -182,34 +182,34 @@ class _App:
         return self._opened(opened)
 
     def _opened(self, opened: Opened) -> Response:
-        """Answer with a new session."""
+        """Return the response with a new session."""
         name = self._sessions.cookie
         operator = self._sessions.operator_of({name: opened.cookie}, opened.proof)
-        if operator is None:  # removed in this very moment
-            return self._nobody()
-        response = _json(_told(operator) | {"proof": opened.proof})
+        if operator is None:  # removed at this very moment
+            return self._unauthorized()
+        response = _json(_operator_fields(operator) | {"proof": opened.proof})
         secure = self._login is not None
         response.set_cookie(name, opened.cookie, httponly=True, samesite="strict", path="/", secure=secure)
         return response
 
     async def _log_out(self, request: Request) -> Response:
-        """End a session; its pages end at their next look."""
+        """End a session; its pages are closed at the next tick."""
         session = self._shown(request)
         if session is None:
-            return self._nobody()
+            return self._unauthorized()
         self._sessions.end(session)
         return _json({})
 
     async def _session(self, request: Request) -> Response:
-        """Tell whose session it is."""
+        """Return the operator of the session."""
         operator = self._operator(request)
-        return _json(_told(operator)) if operator else self._nobody()
+        return _json(_operator_fields(operator)) if operator else self._unauthorized()
 
     async def _stop(self, request: Request) -> Response:
-        """Stop robots; answers when each edge has, or is late."""
+        """Stop robots; the response follows when each edge has answered or timed out."""
         operator = self._operator(request)
         if operator is None:
-            return self._nobody()
+            return self._unauthorized()
         try:
             asked = read_stop(await _body(request))
         except WireError as error:
@@ -217,33 +217,33 @@ class _App:
         return _json(await self._hub.stop(StopTarget(asked.robots), operator, asked.why, asked.request))
 
     async def _stopped(self, request: Request) -> Response:
-        """Tell how a stop goes."""
+        """Return the progress of a stop."""
         if self._operator(request) is None:
-            return self._nobody()
+            return self._unauthorized()
         found = self._hub.view.get("stops", request.path_params["request"])
         return _json(found) if found else _json({"error": "there is no such stop"}, 404)
 
     async def _basemap(self, request: Request) -> Response:
-        """Tell what a page must know of the map under the robots; nothing where there is none."""
+        """Return the placement of the map under the robots; empty if there is none."""
         if self._operator(request) is None:
-            return self._nobody()
+            return self._unauthorized()
         return _json(self._hub.tiles.told if self._hub.tiles is not None else {})
 
     async def _tile(self, request: Request) -> Response:
-        """Send a picture of the map; nothing where it has none."""
+        """Send a tile of the map; no content if it has none."""
         if self._operator(request) is None:
-            return self._nobody()
+            return self._unauthorized()
         at = request.path_params
         tiles = self._hub.tiles
         found = await tiles.tile(at["zoom"], at["column"], at["row"]) if tiles is not None else None
         if found is None:
-            return Response(status_code=204)  # no error: a map ends somewhere
+            return Response(status_code=204)  # no error: a map has an edge
         return Response(found.content, media_type=found.media_type)
 
     async def _photo(self, request: Request) -> Response:
         """Send the newest picture of a robot."""
         if self._operator(request) is None:
-            return self._nobody()
+            return self._unauthorized()
         photo = self._hub.edges.watched.photos.newest(request.path_params["robot"])
         if photo is None:
             return _json({"error": "there is no picture of it"}, 404)
@@ -253,7 +253,7 @@ class _App:
         """Send a window of the recordings."""
         operator = self._operator(request)
         if operator is None:
-            return self._nobody()
+            return self._unauthorized()
         async with contextlib.AsyncExitStack() as stack:
             try:
                 window = decode_json(await _body(request), Window)
@@ -288,15 +288,15 @@ class _App:
         await self._hub.foxglove.serve(socket, socket.path_params["token"])
 
     async def _end_with(self, session: Session, socket: WebSocket) -> None:
-        """Close a page when its session ends; while the page is open, the session is in use."""
+        """Close a page when its session ends; an open page keeps the session in use."""
         while self._sessions.renew(session):
             await self._hub.next_tick()
-        with contextlib.suppress(RuntimeError):  # it is being closed
+        with contextlib.suppress(RuntimeError):  # the socket is closing already
             await socket.close(SESSION_ENDED, "the session has ended")
 
 
 async def _body(request: Request) -> bytes:
-    """Return the body of a request, which is no longer than it says; raises WireError."""
+    """Return the body of a request within the limit; raises WireError."""
     body = b""
     async for part in request.stream():
         body += part
@@ -306,10 +306,10 @@ async def _body(request: Request) -> bytes:
 
 
 def _json(told: object, status: int = 200) -> Response:
-    """Return an answer in JSON."""
+    """Return a JSON response."""
     return Response(msgspec.json.encode(told), status, media_type="application/json")
 
 
-def _told(operator: Operator) -> dict[str, str]:
+def _operator_fields(operator: Operator) -> dict[str, str]:
     """Return an operator for the page."""
     return {"operator": operator.name, "permission": operator.permission.word}

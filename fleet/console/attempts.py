@@ -1,4 +1,4 @@
-"""How many failed logins a name or an address has, and how long the next try waits; no I/O, no clock."""
+"""Failed logins by name or address, and the delay of the next try; without I/O or clock."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections import OrderedDict
 
 import msgspec
 
-FORGET = 900.0  # s without a failure after which a key begins anew
-MOST = 4096  # keys that are remembered; the one whose last failure is oldest goes for a new one
+FORGET = 900.0  # s without a failure after which the count of a key restarts
+MOST = 4096  # keys; a new one replaces the one with the oldest last failure
 
 
 class Limit(msgspec.Struct, frozen=True):
-    """``free`` failures cost nothing; each further one doubles the wait, up to ``longest`` seconds."""
+    """``free`` failures have no delay; each further one doubles it, up to ``longest`` seconds."""
 
     free: int
     longest: float
 
 
 BY_NAME = Limit(5, 60.0)
-"""Short: who knows a name could else keep that person out, who may have robots to stop."""
+"""Short: otherwise anyone who knows a name could keep its owner, who may need to stop robots, locked out."""
 BY_ADDRESS = Limit(10, 900.0)
 
 
@@ -32,19 +32,19 @@ class _Failures(msgspec.Struct):
 
 
 class Attempts:
-    """The failed tries by key. ``now`` is always monotonic seconds."""
+    """Failed tries by key. ``now`` is always monotonic seconds."""
 
     def __init__(self, limit: Limit) -> None:
         self._limit = limit
         self._failures: OrderedDict[str, _Failures] = OrderedDict()
 
     def wait(self, key: str, now: float) -> float:
-        """Return how many seconds are left until a key may try, 0 when it may."""
+        """Return the seconds until a key may try again, 0 if it may."""
         found = self._failures.get(key)
         return max(0.0, found.until - now) if found is not None else 0.0
 
     def fail(self, key: str, now: float) -> float:
-        """Note a failure; return how many seconds the next try has to wait."""
+        """Record a failure; return the delay of the next try in seconds."""
         found = self._failures.pop(key, None)
         if found is None or now - found.last >= FORGET:
             found = _Failures()
@@ -64,7 +64,7 @@ class Attempts:
 
 
 def address_key(address: str) -> str:
-    """Return by what an address is counted: IPv6 by its network, of which a computer has every address."""
+    """Return the counting key of an address; for IPv6 its /64 network, which one computer can use alone."""
     try:
         parsed = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:

@@ -1,9 +1,9 @@
-"""The map under the robots: pictures from an archive on this computer, and where the site is on them.
+"""The map under the robots: tiles from an archive on this computer, and the site's position on them.
 
-The archive (PMTiles version 3) is a file that fleet.yaml names (``console.map``); nothing comes from a
-network. What is wrong with it costs the picture, never the console, which relays stops: it is read by
-``pread`` (a file that is cut while it is mapped would end the process), one picture at a time, and each
-directory of it is decoded once, within bounds.
+The archive (PMTiles version 3) is a file named in fleet.yaml (``console.map``); nothing is loaded from a
+network. Errors in it affect only the map, never the console, which relays stops: it is read by ``pread`` (a
+memory-mapped file that is truncated would kill the process), one tile at a time, and each of its directories
+is decoded once, within limits.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from fleet.runtime.rate_limited_counter import RateLimitedCounter
 
 log = logging.getLogger(__name__)
 
-LARGEST = 2 * 1024 * 1024  # bytes of one picture, of the metadata
-LARGEST_DIRECTORY = 512 * 1024  # bytes as they are decoded; some 80,000 entries
-KEPT = 64  # directories that are kept decoded
-DEPTH = 4  # directories from the root to a picture, at most
-DEEPEST = 24  # the zoom at which a picture shows less than a metre
+LARGEST = 2 * 1024 * 1024  # bytes of one tile, and of the metadata
+LARGEST_DIRECTORY = 512 * 1024  # bytes after decoding; some 80,000 entries
+KEPT = 64  # decoded directories in the cache
+DEPTH = 4  # directories from the root to a tile, at most
+DEEPEST = 24  # the zoom at which a tile covers less than a metre
 LONGEST_ATTRIBUTION = 300  # characters
-_GZIP = 31  # zlib's window for data with gzip's head
+_GZIP = 31  # zlib's window bits for gzip data
 _BROKEN = (ValueError, LookupError, TypeError, AttributeError, EOFError, OSError, zlib.error, OverflowError)
-"""What ``pmtiles`` raises for an archive that is cut or damaged."""
+"""Exceptions of ``pmtiles`` for a truncated or damaged archive."""
 
 
 class Archive:
-    """An open archive; blocks. All its methods raise what ``_BROKEN`` names for what cannot be read."""
+    """An open archive; blocks. All its methods raise the exceptions of ``_BROKEN`` for unreadable data."""
 
     def __init__(self, path: Path) -> None:
         self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
@@ -59,7 +59,7 @@ class Archive:
         self._directory = lru_cache(KEPT)(self._decoded)
 
     def metadata(self) -> dict[str, Any]:
-        """Return what the archive says of itself."""
+        """Return the metadata of the archive."""
         data = self._read(self.header["metadata_offset"], self.header["metadata_length"])
         if self.header["internal_compression"] == Compression.GZIP:
             data = _unzipped(data, LARGEST)
@@ -67,7 +67,7 @@ class Archive:
         return found if isinstance(found, dict) else {}
 
     def tile(self, zoom: int, column: int, row: int) -> bytes | None:
-        """Return the bytes of a picture, None where there is none."""
+        """Return the bytes of a tile, None if there is none."""
         header, number = self.header, zxy_to_tileid(zoom, column, row)
         offset, length = header["root_offset"], header["root_length"]
         for _ in range(DEPTH):
@@ -82,11 +82,11 @@ class Archive:
     def _decoded(self, offset: int, length: int) -> list[Entry]:
         """Read a directory."""
         data = self._read(offset, length)
-        _unzipped(data, LARGEST_DIRECTORY)  # ``pmtiles`` sets no bound
+        _unzipped(data, LARGEST_DIRECTORY)  # checks the size, which ``pmtiles`` does not limit
         return deserialize_directory(data)
 
     def _read(self, offset: int, length: int) -> bytes:
-        """Read a part of the file; raises EOFError when it is shorter, ValueError for more than it may be."""
+        """Read a part of the file; raises EOFError if it is shorter, ValueError beyond the limit."""
         if length > LARGEST:
             raise ValueError(f"a part of it has {length} bytes")
         data = os.pread(self._file, length, offset)
@@ -96,7 +96,7 @@ class Archive:
 
 
 def _unzipped(data: bytes, most: int) -> bytes:
-    """Return data without its compression; raises ValueError beyond ``most`` bytes."""
+    """Decompress data; raises ValueError beyond ``most`` bytes."""
     out = zlib.decompressobj(_GZIP).decompress(data, most + 1)
     if len(out) > most:
         raise ValueError(f"a part of it has more than {most} bytes")
@@ -104,7 +104,7 @@ def _unzipped(data: bytes, most: int) -> bytes:
 
 
 class MapTiles:
-    """Serves the pictures of one archive; ``told`` is what a page must know to place them."""
+    """Serves the tiles of one archive; ``told`` is its placement for pages."""
 
     def __init__(self, basemap: Basemap, clock: Clock) -> None:
         self.told: dict[str, Any] = {"origin": basemap.origin}
@@ -117,7 +117,7 @@ class MapTiles:
             log.warning("the map %s cannot be shown: %s", basemap.path, error)
 
     def _open(self, path: Path) -> None:
-        """Open the archive; raises what is wrong with it."""
+        """Open the archive; raises an exception of ``_BROKEN``."""
         archive = Archive(path)
         least, most = int(archive.header["min_zoom"]), int(archive.header["max_zoom"])
         if not 0 <= least <= most <= DEEPEST:
@@ -127,7 +127,7 @@ class MapTiles:
         self._archive = archive
 
     async def tile(self, zoom: int, column: int, row: int) -> PageFile | None:
-        """Return a picture; None where the archive has none, or none that can be read."""
+        """Return a tile; None if it is missing or unreadable."""
         if self._archive is None or zoom > DEEPEST or max(column, row) >= 2**zoom:
             return None
         try:

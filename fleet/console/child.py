@@ -1,6 +1,6 @@
-"""The console as a child process of ``fleet run``, ``demo`` or ``console``: started, watched, started again.
+"""The console as a child process of ``fleet run``, ``demo`` or ``console``: start, monitor, restart.
 
-It is no part of the robots' process: it may hang or die and no robot notices.
+It is separate from the robots' process: it may hang or die without any effect on robots.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from fleet.host.process.side_program import SideProgram
 log = logging.getLogger(__name__)
 
 START_WITHIN = 60.0  # s; an overloaded computer takes 15
-LOOK = 0.05  # s between looks whether it serves
+LOOK = 0.05  # s between checks whether it serves
 EXTRA = "the console needs its extra: pip install 'zenoh-fleet[console]' (here: uv sync --extra console)"
 
 
 def is_installed() -> bool:
-    """Return whether the packages of the extra are there."""
+    """Return True if the packages of the extra are installed."""
     return all(importlib.util.find_spec(name) for name in ("argon2", "starlette", "uvicorn", "websockets"))
 
 
 class ConsoleChild:
     """One console process.
 
-    ``problem`` is what is wrong with it, empty while it serves; ``process`` its id, 0 before the first.
-    ``served`` hears each time it begins to serve, with a link for ``asked`` where that is given.
+    ``problem`` is its error, empty while it serves; ``process`` is its id, 0 before the first start.
+    ``served`` is called each time it begins to serve, with a link for ``asked`` if given.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class ConsoleChild:
 
     @property
     def problem(self) -> str:
-        """What is wrong with it; empty while it serves."""
+        """Its error; empty while it serves."""
         return self._program.problem
 
     @property
@@ -73,7 +73,7 @@ class ConsoleChild:
         await self._program.run(again=again)
 
     async def _wait_served(self, process: asyncio.subprocess.Process) -> None:
-        """Wait until this process serves, and tell."""
+        """Wait until this process serves, and call ``served``."""
         end = self._clock.monotonic() + START_WITHIN
         while self._clock.monotonic() < end:
             link = await asyncio.to_thread(self._link_of, process.pid)
@@ -86,7 +86,7 @@ class ConsoleChild:
         log.error("%s", self._program.problem)
 
     def _link_of(self, process: int) -> str | None:
-        """Return a link of this process, empty where none is asked for; None while it does not serve."""
+        """Return a link of this process, empty if none is requested; None while it does not serve."""
         if self._asked is None:
             return "" if answers(self._path) else None
         given = ask_link(self._path, self._asked)

@@ -1,6 +1,6 @@
-"""Commands from the console: the messages that any local program sends, with the operator's name.
+"""Commands from the console: the same messages as from any local program, with the operator's name.
 
-They walk the one admission path of the edge. Nothing is judged here but what only the page knows.
+They pass through the edge's admission. Only facts known to the page alone are checked here.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from fleet.runtime.decoding import decode_json
 from fleet.wire.goals import GotoTarget, goals
 from fleet.wire.rules import Kind
 
-END_WITHIN = 300.0  # s for a command to be seen carried out
+END_WITHIN = 300.0  # s until a command must be seen done
 SHOWN = 30  # events of a robot
-HISTORY_WITHIN = 5.0  # s for what an edge reads from its disk
+HISTORY_WITHIN = 5.0  # s for answers that an edge reads from its disk
 
 Prepared = tuple[RobotState, Kind, Mapping[str, object]]
-"""Whom to ask, as which kind of message, and the message."""
+"""Robot, kind of message, and message."""
 
 
 def prepare(asked: GotoAsked | CommandAsked | ReleaseAsked, view: FleetView) -> list[Prepared]:
-    """Return the messages for each robot; raises Refused for robots nobody knows, and for a goal no good."""
+    """Return the message for each robot; raises Refused for unknown robots, and for an invalid goal."""
     names = (asked.robot,) if isinstance(asked, CommandAsked) else asked.robots
     robots = view.named(names)
     if not names or len(robots) != len(set(names)):
@@ -55,7 +55,7 @@ def prepare(asked: GotoAsked | CommandAsked | ReleaseAsked, view: FleetView) -> 
 
 
 def _goals(asked: GotoAsked, robots: list[RobotState]) -> list[dict[str, object]]:
-    """Return the goal of each robot; without a height each keeps its own. Raises Refused."""
+    """Return the goal of each robot; without a height, each keeps its own. Raises Refused."""
     made = goals(GotoTarget(asked.x, asked.y, asked.z, "site", spacing=asked.spacing), robots)
     for robot, message in zip(robots, made, strict=True):
         place = message["position"]
@@ -67,15 +67,15 @@ def _goals(asked: GotoAsked, robots: list[RobotState]) -> list[dict[str, object]
 def _hand_over(
     loop: asyncio.AbstractEventLoop, replies: asyncio.Queue[bytes | None], data: bytes | None
 ) -> None:
-    """Pass an answer, or None for the end of them, to the loop; on the bus's thread."""
+    """Pass an answer, or None for the end of the answers, to the loop; on the bus's thread."""
     with contextlib.suppress(RuntimeError):  # the loop has ended
         loop.call_soon_threadsafe(replies.put_nowait, data)
 
 
 async def send(
-    prepared: Prepared, lane: ZenohSession, operator: Operator, clock: Clock
+    prepared: Prepared, bus_session: ZenohSession, operator: Operator, clock: Clock
 ) -> AsyncIterator[Reply]:
-    """Ask a robot; yield its receipt and its end, or one reply that says that there was none."""
+    """Send a command to a robot; yield its receipt and outcome, or one timeout without an answer."""
     robot, kind, message = prepared
     name = str(message["command"])
     try:
@@ -87,8 +87,8 @@ async def send(
         return
     loop = asyncio.get_running_loop()
     replies: asyncio.Queue[bytes | None] = asyncio.Queue()
-    lane.ask_later(
-        keys.as_console(keys.command(robot.edge, robot.name), operator.permission.word, lane.identity),
+    bus_session.ask_later(
+        keys.as_console(keys.command(robot.edge, robot.name), operator.permission.word, bus_session.identity),
         payload,
         timeout=END_WITHIN,
         parameters={"kind": kind, "wait": "1"},
@@ -107,17 +107,17 @@ async def send(
         yield Reply(name, ReplyStatus.TIMEOUT, robot.cause or "its process does not answer")
 
 
-def causes(lanes: Iterable[ZenohSession], robots: list[RobotState]) -> dict[str, dict[str, object]]:
+def causes(bus_sessions: Iterable[ZenohSession], robots: list[RobotState]) -> dict[str, dict[str, object]]:
     """Return who set the stop of each robot, when and why, by identity; blocks."""
     names = tuple({robot.name for robot in robots})
-    found = stop_causes(_records(lanes, "*", EventFilter(names, 0.0, MOST)))
+    found = stop_causes(_records(bus_sessions, "*", EventFilter(names, 0.0, MOST)))
     return {id_of(edge, name): _shown(record) for (edge, name), record in found.items()}
 
 
-def history(lanes: Iterable[ZenohSession], robot: str) -> list[dict[str, object]]:
-    """Return what happened to a robot lately, the newest first; blocks."""
+def history(bus_sessions: Iterable[ZenohSession], robot: str) -> list[dict[str, object]]:
+    """Return the recent events of a robot, newest first; blocks."""
     edge, _, name = robot.rpartition("/")
-    found = _records(lanes, edge, EventFilter((name,), 0.0, SHOWN))
+    found = _records(bus_sessions, edge, EventFilter((name,), 0.0, SHOWN))
     return [shown_event(record) for record in reversed(found)]
 
 
@@ -126,18 +126,20 @@ def shown_event(record: Record) -> dict[str, object]:
     return _shown(record) | {"kind": record.kind.value, "text": record.text}
 
 
-def _records(lanes: Iterable[ZenohSession], edge: str, wanted: EventFilter) -> list[Record]:
-    """Return the events that edges have, each once, the oldest first; blocks."""
+def _records(bus_sessions: Iterable[ZenohSession], edge: str, wanted: EventFilter) -> list[Record]:
+    """Return the events of edges, without duplicates, oldest first; blocks."""
     found: list[Record] = []
-    for lane in lanes:
-        for key, data in lane.ask(keys.history(edge), msgspec.json.encode(wanted), timeout=HISTORY_WITHIN):
+    for bus_session in bus_sessions:
+        for key, data in bus_session.ask(
+            keys.history(edge), msgspec.json.encode(wanted), timeout=HISTORY_WITHIN
+        ):
             told = key.split("/")[1]
             found += [msgspec.structs.replace(each, edge=told) for each in decode_json(data, list[Record])]
     return newest(found, wanted)
 
 
 def _shown(record: Record) -> dict[str, object]:
-    """Return who asked for an event, when and why, for a page."""
+    """Return asker, time and reason of an event, for a page."""
     return {
         "by": record.asker.name if record.asker else "",
         "proven": bool(record.asker and record.asker.proven),
@@ -147,7 +149,7 @@ def _shown(record: Record) -> dict[str, object]:
 
 
 def refused(error: FleetError) -> dict[str, object]:
-    """Return an error as a page shows it."""
+    """Return an error for a page."""
     reason = error.reason if isinstance(error, CommandError) else str(error)
     hint = error.hint if isinstance(error, CommandError) else ""
     return {"status": ReplyStatus.REJECTED.value, "reason": reason, "hint": hint}

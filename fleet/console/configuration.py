@@ -1,4 +1,4 @@
-"""What the fleet.yaml of an edge says, what is wrong with it, and what of it is not in use yet."""
+"""The fleet.yaml of an edge for a page: its text, its errors, and its changes that are not in use yet."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from fleet.errors import Refused
 from fleet.model.change import Change, ChangeKind, ChangesAnswer, ChangesAsked
 from fleet.runtime.decoding import decode_json
 
-ANSWER_WITHIN = 60.0  # s: the file is read, and each drop-in file is asked by a process of its own
+ANSWER_WITHIN = 60.0  # s: the edge reads the file and inspects each drop-in file in a separate process
 
 
-def look(edge: str, lanes: Iterable[ZenohSession]) -> dict[str, object]:
-    """Return what an edge says of its file, for a page; raises Refused when it does not say. Blocks."""
+def look(edge: str, bus_sessions: Iterable[ZenohSession]) -> dict[str, object]:
+    """Return the configuration of an edge, for a page; raises Refused without an answer. Blocks."""
     asked = msgspec.json.encode(ChangesAsked(text=True))
-    for lane in lanes:
-        for _, data in lane.ask(keys.changes(edge), asked, timeout=ANSWER_WITHIN):
+    for bus_session in bus_sessions:
+        for _, data in bus_session.ask(keys.changes(edge), asked, timeout=ANSWER_WITHIN):
             return _shown(decode_json(data, ChangesAnswer))
     raise Refused(f"edge {edge} does not tell its configuration; it does so on its own computer alone")
 
 
 def _shown(answer: ChangesAnswer) -> dict[str, object]:
-    """Return an answer as a page takes it."""
+    """Return an answer for a page."""
     waits = [change for change in answer.changes if change.kind is not ChangeKind.UNTOUCHED]
     return {
         "file": answer.file,
@@ -37,7 +37,7 @@ def _shown(answer: ChangesAnswer) -> dict[str, object]:
 
 
 def _words(change: Change) -> str:
-    """Return a change that is not in use yet in words."""
+    """Describe a change that is not in use yet."""
     fields = f": {'; '.join(change.fields)}" if change.fields else ""
     why = f" ({change.why})" if change.why else ""
     return f"{change.name}: {change.kind.value}{fields}{why}"

@@ -1,8 +1,8 @@
-"""Asking for control of a robot: the page of the person who has it shows the request, and answers it; pure.
+"""Requests for control of a robot: shown on the holder's page, which answers them; pure.
 
-Whoever moved a robot last has control of it for a while (``control_lease``). To give it is to stop the
-robot, which ends that at once; nothing else takes it from a person but time. Persons at other consoles are
-not asked.
+The operator who moved a robot last has control of it for a while (``control_lease``). Giving it up stops the
+robot, which ends the lease at once; otherwise it ends only by time. Operators at other consoles receive no
+request.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from fleet.errors import Refused
 
 
 def asked(asked: ControlAsked, view: FleetView, operator: Operator, now: float) -> dict[str, object]:
-    """Return the request as pages show it, made ``now`` (Unix s); raises Refused without anybody to ask."""
+    """Return the request for pages, made at ``now`` (Unix s); raises Refused without a holder."""
     state = view.states.get(asked.robot)
     if state is None:
         raise Refused(f"there is no robot {asked.robot}")
@@ -29,8 +29,8 @@ def asked(asked: ControlAsked, view: FleetView, operator: Operator, now: float) 
 
 
 def answered(asked: GiveAsked, view: FleetView, operator: Operator) -> dict[str, object]:
-    """Return the request with its answer; raises Refused for somebody who was not asked."""
+    """Return the request with its answer; raises Refused for an operator who was not asked."""
     found: dict[str, object] | None = view.get("requests", asked.robot)
     if found is None or found["holder"] != operator.name or found["answer"]:
-        raise Refused("nobody asks you for it")
+        raise Refused("nobody has asked you for it")
     return found | {"answer": "given" if asked.give else "kept"}

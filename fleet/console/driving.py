@@ -1,8 +1,8 @@
-"""The hold-to-move pad of one page: velocities to one robot while its driver holds, zero when he does not.
+"""The hold-to-move pad of one page: velocities to one robot while the stick is held, zero when released.
 
-A velocity is a message of the kind ``motion`` by the operator's name, which the edge admits and holds for its
-lease. So nothing here keeps a robot moving: a page, a console or a link that falls silent ends the motion
-with that lease at the latest. A page that closes ends it at once.
+A velocity is a message of the kind ``motion`` in the operator's name, which the edge admits and holds for its
+lease. So nothing here keeps a robot moving: when a page, a console or a link falls silent, the motion ends
+with that lease at the latest. Closing a page ends it at once.
 """
 
 from __future__ import annotations
@@ -26,31 +26,31 @@ from fleet.runtime.decoding import decode_json
 ANSWER_WITHIN = 1.0  # s for the edge to answer a velocity
 
 Told = Callable[[Mapping[str, object]], None]
-"""Tells the page how a velocity was answered; on the loop."""
+"""Sends the answer to a velocity to the page; on the loop."""
 
 
 class Driving:
-    """What one page drives. ``lane_to`` finds the session to an edge, ``told`` hears each answer."""
+    """Velocities of one page. ``session_to`` finds the session to an edge, ``told`` receives each answer."""
 
     def __init__(
-        self, operator: Operator, lane_to: Callable[[str], ZenohSession | None], clock: Clock, told: Told
+        self, operator: Operator, session_to: Callable[[str], ZenohSession | None], clock: Clock, told: Told
     ) -> None:
         self._operator = operator
-        self._lane_to = lane_to
+        self._session_to = session_to
         self._clock = clock
         self._told = told
         self._robot = ""  # that moves by this page, empty for none
         self._loop = asyncio.get_running_loop()
 
     def drive(self, asked: DriveAsked) -> None:
-        """Pass a velocity on; one for another robot first ends the motion of the one before."""
+        """Send a velocity; if it is for another robot, first stop the previous one."""
         if self._robot and self._robot != asked.robot:
             self.end()
         self._send(asked)
         self._robot = "" if asked.is_zero else asked.robot
 
     def end(self) -> None:
-        """End the motion of the robot that moves by this page, if one does."""
+        """Send zero to the robot that moves by this page, if any."""
         if self._robot:
             self._send(DriveAsked(0, self._robot))
             self._robot = ""
@@ -58,14 +58,14 @@ class Driving:
     def _send(self, asked: DriveAsked) -> None:
         """Send one velocity."""
         edge, _, name = asked.robot.rpartition("/")
-        lane = self._lane_to(edge)
-        if lane is None:
+        bus_session = self._session_to(edge)
+        if bus_session is None:
             self._answered(asked.number, Reply("motion", ReplyStatus.REJECTED, "no edge is reached"))
             return
         velocity = {name: getattr(asked, name) for name in ("linear_x", "linear_y", "linear_z", "angular_z")}
         message = {**velocity, "session_id": self._operator.name, "timestamp": self._clock.time()}
-        lane.ask_later(
-            keys.as_console(keys.command(edge, name), self._operator.permission.word, lane.identity),
+        bus_session.ask_later(
+            keys.as_console(keys.command(edge, name), self._operator.permission.word, bus_session.identity),
             json.dumps(message, allow_nan=False).encode(),
             timeout=ANSWER_WITHIN,
             parameters={"kind": "motion"},
@@ -74,7 +74,7 @@ class Driving:
         )
 
     def _arrived(self, number: int, data: bytes) -> None:
-        """Take an answer; on the bus's thread."""
+        """Handle an answer; on the bus's thread."""
         try:
             reply = decode_json(data, Reply)
         except msgspec.DecodeError as error:
@@ -83,5 +83,5 @@ class Driving:
             self._loop.call_soon_threadsafe(self._answered, number, reply)
 
     def _answered(self, number: int, reply: Reply) -> None:
-        """Tell the page."""
+        """Send the answer to the page."""
         self._told({"type": "drove", "number": number, "status": reply.status.value, "reason": reply.reason})

@@ -1,4 +1,4 @@
-"""The console's way to the edges: takes what they publish, and tells which of them are joined."""
+"""Connections of the console to the edges: receives their publications, and tracks which are joined."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ POSITIONS = f"cw/*/data/{PoseReport.channel}"
 
 
 class EdgeConnections:
-    """The buses of the edges, and what arrived on them since the last ``take``, the newest of each key.
+    """The buses of the edges, and the newest sample of each key since the last ``take``.
 
-    ``joined`` are the buses that are joined now, by edge.
+    ``joined`` are the joined buses, by edge.
     """
 
     def __init__(self, task: ConsoleTask, directory: Path, view: FleetView, clock: Clock) -> None:
         self._view = view
         self._clock = clock
         self._edges = EdgeBuses(
-            task.edges, directory, clock, only=task.only, opened=self._opened, told=self._told
+            task.edges, directory, clock, only=task.only, opened=self._opened, changed=self._told
         )
         self.joined: Mapping[str, Bus] = self._edges.joined
         self.watched = WatchedReports(view, self.joined)
@@ -61,32 +61,32 @@ class EdgeConnections:
             "data": self._take_pose,
         }
 
-    def lanes(self) -> dict[str, ZenohSession]:
-        """Return the control sessions that are joined now, by edge."""
+    def bus_sessions(self) -> dict[str, ZenohSession]:
+        """Return the joined control sessions, by edge."""
         return {edge: bus.control for edge, bus in self._edges.joined.items()}
 
-    def lane_to(self, edge: str) -> ZenohSession | None:
-        """Return the session by which an edge is asked; another edge's where it is not joined itself."""
-        lanes = self.lanes()
-        return lanes.get(edge) or next(iter(lanes.values()), None)
+    def session_to(self, edge: str) -> ZenohSession | None:
+        """Return the session for requests to an edge; another edge's if it is not joined itself."""
+        bus_sessions = self.bus_sessions()
+        return bus_sessions.get(edge) or next(iter(bus_sessions.values()), None)
 
     async def run(self) -> None:
-        """Join edges as they come, and leave those that are gone, until cancelled."""
+        """Join edges that appear and leave those that are gone, until cancelled."""
         await self._edges.run()
 
     def _told(self, edge: str, problem: str | None) -> None:
-        """Show whether an edge is joined, and if not, why."""
+        """Show whether an edge is joined, else why not."""
         self._view.edge_is(edge, alive=problem is None, problem=problem or "", now=self._clock.monotonic())
 
     def _opened(self, _edge: str, bus: Bus) -> None:
-        """Subscribe on an edge's bus, and ask for what was published before; blocks."""
+        """Subscribe on an edge's bus, and query earlier publications; blocks."""
         for key in (keys.state("*", "*"), keys.health("*"), keys.places("*", "*"), keys.run("*", "*")):
             bus.control.subscribe(key, self._arrived)
         bus.reports.gather(POSITIONS, self._gathered)
         self._ask_states(bus.control)
 
     def _ask_states(self, control: ZenohSession) -> None:
-        """Ask for what does not change and so is not published soon; blocks."""
+        """Query values that change rarely and would not be published soon; blocks."""
         ours = [
             keys.as_console(key, Permission.VIEW.word, control.identity)
             for key in (keys.mission("*", "*"), keys.run("*", "*"))
@@ -96,11 +96,11 @@ class EdgeConnections:
                 self._arrived(answered, data)
 
     def ask_description(self, robot: str) -> None:
-        """Ask what a robot takes; the answer arrives like what is published."""
+        """Query a robot's vocabulary; the answer is handled like a publication."""
         edge, _, name = robot.rpartition("/")
-        lane, key = self.lane_to(edge), keys.description(edge, name)
-        if lane is not None and robot in self._view.states:
-            lane.ask_later(
+        bus_session, key = self.session_to(edge), keys.description(edge, name)
+        if bus_session is not None and robot in self._view.states:
+            bus_session.ask_later(
                 key,
                 b"",
                 timeout=ANSWER_WITHIN,
@@ -109,12 +109,12 @@ class EdgeConnections:
             )
 
     def ask_schedules(self) -> None:
-        """Ask each edge for its schedules; the answers arrive like what is published."""
+        """Query the schedules of each edge; the answers are handled like publications."""
         payload = msgspec.json.encode(ScheduleAsked())
-        for edge, lane in self.lanes().items():
+        for edge, bus_session in self.bus_sessions().items():
             key = keys.schedules(edge)
-            lane.ask_later(
-                keys.as_console(key, Permission.VIEW.word, lane.identity),
+            bus_session.ask_later(
+                keys.as_console(key, Permission.VIEW.word, bus_session.identity),
                 payload,
                 timeout=ANSWER_WITHIN,
                 on_answer=partial(self._arrived, key),
@@ -122,21 +122,21 @@ class EdgeConnections:
             )
 
     def _arrived(self, key: str, payload: bytes) -> None:
-        """Keep the newest of a key; on the bus's threads."""
+        """Keep the newest sample of a key; on the bus's threads."""
         with self._lock:
             self._pending[key] = payload
 
     def _gathered(self, samples: list[tuple[str, bytes]]) -> None:
-        """Keep the newest of each key; on the bus's thread."""
+        """Keep the newest sample of each key; on the bus's thread."""
         with self._lock:
             self._pending.update(samples)
 
     def take(self) -> None:
-        """Take what arrived into the view; what cannot be read is logged and left out."""
+        """Take the received samples into the view; unreadable ones are logged and skipped."""
         self.watched.take()
         with self._lock:
             pending, self._pending = self._pending, {}
-        # States first: a pose is shown in the frame that its robot's state tells.
+        # States first: a pose is shown in the frame given by its robot's state.
         for key in sorted(pending, key=lambda key: key.startswith("cw/")):
             parts = key.split("/")
             kind = f"robots/{parts[-1]}" if parts[2] == "robots" else parts[2]
@@ -145,7 +145,7 @@ class EdgeConnections:
                 if taker is not None:
                     taker(parts, pending[key])
             except (msgspec.DecodeError, WireError, ValueError) as error:
-                log.warning("what %s says cannot be read: %s", key, error)
+                log.warning("the message on %s cannot be read: %s", key, error)
 
     def _take_state(self, _parts: list[str], payload: bytes) -> None:
         """Take a robot's state."""
@@ -156,11 +156,11 @@ class EdgeConnections:
         self._view.take_edge(decode_json(payload, EdgeState), self._clock.monotonic())
 
     def _take_places(self, parts: list[str], payload: bytes) -> None:
-        """Take where robots go."""
+        """Take the goals of robots."""
         self._view.take_goals(parts[1], decode_json(payload, Goals))
 
     def _take_description(self, parts: list[str], payload: bytes) -> None:
-        """Take what a robot takes."""
+        """Take a robot's vocabulary."""
         self._view.take_description(parts[1], decode_json(payload, RobotDescription))
 
     def _take_schedules(self, parts: list[str], payload: bytes) -> None:
@@ -177,7 +177,7 @@ class EdgeConnections:
         self._view.take_run(decode_json(payload, RunState))
 
     def _take_pose(self, parts: list[str], payload: bytes) -> None:
-        """Take where a robot is."""
+        """Take the pose of a robot."""
         report = decode_report(PoseReport.channel, payload)
         if isinstance(report, PoseReport):
             self._view.take_pose(parts[1], report)

@@ -1,4 +1,4 @@
-"""A window of the recordings as a file for a browser: by a process of its own, one at a time, on no disk."""
+"""Export of a window of the recordings to a browser: by a separate process, one at a time, without a file."""
 
 from __future__ import annotations
 
@@ -22,34 +22,34 @@ from fleet.runtime.decoding import decode_json
 log = logging.getLogger(__name__)
 
 NEEDED = Permission.ADMIN
-"""A file has positions, names of people, and the bytes on the links of robots."""
+"""A file contains positions, names of people, and the bytes on the links of robots."""
 LONGEST = 1800.0  # s of a window
 SILENT = 60.0  # s without a byte from the process
-WITHIN = 600.0  # s for the whole file, also for a browser that does not read
+WITHIN = 600.0  # s for the whole file, also if the browser does not read
 BLOCK = 64 * 1024  # bytes
 COMMAND = (sys.executable, "-P", "-m", "fleet.record.export_program")
 
 
 class Window(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What is asked for: what was received from ``since`` until before ``until``, Unix s."""
+    """Request for the messages received from ``since`` until before ``until``, Unix s."""
 
     since: float
     until: float
 
 
 class Export:
-    """A window that is being exported; whoever has it must ``end`` it, also when nothing of it was read."""
+    """A window being exported; its owner must ``end`` it, even if nothing of it was read."""
 
     def __init__(self, process: Process) -> None:
         self._process = process
         self._timer = asyncio.get_running_loop().call_later(WITHIN, _kill, process)
 
     async def begin(self, task: ExportTask) -> None:
-        """Give the process its task, and wait until it can write the file; raises Refused."""
+        """Send the task to the process, and wait until it can write the file; raises Refused."""
         await _begin(self._process, task)
 
     async def blocks(self) -> AsyncIterator[bytes]:
-        """Yield what the process writes."""
+        """Yield the output of the process."""
         assert self._process.stdout is not None
         while block := await asyncio.wait_for(self._process.stdout.read(BLOCK), SILENT):
             yield block
@@ -57,7 +57,7 @@ class Export:
             raise OSError("the process that exports has failed")
 
     async def end(self) -> None:
-        """End the process, and wait for its end."""
+        """Kill the process, and wait for its end."""
         self._timer.cancel()
         _kill(self._process)
         await self._process.wait()
@@ -72,7 +72,7 @@ class Exports:
 
     @contextlib.asynccontextmanager
     async def export(self, window: Window, operator: Operator) -> AsyncIterator[Export]:
-        """Export a window while the context lasts, its file block by block; raises Refused."""
+        """Export a window while the context lasts, its file in blocks; raises Refused."""
         if why := operator.permission.refusal(NEEDED):
             raise Refused(why)
         if not 0 <= window.since < window.until <= window.since + LONGEST:
@@ -81,7 +81,8 @@ class Exports:
             raise Refused(EXTRA)
         if self._is_busy:
             raise Refused("another window is being exported", hint="wait for its end")
-        self._is_busy = True  # from here on: to start a process takes a while, in which others ask
+        # set before the process starts, which takes a while in which other requests may arrive
+        self._is_busy = True
         try:
             log.info("%s exports the recording from %s until %s", operator.name, window.since, window.until)
             there = tuple(str(folder) for folder in self._folders() if folder.is_dir())
@@ -96,13 +97,13 @@ class Exports:
 
 
 def _kill(process: Process) -> None:
-    """End the process, if it runs still."""
+    """Kill the process, if it still runs."""
     if process.returncode is None:
         process.kill()
 
 
 async def _begin(process: Process, task: ExportTask) -> None:
-    """Give the process its task, and wait until it can write the file; raises Refused."""
+    """Send the task to the process, and wait until it can write the file; raises Refused."""
     assert process.stdin is not None
     assert process.stdout is not None
     try:

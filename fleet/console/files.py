@@ -1,4 +1,4 @@
-"""The files of the page, read once: what is served is a table, so no path leads anywhere else."""
+"""The files of the page, read once into a table, so that no request path can reach any other file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class PageFile(msgspec.Struct, frozen=True):
 
 
 def page_files() -> dict[str, PageFile]:
-    """Return the files by the path of their address; ``/`` is the page itself."""
+    """Return the files by their URL path; ``/`` is the page itself."""
     static = resources.files("fleet.console").joinpath("static")
     found = dict(_in_folder(static, "/")) | dict(_in_folder(static.joinpath("vendor"), "/vendor/"))
     found["/"] = found.pop("/index.html")
@@ -32,7 +32,7 @@ def page_files() -> dict[str, PageFile]:
 
 
 def _in_folder(folder: Traversable, address: str) -> Iterator[tuple[str, PageFile]]:
-    """Yield the files of a folder that a page may ask for, by their addresses."""
+    """Yield the public files of a folder, by their URL path."""
     for each in folder.iterdir():
         kind = TYPES.get(each.name[each.name.rfind(".") :])
         if kind is not None:

@@ -1,8 +1,8 @@
-"""What a page shows of the fleet, as entries that each have a version; pure.
+"""The fleet as a page shows it, in versioned entries; pure.
 
-A page has seen everything up to a version, and is told the entries that changed since. So a slow page gets
-fewer, newer messages and never a queue. Entries stay for the life of the console: a robot that vanishes is
-shown as gone, not left out.
+A page knows everything up to a version, and receives the entries that changed since. So a slow page gets
+fewer, newer messages instead of a queue. Entries stay as long as the console lives: a robot that vanishes is
+shown as gone, not removed.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ KINDS = (
     "schedules",
     "requests",
 )
-"""The kinds of entries, in the order in which a page takes them."""
-MOST_STOPS = 20  # stops that are shown; older ones are in the history
+"""The kinds of entries, in the order in which a page handles them."""
+MOST_STOPS = 20  # shown stops; older ones are in the history
 MOST_RUNS = 30
 _FIGURE = re.compile(r"\d+(\.\d+)?")
-ROUNDED = 3  # decimals of metres and radians: less than anybody sees on a map
+ROUNDED = 3  # decimals of metres and radians: below the resolution of a map
 
 
 class Goals(msgspec.Struct, frozen=True):
-    """What a process of an edge tells of its robots' ways (``fleet/{edge}/places/{process}``)."""
+    """Goals of robots, published by a process of an edge (``fleet/{edge}/places/{process}``)."""
 
-    robots: tuple[GoalOf, ...] = ()
-
-
-class GoalOf(msgspec.Struct, frozen=True):
-    """One robot of it."""
-
-    robot: Occupied
+    robots: tuple[GoalEntry, ...] = ()
 
 
-class Occupied(msgspec.Struct, frozen=True):
-    """Its name, and the points of its way in the site's frame, m."""
+class GoalEntry(msgspec.Struct, frozen=True):
+    """One robot of the message."""
+
+    robot: RobotPath
+
+
+class RobotPath(msgspec.Struct, frozen=True):
+    """Its name, and the points of its path in the site's frame, m."""
 
     name: str
     way: tuple[Vector3, ...] = ()
@@ -82,7 +82,7 @@ class FleetView:
         self._entries: dict[str, dict[str, tuple[int, Any]]] = {kind: {} for kind in KINDS}
 
     def since(self, version: int) -> dict[str, dict[str, Any]]:
-        """Return the entries that changed after a version, by kind and identity; 0 is everything."""
+        """Return the entries that changed after a version, by kind and identity; 0 returns all."""
         found = {
             kind: {name: value for name, (at, value) in entries.items() if at > version}
             for kind, entries in self._entries.items()
@@ -90,21 +90,21 @@ class FleetView:
         return {kind: entries for kind, entries in found.items() if entries}
 
     def put(self, kind: str, name: str, value: object) -> None:
-        """Set an entry; one that is the same as before is no change."""
+        """Set an entry; an equal value is no change."""
         entries = self._entries[kind]
         if name in entries and entries[name][1] == value:
             return
         self.version += 1
-        entries.pop(name, None)  # so that the newest is the last
+        entries.pop(name, None)  # so that the newest is last
         entries[name] = (self.version, value)
 
     def get(self, kind: str, name: str) -> Any:
-        """Return an entry, None where there is none."""
+        """Return an entry, None if there is none."""
         entry = self._entries[kind].get(name)
         return None if entry is None else entry[1]
 
     def take_state(self, state: RobotState, now: float) -> None:
-        """Take a robot's state; an older one than is known is left alone."""
+        """Take a robot's state, unless it is older than the known one."""
         name = id_of(state.edge, state.name)
         known = self.states.get(name)
         if known is not None and state.stamp < known.stamp:
@@ -118,7 +118,7 @@ class FleetView:
             self.put("poses", name, [*_rounded((at.x, at.y, at.z)), None, state.site is not None])
 
     def _since(self, name: str, state: RobotState) -> float:
-        """Return since when a robot is as well or unwell as it is; figures do not make a cause another."""
+        """Return since when a robot has its present health; changed figures do not make it a new cause."""
         how = (state.health, _FIGURE.sub("#", state.cause))
         known = self._health.get(name)
         if known is None or known[0] != how:
@@ -134,7 +134,7 @@ class FleetView:
             self._show_edge(state.edge, now)
 
     def edge_is(self, edge: str, *, alive: bool, problem: str = "", now: float) -> None:
-        """Take whether an edge runs, and in words why it is not reached."""
+        """Set whether an edge runs, and the reason if it is not reached."""
         self._alive[edge], self._problems[edge] = alive, problem
         self._show_edge(edge, now)
 
@@ -146,15 +146,15 @@ class FleetView:
         self.put("edges", edge, {"heard": round(now, 1)} | shown | told)
 
     def take_pose(self, twin: str, pose: PoseReport) -> None:
-        """Take where a robot is."""
+        """Take the pose of a robot."""
         name = self._by_twin.get(twin)
         if name is not None:
             self.put("poses", name, self.shown_pose(name, pose))
 
     def shown_pose(self, name: str, pose: PoseReport) -> list[Any]:
-        """Return where a robot of a known state is: in the site's frame when placed there, else in its own.
+        """Return the pose of a known robot: in the site's frame if placed there, else in its own.
 
-        An entry is x, y, z (m), yaw (rad; None while unknown), and whether it is in the site's frame.
+        An entry is x, y, z (m), yaw (rad; None if unknown), and whether it is in the site's frame.
         """
         placement = self.states[name].placement
         at, yaw = pose.position, pose.rotation.yaw
@@ -163,7 +163,7 @@ class FleetView:
         return [*_rounded((at.x, at.y, at.z, yaw)), placement is not None]
 
     def take_goals(self, edge: str, goals: Goals) -> None:
-        """Take where the robots of an edge go."""
+        """Take the goals of the robots of an edge."""
         for told in goals.robots:
             name = id_of(edge, told.robot.name)
             way = [list(_rounded((point.x, point.y, point.z))) for point in told.robot.way]
@@ -171,16 +171,16 @@ class FleetView:
                 self.put("goals", name, way)
 
     def take_description(self, edge: str, description: RobotDescription) -> None:
-        """Take what a robot takes, and whether it would take it now."""
+        """Take a robot's vocabulary, and whether it would accept each command now."""
         self.put("descriptions", id_of(edge, description.robot), msgspec.to_builtins(description))
 
     def take_stop(self, request: str, shown: Mapping[str, object]) -> None:
-        """Take how a stop goes; the oldest are left out."""
+        """Take the progress of a stop; the oldest stops are removed."""
         self.put("stops", request, dict(shown))
         self._keep("stops", MOST_STOPS)
 
     def take_run(self, run: RunState) -> None:
-        """Take a run of a mission; those that changed longest ago are left out."""
+        """Take a run of a mission; those with the oldest change are removed."""
         self.put("runs", f"{run.edge}/{run.run}", msgspec.to_builtins(run))
         self._keep("runs", MOST_RUNS)
 
@@ -190,16 +190,16 @@ class FleetView:
             self.put("schedules", f"{edge}/{each.name}", {"edge": edge, **msgspec.to_builtins(each)})
 
     def _keep(self, kind: str, most: int) -> None:
-        """Leave out entries that changed longest ago."""
+        """Remove the entries with the oldest change."""
         entries = self._entries[kind]
         while len(entries) > most:
             entries.pop(next(iter(entries)))
 
     def named(self, names: Iterable[str]) -> list[RobotState]:
-        """Return the states of robots by their identities; those that nobody knows are left out."""
+        """Return the states of robots by their identities; unknown ones are skipped."""
         return [self.states[name] for name in names if name in self.states]
 
 
 def _rounded(values: Iterable[float]) -> Iterable[float]:
-    """Return numbers with as many decimals as a map shows."""
+    """Return numbers rounded to the resolution of a map."""
     return (round(value, ROUNDED) for value in values)

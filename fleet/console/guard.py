@@ -1,7 +1,7 @@
-"""What every request to the console must pass, and what every answer carries: an ASGI middleware.
+"""ASGI middleware that checks every request to the console, and adds security headers to every response.
 
-A page of another site can have the browser send requests here. It cannot forge their ``Origin``, and by a
-name of its own that resolves to this computer (DNS rebinding) it comes with that name as ``Host``.
+A page of another site can make the browser send requests here. It cannot forge their ``Origin``; if it uses a
+name of its own that resolves to this computer (DNS rebinding), that name is in ``Host``.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
-"""Names of this computer; any port, because a tunnel may have another one at its other end."""
+"""Names of this computer; with any port, because a tunnel may have another one at its far end."""
 
 
 FOXGLOVE = "/foxglove/"
-"""Where the addresses of the live view for Foxglove begin."""
+"""Path prefix of the live view for Foxglove."""
 
 
 class Served(msgspec.Struct, frozen=True):
-    """The names by which a server is reached, and what is told to who comes by another one.
+    """The valid host names of a server, and the advice for requests with others.
 
-    ``viewers`` are the origins of Foxglove, which may open the live view alone.
+    ``viewers`` are the origins of Foxglove, which may only open the live view.
     """
 
     hosts: frozenset[str]
@@ -45,7 +45,7 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Nothing is loaded from elsewhere, and no code stands in the page itself."""
+"""Loads nothing from elsewhere, and permits no inline code."""
 _ANSWERS = {
     "Content-Security-Policy": POLICY,
     "X-Content-Type-Options": "nosniff",
@@ -58,7 +58,7 @@ _ANSWERS = {
 
 
 def refusal_of(method: str, headers: Headers, target: str, *, scheme: str, served: Served = LOOPBACK) -> str:
-    """Return why a request is not served, empty when it is; ``method`` is WEBSOCKET for a handshake."""
+    """Return why a request is refused, empty if it is not; ``method`` is WEBSOCKET for a handshake."""
     hosts = headers.getlist("host")
     if len(hosts) != 1 or _name_of(hosts[0]) not in served.hosts:
         return served.advice
@@ -75,7 +75,7 @@ def refusal_of(method: str, headers: Headers, target: str, *, scheme: str, serve
 
 
 def _foreign(headers: Headers, origin: str) -> str:
-    """Return why a request is not from a page of ours, empty when it is."""
+    """Return why a request is not from a page of ours, empty if it is."""
     if headers.getlist("origin") != [origin]:
         return "it comes from a page of another origin, or tells none"
     if headers.get("sec-fetch-site", "same-origin") != "same-origin":
@@ -84,9 +84,9 @@ def _foreign(headers: Headers, origin: str) -> str:
 
 
 def _foreign_viewer(headers: Headers, viewers: frozenset[str]) -> str:
-    """Return why a request is not from Foxglove, empty when it is.
+    """Return why a request is not from Foxglove, empty if it is.
 
-    A program that is no browser has no origin. The address has a token, which other pages do not know.
+    A program that is no browser sends no origin. The address contains a token, which other pages do not know.
     """
     origins = headers.getlist("origin")
     known = bool(viewers) and (not origins or (len(origins) == 1 and origins[0] in viewers))
@@ -94,7 +94,7 @@ def _foreign_viewer(headers: Headers, viewers: frozenset[str]) -> str:
 
 
 def _body_refusal(headers: Headers) -> str:
-    """Return why the body of a request is not read, empty when it is."""
+    """Return why the body of a request is refused, empty if it is not."""
     if headers.getlist("content-type") != ["application/json"]:
         return "the body must be application/json"
     length = headers.get("content-length", "")
@@ -104,7 +104,7 @@ def _body_refusal(headers: Headers) -> str:
 
 
 def _name_of(host: str) -> str:
-    """Return the name in a Host header, without its port; empty for what is no host."""
+    """Return the name in a Host header, without its port; empty for an invalid host."""
     try:
         parts = urlsplit(f"//{host}")
         port = parts.port
@@ -115,7 +115,7 @@ def _name_of(host: str) -> str:
 
 
 class Guard:
-    """Passes on to ``app`` what ``refusal_of`` lets through, and adds the headers to each answer."""
+    """Passes permitted requests on to ``app``, and adds the headers to each response."""
 
     def __init__(self, app: ASGIApp, served: Served = LOOPBACK) -> None:
         self._app = app
@@ -143,14 +143,14 @@ class Guard:
 
 
 def with_headers(message: Message, headers: Iterable[tuple[str, str]]) -> None:
-    """Add headers to the start of an answer."""
+    """Add headers to the start of a response."""
     into = MutableHeaders(scope=message)
     for name, value in headers:
         into[name] = value
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, why: str) -> None:
-    """Answer 403, with the reason unless it is a WebSocket."""
+    """Respond with 403, with the reason unless it is a WebSocket."""
     if scope["type"] == "websocket":
         await receive()
         await send({"type": "websocket.close"})

@@ -1,4 +1,4 @@
-"""What all pages of a console share: the view of the fleet, its clock of ticks, stops and the edges."""
+"""Shared state of all pages of a console: the fleet view, the ticks, the stops and the edges."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from fleet.console.task import ConsoleTask
 
 log = logging.getLogger(__name__)
 
-TICK = 0.1  # s between looks at what is new
-QUIET = 0.25  # s after which a page is told something in any case; it shows silence after 1 s
-DESCRIBE = 10  # ticks between looks at what watched robots take
-SCHEDULES = 20  # ticks between looks at what is scheduled
+TICK = 0.1  # s between updates
+QUIET = 0.25  # s after which a page gets a message even without news; it shows a silent console after 1 s
+DESCRIBE = 10  # ticks between queries of the vocabulary of watched robots
+SCHEDULES = 20  # ticks between queries of the schedules
 MOST_TABS = 64
 
 
 class Hub:
-    """The view, brought up to date at each tick, and the pages that are told of it."""
+    """The view, updated at each tick, and the pages that receive it."""
 
     def __init__(self, task: ConsoleTask, directory: Path, clock: Clock) -> None:
         self.clock = clock
@@ -44,25 +44,25 @@ class Hub:
         self.exports = Exports(task.recordings_now)
         self.foxglove = Feed(self.edges.joined, clock)
         self.tabs: set[Tab] = set()
-        self._stops = Stops(self.view, self.edges.lanes, _directories(directory), clock)
+        self._stops = Stops(self.view, self.edges.bus_sessions, _directories(directory), clock)
         self._tick = asyncio.Event()
         self._count = 0
-        self._news: dict[int, tuple[bytes, int]] = {}  # by the version that they begin at, for this tick
+        self._news: dict[int, tuple[bytes, int]] = {}  # for this tick, by the version from which they start
 
     async def run(self) -> None:
-        """Join the edges and turn until cancelled."""
+        """Join the edges and update periodically until cancelled."""
         connecting = asyncio.create_task(self.edges.run(), name="edges")
         try:
             while True:
-                self.turn()
+                self.update()
                 await asyncio.sleep(TICK)
         finally:
             connecting.cancel()
             await asyncio.gather(connecting, return_exceptions=True)
             self._stops.close()
 
-    def turn(self) -> None:
-        """Take what is new, and wake the pages."""
+    def update(self) -> None:
+        """Update the view, and wake the pages."""
         self._count += 1
         self.edges.take()
         self._news.clear()
@@ -81,10 +81,10 @@ class Hub:
         await self._tick.wait()
 
     def news_since(self, version: int) -> tuple[bytes, int]:
-        """Return a message with what changed after a version, and the version that it leads to.
+        """Return a message with the changes after a version, and the new version.
 
-        Pages that have seen the same get the same bytes. Without news it is a sign of life now and then,
-        else empty.
+        Pages with the same version get the same bytes. Without changes it is a periodic sign of life, else
+        empty.
         """
         current = self.view.version
         if version == current and self._count % round(QUIET / TICK):
@@ -102,5 +102,5 @@ class Hub:
 
 
 def _directories(directory: Path) -> Callable[[], list[Path]]:
-    """Return what finds the folders with the supervisors' sockets: ours, and others of this user."""
+    """Return a function that finds the folders with supervisors' sockets: ours, and others of this user."""
     return lambda: list(dict.fromkeys((directory, *runtime_dirs())))

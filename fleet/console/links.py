@@ -1,7 +1,8 @@
 """Links to the console, handed out on a Unix socket that only this user can open.
 
-A link is ``http://127.0.0.1:PORT/#token=...``: the part after ``#`` is sent to no server and stands in no
-log. The page exchanges it at once for a cookie. So a link is asked for when it is needed, and is good once.
+A link is ``http://127.0.0.1:PORT/#token=...``: browsers do not send the part after ``#`` to any server, and
+it is in no log. The page exchanges it at once for a cookie. So a link is requested when it is needed, and
+works once.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class ConsoleError(FleetError):
 
 
 class LinkAsked(msgspec.Struct, frozen=True):
-    """Asks for a link for a person by this name, who may do so much; or for an address for Foxglove."""
+    """Request for a link for an operator with a permission, or for an address for Foxglove."""
 
     operator: str
     permission: Permission
@@ -38,14 +39,14 @@ class LinkAsked(msgspec.Struct, frozen=True):
 
 
 class LinkGiven(msgspec.Struct, frozen=True):
-    """The link, and the process id of the console that it leads to."""
+    """The link, and the process id of its console."""
 
     link: str
     process: int
 
 
 async def serve_links(path: Path, make: Callable[[LinkAsked], str]) -> asyncio.AbstractServer:
-    """Serve links at a socket's path; raises ConsoleError when another console has it."""
+    """Serve links at a socket path; raises ConsoleError if another console has it."""
     listener = _bound(path)
     if answers(path):
         raise ConsoleError(
@@ -64,7 +65,7 @@ async def serve_links(path: Path, make: Callable[[LinkAsked], str]) -> asyncio.A
 
 
 def _bound(path: Path) -> socket.socket:
-    """Return a socket at a path that only this user may open; raises ConsoleError."""
+    """Return a socket at a path that only this user can open; raises ConsoleError."""
     if answers(path):
         raise ConsoleError(f"a console named {path.stem} runs already; its link: fleet console --link")
     listener = socket.socket(socket.AF_UNIX)
@@ -79,14 +80,14 @@ def _bound(path: Path) -> socket.socket:
 
 
 def answers(path: Path) -> bool:
-    """Return whether a process holds the socket at a path."""
+    """Return True if a process listens on the socket at a path."""
     with socket.socket(socket.AF_UNIX) as probe:
         probe.setblocking(False)
         return probe.connect_ex(str(path)) == 0
 
 
 def ask_link(path: Path, asked: LinkAsked) -> LinkGiven | None:
-    """Return a new link of the console at a path; None when none answers. Blocks."""
+    """Return a new link of the console at a path; None without an answer. Blocks."""
     with contextlib.suppress(OSError, msgspec.DecodeError, ValueError), socket.socket(socket.AF_UNIX) as sock:
         sock.settimeout(ANSWER_WITHIN)
         sock.connect(str(path))
@@ -97,7 +98,7 @@ def ask_link(path: Path, asked: LinkAsked) -> LinkGiven | None:
 
 
 def all_links(directory: Path, asked: LinkAsked) -> dict[str, str]:
-    """Return a new link of each console of this user, by its name. Blocks."""
+    """Return a new link of each console of this user, by name. Blocks."""
     found = {}
     for path in link_sockets(directory):
         given = ask_link(path, asked)

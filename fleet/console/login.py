@@ -1,6 +1,6 @@
-"""The login of named people: name and password for a session. One verification runs at a time.
+"""Login by name and password, which opens a session. One verification runs at a time.
 
-A name that nobody has costs the same time as one that somebody has, and gets the same answer.
+An unknown name costs the same time as a known one, and gets the same answer.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from fleet.console.passwords import verify_password
 from fleet.console.people import People, Person
 from fleet.console.sessions import BY_LOGIN, Opened, Operator, Sessions
 
-MOST_WAITING = 8  # logins that wait for their verification; more are told to come again
+MOST_WAITING = 8  # logins that wait for their verification; further ones must retry
 WRONG = "the name or the password is wrong"
 BUSY = "too many logins at once: try again in a moment"
 UNREADABLE = "nobody can log in: the file of people cannot be read; its edge's log says why"
-PREFIX = "__Host-"  # a browser takes such a cookie over TLS only, from this host and not from its domain
+PREFIX = "__Host-"  # browsers accept such a cookie only over TLS, and only from this very host
 
 
 class LoginRefused(msgspec.Struct, frozen=True):
-    """Why a login is refused, as an HTTP status and in words; ``wait``: s until the next try, 0 for none."""
+    """The reason of a refused login, with an HTTP status; ``wait``: s until the next try, 0 for none."""
 
     status: int
     why: str
@@ -34,7 +34,7 @@ class LoginRefused(msgspec.Struct, frozen=True):
 
 
 class Login:
-    """Logs people in; ``sessions`` are theirs."""
+    """Logs people in; ``sessions`` are their sessions."""
 
     def __init__(self, people: People, history: LoginHistory, clock: Clock) -> None:
         self.sessions = Sessions(clock, BY_LOGIN, PREFIX)
@@ -46,7 +46,7 @@ class Login:
         self._waiting = 0
 
     async def log_in(self, name: str, password: str, address: str) -> Opened | LoginRefused:
-        """Return a new session for a name and its password, or why there is none."""
+        """Return a new session for a name and its password, or the reason of a refusal."""
         if refused := self._must_wait(name, address):
             return refused
         if self._waiting >= MOST_WAITING:
@@ -54,13 +54,13 @@ class Login:
         self._waiting += 1
         try:
             async with self._verifying:
-                # Others may have failed meanwhile.
+                # Other tries may have failed meanwhile.
                 return self._must_wait(name, address) or await self._verified(name, password, address)
         finally:
             self._waiting -= 1
 
     def _must_wait(self, name: str, address: str) -> LoginRefused | None:
-        """Return the refusal of who has failed too often."""
+        """Return the refusal after too many failures."""
         now = self._clock.monotonic()
         wait = math.ceil(max(self._names.wait(name, now), self._addresses.wait(address_key(address), now)))
         if not wait:
@@ -81,5 +81,5 @@ class Login:
         return LoginRefused(503, UNREADABLE) if self._people.problem else LoginRefused(403, WRONG)
 
     def _knows(self, person: Person) -> Callable[[], bool]:
-        """Return what tells whether a session of a person holds: it ends when anything of it is changed."""
+        """Return the condition of a person's session: any change of the person ends it."""
         return lambda: self._people.knows(person)

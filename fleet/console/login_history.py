@@ -1,6 +1,6 @@
-"""Logins in the history of the edge beside which a console runs: who came in, and who failed to.
+"""Logins in the history of the edge beside the console: successful and failed ones.
 
-Failures are bounded by the minute: who tries passwords must not push the robots' events out of the history.
+Failures are limited per minute: trying passwords must not push the robots' events out of the history.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 
 WRITE_EVERY = 0.5  # s
-FAILURES, WINDOW = 20, 60.0  # failures that are written in so many seconds
+FAILURES, WINDOW = 20, 60.0  # failures written in so many seconds
 
 
 class HistoryPlace(msgspec.Struct, frozen=True):
-    """Where the edge keeps its history, and how much of it: ``size`` in bytes, ``age`` in seconds."""
+    """Location and limits of the edge's history: ``size`` in bytes, ``age`` in seconds."""
 
     folder: str
     size: int
@@ -29,7 +29,7 @@ class HistoryPlace(msgspec.Struct, frozen=True):
 
 
 class LoginHistory:
-    """Takes logins on the loop; ``run`` writes them on a thread."""
+    """Collects logins on the loop; ``run`` writes them on a thread."""
 
     def __init__(self, place: HistoryPlace, clock: Clock) -> None:
         self._history = History(Path(place.folder), clock, HistoryBounds(place.size, place.age))
@@ -37,12 +37,12 @@ class LoginHistory:
         self._window, self._failed, self._untold = float("-inf"), 0, 0
 
     def came_in(self, name: str, address: str) -> None:
-        """Take that somebody has logged in."""
+        """Record a successful login."""
         asker = Requester(Transport.LOCAL, name, proven=True)
         self._add(f"{name} logged in at the console, from {address}", Severity.INFO, asker, address)
 
     def failed(self, name: str, address: str, wait: float) -> None:
-        """Take a failed login; ``name`` is empty for one that is not known: it may be a password."""
+        """Record a failed login; ``name`` is empty if it is unknown, because it may be a password."""
         now = self._clock.monotonic()
         if now - self._window >= WINDOW:
             self._window, self._failed = now, 0
@@ -59,7 +59,7 @@ class LoginHistory:
         self._add(text, Severity.WARNING, asker, address)
 
     async def run(self) -> None:
-        """Write what is new until cancelled, and a last time then."""
+        """Write new events until cancelled, and a last time then."""
         loop = asyncio.get_running_loop()
         with ThreadPoolExecutor(1, thread_name_prefix="login-history") as thread:
             try:
@@ -67,10 +67,10 @@ class LoginHistory:
                     await asyncio.sleep(WRITE_EVERY)
                     await loop.run_in_executor(thread, self._history.write)
             finally:
-                thread.submit(self._history.close)  # waited for at the end of the block
+                thread.submit(self._history.close)  # the end of the block waits for it
 
     def _add(self, text: str, severity: Severity, asker: Requester, address: str) -> None:
-        """Take an event of the edge."""
+        """Add an event of the edge."""
         event = EventReport(
             self._clock.time(), EventKind.LOGIN, text, severity, asker, data={"address": address}
         )

@@ -1,4 +1,4 @@
-"""The console beyond loopback: its own port with TLS, on which named people log in."""
+"""The console beyond loopback: a separate port with TLS, on which people log in."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ class LoginServer:
                 await serving
 
     def _protocol(self) -> asyncio.Protocol:
-        """Return what serves one connection."""
+        """Return the protocol for one connection."""
         return self._server.protocol()
 
 
 def _names_in(cert: Path) -> tuple[str, ...]:
-    """Return the names and addresses for which a certificate is; raises ConsoleError."""
+    """Return the host names and addresses of a certificate; raises ConsoleError."""
     try:
         names = tuple(name for name in read_identity(cert.read_bytes()).hosts if "*" not in name)
     except (OSError, ValueError) as error:
@@ -77,7 +77,7 @@ def _names_in(cert: Path) -> tuple[str, ...]:
 
 
 def _as_host(name: str) -> str:
-    """Return a name or address as it stands in an address of the web."""
+    """Return a name or address in URL notation."""
     try:
         parsed = ipaddress.ip_address(name)
     except ValueError:

@@ -1,4 +1,4 @@
-"""What a page asks about without moving anything: history, causes, configuration, the past, live video."""
+"""Read-only requests of a page: history, causes, configuration, recordings, live video."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Lookup = Callable[[Any], Awaitable[dict[str, object]]]
 
 
 class Lookups:
-    """The look-ups of one page. ``calls`` return, by what is asked, what is added to the answer."""
+    """The read-only requests of one page. ``calls`` return the content of the answer, by kind of request."""
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
@@ -41,26 +41,29 @@ class Lookups:
         }
 
     async def _causes(self, asked: CausesAsked) -> dict[str, object]:
-        """Return who stopped robots."""
-        robots, lanes = self._hub.view.named(asked.robots), list(self._hub.edges.lanes().values())
-        return {"causes": await asyncio.to_thread(commands.causes, lanes, robots)}
+        """Return the causes of stops."""
+        robots, bus_sessions = (
+            self._hub.view.named(asked.robots),
+            list(self._hub.edges.bus_sessions().values()),
+        )
+        return {"causes": await asyncio.to_thread(commands.causes, bus_sessions, robots)}
 
     async def _history(self, asked: HistoryAsked) -> dict[str, object]:
-        """Return what happened to a robot."""
-        lanes = list(self._hub.edges.lanes().values())
-        return {"history": await asyncio.to_thread(commands.history, lanes, asked.robot)}
+        """Return the history of a robot."""
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        return {"history": await asyncio.to_thread(commands.history, bus_sessions, asked.robot)}
 
     async def _config(self, asked: ConfigAsked) -> dict[str, object]:
-        """Return what the fleet.yaml of an edge says."""
-        lanes = list(self._hub.edges.lanes().values())
-        return {"config": await asyncio.to_thread(configuration.look, asked.edge, lanes)}
+        """Return the configuration of an edge."""
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        return {"config": await asyncio.to_thread(configuration.look, asked.edge, bus_sessions)}
 
     async def _extent(self, _asked: ExtentAsked) -> dict[str, object]:
-        """Return from when until when something is recorded."""
+        """Return the time range of the recordings."""
         return {"extent": await self._hub.pasts.extent()}
 
     async def _moment(self, asked: MomentAsked) -> dict[str, object]:
-        """Return how the fleet was; one moment at a time for each page."""
+        """Return the fleet at a past moment; one at a time for each page."""
         if self._travels:
             raise Refused("another moment is still being read for this page")
         self._travels = True
@@ -74,6 +77,6 @@ class Lookups:
         return {"offer": await self._hub.edges.watched.offers.next(asked.robot)}
 
     async def _video_answer(self, asked: VideoAnswered) -> dict[str, object]:
-        """Pass the page's answer on to the program that sends the video."""
+        """Forward the page's answer to the program that sends the video."""
         self._hub.edges.watched.answer_offer(asked, self._hub.clock.time())
         return {"done": True}

@@ -1,4 +1,4 @@
-"""Missions from the console: started and controlled as from the command line, by the operator's name."""
+"""Missions from the console: started and controlled as from the command line, in the operator's name."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from fleet.missions.rehearsal import RehearsalAsk, RehearsalState
 from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started
 from fleet.runtime.decoding import decode_json
 
-LOOK = 0.3  # s between two questions for how a rehearsal goes
-ANSWER_WITHIN = 15.0  # s for an edge to start a mission: its robots join it first
+LOOK = 0.3  # s between polls of a rehearsal
+ANSWER_WITHIN = 15.0  # s for an edge to start a mission: its robots join the run first
 
 T = TypeVar("T")
 
 
 def start(
-    asked: MissionAsked, lanes: Iterable[ZenohSession], operator: Operator, clock: Clock
+    asked: MissionAsked, bus_sessions: Iterable[ZenohSession], operator: Operator, clock: Clock
 ) -> dict[str, object]:
     """Start a mission; return the answer for the page. Raises Refused, TimedOut. Blocks."""
     wanted = StartAsk(inputs=asked.inputs, session_id=operator.name, timestamp=clock.time())
     key = keys.mission(asked.edge, asked.name)
-    started = _ask(key, wanted, Started, lanes, operator, parameters={"do": "start"})
+    started = _ask(key, wanted, Started, bus_sessions, operator, parameters={"do": "start"})
     if started.refusal:
         raise Refused(started.refusal, hint=started.hint)
     robots = ", ".join(name for names in started.roles.values() for name in names)
@@ -39,39 +39,39 @@ def start(
 
 
 async def rehearse(
-    asked: RehearseAsked, lanes: Sequence[ZenohSession], operator: Operator
+    asked: RehearseAsked, bus_sessions: Sequence[ZenohSession], operator: Operator
 ) -> AsyncIterator[RehearsalState]:
-    """Rehearse a mission; yield how it goes, the last with its result. Raises Refused, TimedOut.
+    """Rehearse a mission; yield its progress, the last one with its result. Raises Refused, TimedOut.
 
-    Whoever does not ask on ends it: the edge gives up a rehearsal that nobody asks for.
+    To end it, stop iterating: the edge gives up a rehearsal that is no longer polled.
     """
     key = keys.mission(asked.edge, asked.name)
     wanted = StartAsk(inputs=asked.inputs, session_id=operator.name)
-    state = await _state(key, wanted, lanes, operator, "rehearse")
+    state = await _state(key, wanted, bus_sessions, operator, "rehearse")
     known = 0
     while state.result is None:
         yield state
         await asyncio.sleep(LOOK)
         known += len(state.notes)
-        state = await _state(key, RehearsalAsk(state.id, known), lanes, operator, "rehearsal")
+        state = await _state(key, RehearsalAsk(state.id, known), bus_sessions, operator, "rehearsal")
     yield state
 
 
 async def _state(
-    key: str, wanted: msgspec.Struct, lanes: Sequence[ZenohSession], operator: Operator, do: str
+    key: str, wanted: msgspec.Struct, bus_sessions: Sequence[ZenohSession], operator: Operator, do: str
 ) -> RehearsalState:
-    """Ask how a rehearsal goes; raises Refused, TimedOut."""
-    ask = partial(_ask, key, wanted, RehearsalState, lanes, operator, parameters={"do": do})
+    """Poll a rehearsal; raises Refused, TimedOut."""
+    ask = partial(_ask, key, wanted, RehearsalState, bus_sessions, operator, parameters={"do": do})
     state = await asyncio.to_thread(ask)
     if state.refusal or state.failure:
         raise Refused(f"it cannot be rehearsed: {state.refusal or state.failure}")
     return state
 
 
-def control(asked: RunAsked, lanes: Iterable[ZenohSession], operator: Operator) -> dict[str, object]:
+def control(asked: RunAsked, bus_sessions: Iterable[ZenohSession], operator: Operator) -> dict[str, object]:
     """Control a run; return the answer for the page. Raises Refused, TimedOut. Blocks."""
     wanted = ControlAsk(asked.do, asked.question, asked.goes_on, operator.name)
-    controlled = _ask(keys.run(asked.edge, asked.run), wanted, Controlled, lanes, operator)
+    controlled = _ask(keys.run(asked.edge, asked.run), wanted, Controlled, bus_sessions, operator)
     if controlled.refusal:
         raise Refused(controlled.refusal)
     return {"status": "accepted", "done": True}
@@ -81,15 +81,15 @@ def _ask(
     key: str,
     wanted: msgspec.Struct,
     kind: type[T],
-    lanes: Iterable[ZenohSession],
+    bus_sessions: Iterable[ZenohSession],
     operator: Operator,
     *,
     parameters: Mapping[str, str] | None = None,
 ) -> T:
-    """Ask one edge, by whichever session reaches it; raises TimedOut without an answer."""
-    for lane in lanes:
-        asked = keys.as_console(key, operator.permission.word, lane.identity)
-        for _, data in lane.ask(
+    """Send a request to one edge, over each session in turn; raises TimedOut without an answer."""
+    for bus_session in bus_sessions:
+        asked = keys.as_console(key, operator.permission.word, bus_session.identity)
+        for _, data in bus_session.ask(
             asked, msgspec.json.encode(wanted), timeout=ANSWER_WITHIN, parameters=parameters
         ):
             return decode_json(data, kind)

@@ -1,4 +1,4 @@
-"""The fleet at a moment of a recording, in the form in which a page is told what is now; pure."""
+"""The fleet at a moment of a recording, in the form of the live view of a page; pure."""
 
 from __future__ import annotations
 
@@ -24,18 +24,19 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-SILENT = 3.0  # s without a word after which an edge counts as away
+SILENT = 3.0  # s without a message after which an edge counts as away
 _STATE = "fleet.RobotState"
 _BROKEN = (msgspec.DecodeError, ValueError, KeyError, TypeError)
 
 
 def moment(at: float, found: Iterable[ReadMessage], track: Iterable[ReadMessage]) -> dict[str, Any]:
-    """Return the fleet at a moment (Unix s) by the messages that were newest then, and positions before it.
+    """Return the fleet at a moment (Unix s) from the newest messages before it, with tracks.
 
-    ``recorded`` is when the last of them was received: what is much older than the moment is none of it.
+    ``recorded`` is the time of the last message; if it is much older than the moment, nothing was recorded
+    then.
     """
     shown = _Shown(at)
-    # States first: a pose is shown in the frame that its robot's state tells.
+    # States first: a pose is shown in the frame given by its robot's state.
     ordered = sorted(found, key=lambda each: (each.schema != _STATE, each.received))
     for message in ordered:
         shown.take(message)
@@ -44,7 +45,7 @@ def moment(at: float, found: Iterable[ReadMessage], track: Iterable[ReadMessage]
 
 
 class _Shown:
-    """The entries of a moment, as they are taken from messages."""
+    """The entries of a moment, collected from messages."""
 
     def __init__(self, at: float) -> None:
         self._at = at
@@ -64,14 +65,14 @@ class _Shown:
         }
 
     def take(self, message: ReadMessage) -> None:
-        """Take a message; what cannot be read is logged and left out."""
+        """Take a message; an unreadable one is logged and skipped."""
         try:
             self._takers[message.schema](message)
         except _BROKEN as error:
-            log.warning("what was recorded on %s cannot be read: %s", message.topic, error)
+            log.warning("the message recorded on %s cannot be read: %s", message.topic, error)
 
     def entries(self) -> dict[str, Any]:
-        """Return the entries by kind and identity, and the events, the newest first."""
+        """Return the entries by kind and identity, and the events, newest first."""
         for edge, heard in self._heard.items():
             if self._at - heard > SILENT:
                 why = f"nothing of it was recorded for {self._at - heard:.0f} s"
@@ -100,7 +101,7 @@ class _Shown:
         self._hear(message)
 
     def _hear(self, message: ReadMessage) -> None:
-        """Take that an edge was heard."""
+        """Update the time of an edge's last message."""
         self._heard[message.edge] = max(message.received, self._heard.get(message.edge, 0.0))
 
     def _run(self, message: ReadMessage) -> None:
@@ -112,7 +113,7 @@ class _Shown:
         self._events.append(decode_json(message.data, Record))
 
     def _places(self, message: ReadMessage) -> None:
-        """Take where the robots of an edge go; one of a long time ago is nowhere on its way."""
+        """Take the goals of an edge's robots, unless they are outdated."""
         if self._at - message.received <= SILENT:
             self._view.take_goals(message.edge, decode_json(message.data, Goals))
 
@@ -125,7 +126,7 @@ class _Shown:
         self._view.take_schedules(message.edge, decode_json(message.data, ScheduleAnswer).schedules)
 
     def _pose(self, message: ReadMessage) -> None:
-        """Take where a robot is, and how it leans."""
+        """Take the position and attitude of a robot."""
         name = id_of(message.edge, message.robot)
         report = _pose_in(message)
         if report is not None and name in self._view.states:
@@ -135,19 +136,19 @@ class _Shown:
             self._take_numbers(name, {f"position.{part}": value for part, value in leans.items()})
 
     def _joints(self, message: ReadMessage) -> None:
-        """Take where the joints of a robot are; of those that were told long before nobody knows."""
+        """Take the joint positions of a robot, unless they are outdated."""
         report = report_in(message.schema, message.data)
         if isinstance(report, JointReport) and self._at - message.received <= SILENT:
             told = {f"joint_states.positions.{joint}": value for joint, value in report.positions.items()}
             self._take_numbers(id_of(message.edge, message.robot), told)
 
     def _take_numbers(self, name: str, numbers: Mapping[str, float]) -> None:
-        """Take numbers that a robot has reported."""
+        """Add reported numbers of a robot."""
         self._view.put("numbers", name, {**(self._view.get("numbers", name) or {}), **numbers})
 
 
 def _pose_in(message: ReadMessage) -> PoseReport | None:
-    """Return the pose of a recorded position; None for what is none."""
+    """Return the pose of a recorded position; None for other messages."""
     try:
         report = report_in(message.schema, message.data)
     except ValueError:
@@ -156,7 +157,7 @@ def _pose_in(message: ReadMessage) -> PoseReport | None:
 
 
 def _shown_event(event: Record) -> Mapping[str, object]:
-    """Return an event for a page, with whose it is."""
+    """Return an event with its robot, for a page."""
     return {
         "edge": event.edge,
         "robot": id_of(event.edge, event.robot) if event.robot else "",

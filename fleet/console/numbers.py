@@ -1,4 +1,4 @@
-"""The numbers in what a robot reports, by name, for plots; pure."""
+"""The numbers in a robot's reports, by name, for plots; pure."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ MOST_IN_LIST = 12
 DEEPEST = 4
 LONGEST = 120  # characters of a name
 WITHOUT = frozenset({"depth", "driverlog", "event", "frames", "map_update", "photo", "pointcloud", "streams"})
-"""Channels whose messages are pictures, arrays or text."""
+"""Channels with pictures, arrays or text."""
 _NOT_PLOTTED = frozenset({"ts", "timestamp"})
 
 
 def numbers_in(key: str, sample: bytes) -> dict[str, float]:
-    """Return the numbers in a report on the bus by their place in it (``battery.percent``).
+    """Return the numbers in a report on the bus by their path in it (``battery.percent``).
 
-    Values that are aligned with ``names``, as those of joints, have these as the last part of their names.
-    Empty for channels without numbers, and for what is no JSON.
+    Lists aligned with ``names``, as for joints, use these as the last part of the path. Empty for channels
+    without numbers, and for invalid JSON.
     """
     data = parse_data_key(key)
     if data is None or data.channel in WITHOUT or data.channel.startswith("commands"):

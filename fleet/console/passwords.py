@@ -1,4 +1,4 @@
-"""Passwords as argon2id hashes. A verification takes a tenth of a second and 64 MiB: never on the loop."""
+"""Passwords as argon2id hashes. A verification takes 0.1 s and 64 MiB: never call it on the event loop."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ SHORTEST = 12  # characters
 LONGEST = 1024
 
 _hasher = PasswordHasher(time_cost=3, memory_cost=64 * 1024, parallelism=1, type=Type.ID)
-"""RFC 9106's choice for little memory, on one core: the others are for the robots."""
+"""RFC 9106's choice for little memory, on one core: the other cores are for the robots."""
 
 
 def password_problem(password: str) -> str:
-    """Return why a password is not taken, empty when it is."""
+    """Return why a password is refused, empty if it is not."""
     if len(password) < SHORTEST:
         return f"a password has at least {SHORTEST} characters"
     if len(password) > LONGEST:
@@ -30,9 +30,9 @@ def hash_password(password: str) -> str:
 
 
 def verify_password(kept: str | None, password: str) -> bool:
-    """Return whether a password is the one whose hash was kept. Blocks.
+    """Return True if a password matches a stored hash. Blocks.
 
-    Without a hash (nobody has that name) the answer is no, after the same work.
+    Without a hash (unknown name) it returns False, after the same work.
     """
     try:
         right = _hasher.verify(kept or _nobodys(), _same_on_all_keyboards(password))
@@ -43,10 +43,10 @@ def verify_password(kept: str | None, password: str) -> bool:
 
 @cache
 def _nobodys() -> str:
-    """Return a hash that belongs to nobody."""
+    """Return a hash that belongs to no one."""
     return _hasher.hash("nobody has this password")
 
 
 def _same_on_all_keyboards(password: str) -> str:
-    """Return a password in the one form of Unicode: keyboards compose letters differently."""
+    """Return a password in Unicode normal form C: keyboards compose letters differently."""
     return unicodedata.normalize("NFC", password)

@@ -1,4 +1,4 @@
-"""The recordings that a console shows: the fleet at a moment of them."""
+"""The recordings of a console: the fleet at a past moment."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HOW = "record: in fleet.yaml records; fleet console --recordings FOLDER shows an
 
 
 class Pasts:
-    """The recordings in ``folders``; one moment is read at a time, on a thread of its own."""
+    """The recordings in ``folders``; one moment at a time is read, on a thread of its own."""
 
     def __init__(self, folders: Callable[[], Iterable[Path]]) -> None:
         self._folders = folders
@@ -30,19 +30,19 @@ class Pasts:
         self._reading = asyncio.Lock()
 
     async def extent(self) -> dict[str, float]:
-        """Return from when until when something is recorded (Unix s); raises Refused when nothing is."""
+        """Return the time range of the recordings (Unix s); raises Refused if there are none."""
         async with self._reading:
             return await asyncio.to_thread(self._extent)
 
     async def moment(self, at: float) -> dict[str, Any]:
-        """Return the fleet at a moment (Unix s); raises Refused when nothing is recorded, and StateError."""
+        """Return the fleet at a moment (Unix s); raises Refused if nothing is recorded, and StateError."""
         if not math.isfinite(at) or not 0 <= at < 1e10:
-            raise Refused("this is no moment")
+            raise Refused("this is no valid time")
         async with self._reading:
             return await asyncio.to_thread(self._moment, at)
 
     def _extent(self) -> dict[str, float]:
-        """Return the extent; blocks."""
+        """Return the time range; blocks."""
         found = [extent for past in self._pasts() if (extent := past.extent()) is not None]
         if not found:
             raise Refused(NOTHING, hint=HOW)
@@ -57,7 +57,7 @@ class Pasts:
         return moment(at, found, [each for past in pasts for each in past.track(at, TRACK, TRACK_POINTS)])
 
     def _pasts(self) -> list[Past]:
-        """Return the folders of recordings that there are; raises Refused without the extra."""
+        """Return the existing folders of recordings; raises Refused without the extra."""
         if not is_installed():
             raise Refused(EXTRA)
         from fleet.record.past import Past  # noqa: PLC0415 - its packages are an extra

@@ -1,7 +1,7 @@
-"""The people who may log in at a console: a file of their names, permissions and hashed passwords.
+"""The people who may log in at a console: a file of names, permissions and password hashes.
 
-The file is for its user alone (0600), beside the edge's state and never in fleet.yaml. It is replaced as a
-whole, so who reads it sees the old or the new people. A running console sees a change at its next look.
+Only its user can read the file (0600); it is beside the edge's state, never in fleet.yaml. It is replaced
+atomically, so readers see the old or the new content. A running console notices a change at its next access.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import msgspec
 from fleet.errors import FleetError
 from fleet.model.permission import Permission
 from fleet.runtime.decoding import decode_json
-from fleet.spool.state_folder import locked, made
+from fleet.spool.state_folder import create_folder, locked
 
 FILE = "console-people.json"
 LONGEST_NAME = 64
@@ -32,7 +32,7 @@ Word = Literal["view", "operate", "admin"]
 
 
 class PeopleError(FleetError):
-    """The file of people cannot be read or written, or has not what was asked for."""
+    """The file of people cannot be read or written, or lacks the requested person."""
 
 
 class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -44,7 +44,7 @@ class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def allowed(self) -> Permission:
-        """What this person may do."""
+        """The person's permission."""
         return Permission[self.permission.upper()]
 
 
@@ -56,16 +56,16 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def name_problem(name: str) -> str:
-    """Return why a name is not taken, empty when it is."""
+    """Return why a name is invalid, empty if it is valid."""
     if _NAME.fullmatch(name):
         return ""
     return f"a name has up to {LONGEST_NAME} letters, digits and . _ @ -, and begins with a letter or digit"
 
 
 def read_people(path: Path) -> dict[str, Person]:
-    """Return the people of a file by name, nobody where there is none; raises PeopleError.
+    """Return the people of a file by name, empty without a file; raises PeopleError.
 
-    A file that others may read or write is refused: they could have put themselves into it.
+    A file that other users can read or write is refused: they could have added themselves.
     """
     try:
         file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
@@ -111,8 +111,8 @@ def write_people(path: Path, people: Iterable[Person]) -> None:
 
 
 def add_person(path: Path, person: Person) -> None:
-    """Add somebody; raises PeopleError, also for a name that is there."""
-    made(path.parent)
+    """Add a person; raises PeopleError, also for an existing name."""
+    create_folder(path.parent)
     with locked(path, within=LOCK_WITHIN):
         people = read_people(path)
         if person.name in people:
@@ -123,8 +123,8 @@ def add_person(path: Path, person: Person) -> None:
 
 
 def change_person(path: Path, name: str, *, permission: Word | None = None, password: str = "") -> None:
-    """Give somebody another permission or (hashed) password; raises PeopleError."""
-    made(path.parent)
+    """Give a person another permission or (hashed) password; raises PeopleError."""
+    create_folder(path.parent)
     with locked(path, within=LOCK_WITHIN):
         people = read_people(path)
         before = _named(people, name, path)
@@ -133,8 +133,8 @@ def change_person(path: Path, name: str, *, permission: Word | None = None, pass
 
 
 def remove_person(path: Path, name: str) -> None:
-    """Remove somebody; raises PeopleError."""
-    made(path.parent)
+    """Remove a person; raises PeopleError."""
+    create_folder(path.parent)
     with locked(path, within=LOCK_WITHIN):
         people = read_people(path)
         _named(people, name, path)
@@ -143,14 +143,14 @@ def remove_person(path: Path, name: str) -> None:
 
 
 def _named(people: dict[str, Person], name: str, path: Path) -> Person:
-    """Return somebody; raises PeopleError."""
+    """Return a person; raises PeopleError."""
     if name not in people:
         raise PeopleError(f"nobody in {path} is named {name}: fleet console people list")
     return people[name]
 
 
 class People:
-    """The people of a file, as they are now. ``problem`` says why nobody is known, empty when it is read."""
+    """The people of a file, always up to date. ``problem``: why none are known, empty if it was read."""
 
     def __init__(self, path: Path) -> None:
         self.problem = ""
@@ -159,16 +159,16 @@ class People:
         self._people: dict[str, Person] = {}
 
     def find(self, name: str) -> Person | None:
-        """Return somebody by name."""
+        """Return a person by name."""
         self._look()
         return self._people.get(name)
 
     def knows(self, person: Person) -> bool:
-        """Return whether somebody is there unchanged: same permission, same password."""
+        """Return True if a person is unchanged: same permission, same password."""
         return self.find(person.name) == person
 
     def is_empty(self) -> bool:
-        """Return whether nobody may log in."""
+        """Return True if nobody may log in."""
         self._look()
         return not self._people
 

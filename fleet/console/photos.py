@@ -1,4 +1,4 @@
-"""The newest pictures of robots that pages show, in JPEG and nothing else; pure."""
+"""The newest pictures of robots that pages show, only in JPEG; pure."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from fleet.errors import WireError
 from fleet.model.report import PhotoReport
 from fleet.wire.databus import decode_report
 
-MOST = 8  # robots of which a picture is kept; that which came longest ago goes
+MOST = 8  # robots with a stored picture; the one with the oldest picture is dropped
 LARGEST = 8 << 20  # bytes of a picture
 _JPEG = b"\xff\xd8\xff"
 
@@ -18,7 +18,7 @@ class Photos:
         self._newest: dict[str, PhotoReport] = {}
 
     def take(self, robot: str, sample: bytes) -> dict[str, object] | None:
-        """Keep a picture; return what a page is told of it, None for what is none or an older one."""
+        """Store a picture; return its description for pages, None for an invalid or older one."""
         if len(sample) > 2 * LARGEST:  # base64 in JSON
             return None
         try:
@@ -35,11 +35,11 @@ class Photos:
         return {"stamp": kept.stamp, "width": kept.width, "height": kept.height} if kept is report else None
 
     def newest(self, robot: str) -> bytes | None:
-        """Return the newest picture of a robot, None where there is none."""
+        """Return the newest picture of a robot, None if there is none."""
         report = self._newest.get(robot)
         return report.image if report is not None else None
 
 
 def _is_picture(image: bytes) -> bool:
-    """Return whether bytes begin as a JPEG picture of a size that is shown."""
+    """Return True for data that starts like a JPEG picture and is within the size limit."""
     return image.startswith(_JPEG) and len(image) <= LARGEST

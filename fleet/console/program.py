@@ -1,4 +1,4 @@
-"""The console process: reads its task, joins the edges, serves the page until a signal or its parent ends it.
+"""The console process: reads its task, joins the edges, serves the page until a signal or its parent's end.
 
 ``python -m fleet.console.program`` is started by ``fleet run``, ``fleet demo`` and ``fleet console``, which
 write the task to its standard input. It binds to loopback; elsewhere only with TLS and a login.
@@ -37,7 +37,7 @@ HOST = "127.0.0.1"
 
 
 async def serve(task: ConsoleTask, directory: Path, ended: asyncio.Event) -> None:
-    """Serve one console until ``ended``; raises ConsoleError when its port or socket is taken."""
+    """Serve one console until ``ended``; raises ConsoleError if its port or socket is taken."""
     clock = SystemClock()
     sessions, hub = Sessions(clock), Hub(task, directory, clock)
     beyond = LoginServer(task.login, hub, clock) if task.login is not None else None

@@ -1,4 +1,4 @@
-"""What a page asks for over its WebSocket, and what each asker needs for it; strict, no I/O."""
+"""Requests of a page over its WebSocket, and the permission that each needs; strict, without I/O."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from fleet.runtime.decoding import json_decoder
 MOST_ROBOTS = 1000  # in one request
 LONGEST_WORD = 200  # characters of an identity, a name, a reason
 LONGEST_SDP = 12_000  # characters of a session description
-FASTEST = 50.0  # m/s or rad/s; each robot's own limits are the edge's business
+FASTEST = 50.0  # m/s or rad/s; the edge enforces each robot's own limits
 
 Speed = Annotated[float, msgspec.Meta(ge=-FASTEST, le=FASTEST)]
 
 
 class StopAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="stop"):
-    """Stop these robots (``edge/robot``); none means all. ``request`` is the same by whichever way."""
+    """Stop these robots (``edge/robot``); none means all. ``request`` is equal on all routes."""
 
     request: str
     robots: tuple[str, ...] = ()
@@ -60,7 +60,7 @@ class CommandAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_
 class DriveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="drive"):
     """Hold a velocity: m/s and rad/s in the robot's body frame (x forward, y left, z up).
 
-    ``number`` comes back with the answer: the page measures the way and back.
+    ``number`` is returned with the answer: the page measures the round-trip time.
     """
 
     number: int
@@ -72,12 +72,12 @@ class DriveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fi
 
     @property
     def is_zero(self) -> bool:
-        """True when its driver has let go."""
+        """True if the stick is released."""
         return not (self.linear_x or self.linear_y or self.linear_z or self.angular_z)
 
 
 class MissionAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="mission"):
-    """Start a mission that an edge knows."""
+    """Start a mission of an edge."""
 
     request: str
     edge: str
@@ -86,7 +86,7 @@ class MissionAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_
 
 
 class RehearseAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="rehearse"):
-    """Rehearse a mission that an edge knows, with simulated robots; told until its end."""
+    """Rehearse a mission of an edge with simulated robots; answered with its progress until its end."""
 
     request: str
     edge: str
@@ -106,14 +106,14 @@ class RunAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fiel
 
 
 class ControlAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="control"):
-    """Ask whoever has control of a robot to give it."""
+    """Ask the holder of a robot's control to give it up."""
 
     request: str
     robot: str
 
 
 class GiveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="give"):
-    """Answer who asks for a robot of which one has control: give it, which stops the robot, or keep it."""
+    """Answer a request for control of one's robot: give it up, which stops the robot, or keep it."""
 
     request: str
     robot: str
@@ -123,7 +123,7 @@ class GiveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
 class ScheduleChange(
     msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="schedule"
 ):
-    """Switch a schedule of an edge on or off, or start its mission now."""
+    """Enable or disable a schedule of an edge, or start its mission now."""
 
     request: str
     edge: str
@@ -132,47 +132,47 @@ class ScheduleChange(
 
 
 class WatchAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="watch"):
-    """Tell what this robot takes, for as long as its page is open; an empty name: none."""
+    """Follow a robot's vocabulary and reports while its view is open; an empty name: none."""
 
     robot: str = ""
 
 
 class CausesAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="causes"):
-    """Tell who stopped these robots, when and why."""
+    """Get who stopped these robots, when and why."""
 
     request: str
     robots: tuple[str, ...]
 
 
 class HistoryAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="history"):
-    """Tell what was asked of a robot lately, by whom, and what became of it."""
+    """Get the recent requests to a robot, their senders and outcomes."""
 
     request: str
     robot: str
 
 
 class ExtentAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="extent"):
-    """Tell from when until when there are recordings."""
+    """Get the time range of the recordings."""
 
     request: str
 
 
 class MomentAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="moment"):
-    """Tell how the fleet was at a moment of the recordings, Unix s."""
+    """Get the fleet at a moment of the recordings, Unix s."""
 
     request: str
     at: float
 
 
 class ConfigAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="config"):
-    """Tell what the fleet.yaml of an edge says, and what is wrong with it."""
+    """Get the fleet.yaml of an edge and its errors."""
 
     request: str
     edge: str
 
 
 class VideoAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="video"):
-    """Tell the next offer of live video of a watched robot; asked before ``start_video`` is sent."""
+    """Get the next offer of live video of a watched robot; sent before ``start_video``."""
 
     request: str
     robot: str
@@ -190,7 +190,7 @@ class VideoAnswered(
 
 
 class PingAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="ping"):
-    """Answer at once, with the same number: the page measures the way and back."""
+    """Answer at once with the same number: the page measures the round-trip time."""
 
     number: int
 
@@ -214,7 +214,7 @@ Request = (
     | VideoAsked
     | VideoAnswered
 )
-"""What is answered by its request's name."""
+"""Requests that are answered by their id."""
 Asked = Request | DriveAsked | WatchAsked | PingAsked
 
 _NEEDS: Mapping[type[object], Permission] = {
@@ -238,11 +238,11 @@ _NEEDS: Mapping[type[object], Permission] = {
     VideoAnswered: Permission.OPERATE,
     ConfigAsked: Permission.ADMIN,
 }
-"""The permission that each request needs; a stop is everybody's."""
+"""The permission that each request needs; everybody may stop."""
 
 
 _WORDS = ("request", "robot", "command", "why", "edge", "name", "run", "sensor")
-"""Fields that hold a name or a text."""
+"""Fields with a name or a text."""
 
 
 def needed_for(asked: Asked) -> Permission:
@@ -263,7 +263,7 @@ def read_asked(text: str | bytes) -> Asked:
 
 
 def read_stop(body: bytes) -> StopAsked:
-    """Decode a stop that came by POST; raises WireError."""
+    """Decode a stop sent by POST; raises WireError."""
     asked = read_asked(body)
     if not isinstance(asked, StopAsked):
         raise WireError("only a stop is taken here")
@@ -271,7 +271,7 @@ def read_stop(body: bytes) -> StopAsked:
 
 
 def _require_bounds(asked: Asked) -> None:
-    """Raise WireError for more robots, or longer words, than anybody means."""
+    """Raise WireError for implausibly many robots or long texts."""
     robots = getattr(asked, "robots", ())
     if len(robots) > MOST_ROBOTS:
         raise WireError(f"more than {MOST_ROBOTS} robots", where="robots")

@@ -1,4 +1,4 @@
-"""Schedules from the console: switched and started as from the command line, by the operator's name."""
+"""Schedules from the console: changed and started as from the command line, in the operator's name."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from fleet.errors import Refused, TimedOut
 from fleet.model.schedule import ScheduleAnswer, ScheduleAsked, ScheduleState
 from fleet.runtime.decoding import decode_json
 
-ANSWER_WITHIN = 15.0  # s for an edge to start a mission: its robots join it first
+ANSWER_WITHIN = 15.0  # s for an edge to start a mission: its robots join the run first
 
 
 def change(
-    asked: ScheduleChange, lanes: Iterable[ZenohSession], operator: Operator
+    asked: ScheduleChange, bus_sessions: Iterable[ZenohSession], operator: Operator
 ) -> tuple[ScheduleState, ...]:
-    """Change a schedule; return how those of the edge are then. Raises Refused, TimedOut. Blocks."""
+    """Change a schedule; return the new states of the edge's schedules. Raises Refused, TimedOut. Blocks."""
     key, wanted = keys.schedules(asked.edge), ScheduleAsked(asked.do, asked.name, operator.name)
-    for lane in lanes:
-        to = keys.as_console(key, operator.permission.word, lane.identity)
-        for _, data in lane.ask(to, msgspec.json.encode(wanted), timeout=ANSWER_WITHIN):
+    for bus_session in bus_sessions:
+        to = keys.as_console(key, operator.permission.word, bus_session.identity)
+        for _, data in bus_session.ask(to, msgspec.json.encode(wanted), timeout=ANSWER_WITHIN):
             answer = decode_json(data, ScheduleAnswer)
             if answer.refusal:
                 raise Refused(answer.refusal)

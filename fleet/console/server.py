@@ -1,4 +1,4 @@
-"""uvicorn as the console uses it: one table of settings for its servers, and signals that are not its own."""
+"""uvicorn for the console: common settings of its servers, without uvicorn's signal handlers."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from starlette.types import ASGIApp
 from fleet.console.guard import LONGEST_BODY
 
 SHUTDOWN = 1  # s for open requests to end
-PING = 5.0  # s between pings of a WebSocket, and s that the page has to answer
-MOST_CONNECTIONS = 512  # with more, new ones are told to come again
+PING = 5.0  # s between pings of a WebSocket, and s for the page to answer
+MOST_CONNECTIONS = 512  # beyond this, new connections get 503
 
 
 def server_config(app: ASGIApp) -> uvicorn.Config:
-    """Return how an application is served."""
+    """Return the settings of a server."""
     return uvicorn.Config(
         app,
         http="h11",
@@ -40,7 +40,7 @@ def server_config(app: ASGIApp) -> uvicorn.Config:
 
 
 class Server(uvicorn.Server):
-    """uvicorn's server, whose signals are ours; ``begun`` is set when it serves."""
+    """uvicorn's server without its signal handlers; ``begun`` is set when it serves."""
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
@@ -58,11 +58,11 @@ class Server(uvicorn.Server):
 
     @staticmethod
     def is_unused(protocol: asyncio.Protocol) -> bool:
-        """Return whether a connection has not brought a whole request yet."""
+        """Return True if a connection has not sent a whole request yet."""
         return getattr(protocol, "cycle", None) is None
 
     def protocol(self) -> asyncio.Protocol:
-        """Return what serves a connection that the server has not taken itself."""
+        """Return a protocol for a connection that the server has not accepted itself."""
         return self.config.http_protocol_class(  # type: ignore[call-arg]
             config=self.config, server_state=self.server_state, app_state=self.lifespan.state
         )

@@ -1,4 +1,4 @@
-"""Who may use the console: links that work once, sessions, and what each may do; no I/O."""
+"""Access to the console: single-use links, sessions, and their permissions; without I/O."""
 
 from __future__ import annotations
 
@@ -12,53 +12,53 @@ import msgspec
 from fleet.clock import Clock
 from fleet.model.permission import Permission
 
-LINK_LIFE = 600.0  # s in which a link must be used
+LINK_LIFE = 600.0  # s within which a link must be used
 SESSION_LIFE = 12 * 3600.0  # s without a request after which the session of a link ends
-MOST_LINKS = 32  # unused links; the oldest goes for a new one
+MOST_LINKS = 32  # unused links; a new one replaces the oldest
 MOST_SESSIONS = 64
-MOST_OF_ONE = 16  # sessions of one person; the oldest goes for a new one
+MOST_OF_ONE = 16  # sessions of one person; a new one replaces the oldest
 _BYTES = 32  # of randomness in a token
 
 
 class Operator(msgspec.Struct, frozen=True):
-    """A person at the console, by the name that robots and the history are told."""
+    """A person at the console, by the name that robots and the history record."""
 
     name: str
     permission: Permission
 
 
 class _Link(msgspec.Struct, frozen=True):
-    """A link that nobody has used yet."""
+    """An unused link."""
 
     operator: Operator
     until: float
 
 
 class Opened(msgspec.Struct, frozen=True):
-    """What a browser gets for a link: the value of its cookie, and the proof that its page keeps."""
+    """New session for a browser: the value of its cookie, and the proof that its page stores."""
 
     cookie: str
     proof: str
 
 
-class Lives(msgspec.Struct, frozen=True):
-    """How long sessions last: ``idle`` seconds without a request or an open page, ``longest`` in any case."""
+class SessionLifetimes(msgspec.Struct, frozen=True):
+    """Lifetimes of sessions: ``idle`` seconds without a request or an open page, at most ``longest``."""
 
     idle: float
     longest: float
 
 
-BY_LINK = Lives(SESSION_LIFE, math.inf)
-BY_LOGIN = Lives(3600.0, 12 * 3600.0)
+BY_LINK = SessionLifetimes(SESSION_LIFE, math.inf)
+BY_LOGIN = SessionLifetimes(3600.0, 12 * 3600.0)
 
 
 def _always() -> bool:
-    """Return True: nothing but time ends the session of a link."""
+    """Return True: only time ends the session of a link."""
     return True
 
 
 class Session(msgspec.Struct, eq=False):
-    """A session of one browser; ``key`` and ``proof`` are digests. It ends when ``holds`` is false."""
+    """A session of one browser; ``key`` and ``proof`` are digests. It ends when ``holds`` returns False."""
 
     operator: Operator
     key: bytes
@@ -69,23 +69,23 @@ class Session(msgspec.Struct, eq=False):
 
 
 class Sessions:
-    """The links and sessions of one console. Only digests of tokens are kept: memory does not tell them.
+    """The links and sessions of one console. Only digests of tokens are stored, not the tokens.
 
-    ``cookie`` is the name of the session's cookie. It has the instance in it, because a browser sends the
-    cookies of one port of a computer to all of its ports. For the same reason a cookie alone is worth
-    nothing: the page shows a proof beside it, from its own storage, which belongs to the port.
+    ``cookie`` is the name of the session's cookie. It contains the instance, because a browser sends the
+    cookies of one port of a computer to all of its ports. For the same reason a cookie alone is not enough:
+    the page also sends a proof from its own storage, which is separate for each port.
     """
 
-    def __init__(self, clock: Clock, lives: Lives = BY_LINK, prefix: str = "") -> None:
+    def __init__(self, clock: Clock, lifetimes: SessionLifetimes = BY_LINK, prefix: str = "") -> None:
         self._clock = clock
-        self._lives = lives
+        self._lifetimes = lifetimes
         self._links: dict[bytes, _Link] = {}
         self._sessions: dict[bytes, Session] = {}
         self.instance = secrets.token_hex(8)
         self.cookie = f"{prefix}fleet_console_{self.instance}"
 
     def new_link(self, operator: Operator) -> str:
-        """Return a token that opens one session for this person, once and soon."""
+        """Return a token that opens one session for this operator, once and within LINK_LIFE."""
         now = self._clock.monotonic()
         self._links = {key: link for key, link in self._links.items() if link.until > now}
         while len(self._links) >= MOST_LINKS:
@@ -95,14 +95,14 @@ class Sessions:
         return token
 
     def open(self, token: str) -> Opened | None:
-        """Return a new session for a token, which is used up; None for one that is no good."""
+        """Return a new session for a token, which is consumed; None for an invalid one."""
         link = self._links.pop(_digest(token), None)
         if link is None or link.until <= self._clock.monotonic():
             return None
         return self.begin(link.operator)
 
     def begin(self, operator: Operator, holds: Callable[[], bool] = _always) -> Opened:
-        """Return a new session of somebody who has proven who it is; it ends when ``holds`` is false."""
+        """Return a new session of an authenticated operator; it ends when ``holds`` returns False."""
         now = self._clock.monotonic()
         self._sessions = {key: each for key, each in self._sessions.items() if self._lasts(each, now)}
         own = [key for key, each in self._sessions.items() if each.operator.name == operator.name]
@@ -111,14 +111,14 @@ class Sessions:
         while len(self._sessions) >= MOST_SESSIONS:
             self._sessions.pop(min(self._sessions, key=lambda key: self._sessions[key].until))
         opened = Opened(secrets.token_urlsafe(_BYTES), secrets.token_urlsafe(_BYTES))
-        key, ends = _digest(opened.cookie), now + self._lives.longest
+        key, ends = _digest(opened.cookie), now + self._lifetimes.longest
         self._sessions[key] = Session(
-            operator, key, _digest(opened.proof), now + self._lives.idle, ends, holds
+            operator, key, _digest(opened.proof), now + self._lifetimes.idle, ends, holds
         )
         return opened
 
     def session_of(self, cookies: Mapping[str, str], proof: str) -> Session | None:
-        """Return the session that a request shows, None without one; its use renews it."""
+        """Return the session of a request, None without one; its use renews it."""
         cookie = cookies.get(self.cookie)
         session = self._sessions.get(_digest(cookie)) if cookie else None
         if session is None or session.proof != _digest(proof) or not self.renew(session):
@@ -126,30 +126,30 @@ class Sessions:
         return session
 
     def operator_of(self, cookies: Mapping[str, str], proof: str) -> Operator | None:
-        """Return whose session a request shows, None without one."""
+        """Return the operator of a request's session, None without one."""
         session = self.session_of(cookies, proof)
         return session.operator if session is not None else None
 
     def renew(self, session: Session) -> bool:
-        """Return whether a session goes on; that it is in use renews it."""
+        """Return True if a session is still valid; its use renews it."""
         now = self._clock.monotonic()
         if self._sessions.get(session.key) is not session:
             return False
         if not self._lasts(session, now):
             self.end(session)
             return False
-        session.until = now + self._lives.idle
+        session.until = now + self._lifetimes.idle
         return True
 
     def end(self, session: Session) -> None:
-        """End a session: its person logs out."""
+        """End a session: its operator logs out."""
         self._sessions.pop(session.key, None)
 
     def _lasts(self, session: Session, now: float) -> bool:
-        """Return whether a session has not come to its end."""
+        """Return True if a session has not expired."""
         return min(session.until, session.ends) > now and session.holds()
 
 
 def _digest(token: str) -> bytes:
-    """Return what is kept of a token; looking a digest up tells nothing of the token by its time."""
+    """Return the stored digest of a token; the time of a digest look-up reveals nothing of the token."""
     return hashlib.sha256(token.encode(errors="replace")).digest()

@@ -1,8 +1,8 @@
-"""Emergency stops from the console: asked by every way, followed until the robots are seen to stand.
+"""Emergency stops from the console: sent on all routes, followed until the robots are seen to stand.
 
-A stop is asked of the edges on the bus and of their supervisors at once. Each robot shows after how many
-milliseconds its edge said that the stop is set, after how many it was seen to stand, and by which way; a
-robot that did neither is named. A stop waits for no other message, and needs no state of the fleet.
+A stop is sent to the edges on the bus and to their supervisors concurrently. Each robot shows the
+milliseconds until its stop was set and until it was seen to stand, and the route; a robot without either is
+named. A stop does not queue behind other messages, and needs no state of the fleet.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from fleet.wire.stop_outcome import DONE, OPEN, SEEN_WITHIN, stop_outcome
 
 log = logging.getLogger(__name__)
 
-ANSWER_WITHIN = 2.0  # s for an edge to say that the stop is set
-LOOK = 0.05  # s between looks at how the stops go on
-THREADS = 64  # stops that may wait for answers at once; nothing else uses these threads
-NO_ANSWER = "nobody said that its stop is set"
+ANSWER_WITHIN = 2.0  # s for an edge to confirm that the stop is set
+LOOK = 0.05  # s between polls of the progress
+THREADS = 64  # stops that may wait for answers at once; reserved for stops
+NO_ANSWER = "no confirmation that its stop is set"
 NOT_SEEN = f"not seen to stand within {SEEN_WITHIN:g} s"
 
-Lanes = Callable[[], Mapping[str, ZenohSession]]
-"""The control sessions that are joined now, by edge."""
+BusSessions = Callable[[], Mapping[str, ZenohSession]]
+"""The joined control sessions, by edge."""
 
 
 class StopTarget(msgspec.Struct, frozen=True):
-    """Whom to stop: identities of robots (``edge/robot``); none means every robot of every edge."""
+    """The robots to stop, by identity (``edge/robot``); empty: every robot of every edge."""
 
     robots: tuple[str, ...] = ()
 
     def names_by_edge(self) -> dict[str, list[str]]:
-        """Return the names of the robots by their edge; ``*``: on whichever edge; all: no names."""
+        """Return the names of the robots by edge; ``*``: on any edge; empty names: all."""
         if not self.robots:
             return {"*": []}
         found: dict[str, list[str]] = {}
@@ -56,7 +56,7 @@ class StopTarget(msgspec.Struct, frozen=True):
 
 
 class StopRecord:
-    """How one stop goes; ``began`` is monotonic seconds. ``shown`` is what pages are told."""
+    """Progress of one stop; ``began`` is monotonic seconds. ``shown`` is its form for pages."""
 
     def __init__(self, by: str, why: str, target: StopTarget, robots: Iterable[str], began: float) -> None:
         self.began = began
@@ -68,20 +68,20 @@ class StopRecord:
             self._robot(robot)
 
     def acknowledge(self, robot: str, now: float, way: str) -> None:
-        """Take that the stop of a robot is set; the first to say so counts."""
+        """Record that the stop of a robot is set; the first confirmation counts."""
         found = self._robot(robot)
         if found["acknowledged"] is None:
             found |= {"acknowledged": _ms(now - self.began), "way": way, "outcome": "set"}
 
     def see(self, robot: str, outcome: str, now: float) -> None:
-        """Take how the stop of a robot goes by its state."""
+        """Record the outcome of a robot's stop by its state."""
         found = self._robot(robot)
         found["outcome"] = outcome
         if outcome == DONE and found["standing"] is None:
             found["standing"] = _ms(now - self.began)
 
     def pending(self) -> list[str]:
-        """Return the robots whose stop is set and that are not yet known to stand or to fail."""
+        """Return the robots whose stop is set, but whose outcome is open."""
         return [
             robot
             for robot, found in self._robots.items()
@@ -89,7 +89,7 @@ class StopRecord:
         ]
 
     def close(self) -> None:
-        """End it: who has not answered, or was not seen to stand, is named so."""
+        """End it: robots without an answer, or not seen to stand, get that outcome."""
         self.open = False
         for found in self._robots.values():
             if found["acknowledged"] is None:
@@ -115,26 +115,26 @@ class StopRecord:
 
 
 class Stops:
-    """Asks for stops and follows them; ``directories`` are those with the supervisors' sockets."""
+    """Sends stops and follows them; ``directories`` are those with the supervisors' sockets."""
 
     def __init__(
-        self, view: FleetView, lanes: Lanes, directories: Callable[[], list[Path]], clock: Clock
+        self, view: FleetView, bus_sessions: BusSessions, directories: Callable[[], list[Path]], clock: Clock
     ) -> None:
         self._view = view
-        self._lanes = lanes
+        self._bus_sessions = bus_sessions
         self._directories = directories
         self._clock = clock
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="stop")
         self._tasks: set[asyncio.Task[None]] = set()
 
     def close(self) -> None:
-        """End the threads; what is asked already is not waited for."""
+        """End the threads without waiting for pending requests."""
         self._threads.shutdown(wait=False, cancel_futures=True)
 
     async def ask(self, target: StopTarget, by: str, why: str, request: str = "") -> dict[str, Any]:
-        """Stop robots by every way at once; return how it went when each edge has answered or is late.
+        """Stop robots on all routes at once; return the result when each edge has answered or timed out.
 
-        A ``request`` that is known already is not asked again: it came by two ways. Following goes on.
+        A known ``request`` is not sent again: it arrived on two routes. The robots are followed afterwards.
         """
         request = request or secrets.token_hex(8)
         known = self._view.get("stops", request)
@@ -145,9 +145,9 @@ class Stops:
         self._view.take_stop(request, record.shown())
         parameters = parameters_of(by, why, request)
         asked = [
-            self._ask_edge(record, lane, edge, names, parameters)
+            self._ask_edge(record, bus_session, edge, names, parameters)
             for edge, names in target.names_by_edge().items()
-            for lane in self._lanes_to(edge)
+            for bus_session in self._sessions_to(edge)
         ]
         supervised = self._ask_supervisors(record, target, why, request)
         await asyncio.gather(*asked, supervised)
@@ -157,20 +157,20 @@ class Stops:
         task.add_done_callback(self._tasks.discard)
         return {"request": request, **record.shown()}
 
-    def _lanes_to(self, edge: str) -> list[ZenohSession]:
-        """Return the sessions by which an edge is reached; all of them for one that is not joined itself."""
-        lanes = self._lanes()
-        return [lanes[edge]] if edge in lanes else list(lanes.values())
+    def _sessions_to(self, edge: str) -> list[ZenohSession]:
+        """Return the sessions that reach an edge; all of them if it is not joined itself."""
+        bus_sessions = self._bus_sessions()
+        return [bus_sessions[edge]] if edge in bus_sessions else list(bus_sessions.values())
 
     async def _ask_edge(
         self,
         record: StopRecord,
-        lane: ZenohSession,
+        bus_session: ZenohSession,
         edge: str,
         names: list[str],
         parameters: Mapping[str, str],
     ) -> None:
-        """Ask on the stop key of an edge (``*``: of all), and take each answer as it comes."""
+        """Send the stop to an edge (``*``: to all), and record each answer as it arrives."""
         loop, payload = asyncio.get_running_loop(), msgspec.json.encode(names)
 
         def acknowledge(key: str, stopped: list[str]) -> None:
@@ -178,7 +178,7 @@ class Stops:
                 record.acknowledge(id_of(key.split("/")[1], name), self._clock.monotonic(), "bus")
 
         def ask() -> None:
-            for key, data in lane.ask(
+            for key, data in bus_session.ask(
                 keys.stop(edge), payload, timeout=ANSWER_WITHIN, parameters=parameters, urgent=True
             ):
                 stopped = decode_json(data, list[str])
@@ -186,12 +186,12 @@ class Stops:
 
         try:
             await loop.run_in_executor(self._threads, ask)
-        except Exception as error:  # the other ways go on
+        except Exception as error:  # the other routes continue
             log.exception("the stop on the bus failed")
             record.problems.append(f"edge {edge}: {error}")
 
     async def _ask_supervisors(self, record: StopRecord, target: StopTarget, why: str, request: str) -> None:
-        """Ask the supervisors: they stop the robots of an edge that does not hear, or is away."""
+        """Send the stop to the supervisors: they stop the robots of an edge that hangs or is away."""
         names = tuple(robot.rpartition("/")[2] for robot in target.robots)
         loop = asyncio.get_running_loop()
 
@@ -209,12 +209,12 @@ class Stops:
                     record.acknowledge(id_of(edge, name), self._clock.monotonic(), "supervisor")
                 else:
                     record.problems.append(f"edge {edge} is away: {name} was halted, its stop is set later")
-        except Exception as error:  # the other ways go on
+        except Exception as error:  # the other routes continue
             log.exception("the stop by the supervisors failed")
             record.problems.append(f"supervisors: {error}")
 
     async def _follow(self, record: StopRecord, request: str) -> None:
-        """Look at the robots' states, made after the stop, until all stand or it takes too long."""
+        """Poll the robots' states, taken after the stop, until all stand or the time is over."""
         end = self._clock.monotonic() + SEEN_WITHIN
         first: dict[str, float] = {}
         while (pending := record.pending()) and self._clock.monotonic() < end:
@@ -231,12 +231,12 @@ class Stops:
         self._view.take_stop(request, record.shown())
 
     async def _state(self, robot: str) -> RobotState | None:
-        """Ask for the state of a robot as it is now; None without an answer."""
+        """Query the present state of a robot; None without an answer."""
         edge, _, name = robot.rpartition("/")
 
         def ask() -> RobotState | None:
-            for lane in self._lanes_to(edge)[:1]:
-                for _, data in lane.ask(keys.state(edge, name), b"", timeout=ANSWER_WITHIN):
+            for bus_session in self._sessions_to(edge)[:1]:
+                for _, data in bus_session.ask(keys.state(edge, name), b"", timeout=ANSWER_WITHIN):
                     return decode_json(data, RobotState)
             return None
 

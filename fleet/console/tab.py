@@ -1,4 +1,4 @@
-"""One open page: a WebSocket that is told what changed, and takes what its operator asks for."""
+"""One open page: a WebSocket that receives changes, and sends the requests of its operator."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-MOST_OPEN = 64  # requests of one page that are under way
-MOST_BAD = 16  # messages that cannot be read, after which a page is closed
-UNREADABLE = 1007  # close code of RFC 6455: data that is not of the agreed form
+MOST_OPEN = 64  # requests of one page in progress
+MOST_BAD = 16  # unreadable messages after which a page is closed
+UNREADABLE = 1007  # close code of RFC 6455: inconsistent data
 TOO_MANY = "too many requests are under way"
 
 Call = Callable[[Any], Awaitable[None]]
 
 
 class Tab:
-    """One page of an operator. ``watched`` is the robot whose description it wants, empty for none."""
+    """One page of an operator. ``watched`` is the robot that it shows in detail, empty for none."""
 
     def __init__(self, socket: WebSocket, hub: Hub, operator: Operator) -> None:
         self.watched = ""
@@ -63,7 +63,7 @@ class Tab:
         self._open: set[asyncio.Task[None]] = set()
         self._sending = asyncio.Lock()
         self._lookups = Lookups(hub)
-        self._driving = Driving(operator, hub.edges.lane_to, hub.clock, self._drove)
+        self._driving = Driving(operator, hub.edges.session_to, hub.clock, self._drove)
         self._calls: Mapping[type[object], Call] = {
             StopAsked: self._stop,
             ReleaseAsked: self._command,
@@ -79,7 +79,7 @@ class Tab:
         }
 
     async def run(self) -> None:
-        """Serve the page until it is closed, by either side."""
+        """Serve the page until either side closes it."""
         feeding = asyncio.create_task(self._feed(), name="tab:feed")
         try:
             await self._listen()
@@ -92,7 +92,7 @@ class Tab:
             await asyncio.gather(feeding, *self._open, return_exceptions=True)
 
     async def _feed(self) -> None:
-        """Tell the page at each tick what it has not seen yet; a slow page misses ticks, and nothing else."""
+        """Send the changes at each tick; a slow page only misses ticks."""
         seen = 0
         await self._send(_hello(self._operator))
         while True:
@@ -107,13 +107,13 @@ class Tab:
             await self._socket.send_text(message.decode())
 
     async def _tell(self, request: str, robot: str, told: Mapping[str, object]) -> None:
-        """Answer a request; a page that is gone needs no answer."""
+        """Answer a request; a closed page needs no answer."""
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             answer = {"type": "answer", "request": request, "robot": robot, **told}
             await self._send(msgspec.json.encode(answer))
 
     async def _listen(self) -> None:
-        """Take what the page asks for."""
+        """Receive the requests of the page."""
         bad = 0
         while True:
             message = await self._socket.receive()
@@ -129,7 +129,7 @@ class Tab:
                     return
 
     async def _take(self, asked: Asked) -> None:
-        """Begin what is asked, if this operator may ask for it."""
+        """Begin a request, if this operator has the permission."""
         if isinstance(asked, PingAsked):
             await self._send(msgspec.json.encode({"type": "pong", "number": asked.number}))
             return
@@ -146,17 +146,17 @@ class Tab:
             self._begin(self._guarded(asked))
 
     def _drove(self, told: Mapping[str, object]) -> None:
-        """Tell the page how a velocity was answered."""
+        """Send the answer to a velocity to the page."""
         self._begin(self._send(msgspec.json.encode(told)))
 
     def _begin(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run work beside the listening."""
+        """Run work concurrently with the receiving."""
         task = asyncio.create_task(work)
         self._open.add(task)
         task.add_done_callback(self._open.discard)
 
     async def _guarded(self, asked: Request) -> None:
-        """Do what is asked; what goes wrong is its answer."""
+        """Execute a request; an exception becomes its answer."""
         try:
             await self._calls[type(asked)](asked)
         except FleetError as error:
@@ -167,59 +167,59 @@ class Tab:
             await self._tell(asked.request, "", told)
 
     async def _stop(self, asked: StopAsked) -> None:
-        """Stop robots. It goes on when the page is gone."""
+        """Stop robots. It continues if the page is closed."""
         stop = self._hub.stop(StopTarget(asked.robots), self._operator, asked.why, asked.request)
         told = await asyncio.shield(stop)
         await self._tell(asked.request, "", {"status": "accepted", "stop": told})
 
     async def _command(self, asked: ReleaseAsked | GotoAsked | CommandAsked) -> None:
-        """Ask robots, all at once, and tell each answer as it comes."""
+        """Send a command to robots concurrently, and forward each answer as it arrives."""
         prepared = commands.prepare(asked, self._hub.view)
         await asyncio.gather(*(self._ask(asked.request, each) for each in prepared))
 
     async def _ask(self, request: str, prepared: commands.Prepared) -> None:
-        """Ask one robot."""
+        """Send a command to one robot."""
         robot = prepared[0]
         name = f"{robot.edge}/{robot.name}"
-        lane = self._hub.edges.lane_to(robot.edge)
-        if lane is None:
+        bus_session = self._hub.edges.session_to(robot.edge)
+        if bus_session is None:
             raise Refused(f"{name} cannot be asked: no edge is reached")
-        async for reply in commands.send(prepared, lane, self._operator, self._hub.clock):
+        async for reply in commands.send(prepared, bus_session, self._operator, self._hub.clock):
             await self._tell(request, name, _shown(reply))
 
     async def _look(self, asked: Request) -> None:
-        """Tell what is asked about."""
+        """Answer a read-only request."""
         found = await self._lookups.calls[type(asked)](asked)
         await self._tell(asked.request, "", {"status": "accepted", **found})
 
     async def _mission(self, asked: MissionAsked) -> None:
         """Start a mission."""
-        lanes = list(self._hub.edges.lanes().values())
-        start = asyncio.to_thread(missions.start, asked, lanes, self._operator, self._hub.clock)
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        start = asyncio.to_thread(missions.start, asked, bus_sessions, self._operator, self._hub.clock)
         await self._tell(asked.request, "", await start)
 
     async def _rehearse(self, asked: RehearseAsked) -> None:
-        """Rehearse a mission; its end goes with the page."""
-        lanes = list(self._hub.edges.lanes().values())
-        async for state in missions.rehearse(asked, lanes, self._operator):
+        """Rehearse a mission; closing the page ends it."""
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        async for state in missions.rehearse(asked, bus_sessions, self._operator):
             done = {} if state.result is None else {"done": True}
             told = {"status": "accepted", "rehearsal": msgspec.to_builtins(state), **done}
             await self._tell(asked.request, "", told)
 
     async def _run(self, asked: RunAsked) -> None:
         """Control a run."""
-        lanes = list(self._hub.edges.lanes().values())
-        control = asyncio.to_thread(missions.control, asked, lanes, self._operator)
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        control = asyncio.to_thread(missions.control, asked, bus_sessions, self._operator)
         await self._tell(asked.request, "", await control)
 
     async def _control(self, asked: ControlAsked) -> None:
-        """Ask for control of a robot."""
+        """Request control of a robot."""
         told = control.asked(asked, self._hub.view, self._operator, self._hub.clock.time())
         self._hub.view.put("requests", asked.robot, told)
         await self._tell(asked.request, "", {"status": "accepted"})
 
     async def _give(self, asked: GiveAsked) -> None:
-        """Give control of a robot, or keep it."""
+        """Give up control of a robot, or keep it."""
         answered = control.answered(asked, self._hub.view, self._operator)
         if asked.give:
             await self._command(CommandAsked(asked.request, asked.robot, "stop"))
@@ -228,14 +228,14 @@ class Tab:
 
     async def _schedule(self, asked: ScheduleChange) -> None:
         """Change a schedule."""
-        lanes = list(self._hub.edges.lanes().values())
-        found = await asyncio.to_thread(schedules.change, asked, lanes, self._operator)
+        bus_sessions = list(self._hub.edges.bus_sessions().values())
+        found = await asyncio.to_thread(schedules.change, asked, bus_sessions, self._operator)
         self._hub.view.take_schedules(asked.edge, found)
         await self._tell(asked.request, "", {"status": "accepted", "done": True})
 
 
 def _hello(operator: Operator) -> bytes:
-    """Return what a page is told first."""
+    """Return the first message to a page."""
     told = {
         "type": "hello",
         "version": __version__,
@@ -246,7 +246,7 @@ def _hello(operator: Operator) -> bytes:
 
 
 def _shown(reply: Reply) -> dict[str, object]:
-    """Return a reply as a page shows it."""
+    """Return a reply for a page."""
     return {
         "command": reply.command,
         "status": reply.status.value,

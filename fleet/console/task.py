@@ -1,4 +1,4 @@
-"""What a console is to run: where it listens, which edges it reaches, how its link socket is called."""
+"""Settings of a console process: where it listens, which edges it reaches, its link socket."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from fleet.console.login_history import HistoryPlace
 from fleet.record.task import FOLDER
 
 PORT = 8480
-"""The port of a console where nobody says another one."""
+"""The default port of a console."""
 
 
 class LoginTask(msgspec.Struct, frozen=True):
     """The port with TLS on which people log in.
 
-    ``hosts``: the names by which it is reached, none for those of the certificate; ``people``: their file;
-    ``history``: where logins are written.
+    ``hosts``: its host names, empty for those of the certificate; ``people``: their file; ``history``: where
+    logins are written.
     """
 
     host: str
@@ -31,7 +31,7 @@ class LoginTask(msgspec.Struct, frozen=True):
 
 
 class Basemap(msgspec.Struct, frozen=True):
-    """The map under the robots: a PMTiles archive of pictures, and where the origin of the site is.
+    """The map under the robots: a PMTiles archive of pictures, and the origin of the site.
 
     ``origin``: latitude and longitude in degrees, altitude in m AMSL.
     """
@@ -43,12 +43,11 @@ class Basemap(msgspec.Struct, frozen=True):
 class ConsoleTask(msgspec.Struct, frozen=True):
     """One console.
 
-    ``name`` tells it from other consoles of this user. ``port``: on loopback, 0 takes any that is free, and
-    so does a port that is taken, with ``any_port``.
-    ``edges``: those to reach besides, or with ``only`` instead of, all that run on this computer.
-    ``recordings``: folders of recordings to show; ``beside`` a folder also those of each edge in it.
-    ``basemap``: the map to show, None for the grid alone. ``login``: its port beyond loopback, None for
-    none. ``parent``: the process that it ends with, 0 for none.
+    ``name`` distinguishes it from other consoles of this user. ``port``: on loopback; 0 takes any free one,
+    and so does a taken port with ``any_port``. ``edges``: edges to reach besides (or with ``only``, instead
+    of) all that run on this computer. ``recordings``: folders of recordings to show; ``beside``: a folder,
+    for those of each edge in it. ``basemap``: the map to show, None for the grid alone. ``login``: its port
+    beyond loopback, None for none. ``parent``: the process with which it ends, 0 for none.
     """
 
     name: str
@@ -63,7 +62,7 @@ class ConsoleTask(msgspec.Struct, frozen=True):
     parent: int = 0
 
     def recordings_now(self) -> list[Path]:
-        """Return the folders of recordings that may be there now."""
+        """Return the existing candidates for folders of recordings."""
         beside = sorted(Path(self.beside).glob(f"*/{FOLDER}")) if self.beside else []
         return list(dict.fromkeys([*map(Path, self.recordings), *beside]))
 

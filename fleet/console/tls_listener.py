@@ -1,6 +1,6 @@
-"""A port for TLS that answers in words who speaks plain HTTP to it.
+"""A TLS port that answers plain HTTP requests with a hint.
 
-The first byte of a connection tells which it is; it is looked at and left in the socket.
+The first byte of a connection distinguishes them; it is peeked at and left in the socket.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from fleet.console.links import ConsoleError
 
 log = logging.getLogger(__name__)
 
-WITHIN = 5.0  # s for the first byte, for the handshake, and for the words
+WITHIN = 5.0  # s for the first byte, for the handshake, and for the hint
 FIRST_REQUEST = 10.0  # s for the first whole request
-MOST_BEGINNING = 128  # connections that are not through their handshake
-AGAIN = 0.2  # s, where no connection can be taken: too many files are open
+MOST_BEGINNING = 128  # connections before the end of their handshake
+AGAIN = 0.2  # s after a failed accept: too many files are open
 BACKLOG = 128
 HANDSHAKE = 0x16  # first byte of a TLS record that begins a handshake
-LONGEST = 4096  # bytes of a plain request that are read before it is answered
+LONGEST = 4096  # bytes of a plain request that are read before the answer
 
 
 def tls_context(cert: str, key: str) -> ssl.SSLContext:
@@ -31,14 +31,14 @@ def tls_context(cert: str, key: str) -> ssl.SSLContext:
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     context.set_alpn_protocols(["http/1.1"])
     try:
-        context.load_cert_chain(cert, key, password=lambda: b"")  # never ask the terminal
+        context.load_cert_chain(cert, key, password=lambda: b"")  # never prompt on the terminal
     except (OSError, ssl.SSLError) as error:
         raise ConsoleError(f"console.tls cannot be used: {cert} with {key}: {error}") from None
     return context
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """Return a socket that listens; raises ConsoleError."""
+    """Return a listening socket; raises ConsoleError."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         opened = socket.create_server((host, port), family=family, backlog=BACKLOG)
@@ -49,9 +49,10 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 class TlsListener:
-    """Takes connections of ``listener`` and hands those with TLS to new protocols.
+    """Accepts connections on ``listener``, and passes those with TLS to new protocols.
 
-    One that ``is_unused`` after a while is ended. ``address`` is told to who comes without TLS.
+    A connection that ``is_unused`` after FIRST_REQUEST is aborted. ``address`` is in the hint to plain
+    requests.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class TlsListener:
         self._beginning: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
-        """Take connections until cancelled."""
+        """Accept connections until cancelled."""
         loop = asyncio.get_running_loop()
         try:
             while True:
@@ -97,15 +98,15 @@ class TlsListener:
         self._room.release()
 
     async def _begin(self, taken: socket.socket) -> None:
-        """Bring one connection through its handshake, or tell it in words what this port is for."""
+        """Bring one connection through its handshake, or answer it with the hint."""
         taken.setblocking(False)
         passed_on = False
         try:
             first = await asyncio.wait_for(_first_byte(taken), WITHIN)
             if first == HANDSHAKE:
-                passed_on = True  # asyncio closes it, whatever happens
+                passed_on = True  # asyncio closes it in any case
                 loop = asyncio.get_running_loop()
-                protocol = self._make_protocol()  # uvloop returns another one here
+                protocol = self._make_protocol()  # uvloop returns another object from the call below
                 transport, _ = await loop.connect_accepted_socket(
                     lambda: protocol, taken, ssl=self._context, ssl_handshake_timeout=WITHIN
                 )
@@ -119,7 +120,7 @@ class TlsListener:
                 taken.close()
 
     def _end_unused(self, transport: asyncio.Transport, protocol: asyncio.Protocol) -> None:
-        """End a connection that brings nothing; one with a WebSocket has another protocol by now."""
+        """Abort an unused connection; one with a WebSocket has another protocol by now."""
         if transport.get_protocol() is protocol and self._is_unused(protocol):
             transport.abort()
 
@@ -130,11 +131,11 @@ class TlsListener:
         await loop.sock_sendall(taken, self._words)
         with contextlib.suppress(OSError):
             taken.shutdown(socket.SHUT_WR)
-        await loop.sock_recv(taken, LONGEST)  # closed with unread bytes, the answer could be lost
+        await loop.sock_recv(taken, LONGEST)  # closing with unread bytes could lose the answer
 
 
 async def _first_byte(taken: socket.socket) -> int | None:
-    """Wait for the first byte of a connection and leave it there; None when there is none."""
+    """Wait for the first byte of a connection and leave it there; None at end of stream."""
     loop = asyncio.get_running_loop()
     readable = asyncio.Event()
     loop.add_reader(taken, readable.set)

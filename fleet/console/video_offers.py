@@ -1,4 +1,4 @@
-"""Offers of live video by programs on the bus, handed to the page that waits for one; on the event loop."""
+"""Offers of live video by programs on the bus, passed to the page that waits for one; on the event loop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LARGEST = 64 * 1024  # bytes of an offer
 
 
 class VideoOffer(msgspec.Struct, frozen=True):
-    """One offer: the program's session description, and the sensor whose pictures it has."""
+    """One offer: the program's session description, and the sensor of its pictures."""
 
     sdp: str
     sensor: str = ""
@@ -25,9 +25,9 @@ _OFFER: msgspec.json.Decoder[VideoOffer] = json_decoder(VideoOffer)
 
 
 class VideoOffers:
-    """Hands the next offer of a robot to the one page that waits for it.
+    """Passes the next offer of a robot to the single page that waits for it.
 
-    A program sends to one viewer. So a second page that asks is refused: both would answer the same offer.
+    A program sends to one viewer. So a second page is refused: both would answer the same offer.
     """
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class VideoOffers:
             del self._waiting[robot]
 
     def take(self, robot: str, sample: bytes) -> None:
-        """Take an offer from the bus; one that nobody waits for, or that cannot be read, is left."""
+        """Take an offer from the bus; one without a waiting page, or an unreadable one, is ignored."""
         waiting = self._waiting.get(robot)
         if waiting is None or waiting.done() or len(sample) > LARGEST:
             return

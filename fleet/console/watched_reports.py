@@ -1,6 +1,6 @@
-"""What watched robots report, all of it: taken from the bus only while a page shows the robot.
+"""All reports of watched robots: subscribed only while a page shows the robot.
 
-The reports of a whole fleet are more than a console should read for nobody.
+The reports of a whole fleet are too many to read without a viewer.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ ANSWER_WITHIN = 2.0  # s for the last picture
 
 
 class _Watch(msgspec.Struct, frozen=True, eq=False):
-    """One watched robot: the bus by which it is heard, and what ends that."""
+    """One watched robot: its bus, and the function that unsubscribes."""
 
     bus: Bus
     end: Callable[[], None]
 
 
 class WatchedReports:
-    """The newest reports of watched robots. ``joined`` are the buses by edge, as they are joined.
+    """The newest reports of watched robots. ``joined`` are the joined buses, by edge.
 
     ``photos`` are the newest pictures, ``offers`` those of live video.
     """
@@ -50,7 +50,7 @@ class WatchedReports:
         self._arrived: dict[tuple[str, str], bytes] = {}
 
     def watch(self, robots: set[str]) -> None:
-        """Hear these robots from now on, and no others."""
+        """Subscribe to exactly these robots."""
         for robot, watch in list(self._watched.items()):
             if robot not in robots or watch.bus not in self._joined.values():
                 del self._watched[robot]
@@ -61,7 +61,7 @@ class WatchedReports:
             self._begin(robot, self._view.states.get(robot))
 
     def _begin(self, robot: str, state: RobotState | None) -> None:
-        """Subscribe to a robot's reports, where an edge is joined that brings them."""
+        """Subscribe to a robot's reports, if an edge that carries them is joined."""
         bus = self._joined.get(state.edge) or next(iter(self._joined.values()), None) if state else None
         if state is None or bus is None or parse_data_key(f"cw/{state.twin}/data/position") is None:
             return
@@ -81,7 +81,7 @@ class WatchedReports:
         )
 
     def take(self) -> None:
-        """Take the numbers and the pictures of what arrived into the view."""
+        """Take the received numbers and pictures into the view."""
         with self._lock:
             arrived, self._arrived = self._arrived, {}
         found: dict[str, dict[str, float]] = {}
@@ -96,7 +96,7 @@ class WatchedReports:
             self._view.put("numbers", robot, (self._view.get("numbers", robot) or {}) | numbers)
 
     def _take_photo(self, robot: str, sample: bytes) -> None:
-        """Take a picture; a page loads it when it is told that there is one."""
+        """Take a picture; a page loads it when it learns of it."""
         told = self.photos.take(robot, sample)
         if told is not None:
             self._view.put("photos", robot, told)

@@ -1,1 +1,1 @@
-"""Checks of everything around an edge: each says what it found and what to do. It changes nothing."""
+"""Checks of everything around an edge: each reports facts and a remedy. They change nothing."""

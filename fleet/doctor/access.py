@@ -1,4 +1,4 @@
-"""May the user of the edge open what it needs, and nobody else what is secret? Nothing is opened."""
+"""File permissions: the edge's user can open what it needs, and no one else the secrets. Opens nothing."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Account(msgspec.Struct, frozen=True):
     groups: frozenset[int]
 
     def may(self, found: os.stat_result, wanted: int) -> bool:
-        """Return whether the rights of a file give ``wanted`` (READ, WRITE or both)."""
+        """Return True if the permissions of a file grant ``wanted`` (READ, WRITE or both)."""
         if self.user == 0:
             return True
         shift = 6 if found.st_uid == self.user else 3 if found.st_gid in self.groups else 0
@@ -43,7 +43,7 @@ def account(name: str | None = None) -> Account:
 
 
 def _name(user: int) -> str:
-    """Return the name of a user, or the number of one without a name."""
+    """Return the name of a user, else the number."""
     try:
         return pwd.getpwuid(user).pw_name
     except KeyError:
@@ -51,7 +51,7 @@ def _name(user: int) -> str:
 
 
 def check_state_folder(folder: Path, who: Account) -> Finding:
-    """Judge the rights of the folder of lasting state: for its user alone."""
+    """Check the permissions of the state folder: only for its user."""
     try:
         found = folder.stat()
     except FileNotFoundError:
@@ -72,7 +72,7 @@ def check_state_folder(folder: Path, who: Account) -> Finding:
 
 
 def check_readable(files: Iterable[Path], who: Account) -> list[Finding]:
-    """Judge whether the edge can read fleet.yaml and what it includes."""
+    """Check that the edge can read fleet.yaml and its included files."""
     findings = []
     for file in files:
         try:
@@ -90,7 +90,7 @@ def check_readable(files: Iterable[Path], who: Account) -> list[Finding]:
 
 
 def check_plugins(folders: Iterable[Path]) -> list[Finding]:
-    """Judge the folders and files of drop-in adapters: who may write them decides what runs here."""
+    """Check the folders and files of drop-in adapters: whoever can write them controls this process."""
     paths = [path for folder in folders for path in (folder, *sorted(folder.glob("*.py")))]
     return [
         error(PERMISSIONS, f"others may write {path}, and so decide what runs here", f"chmod go-w {path}")
@@ -100,15 +100,15 @@ def check_plugins(folders: Iterable[Path]) -> list[Finding]:
 
 
 def check_devices(devices: Devices, who: Account, holders: Mapping[int, str]) -> list[Finding]:
-    """Judge the devices that the fleet file names; ``holders``: programs by the device number they have open.
+    """Check the devices in the fleet file; ``holders``: programs by the device number that they have open.
 
-    A device is not opened: that could reset a board or take bytes from a robot.
+    No device is opened: that could reset a board or take bytes from a robot.
     """
     return [_check_device(Path(file), who, holders) for file in devices.files]
 
 
 def _check_device(file: Path, who: Account, holders: Mapping[int, str]) -> Finding:
-    """Judge one device."""
+    """Check one device."""
     try:
         found = file.stat()
     except OSError as problem:
@@ -130,7 +130,7 @@ def _check_device(file: Path, who: Account, holders: Mapping[int, str]) -> Findi
 
 
 def _group(number: int) -> str:
-    """Return the name of a group, or the number of one without a name."""
+    """Return the name of a group, else the number."""
     try:
         return grp.getgrgid(number).gr_name
     except KeyError:
@@ -138,7 +138,7 @@ def _group(number: int) -> str:
 
 
 def holders_of_devices(proc: Path = Path("/proc")) -> dict[int, str]:
-    """Return which programs have character devices open, by device number; others' only for root."""
+    """Return programs that have character devices open, by device number; other users' only for root."""
     found: dict[int, str] = {}
     for link in proc.glob("[0-9]*/fd/*"):
         try:
@@ -146,18 +146,18 @@ def holders_of_devices(proc: Path = Path("/proc")) -> dict[int, str]:
             if stat.S_ISCHR(opened.st_mode):
                 name = (link.parents[1] / "comm").read_text().strip()
                 found[opened.st_rdev] = f"{name} (process {link.parents[1].name})"
-        except OSError:  # it ended, or is another user's
+        except OSError:  # it has ended, or belongs to another user
             continue
     return found
 
 
 def check_can(devices: Devices, network: Path = Path("/sys/class/net")) -> list[Finding]:
-    """Judge the CAN interfaces that the fleet file names: there, up, and with a short queue."""
+    """Check the CAN interfaces in the fleet file: present, up, and with a short queue."""
     return [_check_interface(name, network / name) for name in devices.interfaces]
 
 
 def _check_interface(name: str, folder: Path) -> Finding:
-    """Judge one CAN interface; the bit rate is set with the interface, and not seen here."""
+    """Check one CAN interface; its bit rate is set outside, and not visible here."""
     up = f"ip link set {name} up type can bitrate 1000000 (with the rate of your drives)"
     if not folder.exists():
         return error(CAN, f"there is no interface {name}", f"plug in its adapter, load its driver; then {up}")

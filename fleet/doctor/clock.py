@@ -1,4 +1,4 @@
-"""Is this computer's clock set, and how far may it be off? From the kernel (adjtimex(2))."""
+"""Synchronisation and possible error of this computer's clock, from the kernel (adjtimex(2))."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SET = (
 
 
 class KernelClock(msgspec.Struct, frozen=True):
-    """What the kernel knows: ``offset`` still to be corrected and ``largest_error``, in seconds."""
+    """State of the kernel's clock: pending correction ``offset`` and ``largest_error``, in seconds."""
 
     synchronised: bool
     offset: float = 0.0
@@ -26,7 +26,7 @@ class KernelClock(msgspec.Struct, frozen=True):
 
 
 class _Timex(ctypes.Structure):
-    """The first members of ``struct timex``; the rest is room for the kernel to write."""
+    """The first members of ``struct timex``; the rest is space for the kernel."""
 
     _fields_ = (
         ("modes", ctypes.c_uint),
@@ -40,7 +40,7 @@ class _Timex(ctypes.Structure):
 
 
 def read_clock() -> KernelClock | None:
-    """Return the state of the kernel's clock without changing it; None where it cannot be read."""
+    """Return the state of the kernel's clock without changing it; None if it cannot be read."""
     timex = _Timex()
     try:
         result: int = ctypes.CDLL(None).adjtimex(ctypes.byref(timex))
@@ -53,7 +53,7 @@ def read_clock() -> KernelClock | None:
 
 
 def check_clock(clock: KernelClock | None, now: float) -> Finding:
-    """Judge the clock; ``now`` is its Unix time. Commands and velocities are refused by their age."""
+    """Check the clock; ``now`` is its Unix time. Commands and velocities are refused by their age."""
     if now < _EARLIEST:
         return error(
             CHECK, "it shows a time before 2026: certificates and the ages of messages are wrong", _SET

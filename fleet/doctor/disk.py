@@ -1,4 +1,4 @@
-"""Room for what the edge keeps, on a disk that keeps it."""
+"""Space and durability of the edge's disk."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MIB = 1 << 20
 
 
 class DiskState(msgspec.Struct, frozen=True):
-    """The file system of the edge's folder: bytes and inodes that are free for users, and its type."""
+    """The file system of the edge's folder: bytes and inodes available to users, and its type."""
 
     folder: Path
     free: int
@@ -26,10 +26,10 @@ class DiskState(msgspec.Struct, frozen=True):
 
 
 def read_disk(folder: Path, mounts: Path = Path("/proc/self/mounts")) -> DiskState:
-    """Return the file system on which a folder is, or will be; raises OSError."""
+    """Return the file system of a folder, which may not exist yet; raises OSError."""
     there = next(path for path in (folder, *folder.parents) if path.exists())
     found = os.statvfs(there)
-    # A file system without a table of inodes says 0 of 0.
+    # A file system without an inode table reports 0 of 0.
     inodes = found.f_favail if found.f_files else 1 << 20
     read_only = bool(found.f_flag & os.ST_RDONLY)
     return DiskState(folder, found.f_bavail * found.f_frsize, inodes, read_only, _kind(there, mounts))
@@ -47,7 +47,7 @@ def _kind(folder: Path, mounts: Path) -> str:
 
 
 def check_disk(disk: DiskState, needed: int) -> Finding:
-    """Judge the disk; ``needed`` bytes may still be written by this edge within its own bounds."""
+    """Check the disk; this edge may still write ``needed`` bytes within its own limits."""
     free, wanted = disk.free // _MIB, needed // _MIB
     other = "or set edge.spool.path in fleet.yaml to a folder on another disk"
     if disk.read_only:

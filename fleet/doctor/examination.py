@@ -1,8 +1,8 @@
-"""All checks of an edge, from its fleet file: reads what they need and hands it to them.
+"""All checks of an edge, from its fleet file: reads their inputs and runs them.
 
-No device is opened. No adapter is imported and no drop-in file is run unless ``plugins`` asks for a full
-load of the fleet file, as ``fleet check`` does. A check that fails itself is reported as unknown, and
-hides no other.
+No device is opened. No adapter is imported and no drop-in file is run unless ``plugins`` requests a full load
+of the fleet file, as ``fleet check`` does. A check that fails itself is reported as unknown, and does not
+hide others.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ CONFIG, TLS = "fleet file", "tls"
 
 
 class Subject(msgspec.Struct, frozen=True):
-    """What is examined: a fleet file, what it says besides its robots, and the texts of its robots' data."""
+    """The examined edge: its fleet file, the sections, and the texts in its robots' data."""
 
     file: Path
     config: Sections
@@ -53,20 +53,20 @@ class Subject(msgspec.Struct, frozen=True):
 
     @property
     def devices(self) -> Devices:
-        """The devices that robots and stop inputs of this computer name."""
+        """The devices of robots and stop inputs on this computer."""
         return named_in([*self.links, *(each.device for each in self.config.stop_inputs)])
 
 
 def examine(
     file: Path, environ: Mapping[str, str] = os.environ, *, plugins: bool = False, own: Clock | None = None
 ) -> list[Finding]:
-    """Return all findings about an edge, the worst first. Blocks for some seconds at the most."""
+    """Return all findings about an edge, worst first. Blocks for some seconds at most."""
     clocks = own or SystemClock()
     findings = [*_guarded(clock.CHECK, lambda: [clock.check_clock(clock.read_clock(), clocks.time())])]
     findings += _guarded(CONFIG, lambda: check_config(file, environ, plugins=plugins))
     try:
         subject = subject_of(file, environ)
-    except FleetError:  # its problems are among the findings
+    except FleetError:  # its errors are among the findings
         return worst_first([*findings, *_guarded(software.EDGES, lambda: _edges(None))])
     for name, check in _checks(subject, clocks):
         findings += _guarded(name, check)
@@ -74,7 +74,7 @@ def examine(
 
 
 def _checks(subject: Subject, clocks: Clock) -> Iterator[tuple[str, Callable[[], Iterable[Finding]]]]:
-    """Yield the checks of a fleet file that can be read, each with its name."""
+    """Yield the checks of a readable fleet file, each with its name."""
     config, who, cloud = subject.config, subject.who, subject.config.cloud
     yield disk.CHECK, lambda: [disk.check_disk(disk.read_disk(subject.state), _room(subject))]
     yield access.PERMISSIONS, lambda: [access.check_state_folder(subject.state, who)]
@@ -102,7 +102,7 @@ def _checks(subject: Subject, clocks: Clock) -> Iterator[tuple[str, Callable[[],
 
 
 def _guarded(name: str, check: Callable[[], Iterable[Finding]]) -> list[Finding]:
-    """Return what a check found; what it could not do is a finding, and ends no other check."""
+    """Run a check; an exception becomes a finding, and does not affect other checks."""
     try:
         return list(check())
     except Exception as problem:
@@ -112,7 +112,7 @@ def _guarded(name: str, check: Callable[[], Iterable[Finding]]) -> list[Finding]
 
 
 def check_config(file: Path, environ: Mapping[str, str], *, plugins: bool) -> list[Finding]:
-    """Judge the fleet file; with ``plugins`` its robots too, which imports adapters and drop-in files."""
+    """Check the fleet file; with ``plugins`` also its robots, which imports adapters and drop-in files."""
     try:
         if plugins:
             load(file, environ)
@@ -127,7 +127,7 @@ def check_config(file: Path, environ: Mapping[str, str], *, plugins: bool) -> li
 
 
 def check_certificates(config: Sections, clocks: Clock) -> list[Finding]:
-    """Judge the ends of the certificates of the bus and the console."""
+    """Check the expiry of the certificates of the bus and the console."""
     files = files_of(config)
     expiry = CertificateExpiry(files, clocks)
     if expiry.problems:
@@ -136,7 +136,7 @@ def check_certificates(config: Sections, clocks: Clock) -> list[Finding]:
 
 
 def subject_of(file: Path, environ: Mapping[str, str]) -> Subject:
-    """Read what is examined; raises ConfigError. No adapter is asked."""
+    """Read the inputs of the checks; raises ConfigError. No adapter is imported."""
     config = sections_of(file, environ)
     document = read(file, environ)
     robots = document.data.get("robots")
@@ -159,14 +159,14 @@ def subject_of(file: Path, environ: Mapping[str, str]) -> Subject:
 
 
 def state_of(config: Sections, environ: Mapping[str, str]) -> Path:
-    """Return the folder of lasting state: of the service where one is installed, else of this user."""
+    """Return the state folder: of the service if one is installed, else of this user."""
     given = config.edge.spool.path
     serves = unit_file(config.edge.id).exists()
     return state_folder(config.edge.id, given, {"XDG_STATE_HOME": str(STATE)} if serves else environ)
 
 
 def _account(config: Sections) -> access.Account:
-    """Return as whom the edge runs: as the service's user where one is installed, else as this user."""
+    """Return the user of the edge: of the service if one is installed, else this user."""
     if not unit_file(config.edge.id).exists():
         return access.account()
     try:
@@ -176,19 +176,19 @@ def _account(config: Sections) -> access.Account:
 
 
 def _room(subject: Subject) -> int:
-    """Return the bytes that the edge may still write within the bounds of fleet.yaml."""
+    """Return the bytes that the edge may still write within the limits of fleet.yaml."""
     edge = subject.config.edge
     bound = ((edge.spool.size + edge.history.size) << 20) + disk.LOGS
     return max(0, bound - disk.size_of(subject.state))
 
 
 def _holders(subject: Subject) -> dict[int, str]:
-    """Return who has the devices open; while the edge runs, it is the edge itself."""
+    """Return the programs that have the devices open; while the edge runs, it is the edge itself."""
     return {} if subject.running else access.holders_of_devices()
 
 
 def _edges(subject: Subject | None) -> list[Finding]:
-    """Ask the edges of this computer, or those that the edge of the file sees, and judge the answers."""
+    """Check the edges of this computer, or those visible to the edge of the file."""
     file = str(subject.file) if subject is not None else None
     try:
         with Edges.reach(file) as edges:
@@ -202,6 +202,6 @@ def _edges(subject: Subject | None) -> list[Finding]:
         who = "no edge runs here" if file is None else f"the edge of {file} does not run"
         return [unknown(software.EDGES, f"{who}, so others cannot be asked through it", "fleet run")]
     middle, doubt = (before + after) / 2, (after - before) / 2
-    seen = [software.SeenEdge(state, state.stamp - middle, doubt) for state in states]
+    seen = [software.AnsweredEdge(state, state.stamp - middle, doubt) for state in states]
     files = pair.check_files(subject.config.pair or (), states) if subject is not None else []
     return [*software.check_edges(seen, problems, __version__), *files]

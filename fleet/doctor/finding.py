@@ -1,4 +1,4 @@
-"""What a check found: a verdict, the facts in words, and what to do."""
+"""Result of a check: a verdict, the facts, and a remedy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import msgspec
 
 
 class Verdict(enum.Enum):
-    """How good it is; ``UNKNOWN``: it cannot be seen from here."""
+    """Severity; ``UNKNOWN``: it cannot be determined from here."""
 
     OK = "ok"
     UNKNOWN = "unknown"
@@ -21,7 +21,7 @@ _ORDER = list(Verdict)
 
 
 class Finding(msgspec.Struct, frozen=True):
-    """One line of the report. ``cure`` is empty when there is nothing to do."""
+    """One line of the report. ``cure`` is empty if there is nothing to do."""
 
     check: str
     verdict: Verdict
@@ -30,25 +30,25 @@ class Finding(msgspec.Struct, frozen=True):
 
 
 def ok(check: str, found: str) -> Finding:
-    """Return that all is well."""
+    """Return a finding without trouble."""
     return Finding(check, Verdict.OK, found)
 
 
 def unknown(check: str, found: str, cure: str = "") -> Finding:
-    """Return that it could not be seen, and why."""
+    """Return a finding that could not be determined, with the reason."""
     return Finding(check, Verdict.UNKNOWN, found, cure)
 
 
 def warning(check: str, found: str, cure: str) -> Finding:
-    """Return something that a person should look at."""
+    """Return a finding that needs a person's attention."""
     return Finding(check, Verdict.WARNING, found, cure)
 
 
 def error(check: str, found: str, cure: str) -> Finding:
-    """Return something that does not work."""
+    """Return a finding that prevents operation."""
     return Finding(check, Verdict.ERROR, found, cure)
 
 
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:
-    """Return findings with the worst first, those of one verdict in their order."""
+    """Sort findings by severity, worst first; otherwise in their order."""
     return sorted(findings, key=lambda finding: -_ORDER.index(finding.verdict))

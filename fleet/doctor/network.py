@@ -1,6 +1,6 @@
-"""Ports, broker and other edges' endpoints: what the edge must open and reach.
+"""Ports, broker and other edges' endpoints, which the edge must open and reach.
 
-Nothing is bound, and no MQTT session is opened: a second one with the edge's name would end the first.
+No port is bound, and no MQTT session is opened: a second one with the edge's name would end the first.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from fleet.host.edge.certificate_expiry import ending
 PORTS, BROKER, ENDPOINTS = "ports", "broker", "bus"
 WITHIN = 3.0  # s for one connection
 _UDP_LINK = re.compile(r"udpin:.*:(\d+)")
-_LISTENING = {"tcp": "0A", "udp": "07"}  # states of /proc/net: LISTEN, and a bound UDP socket
+_LISTENING = {"tcp": "0A", "udp": "07"}  # states in /proc/net: LISTEN, and a bound UDP socket
 _OF_PROTOCOL = {"tcp": "tcp", "tls": "tcp", "ws": "tcp", "udp": "udp", "quic": "udp"}
 _ENDPOINT = re.compile(r"(tcp|tls|ws|udp|quic)/(.+):(\d+)(?:[?#].*)?")
 
 
 class Port(msgspec.Struct, frozen=True):
-    """A port that the edge will open: ``protocol`` tcp or udp, and what fleet.yaml calls it."""
+    """A port that the edge will open: ``protocol`` tcp or udp, and its name in fleet.yaml."""
 
     protocol: str
     number: int
@@ -36,7 +36,7 @@ class Port(msgspec.Struct, frozen=True):
 
 
 def ports_of(config: Sections, links: Iterable[str]) -> list[Port]:
-    """Return the ports that fleet.yaml has the edge open; 0, any that is free, is none."""
+    """Return the ports that the edge opens by fleet.yaml, without 0 (any free port)."""
     found = [Port("udp", int(match[1]), link) for link in links if (match := _UDP_LINK.fullmatch(link))]
     if config.metrics is not None:
         found.append(Port("tcp", config.metrics.port, "metrics"))
@@ -53,7 +53,7 @@ def ports_of(config: Sections, links: Iterable[str]) -> list[Port]:
 
 
 def taken_ports(proc: Path = Path("/proc/net")) -> set[tuple[str, int]]:
-    """Return the ports of this computer that some program has open, as the kernel lists them."""
+    """Return the open ports of this computer, from the kernel's tables."""
     taken = set()
     for protocol, state in _LISTENING.items():
         for name in (protocol, f"{protocol}6"):
@@ -64,7 +64,7 @@ def taken_ports(proc: Path = Path("/proc/net")) -> set[tuple[str, int]]:
 
 
 def check_ports(ports: Iterable[Port], taken: set[tuple[str, int]], *, running: bool) -> list[Finding]:
-    """Judge whether the ports are free; while the edge runs, those that it has itself are."""
+    """Check that the ports are free, or, while the edge runs, that they are open."""
     wanted = list(ports)
     used = [port for port in wanted if (port.protocol, port.number) in taken]
     if running:
@@ -86,7 +86,7 @@ def check_ports(ports: Iterable[Port], taken: set[tuple[str, int]], *, running: 
 
 
 def check_broker(cloud: CloudConfig, now: datetime) -> Finding:
-    """Judge the way to the cloud's broker: name, connection, certificate and its end. Blocks."""
+    """Check the connection to the cloud's broker: name, connection, certificate and its expiry. Blocks."""
     place = f"{cloud.host}:{cloud.port}"
     try:
         with socket.create_connection((cloud.host, cloud.port), WITHIN) as opened:
@@ -113,7 +113,7 @@ def check_broker(cloud: CloudConfig, now: datetime) -> Finding:
 
 
 def _check_certificate(opened: socket.socket, cloud: CloudConfig, place: str, now: datetime) -> Finding:
-    """Judge the broker's certificate; raises ssl.SSLError and OSError."""
+    """Check the broker's certificate; raises ssl.SSLError and OSError."""
     context = ssl.create_default_context(cafile=str(cloud.ca_file) if cloud.ca_file else None)
     with context.wrap_socket(opened, server_hostname=cloud.host) as secured:
         shown = secured.getpeercert() or {}
@@ -129,12 +129,12 @@ def _check_certificate(opened: socket.socket, cloud: CloudConfig, place: str, no
 
 
 def check_endpoints(endpoints: Iterable[str]) -> list[Finding]:
-    """Judge whether the endpoints of bus.connect take connections; those of UDP cannot be seen. Blocks."""
+    """Check that the endpoints of bus.connect accept connections; UDP cannot be checked. Blocks."""
     return [_check_endpoint(end) for end in endpoints]
 
 
 def _check_endpoint(end: str) -> Finding:
-    """Judge one endpoint."""
+    """Check one endpoint."""
     match = _ENDPOINT.fullmatch(end)
     if match is None or _OF_PROTOCOL[match[1]] != "tcp":
         return unknown(ENDPOINTS, f"{end}: whether something listens is seen by the edge alone")

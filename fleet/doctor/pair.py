@@ -1,4 +1,4 @@
-"""Whether the pair of a fleet file is one: where its lease service runs, and which robots have no standby."""
+"""Checks of a pair: the place of its lease service, and robots without a standby."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SCHEMES = ("serial:", "can:", "memory:", "sim:")
 
 
 def runs_here(server: str) -> bool:
-    """Return whether a server's name leads to an address of this computer. Blocks."""
+    """Return True if a server's name resolves to an address of this computer. Blocks."""
     try:
         found = socket.getaddrinfo(host_of(server), None, type=socket.SOCK_DGRAM)
     except OSError:
@@ -25,7 +25,7 @@ def runs_here(server: str) -> bool:
 
 
 def _is_ours(family: int, address: str | int) -> bool:
-    """Return whether an address is one of this computer's: only those can be bound."""
+    """Return True if an address is one of this computer's: only those can be bound."""
     with socket.socket(family, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind((address, 0))
@@ -35,7 +35,7 @@ def _is_ours(family: int, address: str | int) -> bool:
 
 
 def answers(server: str) -> bool:
-    """Return whether something listens at a server's port. Blocks."""
+    """Return True if a server's port accepts connections. Blocks."""
     try:
         with socket.create_connection((host_of(server).strip("[]"), port_of(server)), WITHIN):
             return True
@@ -50,7 +50,7 @@ def check_pair(
     here: Callable[[str], bool] = runs_here,
     reached: Callable[[str], bool] = answers,
 ) -> list[Finding]:
-    """Judge the pair. A lease service that dies with one of its two computers hands nothing over."""
+    """Check the pair. A lease service that dies with one of its computers cannot hand over."""
     silent = [server for server in lease.servers if not reached(server)]
     found = _judge_place([server for server in lease.servers if here(server)], lease.servers)
     if silent:
@@ -68,7 +68,7 @@ def check_pair(
 
 
 def check_files(pair: Iterable[str], states: Iterable[EdgeState]) -> list[Finding]:
-    """Judge whether the two edges of a pair, as far as they answer, run with the same file."""
+    """Check that the edges of a pair, as far as they answer, run with the same file."""
     files = {state.edge: state.pair_file for state in states if state.edge in pair and state.pair_file}
     if len(set(files.values())) < 2:
         return [ok(PAIR, "both edges of the pair run with the same file")] if len(files) > 1 else []
@@ -77,7 +77,7 @@ def check_files(pair: Iterable[str], states: Iterable[EdgeState]) -> list[Findin
 
 
 def _judge_place(here: Sequence[str], servers: Sequence[str]) -> list[Finding]:
-    """Judge whether the service outlives this computer: a cluster does while most of its servers live."""
+    """Check that the service survives this computer: a cluster needs a majority of its servers."""
     if 2 * len(here) < len(servers) or not here:
         return []
     what = f"this is no standby: the lease service at {', '.join(here)} dies with this computer"

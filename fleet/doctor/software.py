@@ -18,16 +18,16 @@ EXTRAS: Mapping[str, tuple[str, str]] = {
     "serial:": ("serialx", "serial"),
     "can:": ("can", "can"),
 }
-"""Beginnings of links, the module that each needs, and the extra that installs it."""
+"""Prefixes of links, with the required module and the extra that installs it."""
 
 
 def _is_installed(module: str) -> bool:
-    """Return True for a module that can be imported; it is not imported."""
+    """Return True if a module can be imported, without importing it."""
     return importlib.util.find_spec(module) is not None
 
 
 def check_extras(links: Iterable[str], is_installed: Callable[[str], bool] = _is_installed) -> list[Finding]:
-    """Judge whether what the links need is installed."""
+    """Check that the modules required by the links are installed."""
     needed = {EXTRAS[start] for link in links for start in EXTRAS if link.startswith(start)}
     return [
         error(VERSIONS, f"links of this fleet need the extra {extra}", f"pip install 'zenoh-fleet[{extra}]'")
@@ -37,14 +37,14 @@ def check_extras(links: Iterable[str], is_installed: Callable[[str], bool] = _is
 
 
 def check_state(folder: Path, newest: Mapping[str, int]) -> list[Finding]:
-    """Judge the state files: readable, and of no newer format; ``newest`` by name of the file."""
+    """Check the state files: readable, and of no newer format; ``newest`` by name of the file."""
     return [_check_database(folder / name, most) for name, most in newest.items() if (folder / name).exists()]
 
 
 def _check_database(file: Path, newest: int) -> Finding:
-    """Judge one state file, read-only."""
+    """Check one state file, read-only."""
     try:
-        # immutable: neither a lock nor a journal of SQLite is made beside a file of a running edge.
+        # immutable: creates neither a lock nor a journal of SQLite beside a running edge's file
         database = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
         try:
             (found,) = database.execute("PRAGMA user_version").fetchone()
@@ -66,16 +66,16 @@ def _check_database(file: Path, newest: int) -> Finding:
     return ok(STATE, f"{file.name}: format {found}, {table} tables and indexes")
 
 
-class SeenEdge(msgspec.Struct, frozen=True):
-    """An edge that answered: its clock minus ours and the doubt of that (s)."""
+class AnsweredEdge(msgspec.Struct, frozen=True):
+    """An edge that answered: its clock minus ours, and the uncertainty of that (s)."""
 
     state: EdgeState
     offset: float
     doubt: float
 
 
-def check_edges(seen: Iterable[SeenEdge], problems: Iterable[str], version: str) -> list[Finding]:
-    """Judge the edges that can be reached: they answer, their clocks agree, their versions are ours."""
+def check_edges(seen: Iterable[AnsweredEdge], problems: Iterable[str], version: str) -> list[Finding]:
+    """Check the reachable edges: they answer, their clocks agree, their versions are ours."""
     findings = [error(EDGES, text, "fleet logs and fleet service status there") for text in problems]
     for edge in seen:
         name = edge.state.edge

@@ -1,4 +1,4 @@
-"""The next thing to do about a cause of trouble: a table from its words to an advice. Pure."""
+"""The next thing to do about a cause of trouble: a table from words in it to advice. Pure."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ _WORKER = "on {edge}: fleet logs shows why {link} ended"
 
 
 def advice_for(trouble: Trouble, edge: str, *, reach: str = "") -> str:
-    """Return what to do next about a trouble of an edge; ``reach``: the edge itself is gone or silent."""
+    """Return the advice about a trouble of an edge; ``reach``: the edge itself is gone or silent."""
     robot = trouble.names[0] if trouble.names else edge
     return _template(trouble, reach).format(edge=edge, robot=robot, link=trouble.link or robot)
 
 
 def _template(trouble: Trouble, reach: str) -> str:
-    """Return the advice with its places open."""
+    """Return the advice with placeholders."""
     if reach in _BY_REACH:
         return _BY_REACH[reach]
     if trouble.link.startswith("worker "):

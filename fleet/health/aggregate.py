@@ -28,6 +28,6 @@ def edge_health(states: Iterable[RobotState], rests_on: Iterable[Health]) -> Hea
         if level is not Level.OK:
             cause = f"{state.name} {state.health}: {state.cause}"
             causes.append((Health(min(level, Level.DEGRADED), cause), level))
-    # Robots that all degrade the edge alike: name the one whose own health is worst.
+    # For robots that degrade the edge equally, name the one with the worst health of its own.
     causes.sort(key=lambda cause: cause[1], reverse=True)
     return worst(health for health, _ in causes)

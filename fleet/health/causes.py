@@ -1,6 +1,6 @@
-"""The causes of robots that are not well, folded: robots that have one cause in common are one trouble. Pure.
+"""Causes of unhealthy robots, folded: robots with a common cause are one trouble. Pure.
 
-Causes are the same that differ only in measured figures, in the robot's own name, or in the number of the
+Causes are equal if they differ only in measured figures, in the robot's own name, or in the number of the
 device (three robots whose adapters hang on one USB hub lose ttyUSB3, ttyUSB4 and ttyUSB5 together).
 """
 
@@ -21,14 +21,14 @@ _DEVICE = re.compile(r"(?<=[a-zA-Z])\d+(?=$|[:@,?\s])")
 
 
 class Part(NamedTuple):
-    """A cause, apart: ``link`` is what it says of the way to the robot, ``why`` the rest."""
+    """A cause in two parts: ``link`` is the link or worker that it names, ``why`` the rest."""
 
     link: str
     why: str
 
 
 def parted(cause: str) -> Part:
-    """Return what a cause says of link or worker (``serial:/dev/ttyUSB3``, ``worker arms``), and the rest."""
+    """Split a cause into link or worker (``serial:/dev/ttyUSB3``, ``worker arms``), and the rest."""
     found = _LINK.fullmatch(cause) or _WORKER.fullmatch(cause)
     return Part(found[1], found[2]) if found else Part("", cause)
 
@@ -46,7 +46,7 @@ class Onsets:
         self._services: dict[str, float] = {}
 
     def note(self, states: Iterable[RobotState], services: Iterable[Health], now: float) -> None:
-        """Take what is so now."""
+        """Update with the present healths."""
         known = self._robots
         self._robots = {
             state.name: known[state.name]
@@ -58,21 +58,21 @@ class Onsets:
         self._services = {cause: self._services.get(cause, now) for cause in causes}
 
     def of_robot(self, name: str) -> float:
-        """Return since when a robot that was noted has its health."""
+        """Return since when a noted robot has its health."""
         return self._robots[name][1]
 
     def of_service(self, cause: str) -> float:
-        """Return since when there is a problem that was noted."""
+        """Return since when a noted problem exists."""
         return self._services[folded(cause)]
 
 
 def troubles_of(
     states: Iterable[RobotState], services: Iterable[Health], onsets: Onsets, links: Mapping[str, str]
 ) -> tuple[tuple[Trouble, ...], int]:
-    """Return the causes that matter most, the oldest first, and the number of the others.
+    """Return the most important causes, oldest first, and the number of the others.
 
-    ``services`` are the healths of what the edge itself rests on; they and the robots were noted by
-    ``onsets``. ``links`` has the link of each robot by fleet.yaml.
+    ``services`` are the healths of the edge's own services; they and the robots are noted in ``onsets``.
+    ``links`` has the link of each robot in fleet.yaml.
     """
     groups: dict[tuple[str, str, str], list[tuple[RobotState, Part]]] = {}
     for state in states:
@@ -96,12 +96,12 @@ def troubles_of(
 
 
 def _with_link(part: Part, configured: str) -> Part:
-    """Return a part whose link is that of fleet.yaml, where the cause names none."""
+    """Complete a part with the link in fleet.yaml, if the cause names none."""
     return part if part.link or not configured else Part(configured, part.why)
 
 
 def without_name(text: str, name: str) -> str:
-    """Return a cause with ROBOT in the place of the robot's name."""
+    """Return a cause with the robot's name replaced by ROBOT."""
     return re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", "ROBOT", text)
 
 
@@ -123,11 +123,11 @@ def _trouble(level: str, group: Sequence[tuple[RobotState, Part]], onsets: Onset
 
 
 def _together(links: Sequence[str]) -> str:
-    """Return links that differ in the number of the device only, as one text."""
+    """Return links that differ only in the number of the device, as one text."""
     first, *others = links
     return first if not others else f"{first} and {len(others)} more"
 
 
 def _cut(text: str, longest: int) -> str:
-    """Return text of a bounded length."""
+    """Return text truncated to a length."""
     return text if len(text) <= longest else f"{text[: longest - 1]}…"

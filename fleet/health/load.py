@@ -1,4 +1,4 @@
-"""Load of the host, read from /proc and /sys; values are None where these do not exist."""
+"""Load of the host, read from /proc and /sys; values are None if these do not exist."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The summaries of edges as metrics of Prometheus: of an edge its own, of a fleet view those of all edges."""
+"""Summaries of edges as Prometheus metrics: an edge's own, and those of all edges of a fleet view."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CAUSE = ("edge", "level", "kind", "link", "cause")
 
 
 def summary_metrics(summaries: Iterable[Summary]) -> Iterator[Metric]:
-    """Yield what summaries say. Times are by the clocks of their edges."""
+    """Yield the metrics of summaries. Times are by the clocks of their edges."""
     info = GaugeMetricFamily(
         "fleet_edge_info", "1, with version and site.", labels=["edge", "version", "site"]
     )
@@ -47,7 +47,7 @@ def summary_metrics(summaries: Iterable[Summary]) -> Iterator[Metric]:
 
 
 def fleet_metrics(seen: Iterable[SeenEdge], now: float) -> Iterator[Metric]:
-    """Yield the metrics of all edges that were ever seen; of one that is not up, only that."""
+    """Yield the metrics of all edges ever seen; of an edge that is not up, only its reachability."""
     up = GaugeMetricFamily("fleet_edge_up", "1 while the edge sends summaries.", labels=["edge", "reach"])
     heard = GaugeMetricFamily(
         "fleet_edge_heard_seconds", "Unix time of its last summary; 0: never.", labels=["edge"]
@@ -64,7 +64,7 @@ def fleet_metrics(seen: Iterable[SeenEdge], now: float) -> Iterator[Metric]:
 
 
 def _troubles(summary: Summary) -> dict[tuple[str, ...], tuple[int, float]]:
-    """Return number of robots and time of each cause, by its labels; figures in causes would be endless."""
+    """Return number of robots and time of each cause, by labels without figures, which would be unbounded."""
     found: dict[tuple[str, ...], tuple[int, float]] = {}
     for each in summary.troubles:
         labels = (summary.edge, each.level, each.kind, each.link, folded(each.cause))

@@ -1,7 +1,7 @@
-"""Summaries of edges to one view of a site or a fleet: what is wrong, by cause, the oldest first. Pure.
+"""Roll-up of the summaries of edges to one view of a site or fleet: causes of trouble, oldest first. Pure.
 
-An edge is ``up``, ``silent`` (on the bus, but no summary for a while), ``gone``, or ``unseen`` (we are cut
-off from its bus ourselves). One that was ever seen stays in the view until a person forgets it.
+An edge is ``up``, ``silent`` (on the bus, but without recent summaries), ``gone``, or ``unseen`` (we are cut
+off from its bus). An edge that was ever seen stays in the view until a person removes it.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from fleet.model.health import Level
 from fleet.model.summary import NAMED, Summary, Trouble
 
 PERIOD = 5.0
-"""Seconds between two summaries of an edge that nothing happens to."""
+"""Seconds between two summaries of an edge without changes."""
 SILENT_AFTER = 2.5 * PERIOD
 LEVELS = {level.word: level for level in Level}
 
 
 class Reach(enum.StrEnum):
-    """Whether an edge is on the bus, and tells how it is."""
+    """Reachability of an edge."""
 
     UP = "up"
     SILENT = "silent"
@@ -34,10 +34,10 @@ class Reach(enum.StrEnum):
 
 
 class SeenEdge(msgspec.Struct, frozen=True):
-    """What is known of one edge. All times are Unix s by the clock of who looks.
+    """View of one edge. All times are Unix s by the clock of the viewer.
 
-    ``heard`` is when the last ``summary`` came, ``changed`` when its token came or went; 0: never.
-    ``unseen`` is since when we are cut off from it, 0 while we are not.
+    ``heard`` is the time of the last ``summary``, ``changed`` that of the last appearance or loss of its
+    token; 0: never. ``unseen`` is since when we are cut off from it, 0 if we are not.
     """
 
     edge: str
@@ -48,7 +48,7 @@ class SeenEdge(msgspec.Struct, frozen=True):
     unseen: float = 0.0
 
     def reach(self, now: float) -> Reach:
-        """Return whether it is up, silent or gone."""
+        """Return whether it is up, silent, gone or unseen."""
         if not self.alive:
             return Reach.GONE
         if self.unseen:
@@ -57,9 +57,9 @@ class SeenEdge(msgspec.Struct, frozen=True):
 
 
 class Row(msgspec.Struct, frozen=True):
-    """One cause in the fleet: what is so since when, on which edges, and what to do next.
+    """One cause in the fleet: its age, the edges, and the next thing to do.
 
-    ``robots`` have it, none: the edges themselves. ``link`` is the part of the way that they share.
+    ``robots`` have it; 0: the edges themselves. ``link`` is the link that they share.
     """
 
     level: str
@@ -74,7 +74,7 @@ class Row(msgspec.Struct, frozen=True):
 
 
 class View(msgspec.Struct, frozen=True):
-    """A site or a fleet at one moment. ``more``: causes for which the summaries of edges had no room."""
+    """A site or a fleet at one moment. ``more``: causes that did not fit in the summaries of edges."""
 
     edges: dict[str, int]
     robots: dict[str, int]
@@ -109,7 +109,7 @@ def roll_up(seen: Iterable[SeenEdge], now: float) -> View:
 
 
 def _robots_of(summary: Summary, reach: Reach) -> Counter[str]:
-    """Return the robots of an edge by health; nobody knows that of an edge which is not heard."""
+    """Return the robots of an edge by health, which is unknown while the edge is not up."""
     if reach is Reach.UP:
         return Counter(summary.robots)
     return Counter({"unknown": sum(summary.robots.values())})
@@ -124,7 +124,7 @@ class _Found(NamedTuple):
 
 
 def _troubles(edge: SeenEdge, reach: Reach, now: float) -> Sequence[Trouble]:
-    """Return what is wrong with an edge and its robots, with times by the clock of who looks."""
+    """Return the troubles of an edge and its robots, with times by the clock of the viewer."""
     if reach is Reach.GONE:
         robots = edge.summary and sum(edge.summary.robots.values())
         cause = "not on the bus; its robots are not heard" if robots else "not on the bus"
@@ -143,7 +143,7 @@ def _troubles(edge: SeenEdge, reach: Reach, now: float) -> Sequence[Trouble]:
 
 
 def _row(group: Sequence[_Found]) -> Row:
-    """Return one cause, however many edges have it."""
+    """Return one cause with all of its edges."""
     first = min(group, key=lambda found: found.trouble.since)
     robots = sum(found.trouble.robots for found in group)
     edges = tuple(sorted(found.edge for found in group))
@@ -162,7 +162,7 @@ def _row(group: Sequence[_Found]) -> Row:
 
 
 def _what(found: _Found, robots: int, edges: int) -> str:
-    """Return who is how: ``3 ugv robots offline``, ``1 edge gone``."""
+    """Return number, kind and state: ``3 ugv robots offline``, ``1 edge gone``."""
     trouble = found.trouble
     if not trouble.robots:
         how = trouble.level if found.reach is Reach.UP else found.reach.value

@@ -29,7 +29,7 @@ def read(folder: Path, wanted: EventFilter) -> list[Record]:
 
 
 def _is_new(database: sqlite3.Connection) -> bool:
-    """Return True for a file without tables: an edge is about to make them."""
+    """Return True for a file without tables: an edge is about to create them."""
     return database.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone() is None
 
 

@@ -1,4 +1,4 @@
-"""Which event set the emergency stop of a robot; pure."""
+"""The events that set the emergency stops of robots; pure."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _SETS = {EventKind.STOP, EventKind.EMERGENCY_STOP}
 
 
 def stop_causes(records: Iterable[Record]) -> dict[tuple[str, str], Record]:
-    """Return what set the stop of each robot, by edge and name: the first stop since the last release.
+    """Return the event that set the stop of each robot (edge, name): the first stop since its release.
 
-    ``records`` are in the order of their time. Robots that were released since are not in it.
+    ``records`` are in order of time. Robots without a stop since their last release are left out.
     """
     causes: dict[tuple[str, str], Record] = {}
     for record in records:
@@ -23,11 +23,11 @@ def stop_causes(records: Iterable[Record]) -> dict[tuple[str, str], Record]:
             causes.pop(robot, None)
         elif record.kind in _SETS and record.command == EMERGENCY:
             known = causes.get(robot)
-            if known is None or (_is_surer(record, known) and record.stamp - known.stamp < 1.0):
+            if known is None or (_is_better_proven(record, known) and record.stamp - known.stamp < 1.0):
                 causes[robot] = record
     return causes
 
 
-def _is_surer(one: Record, other: Record) -> bool:
-    """Return whether one event says more surely who asked than another."""
+def _is_better_proven(one: Record, other: Record) -> bool:
+    """Return whether only the first of two events has a proven asker."""
     return bool(one.asker and one.asker.proven) and not (other.asker and other.asker.proven)

@@ -1,18 +1,18 @@
 """Event store of an edge: a bounded SQLite file beside the journal, written by the journal's thread.
 
-``add`` takes an event from any thread and only appends it to a queue in memory; ``write``, which
-the journal's thread calls periodically, writes the whole queue in one commit. Processes of one edge on the
-same computer share the file.
+``add`` takes an event from any thread and only appends it to a queue in memory; ``write``, which the
+journal's thread calls periodically, writes the whole queue in one commit. Processes of one edge on the same
+computer share the file.
 
 ==========================  ==========================================================================
 condition                   reaction of the store
 ==========================  ==========================================================================
-disk full, read-only        keeps the newest in memory, tells it as ``problem``, tries again
-too many wait               the oldest are lost, counted, and told in the history once it is written
-file damaged                set aside, a new one begun
-file of a newer fleet       the same, kept for that fleet
-another process has it      the same as with a full disk: the journal's thread waits a moment only
-file too old or too large   the oldest events are deleted, a few at a time
+disk full, read-only        keeps the newest events in memory, sets ``problem``, retries
+too many events wait        drops the oldest, and records their number once the file can be written
+file damaged                sets it aside and creates a new one
+file of a newer fleet       the same; that fleet can use it again
+file locked by a process    as with a full disk; the journal's thread waits only a moment
+file too old or too large   deletes the oldest events, a few at a time
 ==========================  ==========================================================================
 """
 
@@ -32,7 +32,7 @@ from fleet.errors import StateError, StateTaken
 from fleet.history.record import COLUMNS, Record, Row, record_of, row_of
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.spool.database import PAGE, is_corrupt, open_checked
-from fleet.spool.state_folder import locked, made
+from fleet.spool.state_folder import create_folder, locked
 
 log = logging.getLogger(__name__)
 
@@ -47,14 +47,14 @@ CREATE INDEX event_by_stamp ON event (stamp);
 CREATE INDEX event_by_robot ON event (robot, stamp);
 """,
 )
-"""What makes the file, and brings it from each format number to the next."""
+"""SQL that creates the file, and migrates it from each format number to the next."""
 WAITING = 5000  # maximum number of events in memory
-AGAIN_AFTER = 5.0  # s until the next attempt after a failed write
+RETRY_AFTER = 5.0  # s until the next attempt after a failed write
 BUSY = 0.2
-"""Seconds to wait for another process that opens or writes: the record of a stop may wait as long."""
-LAST_PATIENCE = 2.0  # s, for the last write of the process
+"""Seconds to wait for another process that opens or writes; it also delays the record of a stop."""
+LAST_PATIENCE = 2.0  # s to wait for the lock in the last write of the process
 PRUNE_EVERY = 60.0  # s
-AT_ONCE = 1000  # rows that are deleted in one commit
+AT_ONCE = 1000  # rows deleted in one commit
 NEWEST = 1000
 """Newest events, kept whatever their stamps: a computer without a clock may start in 1970."""
 _ADD = f"INSERT INTO event ({COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"  # noqa: S608 - columns of ours
@@ -75,12 +75,12 @@ class HistoryBounds(msgspec.Struct, frozen=True):
 class History:
     """Event store of one process. ``problem`` says why events are not on disk; empty while they are.
 
-    ``told`` is called with each event and its robot, on the thread that added it: it must not wait.
+    ``on_event`` is called with each event and its robot, on the thread that added it: it must not wait.
     """
 
     def __init__(self, folder: Path, clock: Clock, bounds: HistoryBounds | None = None) -> None:
         self.problem = ""
-        self.told: Callable[[str, EventReport], None] = lambda _robot, _event: None
+        self.on_event: Callable[[str, EventReport], None] = lambda _robot, _event: None
         self.folder = folder
         self._clock = clock
         self._bounds = bounds or HistoryBounds()
@@ -94,7 +94,7 @@ class History:
     def add(self, robot: str, event: EventReport) -> None:
         """Take an event of a robot, empty for the edge's own; from any thread. Never blocks, never raises."""
         self._waiting.append(row_of(robot, event))
-        self.told(robot, event)
+        self.on_event(robot, event)
         if len(self._waiting) > WAITING:
             with contextlib.suppress(IndexError):  # the writer has taken them meanwhile
                 self._waiting.popleft()
@@ -114,9 +114,9 @@ class History:
             self._commit(database)
             if now >= self._prune_at:
                 self._prune_at = now if self._prune(database) else now + PRUNE_EVERY
-        except Exception as error:  # noqa: BLE001 - the thread is the journal's, and must go on
+        except Exception as error:  # noqa: BLE001 - the journal's thread must go on
             self._fail(error)
-            self._try_at = now + AGAIN_AFTER
+            self._try_at = now + RETRY_AFTER
         else:
             self.problem = ""
 
@@ -127,15 +127,15 @@ class History:
         if self._database is not None:
             self._database.execute(f"PRAGMA busy_timeout = {LAST_PATIENCE * 1000:.0f}")
         self.write()
-        self._shut()
+        self._close_file()
 
     def _opened(self) -> sqlite3.Connection:
         """Return the open file, opening it if necessary; raises StateError, OSError, sqlite3.Error."""
         path = self.folder / HISTORY
-        if not path.exists():  # not yet made, or deleted while open: nobody could read what is written there
-            self._shut()
+        if not path.exists():  # not yet created, or deleted while open: writes to it would be lost
+            self._close_file()
         if self._database is None:
-            made(self.folder)
+            create_folder(self.folder)
             try:
                 with locked(path, within=self._patience):
                     self._database, _ = open_checked(path, FORMATS, "NORMAL", busy=self._patience)
@@ -143,7 +143,7 @@ class History:
                 raise StateError(f"another process is just opening {path}") from None
         return self._database
 
-    def _shut(self) -> None:
+    def _close_file(self) -> None:
         """Close the file."""
         if self._database is not None:
             with contextlib.suppress(sqlite3.Error):
@@ -187,8 +187,8 @@ class History:
     def _fail(self, error: Exception) -> None:
         """Report that events are kept only in memory; a damaged file is moved aside when opened again."""
         if isinstance(error, sqlite3.Error) and (is_corrupt(error) or _may_heal(error)):
-            self._shut()
-        problem = f"the history is kept in memory alone: {error}"
+            self._close_file()
+        problem = f"the history is kept in memory only: {error}"
         if problem != self.problem:
             log.error("%s", problem)
         self.problem = problem

@@ -1,1 +1,1 @@
-"""The composition root, the wall around each robot, and safety."""
+"""Run robots: the composition root, one controller and exception barrier per robot, and the safety rules."""

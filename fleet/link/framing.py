@@ -28,10 +28,10 @@ class LineFraming:
 
     def cutter(self) -> Framer:
         """Return an empty framer."""
-        return _LineCutter(self.ending, self.limit)
+        return _LineFramer(self.ending, self.limit)
 
 
-class _LineCutter:
+class _LineFramer:
     """Collects bytes up to the line ending."""
 
     def __init__(self, ending: bytes, limit: int) -> None:
@@ -58,10 +58,10 @@ class DatagramFraming:
 
     def cutter(self) -> Framer:
         """Return a framer that passes each piece through."""
-        return _WholeCutter()
+        return _DatagramFramer()
 
 
-class _WholeCutter:
+class _DatagramFramer:
     """Returns each piece as one frame."""
 
     def feed(self, data: bytes) -> list[bytes]:

@@ -1,8 +1,8 @@
-"""The gate of the links of an edge of a pair: nothing is written to a robot once the edge's lease has ended.
+"""Write gate of the links of an edge of a pair: after the edge's lease has ended, nothing is written.
 
-Before each write the gate asks the computer's clock that counts on while the computer is suspended. So the
-first thing that a process does after it was frozen finds the gate closed, whatever it was about to write. A
-link belongs to the epoch in which it was opened: a later lease of the same edge does not open it again.
+Before each write the gate reads the clock that also runs while the computer is suspended. So a process that
+was frozen finds the gate closed on its first write. A link belongs to the epoch in which it was opened: a
+later lease of the same edge does not reopen it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fleet.link.base import Address, Link
 
 
 def boot_time() -> float:
-    """Return seconds since the computer's start, those included for which it was suspended."""
+    """Return seconds since the start of the computer, including those in suspend."""
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
@@ -41,11 +41,11 @@ class LinkGate:
 
 
 GATE: contextvars.ContextVar[LinkGate | None] = contextvars.ContextVar("gate", default=None)
-"""The gate of the links that are opened; None where an edge belongs to no pair."""
+"""The gate of links that are being opened; None for an edge that belongs to no pair."""
 
 
 class GatedLink:
-    """A link that is written to only while its gate is open; all else is the link's own."""
+    """A link that can be written to only while its gate is open; otherwise it is the link itself."""
 
     def __init__(self, link: Link, gate: LinkGate, epoch: int) -> None:
         self.url = link.url
@@ -71,5 +71,5 @@ class GatedLink:
         await self._link.close()
 
     def __getattr__(self, name: str) -> Any:
-        """Return what only some links have, such as ``unsent``."""
+        """Return an attribute that only some links have, such as ``unsent``."""
         return getattr(self._link, name)

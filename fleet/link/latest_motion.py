@@ -72,7 +72,7 @@ class LatestMotion:
             self._waiting = ()
             try:
                 self._write(stop)
-            except LinkLost:  # then the robot's own fail-safe stops it
+            except LinkLost:  # the robot's own fail-safe must stop it
                 return False
             return True
 
@@ -84,7 +84,7 @@ class LatestMotion:
         self._write(motion)
 
     def _write(self, frames: MotionFrames) -> None:
-        """Write, and note until when the line is busy."""
+        """Write, and update the time at which the line will be free."""
         for frame in frames:
             if frame:
                 self._link.send(frame, self.peer)

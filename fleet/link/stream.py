@@ -94,10 +94,10 @@ class StreamLink:
         except BlockingIOError:
             taken = 0
         if taken < len(data):
-            raise self._ending.fall("the robot does not read: the way to it is full")
+            raise self._ending.fall("the robot does not read: its transmit buffer is full")
 
     def _readable(self) -> None:
-        """Read received bytes and pass them to the receiver, or note the end of the stream."""
+        """Read received bytes and pass them to the receiver, or record the end of the stream."""
         try:
             data = os.read(self._descriptor, _PIECE)
         except (BlockingIOError, InterruptedError):

@@ -1,7 +1,7 @@
-"""Copies of the frames of this process's links, for a recorder; nothing is copied while nobody records.
+"""Copies of the frames of this process's links for a recorder; nothing is copied without one.
 
-A link asks its ``LinkTap`` for ``note`` before each frame, which is None while nobody records. Noting only
-appends to a bounded queue: it cannot block or fail a link. What does not fit is dropped and counted.
+A link reads ``note`` of its ``LinkTap`` before each frame; it is None while there is no recorder. A note only
+appends to a bounded queue: it cannot block or fail a link. Frames beyond the bound are dropped and counted.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from fleet.link.base import Address
 
 log = logging.getLogger(__name__)
 
-Way = Literal["open", "in", "out"]
+Direction = Literal["open", "in", "out"]
 Redaction = Callable[[bytes], bytes]
-"""Takes the bytes of one direction of one link as they come; returns as many, with secrets overwritten."""
+"""Overwrites secrets in the bytes of one direction of one link; returns as many bytes as it gets."""
 
 MOST_WAITING = 8 * 1024 * 1024
-"""Bytes that may wait to be published; what comes then is dropped and counted."""
-OVERHEAD = 200  # bytes that a frame takes beside its own
+"""Bytes that may wait for publication; further frames are dropped and counted."""
+OVERHEAD = 200  # bytes of memory of a frame besides its data
 STEP = 32  # frames in one step of a flush
 LARGEST = 128 * 1024  # bytes of frames in one message
 
@@ -40,16 +40,16 @@ class LinkFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     """
 
     at: float
-    way: Way
+    way: Direction
     data: bytes = b""
     peer: str = ""
 
 
 class LinkFrames(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Frames of one link, in their order; ``robot`` is the one that opened it.
+    """Frames of one link, in order; ``robot`` is the one that opened it.
 
-    ``number`` counts the messages of one process, so that a gap shows a lost one; ``dropped`` counts the
-    frames for which it had no room.
+    ``number`` counts the messages of one process, so that a gap reveals a lost one; ``dropped`` counts the
+    frames that did not fit.
     """
 
     stamp: float
@@ -63,12 +63,14 @@ class LinkFrames(msgspec.Struct, frozen=True, omit_defaults=True):
 class Note(Protocol):
     """Takes a copy of a frame, from any thread; never raises."""
 
-    def __call__(self, way: Way, data: bytes, address: Address = None, *, at: float | None = None) -> None:
-        """Take direction, bytes and peer; ``at`` (Unix s) where it was not now."""
+    def __call__(
+        self, way: Direction, data: bytes, address: Address = None, *, at: float | None = None
+    ) -> None:
+        """Take direction, bytes and peer; ``at`` (Unix s) if it was not now."""
 
 
 class LinkTap:
-    """Where one open link leaves copies of its frames; ``note`` is None while nobody records."""
+    """Copies the frames of one open link; ``note`` is None while there is no recorder."""
 
     __slots__ = ("__weakref__", "link", "note", "redactions", "robot")
 
@@ -76,24 +78,24 @@ class LinkTap:
         self.robot = robot
         self.link = link
         self.note: Note | None = None
-        self.redactions: dict[Way, Redaction] = {}
+        self.redactions: dict[Direction, Redaction] = {}
 
 
 class FrameTap:
-    """The frames of the links of one process that wait to be published."""
+    """The copied frames of all links of one process, until they are published."""
 
     def __init__(self, clock: Clock) -> None:
         self.is_on = False
         self._clock = clock
         self._links: WeakSet[LinkTap] = WeakSet()
-        self._waiting: deque[tuple[LinkTap, float, Way, bytes, Address]] = deque()
+        self._waiting: deque[tuple[LinkTap, float, Direction, bytes, Address]] = deque()
         self._size = 0
-        self._lock = threading.Lock()  # of what waits and its size, which several threads change
+        self._lock = threading.Lock()  # guards the queue and its size, which several threads change
         self._dropped = 0
         self._number = 0
 
     def open(self, robot: str, link: str, redaction: Callable[[], Redaction | None]) -> LinkTap:
-        """Return the tap of a link that is opened now."""
+        """Return the tap of a link that is being opened."""
         tap = LinkTap(robot, link)
         for way in ("in", "out"):
             redact = redaction()
@@ -106,7 +108,7 @@ class FrameTap:
         return tap
 
     def switch(self, *, on: bool) -> None:
-        """Begin or end to copy; on the event loop."""
+        """Start or stop copying; on the event loop."""
         if on == self.is_on:
             return
         with self._lock:
@@ -117,9 +119,9 @@ class FrameTap:
             tap.note = partial(self._take, tap) if on else None
 
     def _take(
-        self, tap: LinkTap, way: Way, data: bytes, address: Address = None, *, at: float | None = None
+        self, tap: LinkTap, way: Direction, data: bytes, address: Address = None, *, at: float | None = None
     ) -> None:
-        """Keep a copy of a frame; from any thread, also of one that began before nobody recorded any more."""
+        """Queue a copy of a frame; from any thread, even just after the recorder has left."""
         frame = tap, self._clock.time() if at is None else at, way, data, address
         with self._lock:
             if not self.is_on:
@@ -130,8 +132,8 @@ class FrameTap:
             self._size += len(data) + OVERHEAD
             self._waiting.append(frame)
 
-    def _next(self) -> tuple[LinkTap, float, Way, bytes, Address] | None:
-        """Return the frame that waits for longest; None when there is none."""
+    def _next(self) -> tuple[LinkTap, float, Direction, bytes, Address] | None:
+        """Return the oldest queued frame, None if there is none."""
         with self._lock:
             if not self._waiting:
                 return None
@@ -140,7 +142,7 @@ class FrameTap:
             return frame
 
     def flushing(self, put: Callable[[bytes], None]) -> Iterator[None]:
-        """Put all that waits, each message a ``LinkFrames`` as JSON; in steps, between which others run."""
+        """Publish all queued frames in steps; each message is a ``LinkFrames`` as JSON."""
         by_link: dict[LinkTap, list[LinkFrame]] = {}
         sizes: dict[LinkTap, int] = {}
         for count in range(1, len(self._waiting) + 1):
@@ -162,8 +164,8 @@ class FrameTap:
             put(self._message(tap, frames))
             yield
 
-    def _redacted(self, tap: LinkTap, way: Way, data: bytes) -> bytes | None:
-        """Return bytes without secrets; None, and they are dropped, when an adapter's redaction fails."""
+    def _redacted(self, tap: LinkTap, way: Direction, data: bytes) -> bytes | None:
+        """Return the bytes without secrets, None (the frame is dropped) when an adapter's redaction fails."""
         redact = tap.redactions.get(way)
         if redact is None:
             return data
@@ -176,7 +178,7 @@ class FrameTap:
             return None
 
     def _message(self, tap: LinkTap, frames: list[LinkFrame]) -> bytes:
-        """Return a message of the frames of one link."""
+        """Return the message for the frames of one link."""
         self._number += 1
         made = LinkFrames(frames[0].at, tap.robot, tap.link, frames, self._number, self._dropped)
         return msgspec.json.encode(made)
@@ -190,7 +192,7 @@ def peer_of(address: Address) -> str:
 OPENING: contextvars.ContextVar[Callable[[str], LinkTap] | None] = contextvars.ContextVar(
     "opening", default=None
 )
-"""What makes the tap of a link that is opened on behalf of a robot; None where nothing is recorded."""
+"""Factory for the tap of a link that a robot opens; None where nothing is recorded."""
 
 
 def tap_of(link: str) -> LinkTap:

@@ -99,17 +99,17 @@ def _device(url: str, rest: str) -> LinkUrl:
 
 
 def _bus(url: str) -> LinkUrl:
-    """Check a CAN bus; its parts are python-can's matter."""
+    """Check the URL of a CAN bus; python-can defines its parts."""
     if importlib.util.find_spec("can") is None:
         raise LinkRefused(f"{url!r}: CAN needs python-can: pip install 'zenoh-fleet[can]'")
-    from fleet.link.canbus.bus import parse_link  # noqa: PLC0415 - only where it is installed
+    from fleet.link.canbus.bus import parse_link  # noqa: PLC0415 - optional dependency
 
     parse_link(url)
     return LinkUrl(url, "can", path=url)
 
 
 async def _open_can(url: str, receiver: Receiver) -> Link:
-    from fleet.link.canbus.link import open_can  # noqa: PLC0415 - only where it is installed
+    from fleet.link.canbus.link import open_can  # noqa: PLC0415 - optional dependency
 
     return await open_can(url, receiver)
 
@@ -139,7 +139,7 @@ _OPENERS: dict[str, Callable[[LinkUrl, Receiver], Awaitable[Link]]] = {
 OPENER: contextvars.ContextVar[Callable[[str, Receiver], Awaitable[Link]] | None] = contextvars.ContextVar(
     "opener", default=None
 )
-"""What opens links instead, in a replay; None: the links themselves are opened."""
+"""Replacement that opens links in a replay; None: real links are opened."""
 
 
 async def open_link(url: str, receiver: Receiver) -> Link:
@@ -162,7 +162,7 @@ async def open_link(url: str, receiver: Receiver) -> Link:
 
 @contextlib.asynccontextmanager
 async def opened_link(url: str, receiver: Receiver) -> AsyncIterator[Link]:
-    """Open a link as ``open_link`` does and close it at the end; made for ``robot.enter``."""
+    """Open a link as ``open_link`` does and close it at the end; for use with ``robot.enter``."""
     link = await open_link(url, receiver)
     try:
         yield link

@@ -1,1 +1,1 @@
-"""Missions: what a fleet shall do, written in YAML; a pure engine carries a run of one to its end."""
+"""Missions: tasks for a fleet, written in YAML; a pure engine executes each run."""

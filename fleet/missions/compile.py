@@ -1,7 +1,7 @@
-"""From a checked mission to the program that the engine runs.
+"""Compiler from a validated mission to the program that the engine runs.
 
-Missions within it become part of the same flat list, between an ``Enter`` and a ``Leave``: so pause, abort,
-stops, restarts and undo reach them as they reach any step, and one record has the whole position of a run.
+Inner missions become part of the same flat list, between an ``Enter`` and a ``Leave``. So pause, abort,
+stops, restarts and undo apply to them as to any step, and one record holds the whole position of a run.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ from fleet.missions.program import (
     WaitFor,
 )
 
-DEEPEST = 5  # missions within each other
+DEEPEST = 5  # levels of inner missions
 MOST = 10_000  # instructions of a program
 InnerMission = Callable[[str, Mapping[str, Any]], MissionConfig]
-"""Returns another mission for values of its inputs; raises Refused."""
+"""Returns another mission with its inputs filled in; raises Refused."""
 
 
 def compiled(name: str, mission: MissionConfig, inner: InnerMission) -> Program:
     """Return the program of a mission whose inputs are filled in and whose files are read.
 
-    Raises Refused for missions within it that cannot be carried out.
+    Raises Refused for invalid inner missions.
     """
     compiler = _Compiler(inner)
     require = _require_of(mission)
@@ -72,14 +72,14 @@ def compiled(name: str, mission: MissionConfig, inner: InnerMission) -> Program:
 
 
 class _Scope(msgspec.Struct, frozen=True):
-    """The mission that is being compiled: it and those around it, and what its names begin with."""
+    """The mission being compiled, with its outer missions and the prefix of its names."""
 
     missions: tuple[str, ...]
     prefix: str
     require: Require
 
     def condition(self, given: ConditionConfig | None) -> Condition | None:
-        """Return a condition of its roles."""
+        """Compile a condition with the full name of its role."""
         if given is None:
             return None
         battery = given.battery or BatteryConfig()
@@ -87,20 +87,20 @@ class _Scope(msgspec.Struct, frozen=True):
         return Condition(role, every, battery.min, battery.max, given.health or "", given.event or "")
 
     def acts(self, given: Mapping[str, ActConfig], timeout: float) -> dict[str, tuple[Act, ...]]:
-        """Return what its roles do."""
+        """Compile the acts of the roles of a step."""
         return {
             self.prefix + role: (self._following(act),) if act.follow else _acts(act, timeout)
             for role, act in given.items()
         }
 
     def _following(self, act: ActConfig) -> Act:
-        """Return what a robot does that follows another one; the end of the step ends it, and no time."""
+        """Compile a ``follow`` act; the end of its step ends it, so it has no real timeout."""
         data = {"distance_m": act.distance or FOLLOW_AT}
         return Act("follow", f"{self.prefix}{act.follow}", data, act.speed, LONGEST)
 
 
 class _Compiler:
-    """Appends the instructions of a mission, and of those within it."""
+    """Appends the instructions of a mission and of its inner missions."""
 
     def __init__(self, inner_mission: InnerMission) -> None:
         self.steps: list[Instruction] = []
@@ -126,18 +126,18 @@ class _Compiler:
                 self.steps.append(_instruction(step, scope))
 
     def _add_repeat(self, step: StepConfig, scope: _Scope) -> None:
-        """Append a repeat: its beginning, its steps, and the way back."""
+        """Append a repeat: its start, its steps and the jump back."""
         repeat, begin = step.repeat, len(self.steps)
         assert repeat is not None
         name, until = scope.prefix + step.id, scope.condition(repeat.until)
-        self.steps.append(Loop(name, repeat.times, 0))  # its end is known below
+        self.steps.append(Loop(name, repeat.times, 0))  # placeholder; its end is known below
         self._add(repeat.steps, scope)
         self.steps.append(Again(begin))
         only_if = scope.condition(step.if_)
         self.steps[begin] = Loop(name, repeat.times, len(self.steps), until, only_if)
 
     def _add_mission(self, step: StepConfig, role: str, act: ActConfig, scope: _Scope) -> None:
-        """Append a mission that a role carries out."""
+        """Append an inner mission, executed by a role."""
         name, begin = act.mission or "", len(self.steps)
         if name in scope.missions:
             raise Refused(f"a mission within itself: {' > '.join((*scope.missions, name))}")
@@ -153,7 +153,7 @@ class _Compiler:
         roles = {inside.prefix + each: _need(found) for each, found in mission.roles.items()}
         self.inner[where] = Inner(scope.prefix + role, roles, require)
         leave = Leave(begin, where)
-        self.steps.append(leave)  # in the place of its beginning, whose end is known below
+        self.steps.append(leave)  # placeholder for its Enter, whose end is known below
         self.add(mission, inside)
         self.steps.append(leave)
         self.steps[begin] = Enter(
@@ -170,22 +170,22 @@ class _Compiler:
 
 
 def _require_of(mission: MissionConfig) -> Require:
-    """Return what a mission requires of its robots."""
+    """Return the requirements of a mission."""
     return Require(mission.require.health, mission.require.battery.min, mission.require.battery.max)
 
 
 def _quorum_of(mission: MissionConfig) -> dict[str, int]:
-    """Return how many robots each role must keep."""
+    """Return the number of robots that each role must keep."""
     return {role: mission.quorum.get(role, each.count.min) for role, each in mission.roles.items()}
 
 
 def _need(role: RoleConfig) -> RoleNeed:
-    """Return who fills a role."""
+    """Return the requirements of a role."""
     return RoleNeed(role.count.min, role.count.max, role.from_, role.kind, role.can)
 
 
 def _instruction(step: StepConfig, scope: _Scope) -> Instruction:
-    """Return the instruction of a step that repeats nothing."""
+    """Compile a step that is no repeat and no inner mission."""
     name, only_if = scope.prefix + step.id, scope.condition(step.if_)
     if step.wait is not None:
         return Wait(name, step.wait, only_if)
@@ -209,7 +209,7 @@ def _instruction(step: StepConfig, scope: _Scope) -> Instruction:
 
 
 def _acts(given: ActConfig, timeout: float) -> tuple[Act, ...]:
-    """Return one act for all robots of the role, or one for each, where a list of files says so."""
+    """Return one act for all robots of the role, or one per robot for a list of files."""
     verb = given.verb
     value = getattr(given, verb)
     each = value if is_for_each(verb, value) else [value]
@@ -219,9 +219,9 @@ def _acts(given: ActConfig, timeout: float) -> tuple[Act, ...]:
 
 
 def is_for_each(verb: str, value: object) -> bool:
-    """Return whether a list has something for each robot of a role, and is no path itself.
+    """Return True if a value lists one item per robot of a role, and is no path itself.
 
-    A file's content, once read, is a list of points (path) or a mapping (plan).
+    The content of a file, once read, is a list of points (path) or a mapping (plan).
     """
     if not isinstance(value, list):
         return False

@@ -1,4 +1,4 @@
-"""How a run ends: failed, aborted, undone. Its robots are held first; what is undone is undone backwards."""
+"""The end of a run: failure, abort, undo. Its robots are held first; steps are undone in reverse order."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fleet.missions.state import (
     step_name,
 )
 
-ON_ABORT_WITHIN = 300.0  # s for what on_abort says; progress extends it
+ON_ABORT_WITHIN = 300.0  # s for the on_abort command; progress extends it
 
 
 class Ending:
@@ -30,7 +30,7 @@ class Ending:
         self._robots = robots
 
     def fail(self, reason: str, now: float, *, undoes: bool = True) -> None:
-        """End the run as failed, in the way that the mission says."""
+        """End the run as failed, as the mission defines it."""
         if self._head.phase not in GOING_ON:
             return
         self._leave_off(RunOutcome.FAILED, reason, now)
@@ -47,7 +47,7 @@ class Ending:
         self.look(now)
 
     def abort(self, reason: str, now: float) -> None:
-        """End the run because a person wants it, in the way that the mission says."""
+        """End the run at a person's request, as the mission defines it."""
         if self._head.phase not in GOING_ON:
             return
         self._leave_off(RunOutcome.ABORTED, reason, now)
@@ -62,7 +62,7 @@ class Ending:
         self.look(now)
 
     def stopped(self, reason: str, now: float) -> None:
-        """End the run after an emergency stop of several of its robots: those not stopped are held."""
+        """End the run after an emergency stop of several of its robots; hold the others."""
         self._leave_off(RunOutcome.ABORTED, f"emergency stop: {reason}", now)
         for part in self._robots.active("undo", "abort", "secure"):
             if not self._robots.comes_down(part.robot):
@@ -72,7 +72,7 @@ class Ending:
         self.look(now)
 
     def restarted(self, now: float) -> None:
-        """Go on with an end that a restart interrupted: hold everybody; what was being undone is unknown."""
+        """Continue an end that a restart interrupted: hold all robots; the result of an undo is unknown."""
         if self._head.phase in (Phase.HALTING, Phase.UNDOING):
             self._head.target = RunOutcome.UNDO_FAILED
             self._head.reason += "; the edge restarted while it was undone"
@@ -81,7 +81,7 @@ class Ending:
         self.look(now)
 
     def ended(self, part: Part, now: float) -> None:
-        """Take note that a part of the ending is over."""
+        """Handle the end of a part during the ending."""
         if part.kind == "undo" and part.outcome is not Outcome.DONE and self._head.phase is Phase.UNDOING:
             self._head.target = RunOutcome.UNDO_FAILED
             self._head.reason += f"; {part.robot} could not undo {part.step}: {part.reason}"
@@ -97,7 +97,7 @@ class Ending:
         self.look(now)
 
     def look(self, now: float) -> None:
-        """Go on once what was begun is over."""
+        """Continue when all active parts have ended."""
         if self._head.phase in GOING_ON or self._head.phase is Phase.ENDED or self._robots.active():
             return
         if self._head.phase is Phase.ENDING:
@@ -110,7 +110,7 @@ class Ending:
             self.close(RunOutcome.UNDONE, self._head.reason)
 
     def close(self, outcome: RunOutcome, reason: str) -> None:
-        """Note the terminal state; nothing follows it."""
+        """Enter the terminal state."""
         if self._head.phase is Phase.ENDED:
             return
         for part in self._robots.active():
@@ -121,7 +121,7 @@ class Ending:
                 member.outcome = Outcome.SKIPPED
             elif not unseen:
                 member.outcome = Outcome.DONE
-            else:  # a person let the run go on, which does not make it known
+            else:  # the run continued at a person's word, without knowledge of the robot
                 member.outcome, member.reason = Outcome.UNKNOWN, f"nobody saw how step {unseen} ended"
                 outcome = RunOutcome.WITH_LOSSES
             self._robots.touched[f"member {member.robot}"] = member
@@ -134,7 +134,7 @@ class Ending:
         self._robots.effects.append(Ended(outcome, reason))
 
     def _undo(self, begun: Begun, now: float) -> None:
-        """Begin what undoes one step, of the robots that are still ours and had begun it."""
+        """Undo one step for the robots that are still ours and had begun it."""
         step = self._program.steps[begun.at]
         if not isinstance(step, Do) or not step.undo:
             return
@@ -145,7 +145,7 @@ class Ending:
                 self._robots.begin(begun.step, member.robot, act, "undo", now)
 
     def _leave_off(self, target: RunOutcome, reason: str, now: float) -> None:
-        """End what the mission was doing."""
+        """End the parts of the mission."""
         self._head.target, self._head.reason, self._head.question = target, reason, None
         self._robots.note(f"The run is to end as {target}: {reason}", step=self._step)
         for part in self._robots.active("do"):
@@ -153,25 +153,25 @@ class Ending:
                 self._robots.end(part, Outcome.SKIPPED, "the run left off", now)
 
     def _halt_all(self, now: float) -> None:
-        """Bring every robot of ours to a standstill; one that is being made safe is left to it."""
+        """Halt every robot of ours, except those that are being made safe."""
         secured = {part.robot for part in self._robots.active("secure")}
         for member in self._robots.ours():
             if member.robot not in secured:
                 self._robots.halt(self._step, member.robot, now)
 
     def _enter(self, phase: Phase) -> None:
-        """Go to a phase that may follow; there is no way back."""
+        """Enter a phase if the table permits it; earlier phases are never entered again."""
         if phase in NEXT[self._head.phase]:
             self._head.phase = phase
 
     @property
     def _step(self) -> str:
-        """The step that was under way."""
+        """The present step."""
         return step_name(self._program, self._head)
 
 
 def _unseen(robots: RunRobots, robot: str) -> str:
-    """Return the step that a robot carried out last, when nobody knows how it ended; else empty."""
+    """Return a robot's last step if its outcome is unknown; else empty."""
     parts = [part for part in robots.parts.values() if part.robot == robot and part.kind == "do"]
     newest = max(parts, key=lambda part: part.began, default=None)
     return newest.step if newest is not None and newest.outcome is Outcome.UNKNOWN else ""

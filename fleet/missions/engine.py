@@ -1,7 +1,7 @@
-"""The engine of one run: events in, effects out. No bus, no disk, no clock of its own.
+"""The state machine of one mission run. It takes events and returns effects; it has no bus, disk or clock.
 
-``handle`` takes an event at a time of the run's clock and returns what is to be done. The caller records
-``changes`` before it carries out any of it: a part that was recorded is never begun again, whatever happens.
+``handle`` takes an event with its time on the run's clock and returns the effects. The caller saves
+``changes`` before it carries out any effect, so that a saved part is never begun twice.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ RETRIED = frozenset({Outcome.FAILED, Outcome.REFUSED})
 
 
 class Engine:
-    """One run. ``head``, ``members`` and ``parts`` are its state, as they were recorded."""
+    """One mission run. ``head``, ``members`` and ``parts`` are its saved state."""
 
     def __init__(
         self,
@@ -90,11 +90,11 @@ class Engine:
 
     @property
     def _now(self) -> float:
-        """The time of the event that is being handled."""
+        """The time of the current event."""
         return self.steps.losses.now
 
     def handle(self, event: Event, now: float) -> list[Effect]:
-        """Take an event; ``now`` is seconds of the run's clock. Returns what is to be done, in order."""
+        """Process an event at ``now``, in seconds of the run's clock; return its effects in order."""
         self.steps.losses.now = now
         if not self.over:
             self._handlers[type(event)](event)
@@ -102,19 +102,19 @@ class Engine:
         return effects
 
     def changes(self) -> list[Part | Member]:
-        """Return, once, what has changed of members and parts since it was asked last."""
+        """Return the members and parts that have changed since the last call."""
         touched, self.robots.touched = self.robots.touched, {}
         return list(touched.values())
 
     def _start(self, _event: Start) -> None:
-        """Begin with the first step, once its places are the run's own."""
+        """Begin with the first step, once the run has its places."""
         if self.head.phase is Phase.NEW and self.program.occupies:
             self.steps.occupy()
         elif self.head.phase is Phase.NEW:
             self.steps.go_on()
 
     def _occupied(self, event: Occupied) -> None:
-        """Begin, or note what the run waits for, or that it waited in vain."""
+        """Begin the run, or record what it waits for; fail it when the wait has timed out."""
         if self.head.phase is not Phase.OCCUPYING:
             return
         if event.late:
@@ -127,7 +127,7 @@ class Engine:
             self.steps.go_on()
 
     def _facts(self, event: Facts) -> None:
-        """Take what is seen of a robot; getting on gives it its time again."""
+        """Update what is known of a robot; progress extends the time limits of its active parts."""
         before = self.seen.take(event)
         if before is None or before.progress == event.progress or not event.progress:
             return
@@ -136,7 +136,7 @@ class Engine:
                 part.until = max(part.until, self._now + part.act.timeout)
 
     def _replied(self, event: Replied) -> None:
-        """Take what became of a part."""
+        """Process the outcome of a part."""
         part = self.robots.parts.get(event.identity)
         if part is None or not part.inflight or event.outcome is None:
             return
@@ -152,7 +152,7 @@ class Engine:
         self.steps.look()
 
     def _left(self, event: Left) -> None:
-        """Take note that a robot is not ours any more, and see whether the run can go on."""
+        """Record that a robot has left the run, and check whether the run can continue."""
         member = self.robots.members.get(event.robot)
         if member is None or not member.ours:
             return
@@ -161,14 +161,14 @@ class Engine:
         self.steps.look()
 
     def _stop_all(self, event: StopAll) -> None:
-        """End the run; what is not stopped yet is held, nothing is undone."""
+        """End the run; robots that are not stopped yet are halted, and nothing is undone."""
         for robot in event.robots:
             if robot in self.robots.members:
                 self.robots.lose(robot, Outcome.STOPPED, event.reason, self._now)
         self.ending.stopped(event.reason, self._now)
 
     def _answer(self, event: Answer) -> None:
-        """Take a person's answer; while the run is paused only to whether it may go on."""
+        """Apply a person's answer; a paused run only accepts the answer to its resume question."""
         question = self.head.question
         if question is None or question.id != event.question or not self._decidable(question):
             return
@@ -177,11 +177,11 @@ class Engine:
         self._decide(question, what, event.by)
 
     def _decidable(self, question: Question) -> bool:
-        """Return whether an answer, or its absence, is followed now: a paused run begins nothing."""
+        """Return whether an answer or a timeout takes effect now; a paused run begins nothing."""
         return self.head.phase is not Phase.PAUSED or question.about == "resume"
 
     def _decide(self, question: Question, what: str, by: str) -> None:
-        """Follow an answer, or its absence."""
+        """Apply an answer or the default of a timeout."""
         self.head.question = None
         if what == "abort":
             self.ending.abort(f"{question.text} abort" + (f" by {by}" if by else ""), self._now)
@@ -196,13 +196,13 @@ class Engine:
             self.steps.next()
 
     def _tick(self, _event: Tick) -> None:
-        """See what time has brought."""
+        """Process time limits: the deadline, the open question, parts and steps."""
         head, deadline = self.head, self.program.deadline
         if deadline is not None and self._now >= deadline:
             self.ending.fail(f"the deadline of {deadline:g} s is over", self._now)
         question = head.question
         if question is not None and self._now >= question.until and self._decidable(question):
-            self.robots.note(f"Nobody answered in time: {question.on_timeout}", step=self.steps.name)
+            self.robots.note(f"No answer in time: {question.on_timeout}", step=self.steps.name)
             self._decide(question, question.on_timeout, "")
         self._time_out()
         self.steps.time_passes()
@@ -210,7 +210,7 @@ class Engine:
         self.steps.look()
 
     def _time_out(self) -> None:
-        """Give up what is late; while the run is paused nothing of the mission is."""
+        """Time out late parts; while the run is paused, those of the mission are not timed out."""
         for part in self.robots.active():
             paused = self.head.phase is Phase.PAUSED and part.kind == "do"
             if self._now < part.until or paused or not part.inflight:
@@ -224,13 +224,15 @@ class Engine:
                 self.ending.ended(part, self._now)
 
     def _restarted(self, _event: Restarted) -> None:
-        """Take up a run of an earlier process: what was under way is unknown, and is not begun again."""
+        """Restore a run of an earlier process; interrupted parts are unknown and are not begun again."""
         cut_off = self.robots.active()
         for part in cut_off:
             seen = self.seen.words(part.robot)
             reason = f"the edge restarted meanwhile; seen: {seen}"
             self.robots.end(part, Outcome.UNKNOWN, reason, self._now)
-        self.robots.note("The edge restarted; what was under way is unknown", step=self.steps.name)
+        self.robots.note(
+            "The edge restarted; the outcome of active commands is unknown", step=self.steps.name
+        )
         if self.head.phase not in GOING_ON:
             self.ending.restarted(self._now)
             return
@@ -247,15 +249,17 @@ class Engine:
             self._pause_after_restart()
 
     def _ask_where_to_go_on(self) -> None:
-        """Hold everybody, and ask: nobody knows how far the step came."""
+        """Halt all robots and ask whether to continue: the progress within the step is unknown."""
         for member in self.robots.ours():
             self.robots.halt(self.steps.name, member.robot, self._now)
         self.head.phase = Phase.ASKING
         self.steps.losses.ask(
-            f"The edge restarted in step {self.steps.name}. Go on with the next step?", "restart"
+            f"The edge restarted in step {self.steps.name}. Continue with the next step?", "restart"
         )
 
     def _pause_after_restart(self) -> None:
-        """Ask whether to go on where it was: nothing was under way."""
+        """Ask whether to continue; nothing was in progress."""
         self.pausing.begin()
-        self.steps.losses.ask(f"The edge restarted before step {self.steps.name} was over. Go on?", "resume")
+        self.steps.losses.ask(
+            f"The edge restarted before the end of step {self.steps.name}. Resume?", "resume"
+        )

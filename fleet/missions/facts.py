@@ -1,4 +1,4 @@
-"""What a run knows of its robots from what was seen, and what follows from it: requirements, conditions."""
+"""Observed facts of the robots of a run, and the requirements and conditions evaluated on them."""
 
 from __future__ import annotations
 
@@ -9,33 +9,33 @@ from fleet.missions.program import Condition, Require
 from fleet.missions.state import Facts
 
 HEALTHS = ("ok", "degraded", "offline", "fault")
-MOVED = 3.0  # m from where a robot was left, beyond which a person is asked
+MOVED = 3.0  # m from the paused position beyond which a person is asked
 
 
 class Seen:
-    """The newest facts of each robot, and the events reported of it, by when (s of the run's clock)."""
+    """The newest facts of each robot, and the times of its events (s of the run's clock)."""
 
     def __init__(self) -> None:
         self._facts: dict[str, Facts] = {}
         self._events: dict[tuple[str, str], float] = {}
 
     def take(self, facts: Facts) -> Facts | None:
-        """Take facts; return those that were known before."""
+        """Store facts; return the previous ones."""
         before = self._facts.get(facts.robot)
         self._facts[facts.robot] = facts
         return before
 
     def heard(self, robot: str, event: str, now: float) -> None:
-        """Take an event."""
+        """Store the time of an event."""
         self._events[robot, event] = now
 
     def position(self, robot: str) -> tuple[float, float, float] | None:
-        """Return where a robot is, None while that is unknown."""
+        """Return the position of a robot, None if unknown."""
         facts = self._facts.get(robot)
         return facts.position if facts else None
 
     def words(self, robot: str) -> str:
-        """Return what is seen of a robot now, for people."""
+        """Describe the observed state of a robot."""
         facts = self._facts.get(robot)
         if facts is None:
             return "nothing is seen of it"
@@ -45,7 +45,10 @@ class Seen:
         return ", ".join(words)
 
     def lacks(self, robot: str, require: Require) -> str:
-        """Return what a robot lacks of what is required; empty for nothing. Unknown counts as lacking."""
+        """Return the first requirement that a robot does not meet, else an empty text.
+
+        Unknown values do not meet a requirement.
+        """
         facts = self._facts.get(robot)
         if facts is None:
             return "nothing is known of it yet"
@@ -54,20 +57,20 @@ class Seen:
         return _battery_trouble(facts.battery, require.battery_min, require.battery_max)
 
     def moved(self, robot: str, since: tuple[float, float, float] | None) -> str:
-        """Return that a robot is not where it was left; empty when it is, or when nobody knew where."""
+        """Describe how far a robot is from its paused position; empty if close or if that was unknown."""
         now = self.position(robot)
         if since is None or now is None:
-            return "" if since is None else "nobody knows where it is"
+            return "" if since is None else "its position is unknown"
         metres = math.dist(since, now)
         return f"it is {metres:.1f} m from where it was left" if metres > MOVED else ""
 
     def holds(self, condition: Condition, robots: Iterable[str], since: float) -> bool:
-        """Return whether a condition holds of robots; events count from ``since`` on. Of none: False."""
+        """Return True if a condition holds of robots; events count from ``since``. Without robots: False."""
         found = [self._is_so(condition, robot, since) for robot in robots]
         return bool(found) and (all(found) if condition.every else any(found))
 
     def _is_so(self, condition: Condition, robot: str, since: float) -> bool:
-        """Return whether a condition holds of one robot."""
+        """Return True if a condition holds of one robot."""
         if condition.event:
             return self._events.get((robot, condition.event), -math.inf) >= since
         facts = self._facts.get(robot)
@@ -79,7 +82,7 @@ class Seen:
 
 
 def _battery_trouble(percent: float | None, least: float | None, most: float | None) -> str:
-    """Return why a battery is not within bounds; empty when it is, or there are none."""
+    """Return why a battery is out of bounds; empty if it is within, or without bounds."""
     if least is None and most is None:
         return ""
     if percent is None:

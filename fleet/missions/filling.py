@@ -1,4 +1,4 @@
-"""Who would fill the roles of a mission now, which runs are in its way, and what people are shown of it."""
+"""Robots for the roles of a mission now, conflicting runs, and the mission's description for users."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from fleet.missions.run import Run
 from fleet.missions.state import Member
 
 Rehearsed = Callable[[Program, dict[str, list[str]] | None, dict[str, Point | None]], str]
-"""Why a mission may not be started by what was rehearsed, by its robots by role and where robots are."""
+"""Returns why a mission may not start without a rehearsal, from its robots by role and their positions."""
 
 
 class Filling:
-    """Fills roles from the robots of an edge. ``runs``: those under way, and those that are beginning.
+    """Fills roles from the robots of an edge. ``runs``: those in progress or about to begin.
 
-    ``is_full`` says whether a place is taken up to its capacity.
+    ``is_full``: whether a place is occupied up to its capacity.
     """
 
     def __init__(
@@ -42,9 +42,9 @@ class Filling:
     def fill(
         self, mission: Mission, program: Program, ask: StartAsk, *, rehearses: bool = False
     ) -> dict[str, list[str]]:
-        """Return who would fill the roles of a mission; raises Refused.
+        """Return the robots for the roles of a mission; raises Refused.
 
-        Also where it must be rehearsed and was not, unless this is for a rehearsal.
+        Also if a required rehearsal is missing, unless this is for a rehearsal.
         """
         needs, free = needs_of(program), self._free(ask.run)
         found = filled(mission.config.roles, needs, free, program.require, ask.robots)
@@ -63,7 +63,7 @@ class Filling:
     def _require_rehearsal(
         self, mission: Mission, program: Program, ask: StartAsk, roles: dict[str, list[str]] | None
     ) -> None:
-        """Raise Refused for a mission that must be rehearsed and was not; ``roles``: None while not known."""
+        """Raise Refused if a required rehearsal is missing; ``roles``: None if not known yet."""
         if mission.config.rehearse != "required":
             return
         places = {each.name: each.facts.position for each in self._candidates()}
@@ -72,9 +72,9 @@ class Filling:
             raise Refused(f"it must be rehearsed first, and {why}", hint=rehearse_command(mission.name, ask))
 
     def in_the_way(self, mission: Mission, program: Program, ask: StartAsk) -> list[str]:
-        """Return the runs of the same mission, at its places, and with robots that it needs.
+        """Return the conflicting runs: of the same mission, at its places, or with robots that it needs.
 
-        Raises Refused where it could not be started even if they ended.
+        Raises Refused if the mission could not start even after their end.
         """
         self._require_rehearsal(mission, program, ask, None)
         needs, free = needs_of(program), self._free(ask.run)
@@ -86,16 +86,16 @@ class Filling:
         return sorted(found - {ask.run})
 
     def left_out(self, mission: Mission, roles: Mapping[str, Iterable[str]]) -> set[str]:
-        """Return the robots that a mission's roles ask for, and that fill none of them."""
+        """Return the robots that match a mission's roles but fill none of them."""
         taken = {robot for robots in roles.values() for robot in robots}
         asked = mission.config.roles.values()
         meant = {each.name for each in self._candidates() if any(is_meant(each, role) for role in asked)}
         return meant - taken
 
     def _free(self, run: str) -> list[Candidate]:
-        """Return what each robot can and is now; one that has joined ``run`` already is free for it.
+        """Return all robots as candidates; robots that have joined ``run`` already count as free.
 
-        After a restart robots belong to the runs that are taken up, before they know it themselves.
+        After a restart, robots belong to the resumed runs before their own states say so.
         """
         has = {member.robot: each.id for each in self._runs() for member in each.engine.robots.ours()}
         found = []
@@ -106,7 +106,7 @@ class Filling:
 
 
 def rehearse_command(name: str, ask: StartAsk) -> str:
-    """Return what a person types to rehearse what was asked for."""
+    """Return the command line that rehearses a mission as requested."""
     words = ["fleet mission rehearse", name if ask.mission is None else "FILE"]
     words += [f"{key}={value}" for key, value in ask.inputs.items()]
     words += [f"--robot {role}={robot}" for role, robots in ask.robots.items() for robot in robots]
@@ -124,7 +124,7 @@ def roles_of(role: str, roles: Iterable[str]) -> list[str]:
 
 
 def members_of(program: Program, roles: Mapping[str, Iterable[str]]) -> list[Member]:
-    """Return the robots of a run; ``roles`` are those of its mission and of the missions within it."""
+    """Return the members of a run; ``roles`` are those of its mission and its inner missions."""
     plays: dict[str, dict[str, int]] = {}
     for inner, mission in program.inner.items():
         for role in mission.roles:
@@ -144,7 +144,7 @@ def members_of(program: Program, roles: Mapping[str, Iterable[str]]) -> list[Mem
 
 
 def _config_of(need: RoleNeed) -> RoleConfig:
-    """Return who fills a role of a mission within the mission."""
+    """Return the role of an inner mission as a config."""
     count = CountConfig(min=need.least, max=need.most)
     return RoleConfig.model_validate(
         {"from": need.source, "kind": need.kind, "can": need.can, "count": count}
@@ -152,10 +152,10 @@ def _config_of(need: RoleNeed) -> RoleConfig:
 
 
 def needs_of(program: Program) -> dict[str, frozenset[str]]:
-    """Return what the steps ask of each role: commands by name, goto, path and plan.
+    """Return the needs of each role in the steps: commands by name, goto, path and plan.
 
-    A role that carries a mission with one role needs what that needs; of one with several roles, what its
-    robots are good for is seen when these are filled from them.
+    A role that executes an inner mission with one role has the needs of that role as well. With several inner
+    roles, the robots are checked when those roles are filled from them.
     """
     needs: dict[str, set[str]] = {role: set() for role in program.quorum}
     needs |= {role: set() for inner in program.inner.values() for role in inner.roles}
@@ -175,14 +175,14 @@ def needs_of(program: Program) -> dict[str, frozenset[str]]:
 
 
 def _need_of(act: Act) -> set[str]:
-    """Return what a robot must take to do something."""
+    """Return the capabilities that a robot needs for an act."""
     if act.verb == "plan":
         return plan_needs(act.value)
     return {str(act.value) if act.verb == "command" else act.verb}
 
 
 def mission_state(mission: Mission, edge: str) -> MissionState:
-    """Return what people are shown of a mission."""
+    """Return the description of a mission for users."""
     config = mission.config
     return MissionState(
         mission.name,
@@ -195,6 +195,6 @@ def mission_state(mission: Mission, edge: str) -> MissionState:
 
 
 def _words(kind: str, unit: str, default: object) -> str:
-    """Return an input in words."""
+    """Describe an input."""
     words = f"{kind} {unit}".strip()
     return words if default is None else f"{words}, {default} when left out"

@@ -1,4 +1,4 @@
-"""What a mission says, as sentences for people who have not read the grammar."""
+"""Descriptions of a mission as sentences for readers who do not know the grammar."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from fleet.missions.model import ActConfig, ConditionConfig, RoleConfig, StepCon
 
 
 def role_words(role: RoleConfig) -> str:
-    """Return who fills a role."""
+    """Describe the robots of a role."""
     least, most = role.count.min, role.count.max
     count = f"{least}" if least == most else f"at least {least}" if most >= 1000 else f"{least} to {most}"
     words = [f"{count} robot{'' if 1 in (most, least if most >= 1000 else most) else 's'}"]
@@ -18,13 +18,13 @@ def role_words(role: RoleConfig) -> str:
 
 
 def step_words(step: StepConfig) -> str:
-    """Return what a step does."""
+    """Describe a step."""
     condition = f" if {_condition(step.if_)}" if step.if_ is not None else ""
     return f"{step.id}: {_deed(step)}{condition}"
 
 
 def _deed(step: StepConfig) -> str:
-    """Return what a step does, without its name and its condition."""
+    """Describe a step without its name and condition."""
     if step.wait is not None:
         return f"wait {step.wait:g} s"
     if step.wait_for is not None:
@@ -40,7 +40,7 @@ def _deed(step: StepConfig) -> str:
 
 
 def _act(act: ActConfig) -> str:
-    """Return what a role does."""
+    """Describe the act of a role."""
     if act.command is not None:
         return f"does {act.command}"
     if act.goto is not None:
@@ -54,7 +54,7 @@ def _act(act: ActConfig) -> str:
 
 
 def _condition(condition: ConditionConfig) -> str:
-    """Return what must be so."""
+    """Describe a condition."""
     of = f"{condition.of} of {condition.role}"
     if condition.event is not None:
         return f"{of} reports {condition.event}"

@@ -1,4 +1,4 @@
-"""The missions within the mission of one run: which are under way, since when, and how each is left off."""
+"""Inner missions of one run: which are in progress, since when, and how a failed one is left."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import GOING_ON, Head, Phase
 
 HELD = ("restart", "resume")
-"""Questions whose answer decides whether anything goes on: nothing else may move the run on meanwhile."""
+"""Questions whose answer decides whether the run continues: until then nothing else may advance it."""
 
 
 class InnerMissions:
-    """The missions within one run; ``head`` says where the run is."""
+    """The inner missions of one run; ``head`` is the position of the run."""
 
     def __init__(self, program: Program, head: Head, robots: RunRobots) -> None:
         self._head = head
@@ -19,22 +19,22 @@ class InnerMissions:
         self._all = [(at, step) for at, step in enumerate(program.steps) if isinstance(step, Enter)]
 
     def under_way(self) -> list[tuple[int, Enter]]:
-        """Return those that are under way with the index of their beginning, the outermost first."""
+        """Return the missions in progress with the index of their Enter, outermost first."""
         return [(at, step) for at, step in self._all if at < self._head.at < step.end - 1]
 
     def enter(self, step: Enter, now: float) -> None:
-        """Note that one begins, at the index where the run is."""
+        """Record the begin of a mission at the present index."""
         self._robots.note(f"The mission {step.mission} begins", step=step.id)
         self._head.entered[str(self._head.at)] = now
 
     def leave(self, step: Leave) -> None:
-        """Note that one is over; one that failed was left off before."""
+        """Record the completion of a mission, unless it failed and was left before."""
         if self._head.entered.pop(str(step.enter), None) is not None:
             name = next(each.mission for at, each in self._all if at == step.enter)
             self._robots.note(f"The mission {name} is completed", step=step.id)
 
     def late(self, now: float) -> tuple[int, Enter] | None:
-        """Return one whose deadline is over; None while a person has the run, which is not moved on then."""
+        """Return a mission past its deadline; None while the run is paused or waits for a decision."""
         head = self._head
         if head.phase not in GOING_ON or head.phase is Phase.PAUSED or self._is_held():
             return None
@@ -45,7 +45,7 @@ class InnerMissions:
         return None
 
     def leave_off(self, at: int, inner: Enter) -> None:
-        """Go to the end of one that failed, where its robots are made safe before the run goes on."""
+        """Go to the end of a failed mission; its robots are made safe before the run continues."""
         head = self._head
         for index, _ in self.under_way():
             if index >= at:
@@ -62,5 +62,5 @@ class InnerMissions:
             head.phase = Phase.STEP
 
     def _is_held(self) -> bool:
-        """Return whether a person is asked whether anything goes on."""
+        """Return True if a pending question decides whether the run continues."""
         return self._head.question is not None and self._head.question.about in HELD

@@ -1,6 +1,6 @@
-"""What follows when a run loses a robot: it is made safe, and the mission goes on, asks, or fails.
+"""Loss of a robot: it is made safe, and the mission continues, asks or fails.
 
-A mission within the mission fails for its own robots alone; the step that carries it says what follows.
+An inner mission fails only for its own robots; the step that contains it defines what follows.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from fleet.missions.program import Act, Do, Enter, Program
 from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import GOING_ON, Head, Outcome, Phase, Question, instruction_of, step_name
 
-ANSWERED_WITHIN = 600.0  # s for questions that the engine itself asks
+ANSWERED_WITHIN = 600.0  # s for questions of the engine itself
 Then = Literal["continue", "wait", "fail"]
 
 
 class Losses:
-    """The losses of one run; ``now`` is the time of the event, ``look`` sees whether the step is over."""
+    """Handles the losses of one run; ``now`` is the time of the event, ``look`` checks the step."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class Losses:
         self.now = 0.0
 
     def lose(self, robot: str, outcome: Outcome, reason: str) -> None:
-        """Take a robot out of the run, make it safe, and see whether the run can go on."""
+        """Remove a robot from the run, make it safe, and decide whether the run continues."""
         if not self._robots.lose(robot, outcome, reason, self.now) or self._head.phase not in GOING_ON:
             return
         step = instruction_of(self._program, self._head)
@@ -53,12 +53,12 @@ class Losses:
             self._follow(f"{robot}: {outcome}: {reason}", then)
 
     def _followers(self, robot: str) -> list[str]:
-        """Return the robots that are following another one."""
+        """Return the robots that follow another one."""
         parts = self._robots.active("do")
         return [part.robot for part in parts if part.act.verb == "follow" and part.act.value == robot]
 
     def fail(self, reason: str) -> None:
-        """End the mission that is under way as failed: the innermost, or the run itself."""
+        """Fail the mission in progress: the innermost, or the run itself."""
         inner = self._inner.under_way()
         if inner:
             self._fail_mission(*inner[-1], reason)
@@ -66,14 +66,14 @@ class Losses:
             self._ending.fail(reason, self.now)
 
     def time_passes(self) -> None:
-        """End a mission within the mission whose deadline is over."""
+        """Fail an inner mission past its deadline."""
         late = self._inner.late(self.now)
         if late is not None:
             at, inner = late
             self._fail_mission(at, inner, f"its deadline of {inner.deadline:g} s is over")
 
     def ask(self, text: str, about: Literal["robot", "restart", "resume"]) -> None:
-        """Put a question of the engine's own; without an answer the run is aborted."""
+        """Ask a question of the engine; without an answer the run is aborted."""
         put(
             self._head,
             self._robots,
@@ -84,7 +84,7 @@ class Losses:
         )
 
     def _fail_mission(self, at: int, inner: Enter, reason: str) -> None:
-        """End a mission within the mission: its robots have failed in the step that carries it."""
+        """Fail an inner mission: its robots have failed in the step that contains it."""
         why = f"mission {inner.mission} failed: {reason}"
         self._robots.note(f"The {why}", step=inner.id)
         self._inner.leave_off(at, inner)
@@ -95,7 +95,7 @@ class Losses:
         self._look()
 
     def _make_safe(self, robot: str, how: str) -> None:
-        """Bring a robot that is out to a standstill, or let it do what the step says instead."""
+        """Halt a removed robot, or give it the command that the step defines instead."""
         name = step_name(self._program, self._head)
         if how == "hold":
             self._robots.halt(name, robot, self.now)
@@ -103,7 +103,7 @@ class Losses:
             self._robots.begin(name, robot, Act("command", how), "secure", self.now)
 
     def _follow(self, why: str, then: Then) -> None:
-        """See whether the run, and each mission within it that is under way, can go on without a robot."""
+        """Check the quorum of the run and of each inner mission in progress, and act on a shortage."""
         shortage = self._robots.shortage(self._program.quorum, with_spares=True)
         if shortage:
             self._ending.fail(f"{why}; {shortage}", self.now)
@@ -117,7 +117,7 @@ class Losses:
             self.fail(why)
         elif then == "wait" and self._head.phase is Phase.STEP:
             self._head.phase = Phase.ASKING
-            self.ask(f"{why}. Go on without it?", "robot")
+            self.ask(f"{why}. Continue without it?", "robot")
 
 
 def put(
@@ -130,7 +130,7 @@ def put(
     about: Literal["step", "robot", "restart", "resume"] = "step",
     on_timeout: Literal["continue", "abort", "fail"] = "abort",
 ) -> None:
-    """Put a question to a person; without an answer ``until`` then, ``on_timeout`` says what follows."""
+    """Ask a person a question; without an answer by ``until``, ``on_timeout`` applies."""
     head.questions += 1
     head.question = Question(head.questions, text, until, on_timeout, about)
     robots.note(f"A person is asked: {text}", step=step)

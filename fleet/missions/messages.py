@@ -1,4 +1,4 @@
-"""What a run sends its robots: the same messages that anybody sends, in the name of who started it."""
+"""Messages from a run to its robots, in the same formats as from any sender."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fleet.wire.rules import Kind
 
 
 def message_of(act: Act, identity: str, robot: RobotState, site: SiteMap) -> tuple[Kind, dict[str, Any]]:
-    """Return the kind of a message and what it says, but for its sender and stamp; raises Refused."""
+    """Return the kind and content of the message for an act, without sender and stamp; raises Refused."""
     if act.verb == "command":
         return "command", {"command": act.value, "data": act.data}
     if act.verb == "plan":
@@ -32,7 +32,7 @@ def message_of(act: Act, identity: str, robot: RobotState, site: SiteMap) -> tup
 
 
 def payload_of(message: Mapping[str, Any], *, session: str, source_type: str | None, now: float) -> bytes:
-    """Return a message that is sent now (Unix s) in the name of who started the run."""
+    """Encode a message sent now (Unix s) in the name of the user who started the run."""
     sender: dict[str, Any] = {"session_id": session, "timestamp": now}
     if source_type is not None:
         sender["source_type"] = source_type

@@ -1,8 +1,8 @@
-"""The grammar of a mission, ``version: 1``: what fleet.yaml and mission files may say.
+"""The grammar of a mission, ``version: 1``, in fleet.yaml and mission files.
 
-Closed on purpose: no templates, no expressions, no embedded code, so that a mission can be checked with line
-and column, drawn, rehearsed, and read again after a crash. ``short_forms.normalised`` brings short forms to
-their long form and puts values in the place of ``{input: NAME}`` before the models see the data.
+It is closed on purpose: no templates, no expressions, no embedded code. So a mission can be checked with line
+and column, drawn, rehearsed, and read again after a crash. ``short_forms.normalised`` expands short forms and
+replaces ``{input: NAME}`` by values before the models validate the data.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from fleet.robot_config import Name
 from fleet.yaml_model import Model, wrong
 
 ALL = "all"
-"""In the place of a role: every robot of the run."""
+"""Pseudo-role for every robot of the run."""
 VERBS = ("command", "goto", "path", "plan", "follow", "mission")
 """What a role may do in a step: exactly one of them."""
 ACTIONS = ("do", "wait", "wait_for", "ask", "repeat")
-"""What a step is: exactly one of them."""
+"""Kinds of steps: exactly one of them."""
 NEVER_REPEATED = frozenset({"arm", "takeoff", "release", "drop", "kill", "disarm", "grip"})
-"""Commands that are never tried again: nobody knows what the first try did."""
+"""Commands that are never retried, because the effect of the first try is unknown."""
 REPEATABLE = frozenset({"goto", "path"})
-"""Verbs whose repetition leads to the same state."""
-FOLLOW_AT = 3.0  # m behind another robot, where nobody says
-DEEPEST = 3  # repeats within each other
+"""Verbs that lead to the same state when repeated."""
+FOLLOW_AT = 3.0  # m behind another robot, by default
+DEEPEST = 3  # levels of repeats
 _DURATION = re.compile(r"(\d+(?:\.\d+)?) ?(s|min|h)")
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 LONGEST = 86_400.0  # s
 
 
 def _seconds(given: Any) -> Any:
-    """Return the seconds of ``60 s``, ``12 min`` or ``1 h``; anything else as it is."""
+    """Convert ``60 s``, ``12 min`` or ``1 h`` to seconds; return other values unchanged."""
     if not isinstance(given, str):
         return given
     match = _DURATION.fullmatch(given.strip())
@@ -54,7 +54,7 @@ Verb = Literal["command", "goto", "path", "plan", "follow", "mission"]
 
 
 def _goal(given: Any) -> Any:
-    """Refuse what is neither the name of a place nor a point."""
+    """Refuse a value that is neither the name of a place nor a point."""
     trouble = "" if isinstance(given, str | None) else point_trouble(given)
     if trouble:
         raise ValueError(trouble)
@@ -62,7 +62,7 @@ def _goal(given: Any) -> Any:
 
 
 def _path(given: Any) -> Any:
-    """Refuse what is neither a file, a list of points, nor a list with one of these for each robot."""
+    """Refuse a value that is no file, no list of points, and no list of these per robot."""
     if isinstance(given, str | None):
         return given
     if not isinstance(given, list) or not 1 <= len(given) <= MOST_POINTS:
@@ -83,21 +83,21 @@ def _points(given: Any) -> list[Any]:
 
 
 class _Words(Model):
-    """A model some of whose keys are words of Python."""
+    """Base of models with keys that are keywords of Python."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
 
 class InputConfig(Model):
-    """A value that is given when the mission is started; used as a whole: ``{input: NAME}``."""
+    """A value given at the start of the mission; referenced as a whole value by ``{input: NAME}``."""
 
     type: Literal["number", "integer", "text", "boolean", "place", "robot"] = Field(
-        description="What it is: number, integer, text, boolean, place or robot."
+        description="Its type: number, integer, text, boolean, place or robot."
     )
     unit: str = Field("", max_length=16, description="Shown to people.")
     default: float | int | str | bool | None = Field(None, description="Left out: it must be given.")
-    min: float | None = Field(None, description="The least a number may be.")
-    max: float | None = Field(None, description="The most a number may be.")
+    min: float | None = Field(None, description="Lower bound of a number.")
+    max: float | None = Field(None, description="Upper bound of a number.")
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
@@ -111,7 +111,7 @@ class InputConfig(Model):
         return self
 
     def trouble(self, value: Any) -> str:
-        """Return why a value cannot be this input; empty when it can."""
+        """Return why a value is invalid for this input; empty if it is valid."""
         kinds: dict[str, tuple[type, ...]] = {"number": (int, float), "integer": (int,), "boolean": (bool,)}
         allowed = kinds.get(self.type, (str,))
         if not isinstance(value, allowed) or (isinstance(value, bool) and self.type != "boolean"):
@@ -125,7 +125,7 @@ class InputConfig(Model):
 
     @property
     def sample(self) -> Any:
-        """A value of this type, to check what uses it before it is given."""
+        """A value of this type, for validation of the mission before the value is known."""
         if self.default is not None:
             return self.default
         if self.type in {"number", "integer"}:
@@ -137,7 +137,7 @@ class CountConfig(Model):
     """How many robots fill a role."""
 
     min: int = Field(1, ge=1, le=1000, description="Fewer: the mission does not start.")
-    max: int = Field(1000, ge=1, le=1000, description="More are not taken.")
+    max: int = Field(1000, ge=1, le=1000, description="More are not used.")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -147,19 +147,17 @@ class CountConfig(Model):
 
 
 class RoleConfig(_Words):
-    """A part in the mission, filled by robots when it starts."""
+    """A role in the mission, filled with robots when it starts."""
 
     from_: Name | None = Field(None, alias="from", description="A group or a robot. Left out: any robot.")
     kind: Name | None = Field(None, description="Only robots of this adapter.")
-    can: tuple[str, ...] = Field(
-        (), description="Commands that they must take; goto, path, plan and follow too."
-    )
+    can: tuple[str, ...] = Field((), description="Required commands; also goto, path, plan and follow.")
     spares: int = Field(
         0,
         ge=0,
         le=1000,
-        description="How many more may take the place of a robot that is lost, between two steps. They stay "
-        "free for others until then. Only in the outermost mission.",
+        description="Number of spare robots that may replace a lost one between two steps. They stay free "
+        "for others until then. Only in the outermost mission.",
     )
     count: CountConfig = Field(
         CountConfig(min=1, max=1), description="How many: a number, or {min: 2, max: 4}."
@@ -167,24 +165,24 @@ class RoleConfig(_Words):
 
 
 class BatteryConfig(Model):
-    """Bounds on a battery, percent."""
+    """Bounds of a battery's charge in percent."""
 
     min: Percent | None = Field(None, description="At least.")
     max: Percent | None = Field(None, description="At most.")
 
 
 class RequireConfig(Model):
-    """What every robot must have at the start, and before each step that moves it."""
+    """Requirements of every robot at the start and before each step that moves it."""
 
-    health: Literal["ok", "degraded"] = Field("degraded", description="At least this well.")
+    health: Literal["ok", "degraded"] = Field("degraded", description="The worst permitted health.")
     battery: BatteryConfig = Field(BatteryConfig(), description="Percent, as in {min: 60}.")
 
 
 class ConditionConfig(Model):
-    """Something that is so, or is not, of the robots of a role: exactly one of battery, health, event."""
+    """A condition on the robots of a role: exactly one of battery, health, event."""
 
-    role: Name = Field(description="Whose; all: of every robot.")
-    of: Literal["any", "all"] = Field("any", description="Of how many of them.")
+    role: Name = Field(description="The role; all: every robot.")
+    of: Literal["any", "all"] = Field("any", description="For any or all of its robots.")
     battery: BatteryConfig | None = Field(None, description="Percent, as in {max: 40}.")
     health: Literal["ok", "degraded", "offline", "fault"] | None = Field(None, description="This health.")
     event: str | None = Field(None, min_length=1, description="An event that was reported since the start.")
@@ -197,18 +195,20 @@ class ConditionConfig(Model):
 
 
 class WaitForConfig(ConditionConfig):
-    """Wait until something is so."""
+    """Wait until a condition holds."""
 
-    timeout: Duration = Field(description="How long at the most, as in 10 min.")
-    on_timeout: Literal["continue", "fail"] = Field("fail", description="What happens then.")
+    timeout: Duration = Field(description="Maximum wait, as in 10 min.")
+    on_timeout: Literal["continue", "fail"] = Field("fail", description="Reaction to the timeout.")
 
 
 class AskConfig(Model):
     """A question to a person; the run waits, also through a restart of the edge."""
 
     text: str = Field(min_length=1, max_length=500, description="The question.")
-    timeout: Duration = Field(600.0, description="How long the answer is waited for.")
-    on_timeout: Literal["continue", "abort", "fail"] = Field("abort", description="What happens without one.")
+    timeout: Duration = Field(600.0, description="Maximum wait for the answer.")
+    on_timeout: Literal["continue", "abort", "fail"] = Field(
+        "abort", description="Reaction to a missing answer."
+    )
 
 
 class ActConfig(_Words):
@@ -233,24 +233,27 @@ class ActConfig(_Words):
     )
     follow: Name | None = Field(
         None,
-        description="A role of one robot: keep behind it until the others are through with the step. It goes "
-        "straight towards it, at its own height, within its fence and apart from others.",
+        description="A role of one robot: keep behind it until the others have finished the step. The "
+        "robot moves straight towards it, at its own height, within its fence and separated "
+        "from others.",
     )
     distance: float | None = Field(
-        None, ge=0.5, le=100, description="How near it follows, m from middle to middle; left out: 3."
+        None, ge=0.5, le=100, description="Following distance, m from centre to centre; left out: 3."
     )
     mission: Name | None = Field(
         None,
         description="Another mission of fleet.yaml, as one step: its roles are filled from the robots of "
         "this role. When it fails, they have failed in this step.",
     )
-    speed: float | None = Field(None, gt=0, le=100, description="Limit on the way, m/s.")
-    timeout: Duration | None = Field(None, description="Over that of the step; progress extends it.")
-    retry: int = Field(0, ge=0, le=5, description="Tries after the first, where that can do no harm.")
+    speed: float | None = Field(None, gt=0, le=100, description="Speed limit, m/s.")
+    timeout: Duration | None = Field(
+        None, description="Replaces the timeout of the step; progress extends it."
+    )
+    retry: int = Field(0, ge=0, le=5, description="Retries; only for goto and path.")
 
     @property
     def verb(self) -> str:
-        """Which of the verbs it is."""
+        """The verb that is set."""
         return next(verb for verb in VERBS if getattr(self, verb) is not None)
 
     @model_validator(mode="after")
@@ -276,40 +279,44 @@ class ActConfig(_Words):
 
 
 class RobotFailedConfig(Model):
-    """What happens when a robot fails in a step."""
+    """Reaction to a robot that fails in a step."""
 
     do: str = Field("hold", min_length=1, max_length=64, description="hold, or a command such as land.")
     then: Literal["continue", "wait", "fail"] = Field(
         "continue",
-        description="Go on while the quorum holds, ask a person, or end the mission as failed.",
+        description="Continue while the quorum holds, ask a person, or end the mission as failed.",
     )
 
 
 class RepeatConfig(Model):
-    """Steps that are carried out again."""
+    """Steps that are executed repeatedly."""
 
-    times: int = Field(ge=1, le=1000, description="How often; with until: how often at the most.")
-    until: ConditionConfig | None = Field(None, description="End once this is so.")
-    steps: list[StepConfig] = Field(min_length=1, max_length=100, description="What is repeated.")
+    times: int = Field(ge=1, le=1000, description="Number of rounds; with until: at most.")
+    until: ConditionConfig | None = Field(None, description="End when this holds.")
+    steps: list[StepConfig] = Field(min_length=1, max_length=100, description="The repeated steps.")
 
 
 class StepConfig(_Words):
     """One step: exactly one of do, wait, wait_for, ask, repeat."""
 
-    id: Name = Field(description="Its name, once in the mission.")
-    do: dict[Name, ActConfig] | None = Field(None, description="What each role does; all: every robot.")
-    wait: Duration | None = Field(None, description="Wait so long, as in 30 s.")
-    wait_for: WaitForConfig | None = Field(None, description="Wait until something is so.")
+    id: Name = Field(description="Its name, unique in the mission.")
+    do: dict[Name, ActConfig] | None = Field(None, description="The act of each role; all: every robot.")
+    wait: Duration | None = Field(None, description="Wait for a time, as in 30 s.")
+    wait_for: WaitForConfig | None = Field(None, description="Wait until a condition holds.")
     ask: AskConfig | None = Field(None, description="Ask a person.")
-    repeat: RepeatConfig | None = Field(None, description="Carry out steps several times.")
-    if_: ConditionConfig | None = Field(None, alias="if", description="Else the step is skipped.")
-    start: Literal["together"] | None = Field(
-        None, description="together: nobody moves before every robot has been found able to."
+    repeat: RepeatConfig | None = Field(None, description="Execute steps repeatedly.")
+    if_: ConditionConfig | None = Field(
+        None, alias="if", description="If it does not hold, the step is skipped."
     )
-    finish: Name = Field("all", description="all, any, or a role: when the step is over; others are ended.")
-    timeout: Duration = Field(600.0, description="Of each robot's part; progress extends it.")
-    robot_failed: RobotFailedConfig = Field(RobotFailedConfig(), description="When a robot fails.")
-    undo: dict[Name, ActConfig] = Field({}, description="What undoes the step, by role.")
+    start: Literal["together"] | None = Field(
+        None, description="together: no robot moves before all are prepared."
+    )
+    finish: Name = Field(
+        "all", description="When the step is over: all, any, or a role; the other robots are then ended."
+    )
+    timeout: Duration = Field(600.0, description="Timeout of each robot's part; progress extends it.")
+    robot_failed: RobotFailedConfig = Field(RobotFailedConfig(), description="Reaction to a failed robot.")
+    undo: dict[Name, ActConfig] = Field({}, description="Acts that undo the step, by role.")
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -326,7 +333,7 @@ class StepConfig(_Words):
 
     @property
     def mission(self) -> tuple[str, ActConfig] | None:
-        """The role that carries a mission in this step, and what it says of it."""
+        """The role that executes an inner mission in this step, with its act."""
         return next(((role, act) for role, act in (self.do or {}).items() if act.mission), None)
 
     @model_validator(mode="after")
@@ -342,28 +349,28 @@ class StepConfig(_Words):
 
 
 class MissionConfig(Model):
-    """What a fleet shall do."""
+    """A mission: tasks for a fleet."""
 
     version: Literal[1] = Field(description="The version of this grammar: 1.")
     summary: str = Field("", max_length=200, description="One line for people.")
-    inputs: dict[Name, InputConfig] = Field({}, description="Values that are given at the start.")
-    roles: dict[Name, RoleConfig] = Field(min_length=1, description="The parts, filled by robots.")
-    require: RequireConfig = Field(RequireConfig(), description="What every robot must have.")
+    inputs: dict[Name, InputConfig] = Field({}, description="Values to be given at the start.")
+    roles: dict[Name, RoleConfig] = Field(min_length=1, description="The roles, filled with robots.")
+    require: RequireConfig = Field(RequireConfig(), description="Requirements of every robot.")
     occupies: tuple[Name, ...] = Field(
-        (), description="Places that it has until its end, each up to its capacity."
+        (), description="Places that it occupies until its end, up to their capacity."
     )
     occupy_within: Duration = Field(
         600.0, description="How long the run waits for these places before it begins; then it fails."
     )
     quorum: dict[Name, int] = Field(
-        {}, description="Robots that each role must keep. Left out: the least of its count."
+        {}, description="Robots that each role must keep. Left out: the minimum of its count."
     )
-    deadline: Duration | None = Field(None, description="The whole run ends by then; nothing extends it.")
-    steps: list[StepConfig] = Field(min_length=1, max_length=200, description="What is done, in order.")
+    deadline: Duration | None = Field(None, description="The whole run must end by then; nothing extends it.")
+    steps: list[StepConfig] = Field(min_length=1, max_length=200, description="The steps, in order.")
     on_failure: Literal["hold", "undo", "stop"] = Field(
         "hold",
-        description="hold: its robots stand still; undo: then what undoes the steps, backwards; stop: "
-        "their emergency stop is set, which a person releases.",
+        description="hold: its robots hold their position; undo: then the steps are undone in reverse "
+        "order; stop: their emergency stop is set, which a person must release.",
     )
     on_abort: str = Field("hold", min_length=1, max_length=64, description="hold, or a command for all.")
     on_restart: Literal["fail", "hold_and_ask", "continue"] = Field(

@@ -1,4 +1,4 @@
-"""What a run takes from the states and answers of its robots: facts, outcomes, whether one has left."""
+"""Conversion of the states and answers of robots to facts, outcomes and departures of a run."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from fleet.missions.state import Facts, Outcome
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState
 
-SHOWN_WITHIN = 5.0  # s in which the state of a robot that has joined a run says so, from a worker too
+SHOWN_WITHIN = 5.0  # s until the state of a robot that has joined a run shows it, also from a worker
 _LEFT = {"stopped": Outcome.STOPPED, "lost": Outcome.LOST, "taken": Outcome.TAKEN}
 
 
 class Membership:
-    """Which robots of a run have left it, as their states say."""
+    """Detects from their states which robots have left a run."""
 
     def __init__(self, run: str, clock: Clock) -> None:
         self._run = run
@@ -20,7 +20,7 @@ class Membership:
         self._joined: dict[str, float] = {}
 
     def joined(self, robot: str) -> None:
-        """Note that a robot has joined: a state from before, which a worker may still send, says nothing."""
+        """Record that a robot has joined; an older state, which a worker may still send, proves nothing."""
         self._joined[robot] = self._clock.monotonic()
 
     def why_left(self, state: RobotState) -> tuple[Outcome, str] | None:
@@ -39,7 +39,7 @@ class Membership:
 
 
 def outcome_of(reply: Reply) -> Outcome | None:
-    """Return how a part ended by a robot's answer; None for a receipt, after which the end is to come."""
+    """Return the outcome of a part from a robot's answer; None for a receipt, which an outcome follows."""
     if reply.done:
         return Outcome.DONE
     if reply.done is None:
@@ -50,7 +50,7 @@ def outcome_of(reply: Reply) -> Outcome | None:
 
 
 def facts_of(state: RobotState) -> Facts:
-    """Return what is seen of a robot; its place is in the site's frame, else in its own world."""
+    """Return the facts of a robot; its position is in the site's frame, else in its own world frame."""
     at = state.site or state.position
     position = (at.x, at.y, at.z) if at is not None else None
     return Facts(state.name, state.health, state.battery, position, state.activity)

@@ -1,4 +1,4 @@
-"""What a run cannot ask of robots of other edges, said before anything moves; pure."""
+"""Limits of runs with robots of other edges, checked before anything moves; pure."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from fleet.missions.run_robots import RunRobots
 from fleet.model.state import RobotState
 
 Elsewhere = Callable[[str], str]
-"""The other edge that has a robot; empty for one of this edge."""
+"""Returns the other edge that has a robot; empty for a robot of this edge."""
 
 
 def require_reach(program: Program, robots: RunRobots, edge: str, elsewhere: Elsewhere) -> None:
-    """Raise Refused for what cannot be kept, or heard, where robots of other edges take part."""
+    """Raise Refused for places and events that cannot work with robots of other edges."""
     others = {name: there for name in robots.members if (there := elsewhere(name))}
     if others and program.occupies:
         name, there = min(others.items())
         raise Refused(
-            f"{', '.join(program.occupies)}: nobody keeps a place free on two edges, and {name} of {there} "
+            f"{', '.join(program.occupies)}: a place cannot be occupied on two edges, and {name} of {there} "
             f"takes part",
             hint=f"leave out occupies, or the robots of {there}",
         )
@@ -34,7 +34,7 @@ def require_reach(program: Program, robots: RunRobots, edge: str, elsewhere: Els
 
 
 def not_kept_apart(states: Iterable[RobotState], elsewhere: Elsewhere) -> str:
-    """Return which robots of a run of several edges do not know how far they are from others; in words."""
+    """Describe the robots in a run of several edges whose separation from others is unknown."""
     states = tuple(states)
     if len({elsewhere(state.name) for state in states}) < 2:
         return ""
@@ -43,7 +43,7 @@ def not_kept_apart(states: Iterable[RobotState], elsewhere: Elsewhere) -> str:
 
 
 def _conditions(program: Program) -> Iterator[tuple[str, Condition]]:
-    """Yield the conditions of a program with the steps that they belong to."""
+    """Yield the conditions of a program with their step ids."""
     for step in program.steps:
         found = [step.only_if]
         found += [step.condition] if isinstance(step, WaitFor) else []
@@ -52,5 +52,5 @@ def _conditions(program: Program) -> Iterator[tuple[str, Condition]]:
 
 
 def _is_meant(robots: RunRobots, robot: str, condition: Condition) -> bool:
-    """Return whether a condition is one of a robot."""
+    """Return True if a condition applies to a robot."""
     return condition.role == "all" or robots.plays(robot, condition.role)

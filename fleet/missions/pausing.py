@@ -1,4 +1,4 @@
-"""Pauses one run and lets it go on: where it was paused, what holds meanwhile, what has changed since."""
+"""Pauses and resumes one mission run."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from fleet.missions.state import Head, Hold, Occupy, Pause, Phase, Resume, requi
 from fleet.missions.steps import Steps
 
 PAUSABLE = frozenset({"goto", "path", "plan", "follow"})
-"""What leads a robot somewhere: it can be paused, and gone on with; any other command ends by itself."""
+"""Commands that move a robot along a route and can be paused; any other command ends by itself."""
 
 
 class Pausing:
-    """The pauses of one run; ``now`` is the time of the event that is being handled."""
+    """Pauses and resumes one mission run."""
 
     def __init__(self, program: Program, head: Head, robots: RunRobots, seen: Seen, steps: Steps) -> None:
         self._program = program
@@ -24,11 +24,14 @@ class Pausing:
 
     @property
     def _now(self) -> float:
-        """The time of the event that is being handled."""
+        """The time of the current event."""
         return self._steps.losses.now
 
     def pause(self, event: Pause) -> None:
-        """Let robots hold, and note where they are left; all do where one of them does not go on."""
+        """Pause the run and record the robots' positions.
+
+        A robot that cannot continue pauses the whole run.
+        """
         head = self._head
         if event.robot:
             self._robots.note(event.reason, event.robot, self._steps.name)
@@ -43,20 +46,20 @@ class Pausing:
         self._hold(resumes=False, without=event.robot)
 
     def begin(self) -> None:
-        """Be paused from now on; a run that is paused already stays so."""
+        """Enter the paused phase, unless the run is paused already."""
         head = self._head
         if head.phase is not Phase.PAUSED:
             head.paused_from, head.paused_at, head.phase = head.phase, self._now, Phase.PAUSED
 
     def resume(self, event: Resume, *, confirmed: bool = False) -> None:
-        """Go on with a run that was paused, unless something has changed that a person should know."""
+        """Resume a paused run, or ask a person first if something has changed since."""
         head = self._head
         if head.phase is not Phase.PAUSED:
             return
         asking = head.question is not None and head.question.about != "resume"
         trouble = "" if confirmed or asking else self._change()
         if trouble:
-            self._steps.losses.ask(f"{trouble}. Go on all the same?", "resume")
+            self._steps.losses.ask(f"{trouble}. Resume anyway?", "resume")
             return
         head.phase, paused = head.paused_from, self._now - head.paused_at
         head.until += paused
@@ -64,26 +67,26 @@ class Pausing:
         for part in self._robots.active():
             part.until += paused
             self._robots.touched[part.identity] = part
-        self._robots.note(f"{event.by or 'Somebody'} let the run go on", step=self._steps.name)
+        self._robots.note(f"{event.by or 'Somebody'} resumed the run", step=self._steps.name)
         self._hold(resumes=True)
         self.go_on_between()
         self._steps.look()
 
     def go_on_between(self) -> None:
-        """Go on between two steps, or before the first."""
+        """Continue between two steps, or before the first."""
         if self._head.phase is Phase.OCCUPYING:
             self._robots.effects.append(Occupy())
         elif self._head.phase in (Phase.NEW, Phase.FILLING, Phase.PREPARING):
             self._steps.go_on()
 
     def _hold(self, *, resumes: bool, without: str = "") -> None:
-        """Pause what leads robots somewhere, or let it go on."""
+        """Pause or resume the pausable commands."""
         for part in self._robots.active("do"):
             if part.act.verb in PAUSABLE and part.robot != without:
                 self._robots.effects.append(Hold(part, resumes))
 
     def _change(self) -> str:
-        """Return what has changed since the pause; empty when nothing has."""
+        """Return what has changed since the pause; empty if nothing has."""
         for member in self._robots.within():
             trouble = self._seen.lacks(member.robot, required(self._program, self._head))
             trouble = trouble or self._seen.moved(member.robot, member.paused_at)

@@ -1,11 +1,11 @@
-"""QGroundControl's .plan files, as the ``aerial.mission.v1`` that robots take.
+"""Conversion of QGroundControl's .plan files to ``aerial.mission.v1``.
 
-Source: QGroundControl's plan file format 1 (``fileType: Plan``). A survey and other complex items carry the
-simple items that they come to; those are taken. Altitudes above terrain, fences and rally points are not:
-a file whose items need what is not flown here is refused, so that nothing is flown that was not planned.
+Source: QGroundControl's plan file format 1 (``fileType: Plan``). Complex items such as surveys contain the
+simple items that they consist of; these are used. Altitudes above terrain, geofences and rally points are not
+supported: a file that needs them is refused, so that only the planned mission is flown.
 
-The file says for which autopilot and which kind of vehicle it was made (``firmwareType``, ``vehicleType``).
-That is kept beside its items as ``made_for``, so that it is flown by no other one.
+The file names the autopilot and the kind of vehicle for which it was made (``firmwareType``,
+``vehicleType``). They are kept beside its items as ``made_for``, so that no other kind flies it.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def _until_high(params: _Params) -> dict[str, Any]:
 
 
 def _direction(radius: float | None) -> str:
-    """Return which way round; a negative radius is counter-clockwise."""
+    """Return the direction of rotation; a negative radius is counter-clockwise."""
     return "ccw" if (radius or 0) < 0 else "cw"
 
 
@@ -79,7 +79,7 @@ _VEHICLES = MappingProxyType(  # MAV_TYPE
     }
 )
 _ANY = 0  # MAV_AUTOPILOT_GENERIC, MAV_TYPE_GENERIC
-_CLASSES = MappingProxyType(  # of the words that robots have for themselves in their reports
+_CLASSES = MappingProxyType(  # from the terms in which robots report their own kind
     {
         "fixed_wing": "plane",
         "ground_rover": "rover",
@@ -91,16 +91,16 @@ _CLASSES = MappingProxyType(  # of the words that robots have for themselves in 
 )
 _KINDS = (frozenset(_AUTOPILOTS.values()), frozenset(_VEHICLES.values()))
 MADE_FOR = "made_for"
-"""The key of a plan under which stands what it was made for: an autopilot, a kind of vehicle."""
+"""Key of a plan for the autopilot and kind of vehicle for which it was made."""
 _FOR = "plan for "
 PLAN = "plan"
 
 PILOT = "pilot"
-"""The role of the aircraft that flies a plan."""
+"""Role of the aircraft that flies a plan."""
 
 
 def mission_of_plan(plan: Mapping[str, Any], summary: str) -> dict[str, Any]:
-    """Return the mission, as data, of one step that lets one aircraft fly a plan from its memory."""
+    """Return the data of a one-step mission in which one aircraft flies a plan from its memory."""
     return {
         "version": 1,
         "summary": summary[:200],
@@ -111,7 +111,7 @@ def mission_of_plan(plan: Mapping[str, Any], summary: str) -> dict[str, Any]:
 
 
 def plan_in(data: bytes) -> dict[str, Any]:
-    """Return the plan of a file, a .plan or an ``aerial.mission.v1``; raises WireError."""
+    """Decode a .plan or an ``aerial.mission.v1``; raises WireError."""
     try:
         document = decode_json(data, dict[str, Any])
     except (msgspec.DecodeError, RecursionError) as error:
@@ -128,12 +128,12 @@ def plan_in(data: bytes) -> dict[str, Any]:
 
 
 def items_of(plan: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a plan as a robot takes it: without what it was made for."""
+    """Return a plan in the form that robots accept, without ``made_for``."""
     return {key: value for key, value in plan.items() if key != MADE_FOR}
 
 
 def made_for(plan: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what a plan was made for; raises WireError for what a plan cannot say."""
+    """Return the ``made_for`` of a plan; raises WireError if it is malformed."""
     found = plan.get(MADE_FOR, [])
     if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
         raise WireError("is a list of words", where=MADE_FOR)
@@ -141,17 +141,17 @@ def made_for(plan: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def plan_needs(plan: Mapping[str, Any]) -> set[str]:
-    """Return what a robot must take to fly a plan."""
+    """Return the capabilities that a robot needs to fly a plan."""
     return {PLAN, *(_FOR + each for each in made_for(plan))}
 
 
 def plans_taken(kinds: Iterable[str]) -> set[str]:
-    """Return what a robot takes that flies plans made for these autopilots and vehicles; none given: any."""
+    """Return the capabilities of a robot for plans of these autopilots and vehicles; none given: any."""
     return {PLAN, *(_FOR + each for each in set(kinds) or frozenset().union(*_KINDS))}
 
 
 def plans_of(kinds: frozenset[str], autopilot: str, vehicle: str) -> frozenset[str]:
-    """Return for what plans are made that a robot flies, of what it may fly, once it has told what it is."""
+    """Narrow the kinds of plans that a robot may fly to the autopilot and vehicle that it has reported."""
     word = "multirotor" if vehicle.endswith("rotor") and not vehicle.startswith("vtol") else vehicle
     for every, said in zip(_KINDS, (autopilot, _CLASSES.get(word, word)), strict=True):
         if said in kinds:
@@ -160,7 +160,7 @@ def plans_of(kinds: frozenset[str], autopilot: str, vehicle: str) -> frozenset[s
 
 
 def lacking_words(missing: Collection[str]) -> str:
-    """Return what a robot lacks, for people."""
+    """Describe the missing capabilities of a robot."""
     kinds = sorted(each.removeprefix(_FOR) for each in missing if each.startswith(_FOR))
     others = sorted(each for each in missing if not each.startswith(_FOR))
     words = [f"has no {', '.join(others)}"] if others else []
@@ -169,7 +169,7 @@ def lacking_words(missing: Collection[str]) -> str:
 
 
 def _converted(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an ``aerial.mission.v1`` of a .plan."""
+    """Convert a .plan to an ``aerial.mission.v1``."""
     mission = document["mission"]
     for name, what in (("geoFence", "polygons"), ("geoFence", "circles"), ("rallyPoints", "points")):
         if document.get(name, {}).get(what):
@@ -208,7 +208,7 @@ def _converted(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _made_for(document: Mapping[str, Any]) -> list[str]:
-    """Return the autopilot and the kind of vehicle that a .plan names."""
+    """Return the autopilot and the kind of vehicle named in a .plan."""
     found = []
     for key, words, other in (
         ("firmwareType", _AUTOPILOTS, "autopilot"),
@@ -223,7 +223,7 @@ def _made_for(document: Mapping[str, Any]) -> list[str]:
 
 
 def _simple(items: list[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
-    """Yield simple items, those of complex ones included."""
+    """Yield simple items, including those inside complex items."""
     for item in items:
         if item["type"] == "SimpleItem":
             yield item
@@ -237,7 +237,7 @@ def _simple(items: list[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
 def _landing_pattern(item: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """Yield the items of a landing: its start, the approach at its height, and the touch-down.
 
-    A VTOL's is a landing like any other here: the robot knows that it lands with its rotors.
+    A VTOL lands like any other vehicle here: the robot itself chooses to land on its rotors.
     """
     frame = _ABOVE_HOME if item["altitudesAreRelative"] else _GLOBAL
     radius = abs(item["loiterRadius"]) * (1 if item["loiterClockwise"] else -1)
@@ -250,12 +250,12 @@ def _landing_pattern(item: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 
 def _is_nothing(value: Any) -> bool:
-    """Return whether a coordinate is not given."""
+    """Return True for a coordinate that is not given."""
     return value is None or value == 0 or (isinstance(value, float) and math.isnan(value))
 
 
 def _is_above_sea(item: Mapping[str, Any], where: str) -> bool:
-    """Return what an item's altitude counts from; raises WireError for the terrain."""
+    """Return True for an altitude above sea level, False above home; raises WireError for terrain."""
     frame = item.get("frame", _ABOVE_HOME)
     if frame not in (_GLOBAL, _ABOVE_HOME, _MISSION_FRAME):
         raise WireError(f"MAV_FRAME {frame} is not flown here: above home or above the sea", where=where)

@@ -1,7 +1,7 @@
-"""Points of a mission: in the site's frame, on Earth, or a place by its name; pure.
+"""Points of a mission: in the site's frame, on Earth, or a named place; pure.
 
 ``[x, y]`` or ``[x, y, z]`` are metres in the site's frame. ``{lat, lon, alt}`` are degrees, and metres above
-the take-off point; a robot on the ground has no use for the height.
+the take-off point; a ground robot ignores the height.
 """
 
 from __future__ import annotations
@@ -18,40 +18,41 @@ from fleet.model.geometry import Vector3
 from fleet.model.place import Place
 from fleet.model.state import RobotState
 
-MOST_POINTS = 500  # of one path, as robots take it
+MOST_POINTS = 500  # of one path, the limit of robots
 _GEO = ("lat", "lon", "alt")
 _SHAPE = "a point is [x, y] or [x, y, z] in metres, or {lat, lon, alt} in degrees and metres"
 
 
 class SiteMap(msgspec.Struct, frozen=True):
-    """What points may name: the places of fleet.yaml, and where the site is on Earth (None: unknown)."""
+    """Context of points: the places of fleet.yaml, and the site's origin on Earth (None: unknown)."""
 
     places: Mapping[str, Place] = {}
     origin: GeoOrigin | None = None
 
     def site_point(self, value: Any) -> tuple[float, ...]:
-        """Return a point in the site's frame: x, y, and z (m) where it has one there; raises Refused.
+        """Return a point in the site's frame: x, y and, if defined there, z in m; raises Refused.
 
-        The height of a point on Earth counts from the take-off point, and is no height of the site.
+        The height of a point on Earth is relative to the take-off point, so it gives no z in the site's
+        frame.
         """
         earth = self._on_earth(value)
         if earth is None:
             place = self.places.get(value) if isinstance(value, str) else None
             return tuple(place.at if place is not None else value)
         if self.origin is None:
-            raise Refused("nobody knows where the site is on Earth: site: {origin: ...} in fleet.yaml")
+            raise Refused("the site's position on Earth is unknown: site: {origin: ...} in fleet.yaml")
         point = world_from_geo(self.origin, GeoPoint(earth[0], earth[1], self.origin.altitude))
         return point.x, point.y
 
     def height(self, value: Any) -> float | None:
-        """Return the height of a point on Earth, m above the take-off point; None for any other point."""
+        """Return the height of a point on Earth in m above the take-off point; None for any other point."""
         earth = self._on_earth(value)
         return earth[2] if earth is not None and len(earth) > 2 else None
 
     def position(self, value: Any, robot: RobotState) -> dict[str, Any]:
-        """Return a point as a robot is told it, in its own world or on Earth; raises Refused.
+        """Return a point in the form for a robot, in its own world frame or on Earth; raises Refused.
 
-        A height that is not given is the robot's own.
+        A missing height is the robot's present height.
         """
         earth, flies = self._on_earth(value), robot.armed is not None
         if earth is not None and len(earth) > 2 and flies:
@@ -65,7 +66,7 @@ class SiteMap(msgspec.Struct, frozen=True):
         return {"position": [world.x, world.y, world.z][: 3 if flies else len(point)]}
 
     def _on_earth(self, value: Any) -> tuple[float, ...] | None:
-        """Return latitude, longitude and perhaps height of a point on Earth, None for one in the site."""
+        """Return latitude, longitude and, if given, height of a point on Earth; None for other points."""
         if isinstance(value, dict):
             return tuple(value[key] for key in _GEO if key in value)
         if not isinstance(value, str):
@@ -77,7 +78,7 @@ class SiteMap(msgspec.Struct, frozen=True):
 
 
 def point_trouble(value: object) -> str:
-    """Return why a value is no point; empty when it is one."""
+    """Return why a value is no valid point; empty if it is one."""
     if isinstance(value, list):
         fits = 2 <= len(value) <= 3 and all(map(_is_number, value))
         return "" if fits else _SHAPE
@@ -90,10 +91,10 @@ def point_trouble(value: object) -> str:
 
 
 def is_point(value: object) -> bool:
-    """Return whether a value is one point, and no list of points or files."""
+    """Return True if a value is one point, not a list of points or files."""
     return isinstance(value, dict) or (isinstance(value, list) and all(map(_is_number, value)))
 
 
 def _is_number(value: object) -> bool:
-    """Return whether a value is a finite number."""
+    """Return True for a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,6 +1,6 @@
-"""A mission made ready to run: a flat list of instructions, plain values that outlive the process.
+"""An executable mission: a flat list of instructions, in plain values that are stored across restarts.
 
-Repeats are jumps, so that the whole position of a run is one index and its loop counters.
+Repeats are jumps, so the whole position of a run is one index and its loop counters.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import msgspec
 
 
 class Act(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What one robot does: a verb with its value; ``timeout`` in seconds, extended by progress."""
+    """An act of one robot: a verb with its value; ``timeout`` in seconds, extended by progress."""
 
     verb: str
     value: Any
@@ -22,12 +22,12 @@ class Act(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def words(self) -> str:
-        """For people."""
+        """Short description."""
         return str(self.value) if self.verb == "command" else self.verb
 
 
 class Condition(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Something that is so of any or all robots of a role (``all``: of the run)."""
+    """A condition on any or all robots of a role (``all``: of the run)."""
 
     role: str
     every: bool = False
@@ -38,14 +38,14 @@ class Condition(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Require(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What a robot must have before it moves; ``health`` is the worst word that will do."""
+    """Requirements of a robot before it moves; ``health`` is the worst permitted level."""
 
     health: str = "degraded"
     battery_min: float | None = None
     battery_max: float | None = None
 
     def with_(self, other: Require) -> Require:
-        """Return what both require."""
+        """Return the combined requirements."""
         least = [each for each in (self.battery_min, other.battery_min) if each is not None]
         most = [each for each in (self.battery_max, other.battery_max) if each is not None]
         return Require(
@@ -56,7 +56,7 @@ class Require(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Do(msgspec.Struct, frozen=True, omit_defaults=True, tag="do"):
-    """Robots do something. ``acts`` by role: one for all of its robots, or one for each of them."""
+    """Robots act. ``acts`` by role: one for all of its robots, or one for each of them."""
 
     id: str
     acts: dict[str, tuple[Act, ...]]
@@ -66,7 +66,7 @@ class Do(msgspec.Struct, frozen=True, omit_defaults=True, tag="do"):
     failed_do: str = "hold"
     failed_then: Literal["continue", "wait", "fail"] = "continue"
     undo: dict[str, tuple[Act, ...]] = {}
-    require: Require | None = None  # in a mission within the mission; else that of the program
+    require: Require | None = None  # in an inner mission; otherwise the program's applies
 
 
 class Wait(msgspec.Struct, frozen=True, omit_defaults=True, tag="wait"):
@@ -78,7 +78,7 @@ class Wait(msgspec.Struct, frozen=True, omit_defaults=True, tag="wait"):
 
 
 class WaitFor(msgspec.Struct, frozen=True, omit_defaults=True, tag="wait_for"):
-    """Wait until something is so."""
+    """Wait until a condition holds."""
 
     id: str
     condition: Condition
@@ -98,7 +98,7 @@ class Ask(msgspec.Struct, frozen=True, omit_defaults=True, tag="ask"):
 
 
 class Loop(msgspec.Struct, frozen=True, omit_defaults=True, tag="loop"):
-    """The beginning of a repeat, whose instructions end at ``end`` (the index behind its ``Again``)."""
+    """Start of a repeat whose instructions end at ``end``, the index after its ``Again``."""
 
     id: str
     times: int
@@ -108,7 +108,7 @@ class Loop(msgspec.Struct, frozen=True, omit_defaults=True, tag="loop"):
 
 
 class Again(msgspec.Struct, frozen=True, omit_defaults=True, tag="again"):
-    """The end of a repeat: back to ``loop``, the index of its beginning."""
+    """End of a repeat: jump to ``loop``, the index of its start."""
 
     loop: int
     id: str = ""
@@ -116,10 +116,10 @@ class Again(msgspec.Struct, frozen=True, omit_defaults=True, tag="again"):
 
 
 class Enter(msgspec.Struct, frozen=True, omit_defaults=True, tag="enter"):
-    """The beginning of a mission within the mission; its instructions end at ``end``, behind its ``Leave``.
+    """Start of an inner mission; its instructions end at ``end``, the index after its ``Leave``.
 
-    ``role`` has all of its robots. When it fails (``quorum``, ``deadline`` in seconds), they have failed in
-    the step that carries it, and ``failed_do`` and ``failed_then`` say what follows.
+    ``role`` contains all of its robots. If it fails (``quorum``, ``deadline`` in seconds), they have failed
+    in the step that contains it, and ``failed_do`` and ``failed_then`` apply.
     """
 
     id: str
@@ -134,7 +134,7 @@ class Enter(msgspec.Struct, frozen=True, omit_defaults=True, tag="enter"):
 
 
 class Leave(msgspec.Struct, frozen=True, omit_defaults=True, tag="leave"):
-    """The end of a mission within the mission, which began at the index ``enter``."""
+    """End of the inner mission that starts at the index ``enter``."""
 
     enter: int
     id: str = ""
@@ -145,7 +145,7 @@ Instruction = Do | Wait | WaitFor | Ask | Loop | Again | Enter | Leave
 
 
 class RoleNeed(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Which robots fill a role of a mission within the mission, and how many."""
+    """Requirements of a role of an inner mission, and the number of its robots."""
 
     least: int
     most: int
@@ -155,7 +155,7 @@ class RoleNeed(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Inner(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A mission within the mission: the role that carries it, and its own roles, by their full names."""
+    """An inner mission: the role that executes it, and its own roles by their full names."""
 
     carrier: str
     roles: dict[str, RoleNeed]
@@ -163,10 +163,10 @@ class Inner(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Program(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One run's frozen copy of its mission. ``quorum``: robots that each role must keep.
+    """A run's frozen copy of its mission. ``quorum``: robots that each role must keep.
 
-    ``inner`` has the missions within it by the name of their step, the outer ones first. Their roles are
-    named after that step (``round.eye``), ``round.all`` is every robot of it.
+    ``inner`` has the inner missions by the name of their step, outer ones first. Their roles are prefixed
+    with the name of that step (``round.eye``); ``round.all`` is every robot of the inner mission.
     """
 
     mission: str

@@ -1,8 +1,8 @@
-"""What a rehearsal is told and tells, and when a pass of one counts; pure.
+"""Messages of rehearsals, and validity of a pass; pure.
 
-A mission with ``rehearse: required`` is started only with a pass that is fresh: the edge wrote it after a
-rehearsal of its own of the same program (inputs included), by the same robots in the same roles, with the
-same configuration, at most an hour ago, and every robot is within three metres of where it was then.
+A mission with ``rehearse: required`` starts only with a valid pass. The edge stores a pass after a rehearsal
+of the same program (including its inputs), with the same robots in the same roles and the same configuration.
+It is valid for an hour, while every robot is within three metres of its position at the rehearsal.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ import msgspec
 
 from fleet.missions.program import Program
 
-FRESH = 3600.0  # s for which a pass counts
-NEAR = 3.0  # m that a robot may be from where it was
+FRESH = 3600.0  # s for which a pass is valid
+NEAR = 3.0  # m by which a robot may have moved
 Point = tuple[float, float, float]
 
 
 class RehearsedPart(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What one robot did for a step; ``began`` and ``ended`` are simulated seconds of the run.
+    """Part of one robot in a step; ``began`` and ``ended`` are simulated seconds of the run.
 
-    ``ended`` is None for what was still under way at the end.
+    ``ended`` is None for a part that was still in progress at the end.
     """
 
     step: str
@@ -38,7 +38,7 @@ class RehearsedPart(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class RehearsalNote(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A line of the rehearsed run's story; ``at``: simulated seconds of the run."""
+    """A line in the log of the rehearsed run; ``at``: simulated seconds of the run."""
 
     at: float
     text: str
@@ -47,9 +47,9 @@ class RehearsalNote(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Approach(msgspec.Struct, frozen=True, omit_defaults=True):
-    """How near two robots came to each other, metres, and when (simulated seconds of the run).
+    """The closest approach of two robots in metres, and its time (simulated seconds of the run).
 
-    ``kept``: the radii of both together (``separation`` in fleet.yaml).
+    ``kept``: the sum of both radii (``separation`` in fleet.yaml).
     """
 
     robots: tuple[str, str]
@@ -59,9 +59,9 @@ class Approach(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class RehearsedRobot(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A robot of the rehearsal. ``played_by`` names its simulator; ``stand_in``: it had none in its place.
+    """A robot of the rehearsal. ``played_by`` names its simulator; ``stand_in``: a kinematic stand-in.
 
-    ``role`` is empty for a robot that only stood where it is. Batteries are percent; None: not told.
+    ``role`` is empty for a robot that only stands at its position. Batteries are percent; None: not reported.
     """
 
     robot: str
@@ -75,9 +75,9 @@ class RehearsedRobot(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class RehearsedTrack(msgspec.Struct, frozen=True):
-    """Where a robot went: points of simulated seconds of the run, x, y and z in the site's frame, metres.
+    """Track of a robot: points of simulated seconds of the run, x, y and z in metres in the site's frame.
 
-    Between two points it went straight. A robot that stood has a point at the end of that, too.
+    Between two points it moved straight. The end of a standstill is a point too.
     """
 
     robot: str
@@ -85,12 +85,11 @@ class RehearsedTrack(msgspec.Struct, frozen=True):
 
 
 class RehearsalResult(msgspec.Struct, frozen=True, omit_defaults=True):
-    """How a rehearsal went. ``seconds`` are simulated, ``took`` those of the computer.
+    """Result of a rehearsal. ``seconds`` are simulated, ``took`` is the computing time.
 
-    ``outcome`` is that of the run. ``troubles``: why it is no pass, empty when it is one. ``assumed``: what
-    a rehearsal cannot show and took for granted. ``pass_until`` is the Unix time until which the edge lets
-    the mission be started by it, 0 when it does not. ``tracks``: those of robots in roles, as far as they are
-    placed in the site's frame.
+    ``outcome`` is that of the run. ``troubles``: why it is no pass, empty for a pass. ``assumed``:
+    assumptions that a rehearsal cannot verify. ``pass_until`` is the Unix time until which the edge accepts
+    it as a pass, 0 if not. ``tracks``: those of robots in roles that are placed in the site's frame.
     """
 
     mission: str
@@ -110,14 +109,14 @@ class RehearsalResult(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def passed(self) -> bool:
-        """True when nothing speaks against starting the mission."""
+        """True if the rehearsal found no reason against the mission."""
         return not self.troubles
 
 
 class RehearsalState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A rehearsal, now; the answer to who asks for one, or for how it goes.
+    """Present state of a rehearsal; the reply to its start and to a poll.
 
-    ``refusal``: why there is none. ``seconds`` are simulated, ``notes`` those since the last question.
+    ``refusal``: why it was not started. ``seconds`` are simulated, ``notes`` those since the last poll.
     """
 
     id: str = ""
@@ -131,16 +130,16 @@ class RehearsalState(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class RehearsalAsk(msgspec.Struct, frozen=True):
-    """Tell how a rehearsal goes; ``since``: how many notes are known."""
+    """Poll of a rehearsal; ``since``: number of notes received so far."""
 
     id: str
     since: int = 0
 
 
 class Passed(msgspec.Struct, frozen=True):
-    """A rehearsal that was passed, as the edge keeps it; ``stamp`` is Unix seconds.
+    """A pass as the edge stores it; ``stamp`` is Unix seconds.
 
-    ``places`` are where the robots of its roles were, metres, as their states tell it.
+    ``places`` are the positions of the robots of its roles at the rehearsal, metres, from their states.
     """
 
     mission: str
@@ -152,19 +151,19 @@ class Passed(msgspec.Struct, frozen=True):
 
 
 def digest(*parts: Any) -> str:
-    """Return what stands for data that is the same only if this is."""
+    """Return a digest of data."""
     return hashlib.blake2b(msgspec.json.encode(parts), digest_size=16).hexdigest()
 
 
 def program_digest(program: Program) -> str:
-    """Return what stands for what is carried out: the mission with its inputs and files."""
+    """Return the digest of a program: the mission with its inputs and files."""
     return digest(program)
 
 
 class Present(msgspec.Struct, frozen=True):
-    """What a pass is compared with: what is to be started now, where everybody is now, and the time (Unix s).
+    """The present situation that a pass is compared with; ``now`` is Unix s.
 
-    ``roles`` are None while they cannot be filled yet; then they and the places are not compared.
+    ``roles`` is None if they cannot be filled yet; then roles and positions are not compared.
     """
 
     program: Program
@@ -175,16 +174,16 @@ class Present(msgspec.Struct, frozen=True):
 
 
 def refusal(passes: Iterable[Passed], present: Present) -> str:
-    """Return why none of the passes lets a mission be started; empty when one does. The newest come first."""
+    """Return why no pass permits the start of a mission; empty if one does. Newest passes come first."""
     wanted = program_digest(present.program)
     reasons = [why_stale(passed, present) for passed in passes if passed.program == wanted]
     if not all(reasons):
         return ""
-    return reasons[0] if reasons else "nobody has rehearsed it with these inputs"
+    return reasons[0] if reasons else "it has not been rehearsed with these inputs"
 
 
 def why_stale(passed: Passed, present: Present) -> str:
-    """Return why a pass of the same program does not let it be started now; empty when it does."""
+    """Return why a pass of the same program is not valid now; empty if it is."""
     roles = present.roles
     if passed.config != present.config:
         return "fleet.yaml has changed since the rehearsal"
@@ -197,11 +196,11 @@ def why_stale(passed: Passed, present: Present) -> str:
 
 
 def _moved(passed: Passed, places: Mapping[str, Point | None]) -> str:
-    """Return which robot is not where it was; empty when all are."""
+    """Return which robot has moved since the rehearsal; empty if none has."""
     for robot, was in passed.places.items():
         now = places.get(robot)
         if now is None:
-            return f"nobody knows where {robot} is"
+            return f"the position of {robot} is unknown"
         metres = math.dist(was, now)
         if metres > NEAR:
             return f"{robot} is {metres:.1f} m from where it was at the rehearsal"

@@ -1,4 +1,4 @@
-"""What the bus is told of runs, and asked, on ``fleet/{edge}/missions/...`` and ``fleet/{edge}/runs/...``."""
+"""Messages on ``fleet/{edge}/missions/...`` and ``fleet/{edge}/runs/...``."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from fleet.missions.store import About
 
 
 class StartAsk(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Start a mission, or (``only_fill``) show which robots would fill its roles.
+    """Request to start a mission, or (``only_fill``) to return the robots for its roles.
 
-    ``mission`` is one that is sent along, its files in it; left out, the edge's own of the key's name is
-    meant. ``robots`` are those that a person chose for roles. ``run`` is an id of the asker's, so that a
-    repeat is the same run; left out, one is made. With a ``timestamp`` (Unix s, the asker's clock) each robot
-    judges the start like a command of that age; without one the start is as old as its arrival.
+    ``mission`` is a mission with the contents of its files; without one, the edge's own mission of the key's
+    name is started. ``robots`` assigns robots to roles. ``run`` is an id chosen by the sender, so that a
+    repeat is the same run; without one, the edge creates an id. ``timestamp`` (Unix s, the sender's clock)
+    lets each robot check the age of the start like that of a command; without one the start is as old as its
+    arrival.
     """
 
     mission: dict[str, Any] | None = None
@@ -32,7 +33,7 @@ class StartAsk(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Started(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The answer: the run and its robots by role, or why it was not started."""
+    """Reply: the run and its robots by role, or why it was not started."""
 
     run: str = ""
     roles: dict[str, list[str]] = {}
@@ -41,7 +42,7 @@ class Started(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class ControlAsk(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Control a run; ``question`` is what is answered."""
+    """Request to control a run; ``question`` is the id of the answered question."""
 
     do: Literal["pause", "resume", "abort", "answer", "log", "results"]
     question: int = 0
@@ -50,13 +51,13 @@ class ControlAsk(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Controlled(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The answer: why it was refused; empty when it was taken."""
+    """Reply: the reason of a refusal, empty if accepted."""
 
     refusal: str = ""
 
 
 class RunRobot(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One robot of a run: what it does now, or why it is out. ``lane``: its newest parts, how they ended."""
+    """One robot of a run: its present act, or why it is out. ``lane``: its newest parts with outcomes."""
 
     robot: str
     role: str
@@ -68,7 +69,7 @@ class RunRobot(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class AskedNow(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A question that waits for a person; ``seconds`` are left."""
+    """A pending question to a person; ``seconds`` are left."""
 
     id: int
     text: str
@@ -77,10 +78,10 @@ class AskedNow(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class RunState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One run, now. ``started`` is Unix seconds, ``seconds`` how long it has run.
+    """Present state of one run. ``started`` is Unix seconds, ``seconds`` its duration so far.
 
-    ``by`` is who started it, ``way`` how he asked: a schedule is the edge's own (``mission``). ``waits_for``
-    is the place that it waits for before it begins, and who has that.
+    ``by`` is the user who started it, ``way`` the transport of the request; for a schedule it is the edge's
+    own (``mission``). ``waits_for`` is the place that it waits for before it begins, with the holder.
     """
 
     run: str
@@ -102,7 +103,7 @@ class RunState(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class MissionState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One mission that an edge knows, with what it takes."""
+    """A mission of an edge, with its inputs and roles."""
 
     name: str
     edge: str
@@ -113,7 +114,7 @@ class MissionState(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: str = "") -> RunState:
-    """Return what a run looks like now."""
+    """Return the present state of a run."""
     head = engine.head
     doing = {part.robot: part.act.words for part in engine.robots.active()}
     question = head.question
@@ -133,7 +134,7 @@ def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: s
         if question
         else None,
         tuple(
-            _robot(member, doing.get(member.robot, ""), engine.robots.lanes[member.robot])
+            _robot(member, doing.get(member.robot, ""), engine.robots.shown_parts[member.robot])
             for member in engine.robots.members.values()
         ),
         problem,
@@ -143,7 +144,7 @@ def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: s
 
 
 def ended_state(about: About, head: Head, members: Iterable[Member], edge: str) -> RunState:
-    """Return what a run looked like at its end."""
+    """Return the last state of an ended run."""
     return RunState(
         about.run,
         edge,
@@ -161,7 +162,7 @@ def ended_state(about: About, head: Head, members: Iterable[Member], edge: str) 
 
 
 def _robot(member: Member, doing: str, parts: Iterable[Part]) -> RunRobot:
-    """Return one robot of a run."""
+    """Return the state of one robot of a run."""
     outcome = member.outcome.value if member.outcome else ""
     doing = "spare" if member.spare else doing
     lane = tuple(f"{part.act.words} {part.outcome or '...'}" for part in parts)

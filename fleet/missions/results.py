@@ -1,14 +1,14 @@
-"""What a run leaves behind beside its record: where its robots were, and the pictures that they reported.
+"""Results of a run besides its record: tracks of its robots, and pictures that they reported.
 
 Plain files in ``results/RUN`` beside ``missions.db``: ``track-ROBOT.csv`` (Unix s, then x, y, z in metres, in
-the site's frame where the robot is placed in it, else in its own world) and ``ROBOT-TIME-N.FORMAT``. They are
-written by a thread of their own; a file that cannot be written is told, and no run waits for it.
+the site's frame if the robot is placed in it, else in its own world frame) and ``ROBOT-TIME-N.FORMAT``. A
+thread of its own writes them; a write error is logged, and no run waits for it.
 
 =====================  ==============================================================================
-bound                  what happens beyond it
+bound                  behaviour beyond it
 =====================  ==============================================================================
-``POINTS`` of a track  it goes on with half as many points a second, again and again
-``PICTURES`` of a run  the rest is not kept
+``POINTS`` of a track  it continues with half as many points per second, repeatedly
+``PICTURES`` of a run  further ones are dropped
 ``RUNS``, ``BYTES``    the results of the oldest runs are deleted
 =====================  ==============================================================================
 """
@@ -31,9 +31,9 @@ from fleet.model.geometry import Vector3
 log = logging.getLogger(__name__)
 
 RESULTS = "results"
-EVERY = 1.0  # s between two points of a track, at the least
+EVERY = 1.0  # s between two points of a track, at least
 WRITTEN_EVERY = 10  # points
-POINTS = 1800  # of a track, after which only every second moment counts
+POINTS = 1800  # of a track, after which the interval between points doubles
 PICTURES = 100  # of a run
 RUNS = 50
 BYTES = 512 << 20  # of all runs together
@@ -41,7 +41,7 @@ FORMATS = frozenset({"jpeg", "png", "webp"})
 
 
 class Result(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One thing that a run left behind: a file on its edge's disk, and how many points a track has."""
+    """One result of a run: a file on its edge's disk; ``points`` is the length of a track."""
 
     kind: Literal["track", "picture"]
     robot: str
@@ -51,7 +51,7 @@ class Result(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Results:
-    """The results of an edge's runs, in a folder. ``now`` in Unix seconds comes with each call."""
+    """The results of an edge's runs in a folder. Each call passes ``now`` in Unix seconds."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / RESULTS
@@ -60,7 +60,7 @@ class Results:
         self._pictures: dict[str, int] = {}
 
     def at(self, run: str, robot: str, position: Vector3 | None, now: float) -> None:
-        """Note where a robot of a run is; None while that is unknown."""
+        """Record the position of a robot of a run; None if unknown."""
         track = self._tracks.setdefault((run, robot), _Track())
         if position is None or not track.takes(now):
             return
@@ -69,7 +69,7 @@ class Results:
             self._write_track(run, robot, track)
 
     def picture(self, run: str, robot: str, image: bytes, form: str, now: float) -> None:
-        """Keep a picture that a robot of a run reported."""
+        """Store a picture that a robot of a run reported."""
         number = self._pictures.get(run, 0) + 1
         if number > PICTURES or form not in FORMATS:
             return
@@ -77,7 +77,7 @@ class Results:
         self._do(partial(self._put, run, f"{robot}-{now:.3f}-{number}.{form}", image, "xb"))
 
     def end(self, run: str) -> None:
-        """Write what waits of a run that has ended, and delete the oldest results."""
+        """Write the waiting points of a run that has ended, and delete the oldest results."""
         for found, robot in list(self._tracks):
             if found == run:
                 self._write_track(run, robot, self._tracks.pop((run, robot)))
@@ -85,23 +85,23 @@ class Results:
         self._do(self._prune)
 
     def of(self, run: str, told: Callable[[list[Result]], None]) -> None:
-        """Give ``told``, on the results' thread, what a run has left behind so far."""
+        """Pass the results of a run so far to ``told``, on the thread of the results."""
         self._do(lambda: told(list(self._listed(run))))
 
     def close(self) -> None:
-        """Write what waits."""
+        """Write the waiting points and end the thread."""
         for run in {run for run, _ in self._tracks}:
             self.end(run)
         self._thread.shutdown()
 
     def _write_track(self, run: str, robot: str, track: _Track) -> None:
-        """Write the points that wait."""
+        """Write the waiting points."""
         lines, track.waiting = "".join(track.waiting).encode(), []
         if lines:
             self._do(partial(self._put, run, f"track-{robot}.csv", lines, "ab"))
 
     def _do(self, work: Callable[[], None]) -> None:
-        """Do some work on the thread; what fails is told in the log."""
+        """Run work on the thread; errors are logged."""
 
         def guarded() -> None:
             try:
@@ -109,7 +109,7 @@ class Results:
             except OSError as error:
                 log.warning("results of missions cannot be kept: %s", error)
 
-        with contextlib.suppress(RuntimeError):  # the edge ends: the next start prunes what is left
+        with contextlib.suppress(RuntimeError):  # the edge is shutting down: the next start prunes the rest
             self._thread.submit(guarded)
 
     def _put(self, run: str, name: str, content: bytes, mode: Literal["ab", "xb"]) -> None:
@@ -120,7 +120,7 @@ class Results:
             file.write(content)
 
     def _listed(self, run: str) -> Iterable[Result]:
-        """Yield what a run has left behind."""
+        """Yield the results of a run."""
         folder = self._folder / run
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
             size = path.stat().st_size
@@ -132,7 +132,7 @@ class Results:
                 yield Result("picture", path.name.rsplit("-", 2)[0], str(path), size)
 
     def _prune(self) -> None:
-        """Delete the results of the oldest runs, beyond those that are kept."""
+        """Delete the results of the oldest runs beyond the limits."""
         if not self._folder.is_dir():
             return
         total = 0
@@ -144,7 +144,7 @@ class Results:
 
 
 class _Track:
-    """One robot's track on its way to the disk."""
+    """The waiting points of one robot's track."""
 
     def __init__(self) -> None:
         self.waiting: list[str] = []
@@ -152,7 +152,7 @@ class _Track:
         self._next = 0.0
 
     def takes(self, now: float) -> bool:
-        """Return whether a point of this moment is one of the track."""
+        """Return True if a point at this time belongs to the track."""
         if now < self._next:
             return False
         self._next = now + EVERY * 2 ** (self._taken // POINTS)

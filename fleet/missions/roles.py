@@ -1,7 +1,7 @@
-"""Fills the roles of a mission from the robots that there are; pure.
+"""Fills the roles of a mission from the available robots; pure.
 
-The fullest battery first, ties by name. Roles with the fewest candidates choose first, each its least number;
-what is left fills roles up to their most.
+Robots with the fullest battery come first, ties by name. Roles with the fewest candidates choose first, each
+up to its minimum; the other robots fill the roles up to their maximum.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from fleet.missions.state import Facts
 
 
 class Candidate(msgspec.Struct, frozen=True):
-    """A robot that may fill a role. ``can``: its commands, with goto, path and plan where it takes them.
+    """A robot that may fill a role. ``can``: its commands, and goto, path and plan if it supports them.
 
-    ``trouble`` is why it cannot take part in anything now; empty when it can. ``run`` has it now.
+    ``trouble`` is why it cannot take part in any run now, else empty. ``run`` is its present run.
     """
 
     name: str
@@ -41,9 +41,9 @@ def filled(
     require: Require,
     given: Mapping[str, Sequence[str]],
 ) -> dict[str, list[str]]:
-    """Return robots by role; raises Refused with what each candidate lacks where a role cannot be filled.
+    """Return robots by role; if a role cannot be filled, raise Refused with the reason for each candidate.
 
-    ``needs`` is what the steps ask of each role; ``given`` are robots that a person has chosen.
+    ``needs`` are the needs of the steps by role; ``given`` are robots chosen by a person.
     """
     everybody = sorted(candidates, key=_fullest)
     lacking = {
@@ -78,9 +78,9 @@ def spares(
     *,
     taken: Iterable[str],
 ) -> dict[str, list[str]]:
-    """Return robots by the name of what they are spares for, those of ``taken`` left out.
+    """Return spare robots by role, without those of ``taken``.
 
-    ``given`` are those that a person has chosen. Fewer than a role asks for are no error.
+    ``given`` are robots chosen by a person. Fewer than the role asks for are no error.
     """
     everybody, used = sorted(candidates, key=_fullest), set(taken)
     found: dict[str, list[str]] = {}
@@ -107,9 +107,9 @@ def runs_in_the_way(
     require: Require,
     given: Mapping[str, Sequence[str]],
 ) -> set[str]:
-    """Return the runs that would have to end before the roles can be filled: none too many.
+    """Return a minimal set of runs that must end before the roles can be filled.
 
-    Raises Refused where they cannot be filled even then.
+    Raises Refused if they cannot be filled even then.
     """
     everybody = list(candidates)
 
@@ -127,7 +127,7 @@ def runs_in_the_way(
 
 
 def is_meant(candidate: Candidate, role: RoleConfig, given: Sequence[str] | None = None) -> bool:
-    """Return whether a role asks for a robot; ``given`` are those that a person chose."""
+    """Return True if a robot matches a role; ``given`` are robots chosen by a person."""
     wanted = role.from_ in (None, candidate.name) or role.from_ in candidate.groups
     if given is not None:
         wanted = candidate.name in given
@@ -135,7 +135,7 @@ def is_meant(candidate: Candidate, role: RoleConfig, given: Sequence[str] | None
 
 
 def _fullest(candidate: Candidate) -> tuple[float, str]:
-    """Order by battery, the fullest first, then by name."""
+    """Sort key: by battery, the fullest first, then by name."""
     battery = candidate.facts.battery
     return (-1.0 if battery is None else -battery, candidate.name)
 
@@ -147,7 +147,7 @@ def _lacks(
     require: Require,
     given: Sequence[str] | None,
 ) -> str:
-    """Return what a robot lacks for a role; empty for nothing, ``-`` for one that is not asked for."""
+    """Return why a robot does not fit a role; empty if it does, ``-`` if the role does not ask for it."""
     if not is_meant(candidate, role, given):
         return "-"
     missing = (needs | frozenset(role.can)) - candidate.can
@@ -161,7 +161,7 @@ def _lacks(
 
 
 def _nobody(role: str, least: int, found: list[str], lacking: Mapping[str, str], taken: set[str]) -> str:
-    """Say why a role cannot be filled: who could, and what each lacks."""
+    """Describe why a role cannot be filled, with the reason for each candidate."""
     words = [
         f"{name}: {why or 'fills another role'}"
         for name, why in lacking.items()

@@ -1,6 +1,6 @@
-"""One run under way: the engine, wired to its robots, the store and the clock. Runs on the event loop.
+"""One run in progress: the engine with its robots, store and clock. Runs on the event loop.
 
-What an event leads to is recorded first; only then are robots commanded, in the same order.
+The consequences of an event are recorded first; only then are robots commanded, in the same order.
 """
 
 from __future__ import annotations
@@ -57,16 +57,16 @@ class Robot(Protocol):
     name: str
 
     def state(self) -> RobotState:
-        """Return what it looks like now."""
+        """Return its present state."""
 
     def read(
         self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", waits: bool = False
     ) -> Request | None:
-        """Read a message; what is returned takes it."""
+        """Decode a message; the result starts its execution."""
 
 
-class Surroundings(Protocol):
-    """What all runs of an edge share."""
+class RunServices(Protocol):
+    """Resources shared by all runs of an edge."""
 
     clock: Clock
     store: Store
@@ -80,30 +80,29 @@ class Surroundings(Protocol):
         """Set the emergency stop of robots."""
 
     def together(self) -> Together:
-        """Return a new start of several robots."""
+        """Return a new coordinated start of several robots."""
 
     def changed(self, run: Run) -> None:
-        """Take note that a run's state has changed."""
+        """Handle a change of a run's state."""
 
     def occupy(self, run: Run) -> None:
-        """Take the places of a run, or let it wait for them; tells it."""
+        """Occupy the places of a run or queue it for them; the run receives the result as an event."""
 
     def give_back(self, run: Run) -> None:
-        """Take back the places of a run."""
+        """Release the places of a run."""
 
 
 class Run:
-    """One run. ``elapsed``: seconds of its own clock so far, of earlier processes too.
+    """One run. ``elapsed``: seconds of its own clock so far, including earlier processes.
 
-    ``stamp``: when it was asked for by the clock of who did (Unix s); None where that is not known, and for a
-    run that is taken up again.
+    ``stamp``: the time of the request by the sender's clock (Unix s); None if unknown, and for a resumed run.
     """
 
     def __init__(
         self,
         about: About,
         engine: Engine,
-        around: Surroundings,
+        services: RunServices,
         *,
         elapsed: float = 0.0,
         stamp: float | None = None,
@@ -111,16 +110,16 @@ class Run:
         self.about = about
         self._stamp = stamp
         self.engine = engine
-        self._around = around
+        self._services = services
         self._elapsed = elapsed
-        self._since = around.clock.monotonic()
+        self._since = services.clock.monotonic()
         self._session = session_of(about.run)
         self._head = b""
         self._sent: set[str] = set()
-        self._membership = Membership(about.run, around.clock)
-        self.holding = Holding(self.take, around.clock)
+        self._membership = Membership(about.run, services.clock)
+        self.holding = Holding(self.take, services.clock)
         self.together = TogetherStep(
-            around.together,
+            services.together,
             Transport(about.way),
             payload=self._payload,
             take=self.take,
@@ -135,10 +134,10 @@ class Run:
     @property
     def now(self) -> float:
         """Seconds of the run's clock."""
-        return self._elapsed + self._around.clock.monotonic() - self._since
+        return self._elapsed + self._services.clock.monotonic() - self._since
 
     def take(self, event: Event, *, new: bool = False) -> None:
-        """Take an event: record what it changes, then do what follows from it."""
+        """Handle an event: record its changes, then execute its effects."""
         effects = self.engine.handle(event, self.now)
         self.together.follow(self.engine.head.phase)
         if holds := [effect for effect in effects if isinstance(effect, Hold)]:
@@ -148,56 +147,56 @@ class Run:
         if not (new or touched or effects or head != self._head):
             return
         self._head = head
-        around = self._around
+        services = self._services
         notes = [effect for effect in effects if isinstance(effect, Note)]
         change = Change(
             self.id,
             self.engine.head,
             [*self.engine.robots.members.values(), *touched] if new else touched,
             notes,
-            around.clock.time(),
+            services.clock.time(),
             self.now,
             self.about if new else None,
             self.engine.program if new else None,
         )
         follow = partial(self._recorded, effects, new)
-        around.store.save(change, lambda kept: around.soon(partial(follow, kept)))
-        around.changed(self)
+        services.store.save(change, lambda kept: services.soon(partial(follow, kept)))
+        services.changed(self)
 
-    def turn(self) -> None:
-        """Look at the robots, and let time pass."""
+    def poll(self) -> None:
+        """Poll the robots, and let time pass."""
         for member in self.engine.robots.ours():
             self._look(member.robot)
         self.see([member.robot for member in self.engine.robots.spares("all")])
-        self.holding.turn()
+        self.holding.expire()
         self.take(Tick())
 
     def see(self, robots: Iterable[str]) -> None:
-        """Tell the engine what is seen of robots; of one that fleet.yaml has no more nothing is."""
+        """Pass the facts of robots to the engine; robots that were removed from fleet.yaml are skipped."""
         for robot in robots:
-            if robot in self._around.robots:
-                self.take(facts_of(self._around.robots[robot].state()))
+            if robot in self._services.robots:
+                self.take(facts_of(self._services.robots[robot].state()))
 
     def _look(self, robot: str) -> None:
-        """Tell the engine what is seen of a robot, and whether it has left the run."""
-        state = self._around.robots[robot].state()
+        """Pass the facts of a robot to the engine, and whether it has left the run."""
+        state = self._services.robots[robot].state()
         self.take(facts_of(state))
         left = self._membership.why_left(state)
         if left is not None:
             self.take(Left(robot, *left))
 
-    # -- what follows ----------------------------------------------------------------------------------
+    # -- effects ---------------------------------------------------------------------------------------
 
     def _recorded(self, effects: list[Effect], new: bool, kept: bool) -> None:  # noqa: FBT001 - by position
-        """Do what follows; a run whose beginning could not be recorded begins nothing."""
+        """Execute effects after the record; a run whose start could not be recorded begins nothing."""
         if kept or not new:
             self._carry_out(effects)
             return
-        self.engine.ending.close(RunOutcome.FAILED, f"it was not begun: {self._around.store.problem}")
-        self.take(Tick())  # tells it, and gives the robots back
+        self.engine.ending.close(RunOutcome.FAILED, f"it was not begun: {self._services.store.problem}")
+        self.take(Tick())  # reports the end and releases the robots
 
     def _carry_out(self, effects: list[Effect]) -> None:
-        """Do what follows from an event that is recorded; a run that cannot go on is given up."""
+        """Execute the effects of a recorded event; on an unexpected error give the run up."""
         try:
             for effect in effects:
                 self._follow(effect)
@@ -206,18 +205,18 @@ class Run:
             self.give_up(f"{type(error).__name__}: {error}")
 
     def give_up(self, reason: str) -> None:
-        """End a run that failed in a way that nobody foresaw: its robots stop, its end is unknown."""
+        """End a run after an unexpected error: its robots stop, its outcome is unknown."""
         if self.engine.over:
             return
         for member in self.engine.robots.ours():
             if not self.engine.robots.comes_down(member.robot):
-                with contextlib.suppress(Exception):  # one robot's failure keeps no other moving
+                with contextlib.suppress(Exception):  # one robot's failure must not keep another moving
                     self._ask(member.robot, "command", {"command": "stop"}, "")
         self.engine.ending.close(RunOutcome.UNKNOWN, f"the edge failed: {reason}")
-        self.take(Tick())  # records the end, and gives the robots back
+        self.take(Tick())  # records the end and releases the robots
 
     def _follow(self, effect: Effect) -> None:
-        """Do what one effect says."""
+        """Execute one effect."""
         match effect:
             case Begin(part):
                 self._command(part.robot, part.act, part.identity)
@@ -229,33 +228,33 @@ class Run:
                 message = {"command": "resume" if resumes else "pause"}
                 self._ask(part.robot, "navigate", message, "", partial(self.holding.answered, effect))
             case EmergencyStop(robots, reason):
-                self._around.stop(robots, f"run {self.id}: {reason}")
+                self._services.stop(robots, f"run {self.id}: {reason}")
             case Enlist(robot):
                 self._enlist(robot)
             case Dismiss(robot):
                 self.leave(robot)
             case Occupy():
-                self._around.occupy(self)
+                self._services.occupy(self)
             case Ended():
                 self.holding.end()
                 self._give_back()
-                self._around.give_back(self)
+                self._services.give_back(self)
             case _:
                 pass
 
     def _command(self, robot: str, act: Act, identity: str, *, prepares: bool = False) -> None:
-        """Command a robot once, or prepare it, unless its part is over or it has left the run meanwhile."""
+        """Command or prepare a robot, at most once, unless its part has ended or it has left the run."""
         part = self.engine.robots.parts.get(identity)
         if (identity in self._sent or part is None or not part.inflight) and not prepares:
             return
         self._sent.add(identity)
-        state = self._around.robots[robot].state()
+        state = self._services.robots[robot].state()
         left = self._membership.why_left(state)
         if left is not None:
             self.take(Left(robot, *left))
             return
         try:
-            kind, message = message_of(act, identity, state, self._around.site)
+            kind, message = message_of(act, identity, state, self._services.site)
         except Refused as error:
             refusal = Replied(identity, Outcome.REFUSED, error.reason)
             self.take(Prepared(robot, error.reason) if prepares else refusal)
@@ -273,7 +272,7 @@ class Run:
         identity: str,
         answer: Callable[[Reply], None] = lambda _: None,
     ) -> None:
-        """Send a robot a message in the name of who started the run."""
+        """Send a robot a message in the name of the user who started the run."""
         self._send(robot, kind, self._payload(message), answer, identity)
 
     def _send(
@@ -281,17 +280,17 @@ class Run:
     ) -> None:
         """Send a robot a message over the transport by which the run was started."""
         way = Transport(self.about.way)
-        asked = self._around.robots[robot].read(kind, payload, way=way, request_id=identity, waits=True)
+        asked = self._services.robots[robot].read(kind, payload, way=way, request_id=identity, waits=True)
         if asked is not None:
             asked(answer)
 
     def _payload(self, message: dict[str, Any]) -> bytes:
-        """Return a message that is sent now."""
-        now = self._around.clock.time()
+        """Encode a message sent now."""
+        now = self._services.clock.time()
         return payload_of(message, session=self._session, source_type=self.about.source_type, now=now)
 
     def _replied(self, identity: str, reply: Reply) -> None:
-        """Take a robot's answer; what it has left the run for comes before it."""
+        """Handle a robot's answer, after its departure if it has left the run."""
         outcome, part = outcome_of(reply), self.engine.robots.parts.get(identity)
         if outcome is None or part is None:
             return
@@ -300,10 +299,10 @@ class Run:
         self.take(Replied(part.identity, outcome, reply.reason))
 
     def join(self, robot: str, answer: Callable[[Reply], None]) -> None:
-        """Ask for a robot; it obeys nobody else's motion until it is given back.
+        """Request a robot; until it is released it obeys no other sender's motion.
 
-        It is asked in the words of who started the run, so that one that was late, or asked before a stop,
-        is refused by the robot itself.
+        The request carries the sender and stamp of the start, so that the robot itself refuses a start that
+        is too late or was requested before a stop.
         """
 
         def answered(reply: Reply) -> None:
@@ -320,26 +319,26 @@ class Run:
         self._send(robot, "command", payload, answered)
 
     def _enlist(self, robot: str) -> None:
-        """Ask for a spare; one that fleet.yaml has no more is not asked."""
-        if robot not in self._around.robots:
+        """Request a spare; one that was removed from fleet.yaml is not asked."""
+        if robot not in self._services.robots:
             self.take(Enlisted(robot, "fleet.yaml has it no more"))
             return
 
         def answered(reply: Reply) -> None:
             if reply.ok and not reply.done:
                 return
-            if reply.ok and self.engine.over:  # it joins a run that has ended
+            if reply.ok and self.engine.over:  # it has joined a run that has ended meanwhile
                 self.leave(robot)
             self.take(Enlisted(robot, "" if reply.ok else reply.reason or "it refused"))
 
         self.join(robot, answered)
 
     def _give_back(self) -> None:
-        """Give all robots back, but those that were spares to the end."""
+        """Release all robots except unused spares."""
         for member in self.engine.robots.members.values():
-            if member.robot in self._around.robots and not member.spare:
+            if member.robot in self._services.robots and not member.spare:
                 self.leave(member.robot)
 
     def leave(self, robot: str) -> None:
-        """Give a robot back."""
+        """Release a robot."""
         self._ask(robot, "command", {"command": LEAVE, "data": {"run": self.id}}, "")

@@ -1,6 +1,6 @@
-"""The places of all runs of an edge: taken before a run begins, given back at its end.
+"""The places of all runs of an edge: occupied before a run begins, released at its end.
 
-After a restart the runs that had their places have them again, before any other run can ask.
+After a restart, runs get back their occupied places before any other run can request them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fleet.model.place import Place
 
 
 class RunPlaces:
-    """Who has which places. ``run_of``: a run under way by its id, None for one that is not."""
+    """Occupancy of places by runs. ``run_of`` returns a run in progress by its id, or None."""
 
     def __init__(
         self, places: Mapping[str, Place], run_of: Callable[[str], Run | None], clock: Clock
@@ -30,22 +30,22 @@ class RunPlaces:
         self._missions: dict[str, str] = {}
 
     def configure(self, places: Mapping[str, Place]) -> None:
-        """Have other places, all of them free: while no run is under way."""
+        """Replace the places, all of them free; only while no run is in progress."""
         self._capacities = {name: place.capacity for name, place in places.items()}
         self._occupancy = Occupancy(self._capacities)
 
     def require(self, program: Program) -> None:
-        """Raise Refused for places that no run could ever have."""
+        """Raise Refused for places that no run could ever occupy."""
         trouble = self._occupancy.trouble(_wanted(program))
         if trouble:
             raise Refused(f"occupies: {trouble}")
 
     def is_full(self, place: str) -> bool:
-        """Return whether a run that asks now for a place would have to wait for it."""
+        """Return True if a run that requests a place now would have to wait."""
         return self._occupancy.is_full(place)
 
     def occupy(self, run: Run) -> None:
-        """Take the places of a run, or let it wait for them; tells it, and whoever waits behind it."""
+        """Occupy the places of a run or queue it for them; inform it and the runs behind it."""
         self._missions[run.id] = run.about.mission
         claim = self._occupancy.claim_of(run.id)
         if claim is not None and claim.complete:
@@ -55,20 +55,20 @@ class RunPlaces:
         self._tell_who_waits()
 
     def give_back(self, run: Run) -> None:
-        """Take back the places of a run, and tell whoever gets them."""
+        """Release the places of a run, and inform the runs that get them."""
         self._settle(self._occupancy.give_back(run.id, now=self._clock.monotonic()))
         self._missions.pop(run.id, None)
         self._tell_who_waits()
 
-    def turn(self) -> None:
-        """End the waits that took too long; again and again."""
+    def expire(self) -> None:
+        """End the waits that are past their limit; called periodically."""
         settled = self._occupancy.look(now=self._clock.monotonic())
         if settled:
             self._settle(settled)
             self._tell_who_waits()
 
     def take_up(self, runs: Iterable[Kept]) -> None:
-        """Give the runs of an earlier process back what they had; those that waited wait again."""
+        """Restore the occupancy of the runs of an earlier process; waiting runs are queued again."""
         found = sorted(runs, key=lambda kept: kept.about.started)
         self._missions = {kept.about.run: kept.about.mission for kept in found}
         held = [
@@ -83,15 +83,15 @@ class RunPlaces:
                 self._ask(kept.about.run, kept.program, kept.head.until - kept.elapsed - away)
 
     def _ask(self, run: str, program: Program, within: float) -> None:
-        """Ask for the places of a run."""
+        """Request the places of a run."""
         now = self._clock.monotonic()
         try:
             self._settle(self._occupancy.ask(run, _wanted(program), now=now, within=within))
-        except ValueError as error:  # fleet.yaml has changed since it was started
+        except ValueError as error:  # fleet.yaml has changed since its start
             self._tell(run, Occupied(late=f"occupies: {error}"))
 
     def _settle(self, settled: Iterable[Settled]) -> None:
-        """Tell runs that wait no longer."""
+        """Inform runs whose wait has ended."""
         for each in settled:
             if each.verdict is Verdict.GRANTED:
                 self._tell(each.holder, Occupied())
@@ -100,7 +100,7 @@ class RunPlaces:
                 self._tell(each.holder, Occupied(late=late))
 
     def _tell_who_waits(self) -> None:
-        """Tell runs that wait for what, and for whom, where that has changed."""
+        """Inform waiting runs of the place and its holder, if that has changed."""
         for claim in self._occupancy.claims:
             if claim.next is None:
                 continue
@@ -111,22 +111,22 @@ class RunPlaces:
                 run.take(Occupied(words))
 
     def _names(self, holders: Iterable[str]) -> str:
-        """Return who has a place."""
+        """Describe the holders of a place."""
         named = [f"run {run} of {self._missions.get(run, 'a mission')}" for run in holders]
         return f"{' and '.join(named) or 'another run'} has"
 
     def _tell(self, run: str, event: Occupied) -> None:
-        """Tell a run; one that is not under way yet asks again when it is."""
+        """Inform a run; one that is not in progress yet requests its places again later."""
         found = self._run_of(run)
         if found is not None:
             found.take(event)
 
 
 def _wanted(program: Program) -> dict[str, int]:
-    """Return the places of a mission: one of each."""
+    """Return the places of a mission: one unit of each."""
     return dict.fromkeys(program.occupies, 1)
 
 
 def _waits(head: Head) -> bool:
-    """Return whether a run has not got its places yet."""
+    """Return True if a run has not got its places yet."""
     return Phase.OCCUPYING in (head.phase, head.paused_from if head.phase is Phase.PAUSED else head.phase)

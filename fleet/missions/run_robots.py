@@ -1,6 +1,6 @@
-"""The robots of one run and what each of them is doing: parts begin, end, and are never begun again.
+"""The robots of one run and their parts: a part begins once, ends, and never begins again.
 
-The one place that makes a ``Begin``: it never commands a robot that is not ours, and never uses an identity
+Only this module creates ``Begin``. It never commands a robot that is not ours, and never uses an identity
 twice.
 """
 
@@ -15,12 +15,12 @@ import msgspec
 from fleet.missions.program import Act
 from fleet.missions.state import Begin, BeginTogether, Effect, Kind, Member, Note, Outcome, Part
 
-LANE = 6  # parts of a robot that people are shown, the newest
-HALT_WITHIN = 15.0  # s for a robot to be seen standing after it was told to
+SHOWN_PARTS = 6  # newest parts of a robot that users see
+HALT_WITHIN = 15.0  # s until a halted robot must be seen standing
 HALT = Act("command", "stop", timeout=HALT_WITHIN)
-"""Ends motion; the robot holds where it is."""
+"""Ends motion; the robot holds its position."""
 COMES_DOWN = frozenset({"land", "return_to_home", "sit_down"})
-"""Commands that only make a robot safer: they are not broken off by a halt, as the host does not either."""
+"""Commands that only make a robot safer: like the host, a run does not interrupt them with a halt."""
 _ENDS: Mapping[Outcome, str] = MappingProxyType(
     {
         Outcome.DONE: "has finished {}",
@@ -31,19 +31,19 @@ _ENDS: Mapping[Outcome, str] = MappingProxyType(
         Outcome.TAKEN: "was taken in {}",
         Outcome.STOPPED: "was stopped in {}",
         Outcome.SKIPPED: "was ended in {}",
-        Outcome.UNKNOWN: "ended {} in a way that nobody saw",
+        Outcome.UNKNOWN: "ended {} without being observed",
     }
 )
 NOT_OURS = frozenset({Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED})
 
 
 def first_identity(run: str, step: str, robot: str) -> str:
-    """Return the identity of what a robot first does for a step of a run."""
+    """Return the identity of a robot's first part in a step of a run."""
     return f"{run}/{step}/{robot}/1"
 
 
 class RunRobots:
-    """Members by robot, parts by identity; ``effects`` collects what follows, ``touched`` what changed."""
+    """Members by robot, parts by identity; ``effects`` collects effects, ``touched`` the changed objects."""
 
     def __init__(self, run: str, members: Iterable[Member], parts: Iterable[Part] = ()) -> None:
         self.run = run
@@ -52,8 +52,10 @@ class RunRobots:
         self._active = {part.identity: part for part in self.parts.values() if part.inflight}
         in_order = sorted(self.parts.values(), key=lambda part: part.began)
         self._last = {part.robot: part for part in in_order if part.kind != "halt"}
-        self.lanes = {
-            robot: deque((part for part in in_order if part.robot == robot and part.kind != "halt"), LANE)
+        self.shown_parts = {
+            robot: deque(
+                (part for part in in_order if part.robot == robot and part.kind != "halt"), SHOWN_PARTS
+            )
             for robot in self.members
         }
         self.effects: list[Effect] = []
@@ -61,7 +63,7 @@ class RunRobots:
         self.halts = sum(part.kind == "halt" for part in self.parts.values())
 
     def note(self, text: str, robot: str = "", step: str = "") -> None:
-        """Add a line to the run's story."""
+        """Add a line to the run's log."""
         self.effects.append(Note(text, robot, step))
 
     def within(self, roles: Iterable[str] | None = None) -> list[Member]:
@@ -74,26 +76,26 @@ class RunRobots:
         ]
 
     def plays(self, robot: str, role: str) -> bool:
-        """Return whether a robot fills a role, also one of a mission within the mission."""
+        """Return True if a robot fills a role, also one of an inner mission."""
         member = self.members[robot]
         return role == member.role or role in member.plays
 
     def act_of(self, member: Member, acts: Mapping[str, tuple[Act, ...]]) -> Act | None:
-        """Return what a robot does of what is said by role; None for nothing. A role comes before all."""
+        """Return a robot's act from acts by role, or None. Its own role takes precedence over all."""
         for role in (member.role, *member.plays, "all"):
             if acts.get(role):
                 return self._meant(acts[role][member.plays.get(role, member.index) % len(acts[role])])
         return None
 
     def _meant(self, act: Act) -> Act:
-        """Return an act that follows a role with the robot that fills it now; empty when none does."""
+        """Replace the followed role of a ``follow`` act by its present robot; empty if there is none."""
         if act.verb != "follow":
             return act
         first = next(iter(self.within([act.value])), None)
         return msgspec.structs.replace(act, value=first.robot if first is not None else "")
 
     def acts_of(self, acts: Mapping[str, tuple[Act, ...]]) -> list[tuple[str, Act]]:
-        """Return what each robot that still takes part does of what is said by role."""
+        """Return the act of each robot that still takes part, from acts by role."""
         found = ((each.robot, self.act_of(each, acts)) for each in self.within())
         return [(robot, act) for robot, act in found if act is not None]
 
@@ -102,20 +104,20 @@ class RunRobots:
         return [each for each in self.members.values() if each.ours]
 
     def needs(self, robot: str) -> bool:
-        """Return whether a robot is commanded by the run, or may be yet."""
+        """Return True if the run commands a robot, or may do so later."""
         member = self.members.get(robot)
         return member is not None and (member.within or member.ours or member.spare)
 
     def active(self, *kinds: Kind) -> list[Part]:
-        """Return the parts under way of these kinds; of none: of all."""
+        """Return the active parts of these kinds; without kinds, of all."""
         return [part for part in self._active.values() if not kinds or part.kind in kinds]
 
     def parts_of(self, step: str) -> list[Part]:
-        """Return what robots did, or do, for one begun step."""
+        """Return the parts of the robots for one begun step."""
         return [part for part in self.parts.values() if part.step == step and part.kind == "do"]
 
     def begin_together(self, step: str, acts: Iterable[tuple[str, Act]], now: float) -> None:
-        """Begin parts of robots that are prepared, and that are ours, at one instant."""
+        """Begin the parts of prepared robots at one instant."""
         before = len(self.effects)
         for robot, act in acts:
             self.begin(step, robot, act, "do", now)
@@ -124,7 +126,7 @@ class RunRobots:
         self.effects.append(BeginTogether(step, tuple(each.part for each in begun)))
 
     def begin(self, step: str, robot: str, act: Act, kind: Kind, now: float, *, attempt: int = 1) -> None:
-        """Begin a part of a robot that is ours; one that is not is left alone."""
+        """Begin a part of a robot, if it is ours."""
         member = self.members[robot]
         if not member.ours:
             return
@@ -134,36 +136,36 @@ class RunRobots:
             self.halts += 1
             number = f"halt.{self.halts}"
         identity = f"{self.run}/{step}/{robot}/{number}"
-        if identity in self.parts:  # begun means never begun again
+        if identity in self.parts:  # a begun part never begins again
             return
         part = Part(identity, step, robot, member.role, attempt, kind, act, now, now + act.timeout)
         self.parts[identity] = self._active[identity] = part
         if kind != "halt":
             self._last[robot] = part
-            self.lanes[robot].append(part)
+            self.shown_parts[robot].append(part)
         self.touched[identity] = part
         self.effects.append(Begin(part))
         if kind != "halt":
             self.note(f"begins {act.words}", robot, step)
 
     def halt(self, step: str, robot: str, now: float) -> None:
-        """Bring a robot that is ours to a standstill; once is enough while that is under way.
+        """Halt a robot that is ours, unless a halt is active.
 
-        One that lands, or may still be landing, is left to it.
+        A robot that lands, or may still be landing, is not interrupted.
         """
         if self.comes_down(robot) or any(part.robot == robot for part in self.active("halt")):
             return
         self.begin(step, robot, HALT, "halt", now)
 
     def comes_down(self, robot: str) -> bool:
-        """Return whether a robot does what only makes it safer, or may still do it."""
+        """Return True if a robot executes, or may still execute, a command that only makes it safer."""
         last = self._last.get(robot)
         if last is None or last.act.verb != "command" or last.act.value not in COMES_DOWN:
             return False
         return last.outcome in (None, Outcome.LATE, Outcome.UNKNOWN)
 
     def end(self, part: Part, outcome: Outcome, reason: str, now: float) -> None:
-        """Note how a part ended; an end that is noted stays."""
+        """Record the end of a part; a recorded end is final."""
         if not part.inflight:
             return
         part.outcome, part.reason, part.ended = outcome, reason, now
@@ -174,10 +176,10 @@ class RunRobots:
             self.note(_ENDS[outcome].format(words) + (f": {reason}" if reason else ""), part.robot, part.step)
 
     def lose(self, robot: str, outcome: Outcome, reason: str, now: float) -> bool:
-        """Take a robot out of the run; return whether it was within.
+        """Remove a robot from the run; return True if it took part.
 
-        What it was doing ends with the same outcome. One that somebody else has, or that does not answer,
-        is not ours any more; that can also happen to one that was out already.
+        Its active part ends with the same outcome. A robot that was taken, was stopped or does not answer is
+        no longer ours; this can also happen to a robot that was removed before.
         """
         member = self.members[robot]
         was_within = member.within
@@ -195,11 +197,11 @@ class RunRobots:
         return was_within
 
     def spares(self, role: str) -> list[Member]:
-        """Return the robots that may take the place of another one in a role."""
+        """Return the spares of a role (``all``: of every role)."""
         return [each for each in self.members.values() if each.spare and role in (each.role, "all")]
 
     def shortage(self, quorum: dict[str, int], *, with_spares: bool = False) -> str:
-        """Return which role has fewer robots than its quorum; empty when none has."""
+        """Return which role has fewer robots than its quorum; empty if none has."""
         for role, least in quorum.items():
             left = len(self.within([role])) + (len(self.spares(role)) if with_spares else 0)
             if left < least:
@@ -207,5 +209,5 @@ class RunRobots:
         return ""
 
     def lost_any(self) -> bool:
-        """Return whether a robot did not come through to the end."""
+        """Return True if a robot did not stay in the run to the end."""
         return any(not each.within and not each.spare for each in self.members.values())

@@ -1,8 +1,8 @@
-"""The runs of one edge: started, followed, controlled, and taken up again after a restart.
+"""The runs of one edge: started, followed, controlled, and resumed after a restart.
 
-A run is started in this order, and refused at the first that fails, before anything moves: the mission and
-its inputs, the roles, the authority of who starts it for every robot and step, the disk, the robots
-themselves. Then it is recorded, and only then it begins.
+A start is checked in this order, and refused at the first failure before anything moves: the mission and its
+inputs, the roles, the sender's authority for every robot and step, the disk, the robots themselves. Then the
+run is recorded, and only then it begins.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.engine import Engine
 from fleet.missions.filling import Filling, members_of, needs_of
-from fleet.missions.holding import Told
+from fleet.missions.holding import RefusalCallback
 from fleet.missions.other_edges import Elsewhere, not_kept_apart, require_reach
 from fleet.missions.pausing import PAUSABLE
 from fleet.missions.points import SiteMap
@@ -51,21 +51,21 @@ log = logging.getLogger(__name__)
 
 JOIN_WITHIN = 5.0  # s for all robots of a run to join it
 BACK_WITHIN = 20.0  # s for robots to answer again after a restart of the edge
-MOST = 64  # runs at once
+MOST = 64  # runs in progress
 _RUN_ID = re.compile(r"[A-Za-z0-9-]{1,40}")
 
 _CONTROLS: Mapping[str, Callable[[str], Event]] = {"pause": Pause, "resume": Resume, "abort": Abort}
 Allowed = Callable[[str, Origin, bool, bool], str | None]
-"""Why an asker may not start a mission with a robot that commands it, or leads it; None when he may."""
+"""Returns why a sender may not start a mission that commands or leads a robot; None if he may."""
 Began = Callable[[str, Mapping[str, Sequence[str]], str], None]
-"""Told the run's id and its robots by role, or with an empty id why it did not begin."""
+"""Called with the run's id and its robots by role, or with an empty id and the reason of a refusal."""
 
 
 class Runs:
-    """Every run of an edge. ``candidates`` tells what each robot can and is now.
+    """Every run of an edge. ``candidates`` returns the present capabilities and facts of the robots.
 
-    ``hindrance`` says why a robot must not do something, whenever that is; empty for nothing. ``elsewhere``
-    tells the other edge that has a robot, empty for one of this edge.
+    ``hindrance`` returns why a robot must never execute an act, else empty. ``elsewhere`` returns the other
+    edge that has a robot, empty for a robot of this edge.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Runs:
     ) -> None:
         self.edge = edge
         self.robots = robots
-        self.site = site  # replaced, with its places, while no run is under way
+        self.site = site  # replaced, with its places, while no run is in progress
         self.store = store
         self.clock = clock
         self.soon = soon
@@ -103,35 +103,35 @@ class Runs:
         self.filling = Filling(candidates, self.all, self.places.is_full)
         self._pending: dict[str, _Pending] = {}
 
-    # -- what the runs themselves ask ------------------------------------------------------------------
+    # -- services for the runs -------------------------------------------------------------------------
 
     def changed(self, run: Run) -> None:
-        """Tell a run's state; one that has ended is followed no more."""
+        """Publish a run's state; drop a run that has ended."""
         self._told(self.state(run))
         if run.engine.over:
             self._runs.pop(run.id, None)
 
     def state(self, run: Run) -> RunState:
-        """Return what a run looks like now."""
+        """Return the present state of a run."""
         return state_of(run.engine, run.about, self.edge, run.now, self.store.problem)
 
     @property
     def any(self) -> bool:
-        """True while a run is under way; from any thread."""
+        """True while a run is in progress; from any thread."""
         return bool(self._runs)
 
     def all(self) -> list[Run]:
-        """Return the runs that are under way, and those whose robots are being asked for."""
+        """Return the runs in progress, and those whose robots are joining."""
         return [*self._runs.values(), *(pending.run for pending in self._pending.values())]
 
     def states(self) -> list[RunState]:
-        """Return the runs that are under way."""
+        """Return the states of the runs in progress."""
         return [self.state(run) for run in self._runs.values()]
 
-    # -- starting --------------------------------------------------------------------------------------
+    # -- start -----------------------------------------------------------------------------------------
 
     def find(self, run: str) -> Run | None:
-        """Return a run that is under way."""
+        """Return a run in progress."""
         return self._runs.get(run)
 
     def start(
@@ -145,10 +145,10 @@ class Runs:
         workflow: str = "",
         admitted: bool = False,
     ) -> None:
-        """Start a mission; ``began`` hears, on the loop, that it has, or why not.
+        """Start a mission; ``began`` is called on the loop with the run, or with the reason of a refusal.
 
-        ``workflow`` is the one of the cloud that asks. ``admitted``: the caller has checked that every robot
-        lets the asker do every step.
+        ``workflow`` is the requesting workflow of the cloud. ``admitted``: the caller has checked the
+        sender's authority for every robot and step.
         """
         run = ask.run or secrets.token_hex(4)
         if run in self._runs or run in self._pending:
@@ -186,7 +186,7 @@ class Runs:
     def _require_authority(
         self, program: Program, roles: Mapping[str, Sequence[str]], origin: Origin
     ) -> None:
-        """Raise Refused unless every robot lets the asker do every step: a mission gives nobody rights."""
+        """Raise Refused unless the sender may command every robot and step: a mission grants no rights."""
         needs = needs_of(program)
         for role, robots in roles.items():
             need = needs.get(role.removeprefix(spare_of("")), frozenset())
@@ -208,7 +208,7 @@ class Runs:
                     raise Refused(f"{member.robot}: step {step.id}: {trouble}")
 
     def _join(self, run: Run, done: Callable[[dict[str, str]], None]) -> None:
-        """Have every robot of a run that is ours join it; ``done`` hears who did not, and why."""
+        """Let every robot of a run join it; ``done`` receives the reasons of those that did not."""
         waiting = {member.robot for member in run.engine.robots.ours()}
         refused: dict[str, str] = {}
 
@@ -229,7 +229,7 @@ class Runs:
         self._look_at(run.id)
 
     def _look_at(self, run: str) -> None:
-        """End what is waited for, if it is over."""
+        """Complete a pending wait that is over or late."""
         pending = self._pending[run]
         if pending.over() or self.clock.monotonic() >= pending.until:
             del self._pending[run]
@@ -238,7 +238,7 @@ class Runs:
     def _joined(
         self, run: Run, roles: Mapping[str, Sequence[str]], began: Began, refused: Mapping[str, str]
     ) -> None:
-        """Begin a run whose robots have joined it; else give back those that have."""
+        """Begin a run whose robots have joined it; if any refused, release the others."""
         refusal = "; ".join(f"{robot}: {why}" for robot, why in refused.items())
         if refusal:
             for member in run.engine.robots.ours():
@@ -255,25 +255,25 @@ class Runs:
         run.take(Start(), new=True)
         began(run.id, roles, "")
 
-    # -- following -------------------------------------------------------------------------------------
+    # -- progress and control --------------------------------------------------------------------------
 
-    def turn(self) -> None:
-        """Look at all runs; again and again, on the loop."""
+    def poll(self) -> None:
+        """Poll all runs; called periodically on the loop."""
         for run in list(self._pending):
             self._look_at(run)
-        self.places.turn()
+        self.places.expire()
         for each in list(self._runs.values()):
             try:
-                each.turn()
+                each.poll()
             except Exception as error:
                 log.exception("run %s cannot go on", each.id)
                 each.give_up(f"{type(error).__name__}: {error}")
 
-    def control(self, run: str, ask: ControlAsk, told: Told = lambda _refusal: None) -> None:
-        """Pause, resume, abort a run, or answer its question.
+    def control(self, run: str, ask: ControlAsk, told: RefusalCallback = lambda _refusal: None) -> None:
+        """Pause, resume or abort a run, or answer its question.
 
-        ``told`` hears why that was refused, empty when it was not: once the robots that are to pause or to
-        go on have answered.
+        ``told`` receives the reason of a refusal, or an empty text; for a pause or a resumption, after its
+        robots have answered.
         """
         found = self._runs.get(run)
         made = found.holding.made if found else 0
@@ -284,9 +284,9 @@ class Runs:
             found.holding.hear(made, told)
 
     def stopped(self, names: tuple[str, ...], reason: str) -> None:
-        """Take note of an emergency stop of several robots, or (no name) of all; on the loop."""
+        """Handle an emergency stop of several robots, or (without names) of all; on the loop."""
         plain = {name.strip().casefold().rpartition("/")[2] for name in names}
-        if len(plain) == 1:  # one robot: its run sees that it is stopped, and may go on without it
+        if len(plain) == 1:  # one robot: its run detects the stop from its state, and may continue without it
             return
         for run in list(self._runs.values()):
             robots = tuple(robot for robot in run.engine.robots.members if not plain or robot in plain)
@@ -294,7 +294,7 @@ class Runs:
                 run.take(StopAll(robots, reason))
 
     def heard(self, robot: str, event: str) -> None:
-        """Take an event that was reported of a robot; on the loop."""
+        """Handle an event of a robot; on the loop."""
         for run in list(self._runs.values()):
             if robot in run.engine.robots.members:
                 run.take(Heard(robot, event))
@@ -302,21 +302,21 @@ class Runs:
     # -- after a restart -------------------------------------------------------------------------------
 
     def take_up(self) -> None:
-        """Take up the runs that an earlier process did not see to their end; their robots may be away yet."""
+        """Resume the runs that an earlier process did not end; their robots may still be connecting."""
         found = self.store.unfinished()
         self.places.take_up(found)
         for kept in found:
             self._take_up(kept, self.clock.monotonic() + BACK_WITHIN)
 
     def _take_up(self, kept: Kept, until: float) -> None:
-        """Take up one run once its robots answer, or when they should have."""
+        """Resume one run when its robots answer, at the latest at ``until``."""
         away = max(0.0, self.clock.time() - kept.stamp)
         engine = Engine(kept.about.run, kept.program, kept.members, head=kept.head, parts=kept.parts)
         run = Run(kept.about, engine, self, elapsed=kept.elapsed + away)
         for member in engine.robots.ours():
             if member.robot not in self.robots:
                 engine.robots.lose(member.robot, Outcome.LOST, "fleet.yaml has it no more", run.now)
-        log.warning("run %s of %s was under way when the edge ended", run.id, kept.about.mission)
+        log.warning("run %s of %s was in progress when the edge ended", run.id, kept.about.mission)
 
         def back() -> bool:
             ours = (self.robots[member.robot] for member in engine.robots.ours())
@@ -325,7 +325,7 @@ class Runs:
         self._pending[run.id] = _Pending(run, back, until, lambda: self._join(run, partial(self._back, run)))
 
     def _back(self, run: Run, refused: Mapping[str, str]) -> None:
-        """Go on with a run of an earlier process, without those that are gone."""
+        """Continue a run of an earlier process without the robots that did not rejoin."""
         self._runs[run.id] = run
         run.see(list(run.engine.robots.members))
         for robot, why in refused.items():
@@ -334,7 +334,7 @@ class Runs:
 
 
 def _control(found: Run, ask: ControlAsk) -> str:
-    """Give a run the event; return why it does not follow it."""
+    """Pass a control event to a run; return why the run did not accept it."""
     if ask.do == "answer":
         question = found.engine.head.question
         if question is None or (ask.question and question.id != ask.question):
@@ -353,13 +353,13 @@ def _control(found: Run, ask: ControlAsk) -> str:
 
 
 def check_run_id(run: str) -> None:
-    """Raise Refused for what cannot be the id of a run: it is part of keys and of the identities of parts."""
+    """Raise Refused for an invalid run id: it is part of keys and of the identities of parts."""
     if not _RUN_ID.fullmatch(run):
         raise Refused(f"{run[:40]!a} cannot be the id of a run: up to 40 letters, digits and -")
 
 
 class _Pending(msgspec.Struct):
-    """Something that is waited for: once it is ``over``, or time is up, ``then`` is called."""
+    """A pending wait: ``then`` is called when ``over`` returns True or at ``until``."""
 
     run: Run
     over: Callable[[], bool]
@@ -368,6 +368,6 @@ class _Pending(msgspec.Struct):
 
 
 def digest_of(program: Program, roles: Mapping[str, Sequence[str]]) -> str:
-    """Return what stands for what is carried out, and by whom."""
+    """Return a digest of a program and its robots."""
     content = msgspec.json.encode([program, {role: list(names) for role, names in roles.items()}])
     return hashlib.blake2b(content, digest_size=8).hexdigest()

@@ -1,4 +1,4 @@
-"""What people write of a mission, in the long form that the models take; values in the place of inputs."""
+"""Expansion of short forms of a mission to the long forms of the models, and of inputs to values."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from typing import Any
 
 
 def normalised(mission: Any, values: Mapping[str, Any]) -> Any:
-    """Return a mission's data with short forms spelt out and ``values`` in the place of its inputs.
+    """Return a mission's data with expanded short forms and with ``values`` for its inputs.
 
-    Total: what is malformed stays as it is, for the models to refuse. An input without a value stays too.
+    It never fails: malformed parts stay unchanged, and the models refuse them. Inputs without a value stay
+    too.
     """
     data = _filled(mission, values)
     if not isinstance(data, dict):
@@ -23,7 +24,7 @@ def normalised(mission: Any, values: Mapping[str, Any]) -> Any:
 
 
 def _filled(value: Any, values: Mapping[str, Any]) -> Any:
-    """Return data with values in the place of ``{input: NAME}``."""
+    """Return data with ``{input: NAME}`` replaced by values."""
     if isinstance(value, dict):
         if set(value) == {"input"} and isinstance(value["input"], str) and value["input"] in values:
             return values[value["input"]]
@@ -32,14 +33,14 @@ def _filled(value: Any, values: Mapping[str, Any]) -> Any:
 
 
 def _counted(role: Any) -> Any:
-    """Return a role whose count is a number with it as bounds."""
+    """Return a role with a numeric count expanded to bounds."""
     if isinstance(role, dict) and isinstance(role.get("count"), int) and role["count"] is not True:
         return {**role, "count": {"min": role["count"], "max": role["count"]}}
     return role
 
 
 def _spelt_out(step: Any) -> Any:
-    """Return a step with ``eye: land`` as ``eye: {command: land}``, repeated steps too."""
+    """Return a step with ``eye: land`` expanded to ``eye: {command: land}``, also in repeated steps."""
     if not isinstance(step, dict):
         return step
     long = dict(step)

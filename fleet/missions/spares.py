@@ -1,7 +1,7 @@
-"""Spares of one run: robots that take the place of one that is lost, between two steps.
+"""Spares of one run: robots that replace a lost robot between two steps.
 
-A spare qualified at the start and is not the run's until it is needed: then it is asked to join, if it still
-has what is required. One that does not is left alone, and the next is asked.
+A spare qualified at the start, but does not belong to the run until it is needed. Then it is asked to join if
+it still meets the requirements. If it does not join, the next spare is asked.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Spares:
         self._seen = seen
 
     def enlist(self, now: float) -> bool:
-        """Ask the next spare for the place of a robot that is lost; return whether one is waited for."""
+        """Ask the next spare to replace a lost robot; return True if the run waits for one."""
         for lost in self._lost():
             for spare in self._robots.spares(lost.role):
                 lacks = self._seen.lacks(spare.robot, self._program.require)
@@ -41,7 +41,7 @@ class Spares:
         return False
 
     def take(self, event: Enlisted, now: float) -> bool:
-        """Take a spare's answer; return whether the run goes on with or without it."""
+        """Handle a spare's answer; return True if the run continues, with or without it."""
         if self._head.phase is not Phase.FILLING or event.robot != self._head.enlists:
             if not event.refusal and not self._robots.members[event.robot].ours:
                 self._robots.effects.append(Dismiss(event.robot))
@@ -65,13 +65,13 @@ class Spares:
         return True
 
     def _lost(self) -> Iterator[Member]:
-        """Yield robots that are out, and whose place nobody has taken."""
+        """Yield the lost robots that are not replaced yet."""
         for each in self._robots.members.values():
             if not each.within and not each.spare and not each.replaced:
                 yield each
 
     def _leave_out(self, spare: Member, why: str, now: float) -> None:
-        """Note that a spare cannot be used."""
+        """Record that a spare cannot be used."""
         spare.spare, spare.replaced = False, True
         spare.outcome, spare.reason, spare.since = Outcome.REFUSED, why, now
         self._robots.touched[f"member {spare.robot}"] = spare

@@ -1,7 +1,7 @@
-"""The state of one run, and what comes into the engine and goes out of it.
+"""The state of one run, and the events and effects of the engine.
 
-Everything that must outlive the process is in ``Head``, ``Member`` and ``Part``. Times are seconds of the
-run's own clock, which begins at 0 with the run and goes on over restarts.
+All state that must survive the process is in ``Head``, ``Member`` and ``Part``. Times are seconds of the
+run's own clock, which starts at 0 with the run and continues across restarts.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ class Outcome(enum.StrEnum):
     """How a robot's part ended, or why the robot left the run."""
 
     DONE = "done"
-    REFUSED = "refused"  # the host or the robot said no, or it does not have what is required
+    REFUSED = "refused"  # by the host or the robot, or because of a requirement
     FAILED = "failed"
     LATE = "late"  # not done in time
     LOST = "lost"  # it does not answer
-    TAKEN = "taken"  # a person, a pilot or the battery policy took it
+    TAKEN = "taken"  # by a person, a pilot or the battery policy
     STOPPED = "stopped"  # its emergency stop was set
-    SKIPPED = "skipped"  # ended because others were through
-    UNKNOWN = "unknown"  # nobody saw
+    SKIPPED = "skipped"  # ended because the others had finished
+    UNKNOWN = "unknown"  # not observed
 
 
 class RunOutcome(enum.StrEnum):
@@ -43,19 +43,19 @@ class RunOutcome(enum.StrEnum):
 
 
 class Phase(enum.StrEnum):
-    """Where a run is in its life."""
+    """The phases of a run."""
 
     NEW = "new"  # recorded, nothing begun
-    FILLING = "filling"  # a spare is asked to take the place of a robot that is lost
+    FILLING = "filling"  # a spare is asked to replace a lost robot
     OCCUPYING = "occupying"  # it waits for its places; nothing is begun
-    PREPARING = "preparing"  # robots are asked whether they could; nobody moves
-    STEP = "step"  # robots do something
-    WAITING = "waiting"  # a time or a condition
-    ASKING = "asking"  # a person
+    PREPARING = "preparing"  # robots report whether they can begin; none moves
+    STEP = "step"  # robots act
+    WAITING = "waiting"  # for a time or a condition
+    ASKING = "asking"  # waits for a person's answer
     PAUSED = "paused"
-    HALTING = "halting"  # its robots are brought to a standstill before it is undone
+    HALTING = "halting"  # its robots are halted before the undo
     UNDOING = "undoing"
-    ENDING = "ending"  # its robots are held, or do what on_abort says
+    ENDING = "ending"  # its robots are held, or execute on_abort
     ENDED = "ended"
 
 
@@ -75,7 +75,7 @@ NEXT: Mapping[Phase, frozenset[Phase]] = MappingProxyType(
         Phase.ENDED: frozenset(),
     }
 )
-"""What may follow each phase: from the ending nothing leads back, and nothing follows the end."""
+"""Permitted transitions: no way back from the ending, and none from the end."""
 
 GOING_ON = frozenset(
     {
@@ -89,7 +89,7 @@ GOING_ON = frozenset(
         Phase.PAUSED,
     }
 )
-"""The phases in which the mission itself is still carried out."""
+"""The phases in which the mission itself is executed."""
 
 Kind = Literal["do", "halt", "secure", "undo", "abort"]
 
@@ -97,10 +97,10 @@ Kind = Literal["do", "halt", "secure", "undo", "abort"]
 class Member(msgspec.Struct):
     """One robot of a run. ``ours``: the run may command it. ``within``: it still takes part.
 
-    A robot that failed is no longer within, but ours: it is held, and undone. One that was taken, stopped or
-    lost is not ours, and is never commanded again. ``index`` is its place among the robots of its role,
-    ``plays`` that in each role of a mission within the mission, the role before ``all``. A ``spare`` is
-    neither ours nor within until it takes the place of another, which is ``replaced`` then.
+    A robot that failed no longer takes part, but is ours: it is held and undone. A robot that was taken,
+    stopped or lost is not ours, and is never commanded again. ``index`` is its position among the robots of
+    its role, ``plays`` its positions in the roles of inner missions, the role before ``all``. A ``spare`` is
+    neither ours nor within until it replaces another robot, which is then marked ``replaced``.
     """
 
     robot: str
@@ -118,7 +118,7 @@ class Member(msgspec.Struct):
 
 
 class Part(msgspec.Struct):
-    """What one robot does for a step: one command, with an identity that is used once for ever."""
+    """One robot's part in a step: one command, with an identity that is used only once."""
 
     identity: str
     step: str
@@ -135,12 +135,12 @@ class Part(msgspec.Struct):
 
     @property
     def inflight(self) -> bool:
-        """True until its end was seen, or it was given up."""
+        """True until its end is observed or it is given up."""
         return self.outcome is None
 
 
 class Question(msgspec.Struct, frozen=True):
-    """A question to a person; ``about``: what its answer decides."""
+    """A question to a person; ``about``: the subject of the decision."""
 
     id: int
     text: str
@@ -150,55 +150,55 @@ class Question(msgspec.Struct, frozen=True):
 
 
 class Begun(msgspec.Struct, frozen=True):
-    """A step that robots began: its index in the program, and its name."""
+    """A begun step: its index in the program, and its name."""
 
     at: int
     step: str
 
 
 class Head(msgspec.Struct):
-    """Where a run is. ``at`` is the index of its instruction, ``loops`` counts rounds by index.
+    """Position and phase of a run. ``at`` is the index of its instruction, ``loops`` counts rounds by index.
 
-    ``entered`` has, by index, when each mission within it began that is under way.
+    ``entered`` has the start time of each inner mission in progress, by index.
     """
 
     phase: Phase = Phase.NEW
     at: int = 0
-    serial: int = 0  # of the step that is under way: a step that is repeated begins anew
+    serial: int = 0  # of the present step: a repeated step gets a new number
     loops: dict[str, int] = {}
     entered: dict[str, float] = {}
     until: float = 0.0  # of a wait
-    enlists: str = ""  # the spare that is asked
-    waits_for: str = ""  # the place that it waits for, and who has it
+    enlists: str = ""  # the spare that is asked to join
+    waits_for: str = ""  # the awaited place, with its holder
     question: Question | None = None
     questions: int = 0
     paused_from: Phase = Phase.NEW
     paused_at: float = 0.0
-    begun: list[Begun] = []  # to be undone backwards
-    target: RunOutcome | None = None  # how it ends once its robots are held
+    begun: list[Begun] = []  # to be undone in reverse order
+    target: RunOutcome | None = None  # its outcome once its robots are held
     outcome: RunOutcome | None = None
     reason: str = ""
 
 
 def instruction_of(program: Program, head: Head) -> Instruction | None:
-    """Return the instruction that is under way; None behind the last."""
+    """Return the present instruction; None after the last."""
     return program.steps[head.at] if head.at < len(program.steps) else None
 
 
 def required(program: Program, head: Head) -> Require:
-    """Return what the step that is under way requires of its robots."""
+    """Return the requirements of the present step."""
     step = instruction_of(program, head)
     return (isinstance(step, Do) and step.require) or program.require
 
 
 def step_name(program: Program, head: Head) -> str:
-    """Return the step that is under way, as parts name it: a repeated one has another number each time."""
+    """Return the name of the present step as used in parts: each repetition has another number."""
     if head.at >= len(program.steps):
         return "end"
     return f"{program.steps[head.at].id or 'repeat'}.{head.serial}"
 
 
-# -- events in ---------------------------------------------------------------------------------------------
+# -- events ------------------------------------------------------------------------------------------------
 
 
 class Start(msgspec.Struct, frozen=True):
@@ -206,7 +206,7 @@ class Start(msgspec.Struct, frozen=True):
 
 
 class Restarted(msgspec.Struct, frozen=True):
-    """The process that carried out the run ended; this is another one."""
+    """Another process resumes the run after the end of the first."""
 
 
 class Tick(msgspec.Struct, frozen=True):
@@ -214,7 +214,7 @@ class Tick(msgspec.Struct, frozen=True):
 
 
 class Replied(msgspec.Struct, frozen=True):
-    """What became of a part: None for a receipt, which shows that the robot took it."""
+    """The outcome of a part; None for a receipt, which shows that the robot accepted it."""
 
     identity: str
     outcome: Outcome | None
@@ -222,35 +222,35 @@ class Replied(msgspec.Struct, frozen=True):
 
 
 class Prepared(msgspec.Struct, frozen=True):
-    """Whether a robot could begin; ``refusal`` is empty when it could."""
+    """Whether a robot can begin; ``refusal`` is empty if it can."""
 
     robot: str
     refusal: str = ""
 
 
 class NotStarted(msgspec.Struct, frozen=True):
-    """The robots of a step that were to begin together do not: nobody has moved."""
+    """The coordinated start of a step failed: no robot has moved."""
 
     step: str
     reason: str
 
 
 class Enlisted(msgspec.Struct, frozen=True):
-    """Whether a spare has joined the run; ``refusal`` is empty when it has."""
+    """Whether a spare has joined the run; ``refusal`` is empty if it has."""
 
     robot: str
     refusal: str = ""
 
 
 class Occupied(msgspec.Struct, frozen=True):
-    """Its places are its own; or which it waits for (``waits_for``), or why it gets none (``late``)."""
+    """The run occupies its places; or the awaited place (``waits_for``), or why it gets none (``late``)."""
 
     waits_for: str = ""
     late: str = ""
 
 
 class Facts(msgspec.Struct, frozen=True):
-    """What is seen of a robot: ``position`` in metres, ``progress`` a word that changes as it gets on."""
+    """Observed facts of a robot: ``position`` in metres, ``progress`` a text that changes as it moves on."""
 
     robot: str
     health: str = "ok"
@@ -260,7 +260,7 @@ class Facts(msgspec.Struct, frozen=True):
 
 
 class Heard(msgspec.Struct, frozen=True):
-    """An event was reported of a robot."""
+    """A robot reported an event."""
 
     robot: str
     event: str
@@ -283,7 +283,7 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 class Pause(msgspec.Struct, frozen=True):
-    """A person wants the run to pause; or a ``robot`` did not pause or go on with it."""
+    """A person pauses the run; or a ``robot`` did not pause or resume with it."""
 
     by: str = ""
     robot: str = ""
@@ -291,13 +291,13 @@ class Pause(msgspec.Struct, frozen=True):
 
 
 class Resume(msgspec.Struct, frozen=True):
-    """A person wants the run to go on."""
+    """A person resumes the run."""
 
     by: str = ""
 
 
 class Abort(msgspec.Struct, frozen=True):
-    """A person wants the run to end."""
+    """A person aborts the run."""
 
     by: str = ""
 
@@ -330,7 +330,7 @@ Event = (
 
 
 class Begin(msgspec.Struct, frozen=True):
-    """Command a robot, once the part is recorded."""
+    """Command a robot, after the part is recorded."""
 
     part: Part
 
@@ -342,17 +342,17 @@ class Enlist(msgspec.Struct, frozen=True):
 
 
 class Dismiss(msgspec.Struct, frozen=True):
-    """Give back a spare that has joined when it was not needed any more."""
+    """Release a spare that joined when it was no longer needed."""
 
     robot: str
 
 
 class Occupy(msgspec.Struct, frozen=True):
-    """Take the places of the run, or wait for them."""
+    """Occupy the places of the run, or wait for them."""
 
 
 class Prepare(msgspec.Struct, frozen=True):
-    """Let a robot be ready to begin something at the common instant; it must not move before."""
+    """Prepare a robot to begin at the common instant; it must not move before."""
 
     robot: str
     act: Act
@@ -360,14 +360,14 @@ class Prepare(msgspec.Struct, frozen=True):
 
 
 class BeginTogether(msgspec.Struct, frozen=True):
-    """Let robots that are prepared begin at one instant, once their parts are recorded."""
+    """Let prepared robots begin at one instant, after their parts are recorded."""
 
     step: str
     parts: tuple[Part, ...]
 
 
 class Hold(msgspec.Struct, frozen=True):
-    """Pause what a robot does for a part; ``resumes``: go on with it instead."""
+    """Pause a robot's part; ``resumes``: resume it instead."""
 
     part: Part
     resumes: bool = False
@@ -381,7 +381,7 @@ class EmergencyStop(msgspec.Struct, frozen=True):
 
 
 class Note(msgspec.Struct, frozen=True):
-    """One line of the run's story."""
+    """One line of the run's log."""
 
     text: str
     robot: str = ""
@@ -389,7 +389,7 @@ class Note(msgspec.Struct, frozen=True):
 
 
 class Ended(msgspec.Struct, frozen=True):
-    """The run has ended; its robots are free."""
+    """The run has ended; its robots are released."""
 
     outcome: RunOutcome
     reason: str

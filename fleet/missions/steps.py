@@ -1,4 +1,4 @@
-"""Carries out the instructions of one run, one after the other, until one has to be waited for."""
+"""Executes the instructions of one run in order, until one must wait."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ from fleet.missions.state import (
     step_name,
 )
 
-TOLD_WITHIN = 5.0  # s after its time in which a run is told that its places were not free
-PREPARED_WITHIN = 15.0  # s for all robots to say whether they could
-BOUND = 10_000  # instructions without waiting, after which a run is taken for a mistake
+TOLD_WITHIN = 5.0  # s after the deadline for places within which the run must be informed of the failure
+PREPARED_WITHIN = 15.0  # s for all robots to report whether they can begin
+BOUND = 10_000  # instructions without a wait before the run counts as an endless loop
 
 
 class Steps:
-    """The steps of one run; ``losses.now`` is the time of the event that is being handled."""
+    """The steps of one run; ``losses.now`` is the time of the present event."""
 
     def __init__(self, program: Program, head: Head, robots: RunRobots, seen: Seen, ending: Ending) -> None:
         self.program = program
@@ -70,7 +70,7 @@ class Steps:
 
     @property
     def name(self) -> str:
-        """The step that is under way, as parts name it."""
+        """The name of the present step, as used in parts."""
         return step_name(self.program, self.head)
 
     def next(self) -> None:
@@ -79,7 +79,7 @@ class Steps:
         self.go_on()
 
     def go_on(self) -> None:
-        """Carry out instructions until one has to be waited for."""
+        """Execute instructions until one must wait."""
         for _ in range(BOUND):
             step = instruction_of(self.program, self.head)
             if isinstance(step, Do | None) and self._fills_up():
@@ -99,9 +99,9 @@ class Steps:
         self.ending.fail("its steps lead nowhere", self.losses.now)
 
     def _fills_up(self) -> bool:
-        """Let spares take the places of robots that are lost; return whether the run waits for one, or ends.
+        """Let spares replace lost robots; return True if the run waits for one, or ends.
 
-        With nobody left to ask, the robots that there are must be enough.
+        Without further spares, the present robots must satisfy the quorum.
         """
         if instruction_of(self.program, self.head) is not None and self.spares.enlist(self.losses.now):
             return True
@@ -111,17 +111,17 @@ class Steps:
         return bool(shortage)
 
     def enlisted(self, event: Enlisted) -> None:
-        """Take the answer of a spare, and go on."""
+        """Handle the answer of a spare, and continue."""
         if self.spares.take(event, self.losses.now):
             self.go_on()
 
     def occupy(self) -> None:
-        """Take the places of the mission before anything begins, or wait for them."""
+        """Occupy the places of the mission before anything begins, or wait for them."""
         self.head.phase, self.head.until = Phase.OCCUPYING, self.losses.now + self.program.occupy_within
         self.robots.effects.append(Occupy())
 
     def again(self) -> None:
-        """Go on with a step that a question held up: begin it, or see whether it is over."""
+        """Continue a step that waited for an answer: begin it, or check its completion."""
         step = instruction_of(self.program, self.head)
         if isinstance(step, Do) and not self.robots.parts_of(self.name):
             self._do(step)
@@ -130,11 +130,11 @@ class Steps:
             self.look()
 
     def prepared(self, robot: str, refusal: str) -> None:
-        """Take a robot's word on whether it could begin; once all have said so they do."""
+        """Handle a robot's report whether it can begin; begin when all can."""
         if self.head.phase is not Phase.PREPARING or robot not in self._unprepared:
             return
         if refusal:
-            self.losses.fail(f"step {self.name}: {robot} cannot: {refusal}; nobody moved")
+            self.losses.fail(f"step {self.name}: {robot} cannot: {refusal}; no robot moved")
             return
         self._unprepared.discard(robot)
         step = instruction_of(self.program, self.head)
@@ -142,26 +142,26 @@ class Steps:
             self._begin_all(step)
 
     def not_started(self, event: NotStarted) -> None:
-        """End a step whose robots were to begin together, and did not."""
+        """End a step whose coordinated start failed."""
         step = instruction_of(self.program, self.head)
         if event.step != self.name or not isinstance(step, Do) or self.head.phase not in GOING_ON:
             return
         for part in self.robots.parts_of(self.name):
-            self.robots.end(part, Outcome.SKIPPED, "nobody was started", self.losses.now)
+            self.robots.end(part, Outcome.SKIPPED, "no robot was started", self.losses.now)
         self.head.begun.pop()
-        self.losses.fail(f"step {self.name}: {event.reason}; nobody moved")
+        self.losses.fail(f"step {self.name}: {event.reason}; no robot moved")
 
     def time_passes(self) -> None:
-        """End a wait whose time is over, or whose condition holds; and a preparation that takes too long."""
+        """End a wait that is over or fulfilled, and a preparation that takes too long."""
         self.losses.time_passes()
         late = self.losses.now >= self.head.until
         if self.head.phase is Phase.FILLING and late:
             self.enlisted(Enlisted(self.head.enlists, f"it did not join within {ENLISTED_WITHIN:g} s"))
         if self.head.phase is Phase.OCCUPYING and self.losses.now >= self.head.until + TOLD_WITHIN:
-            self.losses.fail("nobody said whether its places are free")
+            self.losses.fail("no answer whether its places are free")
         if self.head.phase is Phase.PREPARING and late:
             missing = ", ".join(sorted(self._unprepared))
-            self.losses.fail(f"step {self.name}: {missing} did not say whether it can; nobody moved")
+            self.losses.fail(f"step {self.name}: {missing} did not say whether it can; no robot moved")
         if self.head.phase is not Phase.WAITING:
             return
         step = instruction_of(self.program, self.head)
@@ -172,23 +172,24 @@ class Steps:
                 self.next()
                 return
         if late and waits_for is not None and waits_for.fails:
-            self.losses.fail(f"step {self.name}: what it waited for did not come")
+            self.losses.fail(f"step {self.name}: its condition did not occur in time")
         elif late:
             self.next()
 
     def look(self) -> None:
-        """See whether the step that robots carry out is over."""
+        """Check the completion of the step that robots execute."""
         step = instruction_of(self.program, self.head)
         if self.head.phase is not Phase.STEP or not isinstance(step, Do | Leave):
             return
-        if isinstance(step, Leave):  # of a mission within that failed: its robots are made safe first
+        if isinstance(step, Leave):  # of a failed inner mission: its robots are made safe first
             if not self.robots.active("halt", "secure"):
                 self.next()
             return
         parts = self.robots.parts_of(self.name)
         active = [part for part in parts if part.inflight]
         through = _is_through(step, parts, self.robots)
-        led = all(part.act.verb == "follow" for part in active)  # they go on until nobody else does
+        # followers continue until all others have finished
+        led = all(part.act.verb == "follow" for part in active)
         for part in active if through or led else ():
             if not self.robots.comes_down(part.robot):
                 outcome = Outcome.DONE if part.act.verb == "follow" else Outcome.SKIPPED
@@ -199,12 +200,12 @@ class Steps:
         if through or not parts or step.finish == "all":
             self.next()
         else:
-            self.losses.fail(f"step {self.name}: nobody that it depends on was through")
+            self.losses.fail(f"step {self.name}: no robot that it depends on has finished")
 
-    # -- the kinds of instructions: each returns whether it has to be waited for -----------------------
+    # -- kinds of instructions: each returns whether it must wait --------------------------------------
 
     def _loop(self, step: Loop) -> bool:
-        """Begin a repeat, or another round of it."""
+        """Begin a repeat, or its next round."""
         key = str(self.head.at)
         rounds = self.head.loops.get(key, 0)
         over = step.until is not None and self.seen.holds(
@@ -219,7 +220,7 @@ class Steps:
         return False
 
     def _again(self, step: Again) -> bool:
-        """Go back to the beginning of a repeat."""
+        """Jump to the start of a repeat."""
         self.head.at = step.loop
         return False
 
@@ -242,10 +243,10 @@ class Steps:
         return True
 
     def _do(self, step: Do) -> bool:
-        """Begin a step that robots carry out, when all that must be so is so."""
+        """Begin a step of robots, if all requirements are met."""
         self.head.phase = Phase.STEP
         for robot, act in self.robots.acts_of(step.acts):
-            nobody = "nobody is left whom it could follow" if act.verb == "follow" and not act.value else ""
+            nobody = "there is no robot left to follow" if act.verb == "follow" and not act.value else ""
             lacking = nobody or self.seen.lacks(robot, required(self.program, self.head))
             if lacking:
                 self.losses.lose(robot, Outcome.REFUSED, lacking)
@@ -263,7 +264,7 @@ class Steps:
         return True
 
     def _begin_all(self, step: Do) -> None:
-        """Begin what each robot does."""
+        """Begin the part of each robot."""
         self.head.phase = Phase.STEP
         self.head.begun.append(Begun(self.head.at, self.name))
         if step.together:
@@ -272,10 +273,10 @@ class Steps:
             self.robots.begin(self.name, robot, act, "do", self.losses.now)
         self.look()
 
-    # -- missions within the mission -------------------------------------------------------------------
+    # -- inner missions --------------------------------------------------------------------------------
 
     def _enter(self, step: Enter) -> bool:
-        """Begin a mission within the mission, unless it has too few robots by now."""
+        """Begin an inner mission, unless it has too few robots by now."""
         self.inner.enter(step, self.losses.now)
         self.head.at += 1
         self.head.phase = Phase.STEP
@@ -285,14 +286,14 @@ class Steps:
         return bool(shortage)
 
     def _leave(self, step: Leave) -> bool:
-        """End a mission within the mission that came to its end."""
+        """Complete an inner mission."""
         self.inner.leave(step)
         self.head.at += 1
         return False
 
 
 def _is_through(step: Do, parts: list[Part], robots: RunRobots) -> bool:
-    """Return whether those that the step depends on are through, so that the others are ended."""
+    """Return True if the robots on which the step depends have finished, so that the others are ended."""
     if step.finish == "all":
         return False
     done = [part for part in parts if part.outcome is Outcome.DONE and part.act.verb != "follow"]

@@ -1,15 +1,15 @@
-"""What must outlive the process of a run: its frozen program, where it is, what was begun, its story.
+"""Persistent state of runs: the frozen program, the position, the begun parts, the log.
 
-An SQLite file beside the journal, written by a thread of its own, one commit for each change, synchronised
-to the disk: ``save`` calls back once a change is on disk, and only then is a robot commanded. So a part that
-was sent is always recorded, and one that is recorded is never begun again.
+An SQLite file beside the journal, written by a thread of its own, with one synchronised commit per change:
+``save`` calls back when a change is on disk, and only then is a robot commanded. So every command that was
+sent is recorded, and a recorded part never begins again.
 
 ==========================  ==========================================================================
-what happens                what the store does
+failure                     reaction of the store
 ==========================  ==========================================================================
-disk full, read-only        no run is started; one that runs goes on, told in ``problem``
-file damaged                set aside, a new one begun, told in ``lost`` until the process ends
-too many ended runs         the oldest are deleted, with their story
+disk full, read-only        no run is started; runs in progress continue, reported in ``problem``
+file damaged                set aside and replaced, reported in ``lost`` until the process ends
+too many ended runs         the oldest are deleted with their logs
 ==========================  ==========================================================================
 """
 
@@ -29,7 +29,7 @@ from fleet.missions.program import Program
 from fleet.missions.state import Head, Member, Note, Part, RunOutcome
 from fleet.runtime.decoding import decode_json
 from fleet.spool.database import open_checked
-from fleet.spool.state_folder import locked, made
+from fleet.spool.state_folder import create_folder, locked
 
 log = logging.getLogger(__name__)
 
@@ -44,7 +44,7 @@ CREATE TABLE note (id INTEGER PRIMARY KEY, run TEXT, stamp REAL, step TEXT, robo
 CREATE INDEX note_by_run ON note (run, id);
 """
 FORMATS = (SCHEMA,)
-"""What brings the file from each format number to the next (``fleet.runtime.state_format``)."""
+"""Migrations of the file from each format number to the next (``fleet.runtime.state_format``)."""
 KEPT = 500  # ended runs
 _RUN = "INSERT OR REPLACE INTO run VALUES (?, ?, ?, ?, ?, ?, ?)"
 _HEAD = "UPDATE run SET head = ?, ended = ?, stamp = ?, elapsed = ? WHERE id = ?"
@@ -52,10 +52,10 @@ _encode = msgspec.json.Encoder().encode
 
 
 class About(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What was started: by whom, when (Unix s), with which inputs; ``hash`` is of the program and the roles.
+    """Origin of a run: user, time (Unix s) and inputs; ``hash`` covers the program and the roles.
 
     ``way`` and ``source_type`` are the authority under which its robots are commanded. ``workflow`` is the
-    one of the cloud that started it.
+    workflow of the cloud that started it.
     """
 
     run: str
@@ -69,8 +69,8 @@ class About(msgspec.Struct, frozen=True, omit_defaults=True):
     workflow: str = ""
 
 
-class Told(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One line of a run's story; ``stamp`` is Unix seconds."""
+class RunLogEntry(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One line of a run's log; ``stamp`` is Unix seconds."""
 
     stamp: float
     text: str
@@ -79,7 +79,7 @@ class Told(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Change(msgspec.Struct, frozen=True):
-    """What one event changed in a run. ``elapsed``: seconds of the run's clock, at ``stamp`` (Unix s)."""
+    """Changes of a run by one event. ``elapsed``: seconds of the run's clock, at ``stamp`` (Unix s)."""
 
     run: str
     head: Head
@@ -87,12 +87,12 @@ class Change(msgspec.Struct, frozen=True):
     notes: Sequence[Note]
     stamp: float
     elapsed: float
-    about: About | None = None  # of a run that is new, with its program
+    about: About | None = None  # only for a new run, with its program
     program: Program | None = None
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """A run as it was recorded."""
+    """A stored run."""
 
     about: About
     program: Program
@@ -104,9 +104,9 @@ class Kept(msgspec.Struct, frozen=True):
 
 
 class Store:
-    """The runs of one edge. ``problem`` says why they are not on disk, empty while they are.
+    """The runs of one edge. ``problem``: why they are not on disk, empty while they are.
 
-    ``lost`` says that those of earlier processes could not be read.
+    ``lost``: the runs of earlier processes that could not be read.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -115,7 +115,7 @@ class Store:
         self._database: sqlite3.Connection | None = None
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="fleet-missions")
         try:
-            made(folder)
+            create_folder(folder)
             with locked(self._path):
                 self._database, aside = open_checked(self._path, FORMATS, "FULL")
             if aside is not None:
@@ -124,24 +124,24 @@ class Store:
             self._fail(error)
 
     def save(self, change: Change, done: Callable[[bool], None]) -> None:
-        """Record a change; ``done`` hears, on the store's thread, whether it is on disk. Never raises."""
+        """Record a change; ``done`` is called on the store's thread with its success. Never raises."""
         head = _encode(change.head)
         rows = [(isinstance(each, Part), _key(each), _encode(each)) for each in change.touched]
         try:
             self._thread.submit(self._write, change, head, rows, done)
-        except RuntimeError:  # we are closed
+        except RuntimeError:  # the store is closed
             done(False)
 
     def knows(self, run: str) -> bool:
-        """Return whether a run of this id was recorded, under way or ended; waits for the disk."""
+        """Return True if a run of this id is stored, in progress or ended; waits for the disk."""
         return bool(self._thread.submit(self._rows_of, run).result())
 
     def has_ended(self, run: str) -> bool:
-        """Return whether a run of this id has ended and is kept; waits for the disk."""
+        """Return True if a stored run of this id has ended; waits for the disk."""
         return any(ended for (ended,) in self._thread.submit(self._rows_of, run).result())
 
     def unfinished(self) -> list[Kept]:
-        """Return the runs that have not ended; before the first is saved. What cannot be read is told."""
+        """Return the unfinished runs; call it before the first save. Unreadable runs are reported."""
         if self._database is None:
             return []
         try:
@@ -156,46 +156,46 @@ class Store:
             try:
                 found.append(self._kept(run, about, program, head, stamp, elapsed))
             except (msgspec.DecodeError, sqlite3.Error) as error:
-                self.lost = f"run {run} cannot be read, and nobody knows how it ended: {error}"
-                log.error("%s", self.lost)  # noqa: TRY400 - told in the edge's health
+                self.lost = f"run {run} cannot be read, its outcome is unknown: {error}"
+                log.error("%s", self.lost)  # noqa: TRY400 - reported in the edge's health
                 with contextlib.suppress(sqlite3.Error):
                     self._database.execute("UPDATE run SET ended = 2 WHERE id = ?", (run,))
         return found
 
     def _rows_of(self, run: str) -> list[tuple[int]]:
-        """Return whether a run has ended; nothing for one that is not known, or when the file fails."""
+        """Return whether a run has ended; empty for an unknown run, or if the file fails."""
         if self._database is None:
             return []
         try:
             return self._database.execute("SELECT ended FROM run WHERE id = ?", (run,)).fetchall()
-        except sqlite3.Error as error:  # then nothing is started either
+        except sqlite3.Error as error:  # then no run is started either
             self._fail(error)
             return []
 
     def ended(self, most: int, told: Callable[[list[tuple[About, Head, list[Member]]]], None]) -> None:
-        """Give ``told``, on the store's thread, the runs that ended, the newest first."""
+        """Pass the ended runs, newest first, to ``told``, on the store's thread."""
         self._thread.submit(lambda: told(self._ended(most)))
 
     def ended_run(self, run: str, told: Callable[[tuple[About, Head, list[Member]] | None], None]) -> None:
-        """Give ``told``, on the store's thread, a run that has ended; None where none of this id has."""
+        """Pass an ended run to ``told``, on the store's thread; None if there is none of this id."""
         try:
             self._thread.submit(lambda: told(self._ended_run(run)))
-        except RuntimeError:  # we are closed
+        except RuntimeError:  # the store is closed
             told(None)
 
-    def story(self, run: str, told: Callable[[list[Told]], None]) -> None:
-        """Give ``told``, on the store's thread, the story of a run, the oldest line first."""
+    def story(self, run: str, told: Callable[[list[RunLogEntry]], None]) -> None:
+        """Pass the log of a run, oldest line first, to ``told``, on the store's thread."""
         self._thread.submit(lambda: told(self._story(run)))
 
     def close(self) -> None:
-        """Write what waits and close the file."""
+        """Complete the waiting writes and close the file."""
         self._thread.shutdown()
         if self._database is not None:
             self._database.close()
             self._database = None
 
     def _kept(self, run: str, about: str, program: str, head: str, stamp: float, elapsed: float) -> Kept:  # noqa: PLR0917 - a row
-        """Return a run of its rows; raises DecodeError, sqlite3.Error."""
+        """Return a run from its rows; raises DecodeError, sqlite3.Error."""
         return Kept(
             decode_json(about.encode(), About),
             decode_json(program.encode(), Program),
@@ -207,9 +207,9 @@ class Store:
         )
 
     def _states(self, table: str, run: str) -> list[str]:
-        """Return the states of a run's members or parts."""
+        """Return the stored members or parts of a run."""
         assert self._database is not None
-        rows = self._database.execute(f"SELECT state FROM {table} WHERE run = ?", (run,))  # noqa: S608 - ours
+        rows = self._database.execute(f"SELECT state FROM {table} WHERE run = ?", (run,))  # noqa: S608 - constant
         return [state for (state,) in rows]
 
     def _write(
@@ -241,7 +241,7 @@ class Store:
                 database.execute(_HEAD, (head.decode(), ended, change.stamp, change.elapsed, run))
             for is_part, key, state in rows:
                 table = "part" if is_part else "member"
-                sql = f"INSERT OR REPLACE INTO {table} VALUES (?, ?, ?)"  # noqa: S608 - ours
+                sql = f"INSERT OR REPLACE INTO {table} VALUES (?, ?, ?)"  # noqa: S608 - constant
                 database.execute(sql, (run, key, state.decode()))
             database.executemany(
                 "INSERT INTO note (run, stamp, step, robot, text) VALUES (?, ?, ?, ?, ?)",
@@ -251,14 +251,14 @@ class Store:
                 self._prune(database)
 
     def _prune(self, database: sqlite3.Connection) -> None:
-        """Delete the oldest runs that ended, beyond those that are kept."""
+        """Delete the oldest ended runs beyond the limit."""
         old = "SELECT id FROM run WHERE ended ORDER BY stamp DESC LIMIT -1 OFFSET ?"
         gone = [run for (run,) in database.execute(old, (KEPT,))]
         for table, column in (("note", "run"), ("part", "run"), ("member", "run"), ("run", "id")):
-            database.executemany(f"DELETE FROM {table} WHERE {column} = ?", [(run,) for run in gone])  # noqa: S608 - ours
+            database.executemany(f"DELETE FROM {table} WHERE {column} = ?", [(run,) for run in gone])  # noqa: S608 - constant
 
     def _ended_run(self, run: str) -> tuple[About, Head, list[Member]] | None:
-        """Read a run that has ended; None where there is none, or the file fails."""
+        """Read an ended run; None if there is none, or the file fails."""
         try:
             return next(iter(self._ended(1, run)), None)
         except (msgspec.DecodeError, sqlite3.Error) as error:
@@ -266,7 +266,7 @@ class Store:
             return None
 
     def _ended(self, most: int, run: str = "") -> list[tuple[About, Head, list[Member]]]:
-        """Read the runs that ended, or one of them."""
+        """Read the ended runs, or one of them."""
         if self._database is None:
             return []
         rows = self._database.execute(
@@ -282,17 +282,17 @@ class Store:
             for run, about, head in rows
         ]
 
-    def _story(self, run: str) -> list[Told]:
-        """Read a story."""
+    def _story(self, run: str) -> list[RunLogEntry]:
+        """Read the log of a run."""
         if self._database is None:
             return []
         rows = self._database.execute(
             "SELECT stamp, text, step, robot FROM note WHERE run = ? ORDER BY id", (run,)
         )
-        return [Told(*row) for row in rows]
+        return [RunLogEntry(*row) for row in rows]
 
     def _fail(self, error: Exception) -> None:
-        """Tell that runs are not recorded."""
+        """Record and log that runs are not stored."""
         problem = f"the runs of missions are not recorded: {error}"
         if problem != self.problem:
             log.error("%s", problem)
@@ -300,10 +300,10 @@ class Store:
 
 
 def _key(each: Part | Member) -> str:
-    """Return what names a part or a member in its run."""
+    """Return the key of a part or a member in its run."""
     return each.identity if isinstance(each, Part) else each.robot
 
 
 def is_good(outcome: RunOutcome | None) -> bool:
-    """Return whether a run did what it was to do."""
+    """Return True if a run completed its mission."""
     return outcome in (RunOutcome.COMPLETED, RunOutcome.WITH_LOSSES)

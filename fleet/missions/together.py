@@ -1,4 +1,4 @@
-"""The step of one run whose robots begin together: each is prepared, then all are told one instant."""
+"""Coordinated start of a step: each robot is prepared, then all begin at one instant."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fleet.wire.rules import Kind
 
 
 class Together(Protocol):
-    """A start of several robots at one instant; what it calls back is called on the event loop."""
+    """A coordinated start of several robots; its callbacks run on the event loop."""
 
     def prepare(
         self,
@@ -24,17 +24,17 @@ class Together(Protocol):
         identity: str,
         heard: Callable[[Reply], None],
     ) -> None:
-        """Ask a robot to prepare; ``heard`` gets whether it is, and later how what is begun goes on."""
+        """Ask a robot to prepare; ``heard`` receives the result, and later the replies after the start."""
 
     def begin(self, robots: Sequence[str], failed: Callable[[str], None]) -> None:
-        """Let all begin at one instant; ``failed`` hears why nobody does."""
+        """Let all robots begin at one instant; ``failed`` receives the reason if none begins."""
 
     def withdraw(self) -> None:
-        """Take back what has not begun."""
+        """Cancel the robots that have not begun."""
 
 
 class TogetherStep:
-    """Prepares and begins such steps. ``take`` takes events, ``replied`` what became of an identity."""
+    """Prepares and begins such steps. ``take`` receives events, ``replied`` the outcome of an identity."""
 
     def __init__(
         self,
@@ -52,19 +52,19 @@ class TogetherStep:
         self._replied = replied
         self._start: Together | None = None
         self._step = ""
-        self._told: dict[str, Part] = {}  # of robots that are told to begin, and have not said that they do
+        self._told: dict[str, Part] = {}  # parts that were told to begin, without a confirmation yet
 
     def unpausable(self, phase: Phase) -> str:
-        """Return why a run must not be paused now; empty when it may.
+        """Return why a run must not be paused now; empty if it may.
 
-        Robots that are about to begin have nothing yet to hold, and might begin all the same.
+        Robots about to begin have no motion to pause yet, and might begin all the same.
         """
         if phase is not Phase.PREPARING and not any(part.inflight for part in self._told.values()):
             return ""
         return "its robots are about to begin together: pause it once they have, or abort it now"
 
     def prepare(self, robot: str, kind: Kind, message: dict[str, Any], identity: str) -> None:
-        """Ask a robot to prepare what it is to begin; the first answer says whether it is."""
+        """Ask a robot to prepare a part; the first reply is the result."""
         first = True
 
         def heard(reply: Reply) -> None:
@@ -83,7 +83,7 @@ class TogetherStep:
         self._start.prepare(robot, kind, payload, way=self._way, identity=identity, heard=heard)
 
     def begin(self, step: str, parts: tuple[Part, ...]) -> None:
-        """Let robots begin that are prepared and recorded, unless one of them is out meanwhile."""
+        """Start prepared robots whose parts are recorded, unless one of them has left meanwhile."""
         if self._start is not None and all(part.inflight for part in parts):
             self._told = {part.identity: part for part in parts}
             self._start.begin([part.robot for part in parts], partial(self._not_started, step))
@@ -92,17 +92,17 @@ class TogetherStep:
         self._take(NotStarted(step, "a robot left the run meanwhile"))
 
     def _not_started(self, step: str, why: str) -> None:
-        """Take it that nobody begins."""
+        """Handle a failed start: no robot begins."""
         self._told.clear()
         self._take(NotStarted(step, why))
 
     def follow(self, phase: Phase) -> None:
-        """Take back what has not begun when the run leaves the step."""
+        """Cancel the robots that have not begun when the run leaves the step."""
         if phase not in (Phase.PREPARING, Phase.STEP):
             self.withdraw()
 
     def withdraw(self) -> None:
-        """Take back what has not begun."""
+        """Cancel the robots that have not begun."""
         self._told.clear()
         start, self._start = self._start, None
         if start is not None:

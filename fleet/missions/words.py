@@ -1,4 +1,4 @@
-"""What runs do, as sentences for people who have not read the grammar."""
+"""Descriptions of runs as sentences for readers who do not know the grammar."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ OUTCOMES: Mapping[str, str] = MappingProxyType(
         "failed": "is out of the run, because it failed",
         "late": "is out of the run, because it was not done in time",
         "lost": "is out of the run, because it does not answer",
-        "taken": "is out of the run, because somebody else has it",
+        "taken": "is out of the run, because it was taken",
         "stopped": "is out of the run, because it was stopped",
         "skipped": "was not through when the run ended",
-        "unknown": "ended in a way that nobody saw",
+        "unknown": "ended without being observed",
     }
 )
 
 
 def step_of(name: str) -> str:
-    """Return a step as the mission calls it: without the number by which the run tells repeats apart."""
+    """Return the mission's name of a step, without the number that distinguishes its repetitions."""
     return _SERIAL.sub("", name)
 
 
 def phase_words(phase: str, step: str) -> str:
-    """Return what a run does."""
+    """Describe the phase of a run."""
     return PHASES.get(phase, phase).format(step=step_of(step))
 
 
 def told_line(text: str, robot: str, step: str) -> str:
-    """Return a line of a run's story as a sentence."""
+    """Return a line of a run's log as a sentence."""
     said = f"{robot} {text}" if robot else text
     return f"{said} (step {step_of(step)})" if step else said

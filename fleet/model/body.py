@@ -1,4 +1,4 @@
-"""The parts of a robot's body, as far as a drawing of it needs them."""
+"""Parts of a robot's body, for drawings of it."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from fleet.model.geometry import Vector3
 class BodyPart(msgspec.Struct, frozen=True, omit_defaults=True):
     """A rigid part of a robot, metres.
 
-    Its frame is at ``at`` in that of ``parent`` (empty: the robot's own frame, x forward, y left, z up), and
-    turned about ``axis`` by the angle of ``joint``, as the robot's JointReports name it (empty: it does not
-    turn). It is a rod from the origin of its frame to ``end``, or a box of ``size`` around that origin.
+    Its frame is at ``at`` in the frame of ``parent`` (empty: the robot's own frame, x forward, y left, z up),
+    rotated about ``axis`` by the angle of ``joint``, named as in the robot's JointReports (empty: it does not
+    rotate). The part is a rod from the origin of its frame to ``end``, or a box of ``size`` around that
+    origin.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What a changed fleet.yaml does to a running edge, as it is asked and told on the bus."""
+"""Changes of fleet.yaml on a running edge: requests and answers on the bus."""
 
 from __future__ import annotations
 
@@ -8,35 +8,35 @@ from typing import Literal
 import msgspec
 
 FORMAT = 1
-"""The format of these messages; whoever is asked in a newer one says so and does nothing."""
+"""Format of these messages; a request in a newer format is refused."""
 
 
 class ChangeKind(StrEnum):
-    """What is done with one robot, or one section of fleet.yaml."""
+    """How one robot, or one section of fleet.yaml, is changed."""
 
     ADDED = "added"
     REMOVED = "removed"
-    REBUILT = "rebuilt"  # its adapter is ended and started again with the new configuration
-    SETTINGS = "settings only"  # taken over while the adapter goes on
-    RESTART = "restart"  # only the next start of the edge takes it
+    REBUILT = "rebuilt"  # its adapter is restarted with the new configuration
+    SETTINGS = "settings only"  # applied while the adapter keeps running
+    RESTART = "restart"  # applied at the next start of the edge
     UNTOUCHED = "untouched"
 
 
 class Outcome(StrEnum):
-    """What came of a change."""
+    """Outcome of a change."""
 
-    PLANNED = "planned"  # nothing was to be done but to tell it
+    PLANNED = "planned"  # only shown, as requested
     DONE = "done"
-    PARTLY = "partly"  # what is stricter is in use, the rest waits; or all is, and a robot does not answer
-    REFUSED = "refused"  # nothing was changed, and why
-    FAILED = "failed"  # the configuration of before is in use again
+    PARTLY = "partly"  # the stricter part is in use, the rest waits; or all is, and a robot does not answer
+    REFUSED = "refused"  # nothing was changed
+    FAILED = "failed"  # the previous configuration is in use again
 
 
 class Change(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One robot, or one section.
+    """The change of one robot, or one section.
 
-    ``fields``: what differs, as ``limits.speed: 5.0 -> 3.0``, secrets masked. ``why``: why it needs a
-    restart, was refused or failed; of a plan: why it would be refused now.
+    ``fields``: the differences, as ``limits.speed: 5.0 -> 3.0``, secrets masked. ``why``: why it needs a
+    restart, was refused or failed; in a plan: why it would be refused now.
     """
 
     name: str
@@ -48,9 +48,9 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class HoldRobot(msgspec.Struct, frozen=True):
-    """What a worker is asked of one robot: ``given`` is its configuration as fleet.yaml has it (JSON).
+    """New configuration of one robot for its worker: ``given`` is its part of fleet.yaml (JSON).
 
-    ``whole``: its adapter goes on with it, so that a robot at rest may take all of it over.
+    ``whole``: the adapter can keep running with it, so a robot at rest may apply all of it.
     """
 
     given: str
@@ -58,16 +58,16 @@ class HoldRobot(msgspec.Struct, frozen=True):
 
 
 class HoldAsked(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What a worker is asked: settings of its robots, by name, and groups of the edge; None: as before."""
+    """Request to a worker: settings of its robots, by name, and groups of the edge; None: unchanged."""
 
     robots: dict[str, HoldRobot] = {}
     groups: dict[str, list[str]] | None = None
 
 
 class HeldRobot(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What came of it: ``complete``: it runs with the new configuration; ``changed``: with stricter settings.
+    """Result for one robot; ``complete``: all of the configuration is in use; ``changed``: a stricter part.
 
-    ``settings`` are those that it is held to now (JSON); ``why`` it is held to none of the new ones.
+    ``settings`` are those in force now (JSON); ``why`` is the reason if none of the new ones is.
     """
 
     complete: bool = False
@@ -77,10 +77,10 @@ class HeldRobot(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class ChangesAsked(msgspec.Struct, frozen=True, omit_defaults=True):
-    """``diff`` only tells, ``apply`` does it; ``force``: also to robots in motion; ``by``: who asks.
+    """Request to an edge: ``diff`` shows the changes, ``apply`` makes them.
 
-    ``file``: the path that the asker means; an edge that reads another refuses. ``text``: also tell what the
-    file says.
+    ``force``: also for robots in motion; ``by``: the sender. ``file``: the path that the sender means; an
+    edge that reads another file refuses. ``text``: also return the content of the file.
     """
 
     do: Literal["diff", "apply"] = "diff"
@@ -92,10 +92,10 @@ class ChangesAsked(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class ChangesAnswer(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What differs, robots first; or why nothing was looked at, with the ``problems`` of the file.
+    """The changes, robots first; or a ``refusal``, with the ``problems`` of the file.
 
-    ``text`` is what the file says, secrets masked; ``warnings``: what a person should look at, though the
-    file can be used.
+    ``text`` is the content of the file, secrets masked; ``warnings``: what the user should check in a valid
+    file.
     """
 
     changes: tuple[Change, ...] = ()

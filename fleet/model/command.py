@@ -23,9 +23,9 @@ class Transport(enum.StrEnum):
 class Origin(msgspec.Struct, frozen=True):
     """Sender of a request, and the transport it came over.
 
-    ``source_type`` is the Cyberwave field as sent, None when it was missing.
-    ``session`` identifies the sender to the control lease and the clock-skew estimate. ``proven``: somebody
-    whom the edge believes vouches for it, as a console with a certificate does.
+    ``source_type`` is the Cyberwave field as sent, None when it was missing. ``session`` identifies the
+    sender to the control lease and the clock-skew estimate. ``proven``: the sender is authenticated, directly
+    or by a peer that the edge trusts, such as a console with a certificate.
     """
 
     way: Transport
@@ -35,11 +35,11 @@ class Origin(msgspec.Struct, frozen=True):
 
 
 RUN_SESSION = "run "
-"""What the session of a run of a mission begins with."""
+"""Prefix of the session of a mission run."""
 
 
 def session_of(run: str) -> str:
-    """Return the session in which a run of a mission commands its robots."""
+    """Return the session in which a mission run commands its robots."""
     return f"{RUN_SESSION}{run}"
 
 
@@ -88,9 +88,9 @@ class JointSetpoint(msgspec.Struct, frozen=True):
 class ReplyStatus(enum.StrEnum):
     """The four answers of ``twin.command_response.v1``."""
 
-    ACCEPTED = "accepted"  # the robot took it
-    REJECTED = "rejected"  # the host refused it before it reached the robot
-    DENIED = "denied"  # the robot refused it
+    ACCEPTED = "accepted"  # accepted by the robot
+    REJECTED = "rejected"  # refused by the host, before it reached the robot
+    DENIED = "denied"  # refused by the robot
     TIMEOUT = "timeout"  # the robot did not answer in time
 
 
@@ -113,12 +113,12 @@ class Reply(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def ok(self) -> bool:
-        """True when the robot took the command."""
+        """True when the robot accepted the command."""
         return self.status is ReplyStatus.ACCEPTED
 
     @property
     def outcome(self) -> str:
-        """State of the command as text for people."""
+        """State of the command as text for the user."""
         if self.done:
             return "done"
         return self.status.value if self.ok else f"{self.status.value}: {self.reason}"

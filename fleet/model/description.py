@@ -24,7 +24,7 @@ class CommandDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     """One command. ``refusal``: why it would be refused if it were sent now; empty when it would be accepted.
 
     ``moves``: it may move the robot; ``safe``: it is accepted during an emergency stop; ``timeout`` in
-    seconds, 0 where the host answers without the robot.
+    seconds, 0 if the host answers without the robot.
     """
 
     name: str
@@ -39,7 +39,7 @@ class CommandDescription(msgspec.Struct, frozen=True, omit_defaults=True):
 class FenceDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     """The polygons of a robot's fence, corners in metres in its world.
 
-    It must be in one of ``inclusion``, where there are any, and in none of ``exclusion``.
+    The robot must be in one of ``inclusion``, if there are any, and in none of ``exclusion``.
     """
 
     inclusion: tuple[Polygon, ...] = ()
@@ -49,9 +49,9 @@ class FenceDescription(msgspec.Struct, frozen=True, omit_defaults=True):
 class RobotDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     """One robot: its commands, and whether it also accepts velocities, goals and missions.
 
-    ``plans``: autopilots and kinds of vehicle for which the missions are made that it flies; none: any.
-    ``verbs`` are motions with a speed or a distance (``move_forward``); ``limits`` are in m/s, rad/s and m.
-    ``body``: for drawings of it.
+    ``plans``: autopilots and kinds of vehicle whose mission files it can fly; none: any. ``verbs`` are
+    motions with a speed or a distance (``move_forward``); ``limits`` are in m/s, rad/s and m. ``body``: for
+    drawings of it.
     """
 
     robot: str

@@ -27,10 +27,10 @@ class EventKind(enum.StrEnum):
 
     COMMAND = "command"  # a request was admitted or refused
     OUTCOME = "outcome"  # final result of a request
-    STOP = "stop"  # motion was ended on request
+    STOP = "stop"  # motion was stopped on request
     EMERGENCY_STOP = "emergency_stop"  # an emergency stop was set
     RELEASE = "release"  # an emergency stop was released
-    AUTHORITY_LOST = "authority_lost"  # somebody else took control of the robot
+    AUTHORITY_LOST = "authority_lost"  # another operator took control of the robot
     HEALTH = "health"  # the health level changed
     FOUND = "found"  # the robot answers
     LOST = "lost"  # the robot no longer answers
@@ -39,7 +39,7 @@ class EventKind(enum.StrEnum):
     BATTERY = "battery"  # the battery policy acted
     SEPARATION = "separation"  # another robot is too near
     SCHEDULE = "schedule"  # a schedule fired, was skipped, or was switched
-    LOGIN = "login"  # somebody logged in at the console, or failed to
+    LOGIN = "login"  # a login at the console, or a failed attempt
 
 
 class Requester(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -56,10 +56,10 @@ class Requester(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class EventReport(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One event. ``stamp`` is Unix seconds; ``text`` is a sentence for people.
+    """One event. ``stamp`` is Unix seconds; ``text`` is a sentence for the user.
 
     ``request`` is the id of the command that led to the event, ``command`` its name, ``asker`` its sender;
-    empty where no command did. ``data`` holds plain JSON values.
+    empty if no command did. ``data`` holds plain JSON values.
     """
 
     channel: ClassVar[str] = "event"

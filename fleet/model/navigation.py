@@ -78,10 +78,11 @@ class PlanItem(msgspec.Struct, frozen=True):
 
 
 class FlyMission(msgspec.Struct, frozen=True, tag="mission"):
-    """Execute a mission from the robot's own memory, so that it needs no link while under way.
+    """Execute a mission from the robot's own memory, so that it needs no link meanwhile.
 
     Altitudes are metres above home, or above mean sea level when ``above_sea`` is set. ``home`` is the home
-    position of the plan (m AMSL), None when the plan has none. ``resumed``: continue where it was left.
+    position of the plan (m AMSL), None when the plan has none. ``resumed``: continue at the item where it was
+    interrupted.
     """
 
     name: str
@@ -93,13 +94,13 @@ class FlyMission(msgspec.Struct, frozen=True, tag="mission"):
 
 
 Task = GoTo | FollowPath | RelativeMove | FlyMission
-"""What an adapter carries out."""
+"""Tasks of adapters."""
 
 
 class FollowRobot(msgspec.Struct, frozen=True, tag="follow"):
-    """Keep ``distance`` metres behind another robot of the edge, until it is ended; it never ends by itself.
+    """Keep ``distance`` metres behind another robot of the edge; it only ends on request.
 
-    The host leads it, by velocities and at its own height; no adapter gets this task.
+    The host moves the robot, with velocities and at its own height; no adapter gets this task.
     """
 
     robot: str
@@ -108,7 +109,7 @@ class FollowRobot(msgspec.Struct, frozen=True, tag="follow"):
 
 
 AnyTask = Task | FollowRobot
-"""What a robot may be asked; an adapter gets a ``Task``."""
+"""Tasks of robots; an adapter only gets a ``Task``."""
 
 
 class Control(enum.StrEnum):
@@ -138,7 +139,7 @@ class Navigate(msgspec.Struct, frozen=True):
 
     @property
     def is_command(self) -> bool:
-        """True for a way that was asked as a command: a verb with a distance."""
+        """True for a task that was requested as a command: a verb with a distance."""
         return self.name not in ("navigate", MISSION)
 
 

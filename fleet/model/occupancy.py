@@ -1,9 +1,9 @@
-"""Who has which places: exclusive up to their capacity, taken in one order, waited for no longer than said.
+"""Occupancy of places: exclusive up to their capacity, with bounded waits.
 
-Pure: the time is an argument (monotonic seconds). A holder asks once for all that it wants and gives all of
-it back at once. What it wants is taken place by place, in the order of the names, which is the same for all;
-so nobody waits for who waits for him, and there is no deadlock. Of several that wait for one place the one
-that asked first is first.
+Pure: the time is an argument (monotonic seconds). A holder requests all its places at once and returns all of
+them at once. The places are taken one by one in the order of their names, which is the same for all holders;
+so waits never form a cycle, and there is no deadlock. The requests for one place are served in the order of
+arrival.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import msgspec
 
 
 class Claim(msgspec.Struct):
-    """What one holder wants (``wanted``: places and how many of each, in the one order).
+    """Request of one holder; ``wanted``: places and the number of units of each, in order of name.
 
-    The first ``taken`` of them it has. ``until``: when it stops waiting (monotonic s).
+    The holder has the first ``taken`` of them. ``until``: end of its wait (monotonic s).
     """
 
     holder: str
@@ -27,24 +27,24 @@ class Claim(msgspec.Struct):
 
     @property
     def complete(self) -> bool:
-        """True when it has all that it wants."""
+        """True when the holder has all its places."""
         return self.taken == len(self.wanted)
 
     @property
     def next(self) -> tuple[str, int] | None:
-        """The place that it waits for, and how many of it; None when it has all."""
+        """The place that the holder waits for, and its number of units; None when the claim is complete."""
         return None if self.complete else self.wanted[self.taken]
 
 
 class Verdict(enum.StrEnum):
-    """What became of a claim."""
+    """Result of a claim."""
 
     GRANTED = "granted"
     LATE = "late"
 
 
 class Settled(msgspec.Struct, frozen=True):
-    """A claim that waits no longer; of a late one ``place`` was missing, which ``held_by`` had."""
+    """A claim whose wait is over; of a late one, ``place`` was missing, and ``held_by`` are its holders."""
 
     holder: str
     verdict: Verdict
@@ -53,9 +53,9 @@ class Settled(msgspec.Struct, frozen=True):
 
 
 class Occupancy:
-    """The places of an edge and who has them; ``claims`` is all its state, the oldest first.
+    """The places of an edge and their holders; ``claims`` is the whole state, the oldest first.
 
-    It may be made anew from them, after a restart.
+    It can be rebuilt from the claims after a restart.
     """
 
     def __init__(self, capacities: Mapping[str, int], claims: Iterable[Claim] = ()) -> None:
@@ -63,7 +63,7 @@ class Occupancy:
         self.claims = list(claims)
 
     def trouble(self, wanted: Mapping[str, int]) -> str:
-        """Return why nobody could ever have these places, empty when somebody could."""
+        """Return why no holder can ever have these places, empty if it is possible."""
         for place, number in sorted(wanted.items()):
             capacity = self._capacities.get(place)
             if capacity is None:
@@ -73,9 +73,9 @@ class Occupancy:
         return ""
 
     def ask(self, holder: str, wanted: Mapping[str, int], *, now: float, within: float) -> list[Settled]:
-        """Take places for a holder, or let it wait for ``within`` seconds; return who waits no longer.
+        """Request places for a holder that waits at most ``within`` seconds; return the claims settled by it.
 
-        Raises ValueError for places that nobody could have, and for a holder that has asked already.
+        Raises ValueError for places that no holder can have, and for a holder with a claim.
         """
         trouble = self.trouble(wanted)
         if any(claim.holder == holder for claim in self.claims):
@@ -87,32 +87,32 @@ class Occupancy:
         return self._settle(now, new=claim)
 
     def give_back(self, holder: str, *, now: float) -> list[Settled]:
-        """Give back all that a holder has, or end its wait; return who waits no longer.
+        """Return all places of a holder, or end its wait; return the claims settled by it.
 
-        A holder that has nothing gives nothing back.
+        A holder without a claim is ignored.
         """
         self.claims = [claim for claim in self.claims if claim.holder != holder]
         return self._settle(now)
 
     def look(self, *, now: float) -> list[Settled]:
-        """Return who has waited too long by now, and who got what that gave back."""
+        """Return the claims settled by now: waits that have ended, and grants that follow from these."""
         return self._settle(now)
 
     def next_end(self) -> float | None:
-        """Return when somebody's wait ends (monotonic s), None when nobody waits."""
+        """Return when the next wait ends (monotonic s), None when no holder waits."""
         return min((claim.until for claim in self.claims if not claim.complete), default=None)
 
     def claim_of(self, holder: str) -> Claim | None:
-        """Return what a holder has asked for; None for nothing."""
+        """Return the claim of a holder, None if it has none."""
         return next((claim for claim in self.claims if claim.holder == holder), None)
 
     def is_full(self, place: str) -> bool:
-        """Return whether who asks now for a place would have to wait for it."""
+        """Return whether a new request for one unit of a place would have to wait."""
         wanted = (number for claim in self.claims for name, number in claim.wanted if name == place)
         return sum(wanted) >= self._capacities.get(place, 0)
 
     def held(self, place: str) -> dict[str, int]:
-        """Return who has a place, and how many of it."""
+        """Return the holders of a place with their numbers of units."""
         return {
             claim.holder: number
             for claim in self.claims
@@ -121,7 +121,7 @@ class Occupancy:
         }
 
     def _settle(self, now: float, new: Claim | None = None) -> list[Settled]:
-        """Let go of who waited too long, then let everyone take what is free; until nothing changes."""
+        """Expire late claims and grant free places, until nothing changes; return the settled claims."""
         settled: list[Settled] = []
         waiting = [claim for claim in self.claims if not claim.complete or claim is new]
         self._take()
@@ -133,9 +133,9 @@ class Occupancy:
         return settled + [Settled(claim.holder, Verdict.GRANTED) for claim in granted]
 
     def _take(self) -> None:
-        """Let everyone take what is free, the oldest first.
+        """Grant free places, the oldest claim first.
 
-        Once is enough: taking frees nothing, so what an older one could not have it cannot have later.
+        One pass is enough: a grant frees nothing, so what an older claim could not get, it cannot get later.
         """
         free = dict(self._capacities)
         for claim in self.claims:
@@ -150,6 +150,6 @@ class Occupancy:
                 awaited.add(claim.next[0])
 
     def _late(self, claim: Claim) -> Settled:
-        """Return that a claim waited too long, and for whom."""
+        """Return the result of a late claim, with the holders of the place that it waited for."""
         place = claim.wanted[claim.taken][0]
         return Settled(claim.holder, Verdict.LATE, place, tuple(self.held(place)))

@@ -1,6 +1,6 @@
-"""What a person at a console may do, and which of it a command needs.
+"""Permissions of persons at a console, and the permission that each command needs.
 
-The console checks it for its pages, and each edge checks it again for what comes from a console.
+The console checks them for its pages, and each edge checks them again for requests from a console.
 """
 
 from __future__ import annotations
@@ -8,11 +8,11 @@ from __future__ import annotations
 import enum
 
 ADMIN_COMMANDS = frozenset({"restart_adapter", "set_parameters", "reboot"})
-"""Commands that change a robot for longer than its next motion."""
+"""Commands with an effect beyond the robot's next motion."""
 
 
 class Permission(enum.IntEnum):
-    """What a person may do; each includes those before it. Everybody may stop robots."""
+    """Permission of a person; each includes the lower ones. Stops need none."""
 
     VIEW = 1
     OPERATE = 2
@@ -20,14 +20,14 @@ class Permission(enum.IntEnum):
 
     @property
     def word(self) -> str:
-        """Return it as one word."""
+        """Return the name in lower case."""
         return self.name.lower()
 
     def refusal(self, needed: Permission) -> str:
-        """Return why what needs another permission is refused, empty when it is not."""
+        """Return why a request that needs another permission is refused, empty when it is allowed."""
         return "" if needed <= self else f"it needs the permission {needed.word}; yours is {self.word}"
 
 
 def needed_for_command(name: str) -> Permission:
-    """Return the permission that a command to a robot needs; a stop needs none, and is not asked here."""
+    """Return the permission that a command to a robot needs; stops need none and are not checked here."""
     return Permission.ADMIN if name in ADMIN_COMMANDS else Permission.OPERATE

@@ -1,7 +1,7 @@
-"""Named places: a point or an area where robots are sent, and that missions occupy; pure.
+"""Named places: points or areas to which robots are sent and which missions occupy; pure.
 
-A place stands in the site's frame (metres, east-north-up) or on Earth (degrees, heights in metres above the
-take-off point, as goals on Earth have them).
+A place is defined in the site's frame (metres, east-north-up) or on Earth (degrees, heights in metres above
+the take-off point, as in goals on Earth).
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ PlaceFrame = Literal["site", "geodetic"]
 
 
 class Place(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Where robots are sent (``at``: two or three numbers), and how many fit there (``capacity``).
+    """A place: the point ``at`` (two or three numbers) where robots are sent, and its ``capacity`` in robots.
 
-    ``frame`` says what the numbers of ``at`` and ``polygon`` are: metres in the site's frame, or latitude and
-    longitude. ``heading`` is how a robot stands there, radians counter-clockwise from east. ``radius`` (m) or
-    ``polygon`` is how far the place reaches, ``height`` (m) from where to where above the ground.
+    ``frame`` is that of ``at`` and ``polygon``: metres in the site's frame, or latitude and longitude.
+    ``heading`` is that of a robot at the place, radians counter-clockwise from east. ``radius`` (m) or
+    ``polygon`` is its extent, ``height`` (m) its range of heights above the ground.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Place(msgspec.Struct, frozen=True, omit_defaults=True):
     capacity: int = 1
 
     def trouble(self, steps: Iterable[Vector3]) -> str:
-        """Return why robots cannot stand at ``steps`` (m, from its point); empty when they can."""
+        """Return why robots cannot stand at ``steps`` (m, from the place's point); empty when they can."""
         spots = list(steps)
         if len(spots) > self.capacity:
             return f"{self.name} has room for {self.capacity}, these are {len(spots)}"
@@ -47,7 +47,7 @@ class Place(msgspec.Struct, frozen=True, omit_defaults=True):
         return f"they do not fit into {self.name} so far from each other"
 
     def _reaches(self, step: Vector3) -> bool:
-        """Return whether a point beside that of the place belongs to it."""
+        """Return whether the place contains the point at this offset from its own point."""
         if step.horizontal() == 0.0:
             return True
         if self.radius is not None and step.horizontal() > self.radius:
@@ -55,16 +55,16 @@ class Place(msgspec.Struct, frozen=True, omit_defaults=True):
         return not self.polygon or polygon_contains(self._around(), (step.x, step.y))
 
     def _around(self) -> Polygon:
-        """Return the polygon in metres, its origin the point of the place."""
+        """Return the polygon in metres relative to the place's point."""
         if self.frame == "geodetic":
             return metric(self.polygon, GeoOrigin(self.at[0], self.at[1]))
         return tuple((x - self.at[0], y - self.at[1]) for x, y in self.polygon)
 
 
 def point_of(polygon: Polygon, height: tuple[float, float] | None) -> tuple[float, ...]:
-    """Return the point where robots are sent that are sent to an area: its middle, half-way up.
+    """Return the point where robots are sent within an area: its centroid, half-way up.
 
-    Empty where the middle lies outside of it, as in the bend of an L.
+    Empty when the centroid is outside the area, as in the bend of an L.
     """
     middle = centroid(polygon)
     if not polygon_contains(polygon, middle):
@@ -79,7 +79,7 @@ def metric(polygon: Polygon, origin: GeoOrigin) -> Polygon:
 
 
 def may_be(point: Point, inclusion: Iterable[Polygon], exclusion: Iterable[Polygon]) -> bool:
-    """Return whether a fence of these polygons lets a robot be at a point; no inclusion: anywhere else."""
+    """Return whether a fence of these polygons allows a point; without inclusions all points are inside."""
     allowed = tuple(inclusion)
     inside = not allowed or any(polygon_contains(polygon, point) for polygon in allowed)
     return inside and not any(polygon_contains(polygon, point) for polygon in exclusion)

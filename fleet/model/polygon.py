@@ -17,7 +17,7 @@ def edges(polygon: Polygon) -> Iterator[Edge]:
 
 
 def polygon_contains(polygon: Polygon, point: Point) -> bool:
-    """Return whether a point is inside; on the border it may be either."""
+    """Return whether a point is inside; for a point on the border the result is undefined."""
     # Ray casting: a ray towards +x crosses the border an odd number of times from inside.
     x, y = point
     inside = False
@@ -48,7 +48,7 @@ def crosses(polygon: Polygon, start: Point, end: Point) -> bool:
 
 
 def is_simple(polygon: Polygon) -> bool:
-    """Return whether the polygon has an area and no side of it touches another that is not its neighbour."""
+    """Return whether the polygon has an area and no two of its sides touch, except neighbours."""
     sides = list(edges(polygon))
     if any(start == end for start, end in sides) or abs(_area(polygon)) <= 0.0:
         return False
@@ -60,8 +60,8 @@ def is_simple(polygon: Polygon) -> bool:
 
 
 def centroid(polygon: Polygon) -> Point:
-    """Return the middle of the area, which may lie outside of a polygon that is not convex."""
-    ox, oy = polygon[0]  # from a corner: far from nought the products would lose the difference
+    """Return the centroid of the area, which may be outside a polygon that is not convex."""
+    ox, oy = polygon[0]  # relative to a corner: far from the origin the products would lose precision
     x = y = doubled = 0.0
     for (ax, ay), (bx, by) in edges(tuple((cx - ox, cy - oy) for cx, cy in polygon)):
         cross = ax * by - bx * ay
@@ -78,19 +78,22 @@ def _area(polygon: Polygon) -> float:
 
 def _meet(one: Edge, other: Edge) -> bool:
     """Return whether two line segments touch or cross."""
-    turns = (
-        _turn(one[0], one[1], other[0]),
-        _turn(one[0], one[1], other[1]),
-        _turn(other[0], other[1], one[0]),
-        _turn(other[0], other[1], one[1]),
+    orientations = (
+        _orientation(one[0], one[1], other[0]),
+        _orientation(one[0], one[1], other[1]),
+        _orientation(other[0], other[1], one[0]),
+        _orientation(other[0], other[1], one[1]),
     )
-    if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
+    if orientations[0] * orientations[1] < 0 and orientations[2] * orientations[3] < 0:
         return True
     ends = ((one, other[0]), (one, other[1]), (other, one[0]), (other, one[1]))
-    return any(turn == 0 and _between(edge, point) for turn, (edge, point) in zip(turns, ends, strict=True))
+    return any(
+        orientation == 0 and _between(edge, point)
+        for orientation, (edge, point) in zip(orientations, ends, strict=True)
+    )
 
 
-def _turn(a: Point, b: Point, c: Point) -> float:
+def _orientation(a: Point, b: Point, c: Point) -> float:
     """Return the side of the line from a to b on which c lies: positive left, negative right, 0 on it."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 

@@ -1,4 +1,4 @@
-"""Schedules as programs and people see them, and what is asked of them on the bus. Times are Unix seconds."""
+"""Schedules: their states, and requests and answers about them on the bus. Times are Unix seconds."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import msgspec
 
 
 class Firing(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One firing: when it was ``due``, its ``state``, why it was skipped, or its run.
+    """One firing: when it was ``due``, its ``state``, the ``reason`` why it was skipped, or its ``run``.
 
-    The states are due (recorded, and neither started nor skipped yet), started and skipped. ``recorded``:
-    when it was written, before it was started.
+    The states are due (recorded, neither started nor skipped yet), started and skipped. ``recorded``: time of
+    its record, before its start.
     """
 
     schedule: str
@@ -23,12 +23,12 @@ class Firing(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def key(self) -> str:
-        """Return what makes a start of it known: the same one is started once."""
+        """Return the id of the firing, by which it is started only once."""
         return f"{self.schedule}@{self.due:.3f}"
 
 
 class ScheduleState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A schedule: whether it is on, when it fires next, which firing waits, and the last ones."""
+    """A schedule: whether it is enabled, its next firing, a waiting one, and the last ones."""
 
     name: str
     mission: str
@@ -40,7 +40,7 @@ class ScheduleState(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class ScheduleAsked(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What is asked of an edge's schedules, or of one by its ``name``; ``by`` is who asks."""
+    """Request about the schedules of an edge, or one of them by ``name``; ``by`` is the sender."""
 
     do: Literal["list", "enable", "disable", "run"] = "list"
     name: str = ""
@@ -48,7 +48,7 @@ class ScheduleAsked(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class ScheduleAnswer(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The schedules after it was done, or why it was not."""
+    """The schedules after the request, or why it was refused."""
 
     schedules: tuple[ScheduleState, ...] = ()
     refusal: str = ""

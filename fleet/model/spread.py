@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from fleet.model.geometry import Vector3, rotate_to_world
 from fleet.model.polyline import apart
 
-TURNS = 12  # orientations of the grid that are tried
-BETTER = 0.1  # m of extra separation that another orientation must gain to be preferred
+ORIENTATIONS = 12  # orientations of the grid that are tried
+MINIMUM_GAIN = 0.1  # m of extra separation that another orientation must gain to be preferred
 
 
 def spread(number: int, spacing: float) -> tuple[Vector3, ...]:
@@ -30,13 +30,13 @@ def arranged(robots: Sequence[Vector3], centre: Vector3, spacing: float) -> list
     """
     best: tuple[float, list[Vector3]] = (-math.inf, [])
     grid = spread(len(robots), spacing)
-    for turn in range(TURNS):
-        steps = [rotate_to_world(step, turn * math.pi / TURNS) for step in grid]
+    for turn in range(ORIENTATIONS):
+        steps = [rotate_to_world(step, turn * math.pi / ORIENTATIONS) for step in grid]
         order = nearest_each(robots, [centre + step for step in steps])
         chosen = [steps[number] for number in order]
         ways = [(robot, centre + step) for robot, step in zip(robots, chosen, strict=True)]
         least = min((apart(one, other) for one, other in itertools.combinations(ways, 2)), default=0.0)
-        if least > best[0] + BETTER:
+        if least > best[0] + MINIMUM_GAIN:
             best = least, chosen
     return best[1]
 

@@ -1,4 +1,4 @@
-"""What is said to start several robots at one instant: the question for it, and the answer of a process.
+"""Common start of several robots: the request for it, and the answer of each process.
 
 Each robot was prepared before, under the ``id`` of the start. Stamps are Unix seconds.
 """
@@ -9,23 +9,23 @@ import msgspec
 
 from fleet.errors import Refused
 
-CLOCKS_WITHIN = 0.02  # s by which the clock of a process may be off, the error of measuring it counted
-PINGS = 8  # questions by which a clock is measured; the fastest counts
-AT_LEAST = 0.5  # s from the question to the instant: it has to reach everyone before
-FARTHEST = 600.0  # s to the instant at the most; what is to begin later is a schedule's
+CLOCKS_WITHIN = 0.02  # s by which the clock of a process may differ, including the measuring error
+PINGS = 8  # requests to measure a clock; the fastest counts
+AT_LEAST = 0.5  # s from the request to the instant: it must reach every process before
+FARTHEST = 600.0  # s to the instant at the most; later starts are the task of schedules
 
 
 class StartAsked(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Begin at ``stamp`` what was prepared under ``id``; without an id only the clock is asked."""
+    """Start the robots prepared under ``id`` at ``stamp``; without an id only the clock is requested."""
 
     id: str = ""
     stamp: float = 0.0
 
 
 class StartAnswer(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What a process says: its clock, and of each robot that it had prepared why it will not begin.
+    """Answer of a process: its clock, and for each robot that it had prepared why it will not start.
 
-    An empty reason: it begins at the stamp.
+    An empty reason: the robot starts at the stamp.
     """
 
     process: str
@@ -34,32 +34,32 @@ class StartAnswer(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Offset(msgspec.Struct, frozen=True):
-    """How far a clock is from ours (s, positive: ahead), and how far off that may be (s)."""
+    """Offset of another clock from ours (s, positive: ahead), and the bound of its error (s)."""
 
     seconds: float
     bound: float
 
     @property
     def worst(self) -> float:
-        """The farthest that it may be from ours, s."""
+        """The largest possible difference between the clocks, s."""
         return abs(self.seconds) + self.bound
 
 
-def offset_of(sent: float, told: float, received: float) -> Offset:
-    """Return a clock's offset by one question: ``told`` is what it said between ``sent`` and ``received``.
+def offset_of(sent: float, shown: float, received: float) -> Offset:
+    """Return a clock's offset from one request: it showed ``shown`` between ``sent`` and ``received``.
 
-    The answer may have been given at any moment between the two, so half of that time is the bound.
+    The answer may have been made at any moment between the two, so half of that time is the bound.
     """
-    return Offset(told - (sent + received) / 2, max(received - sent, 0.0) / 2)
+    return Offset(shown - (sent + received) / 2, max(received - sent, 0.0) / 2)
 
 
 def check_clock(where: str, offset: Offset | None) -> None:
-    """Raise Refused for the clock of a process that is not ours, or that nobody could measure."""
+    """Raise Refused for the clock of a process that differs too much, or that could not be measured."""
     if offset is None:
-        raise Refused(f"{where} does not tell its time: nobody is started")
+        raise Refused(f"{where} does not report its time: no robot is started")
     if offset.worst > CLOCKS_WITHIN:
         raise Refused(
             f"the clock of {where} is {offset.seconds * 1000:+.0f} ms from ours (within "
-            f"{offset.bound * 1000:.0f} ms), {CLOCKS_WITHIN * 1000:.0f} ms are the most: nobody is started",
+            f"{offset.bound * 1000:.0f} ms), {CLOCKS_WITHIN * 1000:.0f} ms are the most: no robot is started",
             hint="synchronise the clocks, by NTP or PTP",
         )

@@ -29,13 +29,13 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     ``speed`` is m/s over all axes, averaged over the last second; None when the robot reports no pose.
     ``age``: seconds from its last message to ``stamp``; None before the first message.
 
-    ``control`` is the session that has control of it, by what it was told to do last; empty for nobody.
+    ``control`` is the session that controls it, known from its last motion request; empty for none.
 
-    ``run`` is the run of a mission that has it; ``left_run`` why the last one has it no more, beginning with
+    ``run`` is the mission run that has it; ``left_run`` is why the last run has lost it, with the first word
     ``taken``, ``stopped`` or ``lost``.
 
-    ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
-    from it.
+    ``reachable``: it accepts requests. A robot with a fault may still be reachable: the fault may be one that
+    it reports itself.
     """
 
     name: str
@@ -74,14 +74,13 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     """Current state of one edge, with its bus and cloud connections. ``robots``: number of robots by health.
 
-    On the way to the cloud ``waiting`` samples wait for their turn and ``queued`` messages to be sent:
-    ``spooled`` ones that are kept until the cloud has them, ``unheard`` of these because nobody there
-    subscribes to their topics, and light ones (``queued_bytes``); ``refused`` were refused in either
-    direction, ``dropped`` lost.
-    ``round_trip`` is seconds to the cloud and back. ``problems`` are all of what the edge itself rests on but
-    the cloud, in words. ``groups`` and ``places`` are those of its fleet.yaml.
-    ``pair`` is what it is in its pair (holder, standby or fenced), ``epoch`` that of its lease,
-    ``pair_file`` the digest of what the files of both must agree about.
+    Towards the cloud, ``waiting`` samples wait for a later tick, and ``queued`` messages wait to be sent:
+    ``spooled`` durable ones, ``unheard`` of these because their topics have no subscriber, and QoS 0
+    (``queued_bytes``). ``refused`` messages were refused in either direction, ``dropped`` ones lost.
+    ``round_trip`` is seconds to the cloud and back. ``problems`` are those of the edge's own services (bus,
+    disk, ...) without the cloud, as text. ``groups`` and ``places`` are those of its fleet.yaml. ``pair`` is
+    its role in its pair (holder, standby or fenced), ``epoch`` that of its lease, ``pair_file`` the digest of
+    the settings that must be the same in both files.
     """
 
     edge: str

@@ -1,4 +1,4 @@
-"""The summary of an edge: what goes up to the site and to the fleet, in 1 kB at the most."""
+"""The summary of an edge for the site and the fleet, at most 1 kB."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from fleet.runtime.decoding import decode_json
 LARGEST = 1024
 """Bytes of an encoded summary: 500 edges with one in 5 s are 100 kB/s."""
 LISTED = 5
-"""Causes in a summary; of the others only the number."""
+"""Causes in a summary; the others are only counted."""
 NAMED = 3
-"""Robots that a cause names."""
+"""Robot names of a cause."""
 LONGEST_CAUSE = 160
 LONGEST_LINK = 80
 
@@ -32,11 +32,11 @@ Seconds = Annotated[float, Meta(ge=0, le=1e11)]
 
 
 class Trouble(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One cause of trouble, and the robots that have it; none of them means the edge itself.
+    """One cause of trouble, and the robots that have it; without robots it is the edge itself.
 
     ``since`` (Unix s, by the clock of the edge) is when the first of them got its present health. ``kind`` is
-    their adapter, empty for several. ``link`` is what they have in common on the way to the edge: a link, or
-    ``worker NAME``; empty when there is nothing. ``names`` are the first ``NAMED`` robots.
+    their adapter, empty for several. ``link`` is what they have in common on the path to the edge: a link, or
+    ``worker NAME``; empty for nothing. ``names`` are the first ``NAMED`` robots.
     """
 
     level: Word
@@ -49,10 +49,10 @@ class Trouble(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Summary(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An edge in brief: ``robots`` by health, ``stopped`` ones with an emergency stop set, and why.
+    """An edge in brief: ``robots`` by health; ``stopped``: robots with an emergency stop set.
 
-    ``site`` is ``edge.site`` of its fleet.yaml. ``stamp`` (Unix s) is by its own clock. ``troubles`` begin
-    with the oldest; ``more`` are the causes that found no room.
+    ``site`` is ``edge.site`` of its fleet.yaml. ``stamp`` (Unix s) is by its own clock. ``troubles`` are the
+    causes, the oldest first; ``more`` is the number of those that did not fit.
     """
 
     edge: EdgeName
@@ -68,13 +68,13 @@ class Summary(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 def word_of(health: Health | str) -> Word:
-    """Return the level of a health, or the word of a level, as a summary has it; a bad word is a fault."""
+    """Return the level of a health, or of a word, for a summary; an unknown word is a fault."""
     word = health if isinstance(health, str) else health.level.word
     return cast("Word", word) if word in _ORDER else "fault"
 
 
 def encode(summary: Summary) -> bytes:
-    """Return a summary as it goes over the bus; the least causes are left to ``more`` until it fits."""
+    """Return the encoded summary; the least important causes are moved to ``more`` until it fits."""
     encoded = msgspec.json.encode(summary)
     while len(encoded) > LARGEST:
         kept = _without_the_least(summary.troubles)
@@ -84,7 +84,7 @@ def encode(summary: Summary) -> bytes:
 
 
 def decode(payload: bytes, edge: str) -> Summary:
-    """Return the summary that came on the key of an edge; raises WireError."""
+    """Return the summary received on the key of an edge; raises WireError."""
     if len(payload) > LARGEST:
         raise WireError(f"a summary of {len(payload)} bytes; {LARGEST} are the most")
     try:
@@ -97,11 +97,11 @@ def decode(payload: bytes, edge: str) -> Summary:
 
 
 def weight(trouble: Trouble) -> tuple[int, bool, int, float]:
-    """Return how much a cause matters: its level, the edge itself before robots, how many, how long."""
+    """Return the importance of a cause: its level, the edge itself before robots, how many, how long."""
     return _ORDER.index(trouble.level), not trouble.robots, trouble.robots, -trouble.since
 
 
 def _without_the_least(troubles: Sequence[Trouble]) -> tuple[Trouble, ...]:
-    """Return all causes but the one that matters least."""
+    """Return all causes but the least important one."""
     least = min(troubles, key=weight)
     return tuple(trouble for trouble in troubles if trouble is not least)

@@ -1,1 +1,1 @@
-"""Adapters by name: installed packages and drop-in files, and the process that inspects a file."""
+"""Adapters by name: installed packages and drop-in files, and the process that inspects drop-in files."""

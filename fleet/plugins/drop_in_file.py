@@ -1,7 +1,7 @@
-"""Importing a drop-in file, and checking what is to be an adapter.
+"""Import of a drop-in file, and validation of its adapter classes.
 
-A drop-in file is anybody's code: it is imported in the process of a worker, in one that is asked what the
-file has (``fleet.plugins.probe``), and in the edge's own only where its robot says ``worker: main``.
+A drop-in file is untrusted code. Only a worker process, the process that inspects the file
+(``fleet.plugins.probe``), and the edge's process for a robot with ``worker: main`` import it.
 """
 
 from __future__ import annotations
@@ -28,29 +28,27 @@ WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 class Unusable(Exception):
-    """A class that was imported is not an adapter; the message says what is missing."""
+    """An imported class is not an adapter; the message says what is missing."""
 
 
 class Imported(msgspec.Struct, frozen=True):
-    """What a drop-in file has: its adapters by name, and reports of what cannot be used."""
+    """Content of a drop-in file: its adapters by name, and reports of unusable classes."""
 
     adapters: tuple[tuple[str, type[AnyAdapter]], ...] = ()
     reports: tuple[str, ...] = ()
 
 
 def insecure(path: Path) -> str:
-    """Return why the code at a path, a file or a folder, is not to be trusted; empty when it is.
+    """Return why the code at a path (file or folder) is not trusted; empty if it is.
 
-    Who may write it may command the robots, and read what this user may read.
+    Any user who can write it could command the robots and read all files of this user.
     """
     try:
         found = path.stat()
     except OSError as error:
-        return f"it cannot be looked at: {error.strerror}"
+        return f"it cannot be examined: {error.strerror}"
     if found.st_uid not in (0, os.geteuid()):
-        return (
-            f"it belongs to another user (uid {found.st_uid}): who owns it decides what runs here; chown it"
-        )
+        return f"it belongs to another user (uid {found.st_uid}): its owner controls what runs here; chown it"
     if found.st_mode & WRITABLE_BY_OTHERS:
         mode = stat.S_IMODE(found.st_mode)
         return f"others may write it (mode {mode:04o}), and so decide what runs here: chmod go-w {path}"
@@ -58,12 +56,12 @@ def insecure(path: Path) -> str:
 
 
 def import_file(path: Path) -> Imported:
-    """Import a drop-in file as ``fleet_plugins.<stem>``; whatever it raises, but Ctrl-C, becomes a report."""
+    """Import a drop-in file as ``fleet_plugins.<stem>``; any exception but Ctrl-C becomes a report."""
     try:
         classes = _adapters_of(_module_from(path))
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # noqa: BLE001 - anybody's code
+    except BaseException as error:  # noqa: BLE001 - untrusted code
         return Imported(reports=(why(error, path),))
     if not classes:
         return Imported(reports=("it defines no Adapter or FrameAdapter",))
@@ -79,14 +77,14 @@ def import_file(path: Path) -> Imported:
 
 
 class _Uncached(SourceFileLoader):
-    """Compiles a file as it is now.
+    """Always compiles the present source of a file.
 
-    Python's cache of compiled files knows a change by whole seconds and the length: one that corrects a
-    digit at once would be accepted, and the robot would go on with the code from before.
+    Python's bytecode cache detects changes only by whole seconds and the file size: a one-digit correction
+    within the same second would be missed, and the robot would run the old code.
     """
 
     def get_code(self, fullname: str) -> CodeType:
-        """Return the code of the module."""
+        """Return the compiled code of the module."""
         path = self.get_filename(fullname)
         return self.source_to_code(self.get_data(path), path)
 
@@ -100,7 +98,7 @@ def _module_from(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path, loader=loader)
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # pydantic looks annotations up there
+    sys.modules[name] = module  # pydantic resolves annotations there
     try:
         with contextlib.redirect_stdout(sys.stderr):
             loader.exec_module(module)
@@ -111,7 +109,7 @@ def _module_from(path: Path) -> ModuleType:
 
 
 def _adapters_of(module: ModuleType) -> list[type[AnyAdapter]]:
-    """Return the public adapters that are defined in this very module; the unfinished if all are so."""
+    """Return the public adapters defined in this module; abstract ones only if all are abstract."""
     defined = [
         value
         for value in dict.fromkeys(filter(inspect.isclass, vars(module).values()))
@@ -123,7 +121,7 @@ def _adapters_of(module: ModuleType) -> list[type[AnyAdapter]]:
 
 
 def checked(adapter: object) -> str:
-    """Return the name that an adapter's Config declares; raises Unusable for what is no adapter."""
+    """Return the adapter name that its Config declares; raises Unusable for an invalid adapter."""
     if not (inspect.isclass(adapter) and issubclass(adapter, Adapter | FrameAdapter)):
         raise Unusable(f"{adapter!r} is no subclass of Adapter or FrameAdapter")
     if inspect.isabstract(adapter):
@@ -143,7 +141,7 @@ def checked(adapter: object) -> str:
 
 
 def _check_api(adapter: type[AnyAdapter]) -> None:
-    """Refuse a class that was written for another version of the API for adapters."""
+    """Refuse a class written for another version of the adapter API."""
     if adapter.api != ADAPTER_API:
         newer = isinstance(adapter.api, int) and adapter.api > ADAPTER_API
         raise Unusable(
@@ -153,24 +151,24 @@ def _check_api(adapter: type[AnyAdapter]) -> None:
 
 
 def _check_fields(config: type[AdapterConfig]) -> None:
-    """Refuse a Config that gives a field of the host's own another type: the host relies on it."""
+    """Refuse a Config that redefines a field of the host with another type: the host relies on it."""
     for name, field in AdapterConfig.model_fields.items():
         if config.model_fields[name].annotation != field.annotation:
             raise Unusable(f"{config.__name__}.{name} is a field of the host's own; give yours another name")
 
 
 def _check_attributes(adapter: type[AnyAdapter]) -> None:
-    """Refuse a class that declares what the host cannot use, before a robot of it is to run."""
+    """Refuse invalid declarations of a class early, before a robot is to run with it."""
     if not isinstance(adapter.limits, Limits):
         raise Unusable(f"{adapter.__name__}.limits must be Limits(...), not {adapter.limits!r}")
-    adapter.commands()  # raises for a method whose parameters have no types
+    adapter.commands()  # raises for a method with parameters without types
     adapter.drives()
     if issubclass(adapter, Adapter):
         adapter.navigates()
 
 
 def why(error: BaseException, path: Path | None) -> str:
-    """Return the reason on one line, with the file and line where it went wrong."""
+    """Return the reason on one line, with the file and line of the error."""
     if isinstance(error, Unusable | BadDeclaration):
         return str(error)
     place = _place_of(error, path)
@@ -179,7 +177,7 @@ def why(error: BaseException, path: Path | None) -> str:
 
 
 def _place_of(error: BaseException, path: Path | None) -> str:
-    """Return ``file:line`` where an error arose: in the plugin's own file if it passed there."""
+    """Return ``file:line`` of an error, in the plugin's own file if it is in the traceback."""
     places = [
         (frame.filename, frame.lineno)
         for frame in traceback.extract_tb(error.__traceback__)

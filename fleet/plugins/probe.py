@@ -1,7 +1,7 @@
-"""Asking a process of its own what a drop-in file has, and what it thinks of a robot's config.
+"""Inspection of a drop-in file, and validation of its robots' configs, in a separate process.
 
-The process is short-lived, knows nothing of the edge (no environment, no cloud), and has a time to answer:
-a file that hangs, exits or crashes while it is imported is an error here, and nothing more.
+The process is short-lived, knows nothing of the edge (no environment, no cloud), and has a time limit. A file
+that hangs, exits or crashes at import is only an error.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ import msgspec
 from fleet.model.description import CommandDescription
 from fleet.runtime.decoding import msgpack_decoder
 
-IMPORT_WITHIN = 20.0  # s for a file to be imported
-CHECK_WITHIN = 5.0  # s for one robot's config to be checked
-LOOK = 0.1  # s between looks whether the process has ended: a child that it left may keep its pipe open
+IMPORT_WITHIN = 20.0  # s for the import of a file
+CHECK_WITHIN = 5.0  # s for the check of one robot's config
+LOOK = 0.1  # s between checks whether the process has ended: an orphaned child may keep the pipe open
 LONGEST = 8 << 20  # bytes of an answer
-MODULE = "fleet.host.workers.drop_in_inspector"  # what runs in that process
+MODULE = "fleet.host.workers.drop_in_inspector"  # the program of that process
 PASSED = (
     *("PATH", "HOME", "USER", "LOGNAME", "SHELL", "LANG", "LANGUAGE", "TZ", "TMPDIR"),
     *("PYTHONPATH", "LD_LIBRARY_PATH", "XDG_RUNTIME_DIR", "FLEET_RUNTIME_DIR"),
 )
-"""The environment variables that a process with somebody's code gets, with those of the locale (LC_*)."""
+"""Environment variables for processes with drop-in code, besides those of the locale (LC_*)."""
 
 Steps = tuple[str | int, ...]
 T = TypeVar("T")
 
 
 class ProbeError(Exception):
-    """A drop-in file did not answer; the message says what became of it."""
+    """A drop-in file did not answer; the message says why."""
 
 
 class AdapterDescription(msgspec.Struct, frozen=True):
-    """A kind of robot in words: what it takes, and the JSON Schema of its Config (None where it has none)."""
+    """Description of a kind of robot: its vocabulary and the JSON Schema of its Config, or None."""
 
     name: str
     cls: str
@@ -55,14 +55,14 @@ class AdapterDescription(msgspec.Struct, frozen=True):
 
 
 class DropInContent(msgspec.Struct, frozen=True):
-    """What a file has, and reports of what in it cannot be used."""
+    """Adapters of a file, and reports of unusable classes."""
 
     kinds: tuple[AdapterDescription, ...] = ()
     reports: tuple[str, ...] = ()
 
 
 class ProblemPlace(msgspec.Struct, frozen=True):
-    """A place in fleet.yaml, and the path that a file itself has there."""
+    """A position in fleet.yaml, and its path if it is a file reference."""
 
     file: str
     line: int
@@ -71,10 +71,10 @@ class ProblemPlace(msgspec.Struct, frozen=True):
 
 
 class ConfigCase(msgspec.Struct, frozen=True):
-    """A robot to be checked by its adapter's Config.
+    """A robot's config to be validated by its adapter's Config.
 
-    ``data`` is JSON, ``at`` its path in the file, ``folder`` that of the file; the rest says where each
-    value stands, and which texts came from variables or could not be read.
+    ``data`` is JSON, ``at`` its path in the file, ``folder`` the folder of the file. The other fields give
+    the position of each value, and the texts that came from variables or could not be read.
     """
 
     adapter: str
@@ -88,7 +88,7 @@ class ConfigCase(msgspec.Struct, frozen=True):
 
 
 class Flaw(msgspec.Struct, frozen=True):
-    """What is wrong with a config, and where."""
+    """An error in a config, with its position."""
 
     at: ProblemPlace
     message: str
@@ -96,10 +96,10 @@ class Flaw(msgspec.Struct, frozen=True):
 
 
 class CheckedConfig(msgspec.Struct, frozen=True):
-    """What a Config makes of a robot: the host's own fields, or flaws.
+    """Result of the validation of a robot's config: the fields of the host, or errors.
 
-    ``given`` is the data (JSON) that it takes, ``fields`` the host's own of them (JSON), empty where it takes
-    none. ``identity``: the very machine that is meant, where the Config can tell.
+    ``given`` is the accepted data (JSON), ``fields`` those of the host in it (JSON); both are empty if the
+    data was refused. ``identity`` is the physical machine, if the Config can tell it.
     """
 
     given: str = ""
@@ -110,20 +110,20 @@ class CheckedConfig(msgspec.Struct, frozen=True):
 
 
 def bare_environment(environ: Mapping[str, str] = os.environ) -> dict[str, str]:
-    """Return what of the environment is passed on to somebody's code: nothing that may be a secret."""
+    """Return the environment for drop-in code: only variables that cannot be secrets."""
     return {name: text for name, text in environ.items() if name in PASSED or name.startswith("LC_")}
 
 
 class Probe:
-    """One drop-in file, asked in a process of its own, which begins at once to import it."""
+    """A process that inspects one drop-in file; it begins to import the file at once."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._process = self._start()
 
     def _start(self) -> subprocess.Popen[bytes]:
-        """Start the process, in a session of its own: what it leaves behind ends with it."""
-        return subprocess.Popen(  # noqa: S603 - ourselves
+        """Start the process in a session of its own, so that its children end with it."""
+        return subprocess.Popen(  # noqa: S603 - our own program
             [sys.executable, "-P", "-m", MODULE, str(self._path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -133,23 +133,24 @@ class Probe:
         )
 
     def found(self) -> DropInContent:
-        """Return what the file has; raises ProbeError."""
+        """Return the content of the file; raises ProbeError."""
         return self._answer(DropInContent, IMPORT_WITHIN, "while it was imported")
 
     def check(self, case: ConfigCase) -> CheckedConfig:
-        """Return what the file makes of a robot's config; raises ProbeError."""
+        """Validate a robot's config; raises ProbeError."""
         if self._process.poll() is not None:
             self._process = self._start()
             self.found()
         assert self._process.stdin is not None
-        with contextlib.suppress(OSError):  # it ends: told below
+        with contextlib.suppress(OSError):  # if the process has ended, the read below reports it
             send(self._process.stdin, msgspec.msgpack.encode(case))
         return self._answer(CheckedConfig, CHECK_WITHIN, "while it checked its robot's config")
 
     def close(self) -> None:
-        """End the process, and what it has started."""
+        """Kill the process and its children."""
         with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._process.pid, signal.SIGKILL)  # it is not reaped yet, so the number is its own
+            # not reaped yet, so the process group cannot be another's
+            os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
@@ -157,12 +158,12 @@ class Probe:
                     pipe.close()
 
     def __del__(self) -> None:
-        """End a process that nobody asks any more."""
+        """Kill the process of an abandoned probe."""
         if self._process.returncode is None:
             self.close()
 
     def _answer(self, kind: type[T], within: float, when: str) -> T:
-        """Return an answer; raises ProbeError, after the end of the process, when there is none in time."""
+        """Return an answer; if there is none in time, kill the process and raise ProbeError."""
         try:
             answer: T = msgpack_decoder(kind).decode(self._read(within, when))
         except (msgspec.DecodeError, ProbeError) as error:
@@ -173,7 +174,7 @@ class Probe:
         return answer
 
     def _read(self, within: float, when: str) -> bytes:
-        """Return the bytes of an answer."""
+        """Read one length-prefixed answer."""
         deadline = time.monotonic() + within
         (size,) = struct.unpack(">I", self._bytes(4, deadline, when))
         if size > LONGEST:
@@ -181,7 +182,7 @@ class Probe:
         return self._bytes(size, deadline, when)
 
     def _bytes(self, size: int, deadline: float, when: str) -> bytes:
-        """Return so many bytes."""
+        """Read exactly ``size`` bytes."""
         assert self._process.stdout is not None
         pipe, data = self._process.stdout.fileno(), b""
         while len(data) < size:
@@ -198,13 +199,13 @@ class Probe:
 
 
 def send(pipe: IO[bytes], payload: bytes) -> None:
-    """Write a message to a pipe, its length before it."""
+    """Write a message to a pipe, with its length as prefix."""
     pipe.write(struct.pack(">I", len(payload)) + payload)
     pipe.flush()
 
 
 def _ending(process: subprocess.Popen[bytes]) -> str:
-    """Say how a process ended that has closed its pipe."""
+    """Describe how a process ended that has closed its pipe."""
     try:
         code = process.wait(1.0)
     except subprocess.TimeoutExpired:

@@ -1,9 +1,8 @@
-"""Adapters by name: from entry points (installed packages) and from drop-in folders (named in fleet.yaml).
+"""Adapters by name: entry points of installed packages, and drop-in folders of fleet.yaml.
 
-An entry point is listed without being imported and imported when a robot asks for it, so that a missing
-library hurts only the robots that need it. A drop-in file is never imported here: a process of its own is
-asked what it has, when its folder is added. Whatever goes wrong in a plugin is a report with the reason and
-the place, never a crash; two plugins of one name are both refused.
+An entry point is imported only when a robot needs it, so that a missing library affects only the robots that
+need it. A drop-in file is never imported here: a separate process inspects it when its folder is added. Every
+error in a plugin becomes a report with reason and place; two plugins with one name are both refused.
 """
 
 from __future__ import annotations
@@ -28,22 +27,22 @@ log = logging.getLogger(__name__)
 
 GROUP = "fleet.adapters"
 OWN_DISTRIBUTION = "zenoh-fleet"
-AT_ONCE = 4  # drop-in files that are asked at once: each takes as long as its imports do, and their memory
+AT_ONCE = 4  # drop-in files inspected concurrently; each needs the time and memory of its imports
 
 
 class PluginState(enum.StrEnum):
-    """How far a plugin came."""
+    """Progress of a plugin."""
 
-    DECLARED = "declared"  # its name is known; nothing of it was imported
-    LOADED = "loaded"  # its class was imported and checked, that of a drop-in file by a process of its own
+    DECLARED = "declared"  # its name is known; nothing was imported
+    LOADED = "loaded"  # its class was imported and validated, for a drop-in file by a separate process
     FAILED = "failed"  # it cannot be used; the report says why
 
 
 class Plugin(msgspec.Struct, frozen=True):
-    """What the registry found under one name, and how far it came.
+    """A plugin that the registry found, and its state.
 
-    ``origin`` is the file or the package it comes from. Once it is loaded there is ``adapter``, or for a
-    drop-in ``file`` a ``description``.
+    ``origin`` is its file or package. A loaded plugin has an ``adapter``, or, for a drop-in ``file``, a
+    ``description``.
     """
 
     name: str
@@ -69,22 +68,22 @@ class Registry:
             self._add(Plugin(point.name, _origin_of(point)))
 
     def names(self) -> tuple[str, ...]:
-        """Return the names that ``adapter:`` may use, sorted."""
+        """Return the valid values of ``adapter:``, sorted."""
         return tuple(sorted(self._plugins))
 
     def plugins(self) -> tuple[Plugin, ...]:
-        """Return everything that was found, sorted by name; imports nothing."""
+        """Return all plugins, sorted by name; imports nothing."""
         found = [*self._plugins.values(), *self._broken]
         return tuple(sorted(found, key=lambda plugin: (plugin.name, plugin.origin)))
 
     def broken_files(self) -> tuple[Plugin, ...]:
-        """Return the drop-in files that gave no adapter, whose names are therefore not known."""
+        """Return the drop-in files without a usable adapter, whose names are therefore unknown."""
         return tuple(self._broken)
 
     def get(self, name: str) -> Plugin | None:
-        """Return the plugin of this name, imported; None when there is none.
+        """Return the plugin of this name, imported; None if there is none.
 
-        A drop-in file that failed is found under the file's own name.
+        A drop-in file that failed is found under the name of the file.
         """
         plugin = self._plugins.get(name)
         if plugin is None:
@@ -94,13 +93,13 @@ class Registry:
         return plugin
 
     def load_all(self) -> tuple[Plugin, ...]:
-        """Import every plugin and return them all, sorted by name."""
+        """Import every plugin; return all of them, sorted by name."""
         for name in self.names():
             self.get(name)
         return self.plugins()
 
     def add_folder(self, folder: Path) -> None:
-        """Take each ``*.py`` of a folder that does not start with ``_``; failures become reports."""
+        """Add each ``*.py`` of a folder that does not start with ``_``; failures become reports."""
         if unsafe := insecure(folder):
             self._broken.append(Plugin(folder.name, str(folder), PluginState.FAILED, unsafe))
             return
@@ -115,7 +114,7 @@ class Registry:
                 self.close()
 
     def _is_new(self, path: Path) -> bool:
-        """Return False for a file that is known, or cannot be taken, which becomes a report."""
+        """Return False for a known file, or for one that is refused, which becomes a report."""
         report = insecure(path)
         if path in self._probes:
             return False
@@ -127,7 +126,7 @@ class Registry:
         return not report
 
     def _add_file(self, path: Path, probe: Probe) -> None:
-        """Take what a drop-in file says it has; what is wrong with it becomes a report."""
+        """Add the adapters of a drop-in file; errors become reports."""
         try:
             found = probe.found()
         except ProbeError as error:
@@ -139,17 +138,17 @@ class Registry:
             self._add(Plugin(kind.name, str(path), PluginState.LOADED, description=kind, file=path))
 
     def check(self, plugin: Plugin, case: ConfigCase) -> CheckedConfig:
-        """Have a robot checked by the Config of a drop-in file; raises ProbeError."""
+        """Validate a robot's config with the Config of a drop-in file; raises ProbeError."""
         assert plugin.file is not None
         return self._probes[plugin.file].check(case)
 
     def close(self) -> None:
-        """End the processes that drop-in files were asked in; they are started anew when asked again."""
+        """End the inspecting processes; they are started again when needed."""
         for probe in self._probes.values():
             probe.close()
 
     def _add(self, plugin: Plugin) -> None:
-        """Take a plugin; of two with one name neither can be used."""
+        """Add a plugin; if its name is taken, neither plugin can be used."""
         other = self._plugins.get(plugin.name)
         if other is not None:
             origin = f"{other.origin} and {plugin.origin}"
@@ -159,20 +158,20 @@ class Registry:
 
 
 def _origin_of(point: EntryPoint) -> str:
-    """Say where an entry point comes from: its value and its package."""
+    """Describe the origin of an entry point: its value and package."""
     package = f" ({point.dist.name} {point.dist.version})" if point.dist else ""
     return f"{point.value}{package}"
 
 
 def _loaded(plugin: Plugin, point: EntryPoint) -> Plugin:
-    """Import an entry point and check what it gives."""
+    """Import an entry point and validate its adapter."""
     try:
         with contextlib.redirect_stdout(sys.stderr):
             adapter = point.load()
         _check_name(checked(adapter), plugin.name)
     except KeyboardInterrupt:
         raise
-    # An adapter is anybody's code: whatever its import raises is told, and costs only its own robots.
+    # An adapter is third-party code: any exception of its import is reported and affects only its own robots.
     except BaseException as error:
         log.debug("adapter %s failed to load", plugin.name, exc_info=True)
         report = why(error, None) + _install_hint(error, point)
@@ -181,7 +180,7 @@ def _loaded(plugin: Plugin, point: EntryPoint) -> Plugin:
 
 
 def _check_name(config_says: str, entry_point: str) -> None:
-    """Refuse an adapter that is called differently in its two places."""
+    """Refuse an adapter whose Config and entry point have different names."""
     if config_says != entry_point:
         raise Unusable(
             f"its Config says adapter: {config_says!r} but its entry point is called {entry_point!r}; "
@@ -190,7 +189,7 @@ def _check_name(config_says: str, entry_point: str) -> None:
 
 
 def _install_hint(error: BaseException, point: EntryPoint) -> str:
-    """Name the extra to install when a library of an installed adapter is missing."""
+    """Return the extra to install if a library of an installed adapter is missing."""
     if not isinstance(error, ModuleNotFoundError) or point.dist is None:
         return ""
     extra = _extra_with((error.name or "").partition(".")[0], point)
@@ -206,13 +205,13 @@ def _is_own(point: EntryPoint) -> bool:
 
 
 def _extra_with(module: str, point: EntryPoint) -> str | None:
-    """Return the extra that brings a module, or the one that is called like the adapter."""
+    """Return the extra that contains a module, else the one named like the adapter."""
     requires = (point.dist.requires if point.dist else None) or []
     for requirement in requires:
         match = re.match(r"([\w.-]+).*extra\s*==\s*[\"']([\w-]+)[\"']", requirement)
         if match and match[1].lower().replace("-", "_") == module.lower():
             return match[2]
     if module == point.module.partition(".")[0]:
-        return None  # a part of the adapter itself is missing: no extra brings that
+        return None  # a part of the adapter itself is missing: no extra contains it
     extras = point.dist.metadata.get_all("Provides-Extra") if point.dist else None
     return point.name if point.name in (extras or ()) else None

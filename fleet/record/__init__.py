@@ -1,1 +1,1 @@
-"""Recording what happens on the bus into MCAP files, which Foxglove opens."""
+"""Recorder of the bus into MCAP files, which Foxglove opens."""

@@ -1,4 +1,4 @@
-"""The recorder as a child process of ``fleet run``: started, watched, started again."""
+"""The recorder as a child process of ``fleet run``: start, monitor, restart."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ EXTRA = "recording needs its extra: pip install 'zenoh-fleet[record]' (here: uv 
 
 
 def is_installed() -> bool:
-    """Return whether the packages of the extra are there."""
+    """Return True if the packages of the extra are installed."""
     return all(importlib.util.find_spec(name) for name in ("mcap", "zstandard"))
 
 
 class RecorderChild:
-    """One recorder process. ``recording`` is set while it records."""
+    """One recorder process. ``recording`` is set once it records."""
 
     def __init__(self, task: RecordTask, clock: Clock) -> None:
         told = msgspec.json.encode(msgspec.structs.replace(task, parent=os.getpid()))
         self._program = SideProgram("recorder", "fleet.record.program", told, clock, self._hear, heard=True)
-        self._told = ""
+        self._reported = ""
         self.recording = asyncio.Event()
 
     @property
     def problem(self) -> str:
-        """What is wrong with it, in its own words where it has some; empty while it records."""
-        return self._program.problem and (self._told or self._program.problem)
+        """Its error, in its own words if it reported one; empty while it records."""
+        return self._program.problem and (self._reported or self._program.problem)
 
     @property
     def process(self) -> int:
-        """The id of its process, 0 before the first."""
+        """The id of its process, 0 before the first start."""
         return self._program.process
 
     async def run(self) -> None:
@@ -52,13 +52,13 @@ class RecorderChild:
         await self._program.run()
 
     async def _hear(self, process: asyncio.subprocess.Process) -> None:
-        """Take what the process says is wrong."""
+        """Receive the errors that the process reports."""
         assert process.stdout is not None
-        self._told = ""
+        self._reported = ""
         async for line in process.stdout:
             try:
-                self._told = self._program.problem = decode_json(line, str)
+                self._reported = self._program.problem = decode_json(line, str)
             except msgspec.DecodeError:
-                log.warning("the recorder says what cannot be read")
-            if not self._told:
+                log.warning("the recorder's report cannot be read")
+            if not self._reported:
                 self.recording.set()

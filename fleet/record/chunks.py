@@ -1,7 +1,7 @@
 """The chunks of an MCAP file, found without its index: a file in progress is read like a finished one.
 
-A chunk tells its times in its head, and the records behind it tell which channels it has: whoever looks for
-a few messages unpacks a few chunks. Source: https://mcap.dev/spec.
+A chunk has its times in its header, and the index records after it list its channels: so a search for a few
+messages decompresses only a few chunks. Source: https://mcap.dev/spec.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from mcap.stream_reader import get_chunk_data_stream
 
 from fleet.record.export import BROKEN
 
-_BLOCK = 64 * 1024  # bytes of the file that are read at once
+_BLOCK = 64 * 1024  # bytes per read
 _MAGIC = 8  # bytes before the first record
-_RECORD = struct.Struct("<BQ")  # opcode, bytes of the content
-_CHUNK = struct.Struct("<QQQI")  # first and last time, bytes unpacked, checksum
-_TEXT = struct.Struct("<I")  # bytes of a text
-_MESSAGE = struct.Struct("<HIQQ")  # channel, count, received and stamp in Unix ns
+_RECORD = struct.Struct("<BQ")  # opcode, length of the content
+_CHUNK = struct.Struct("<QQQI")  # first and last time, uncompressed size, checksum
+_TEXT = struct.Struct("<I")  # length of a text
+_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence number, received and stamp in Unix ns
 _NUMBER = struct.Struct("<H")
 _CHANNEL = struct.Struct("<HH")  # its id, its schema
 LARGEST = 64 * 1024 * 1024
-"""Bytes of an unpacked chunk; a chunk that says to be larger is none of a recorder's."""
+"""Limit of a decompressed chunk in bytes; a recorder writes no larger ones."""
 
 
 class Chunk(msgspec.Struct, frozen=True):
-    """One chunk: its times (Unix ns), where its record is, and its channels as bits by their ids."""
+    """One chunk: its times (Unix ns), the position of its record, and its channels as a bit mask of ids."""
 
     begins: int
     ends: int
@@ -44,14 +44,14 @@ class Chunk(msgspec.Struct, frozen=True):
 
 
 class Channel(msgspec.Struct, frozen=True):
-    """A topic of the file, and the name of its schema."""
+    """A topic of the file, with the name of its schema."""
 
     topic: str
     schema: str
 
 
 class RawMessage(msgspec.Struct, frozen=True):
-    """A message as it was recorded; times in Unix ns."""
+    """A recorded message; times in Unix ns."""
 
     channel: int
     received: int
@@ -60,9 +60,9 @@ class RawMessage(msgspec.Struct, frozen=True):
 
 
 class Chunks:
-    """The chunks of the file at ``path``, the oldest first; ``look`` adds those that were written since.
+    """The chunks of the file at ``path``, oldest first; ``look`` adds the ones written since.
 
-    Raises OSError when the file cannot be read; a part of it that is damaged is left out.
+    Raises OSError if the file cannot be read; damaged parts are skipped.
     """
 
     def __init__(self, path: Path) -> None:
@@ -73,7 +73,7 @@ class Chunks:
         self._at = _MAGIC
 
     def look(self) -> None:
-        """Find what was written since the last look."""
+        """Find the records written since the last call."""
         with self.path.open("rb", buffering=0) as file:
             size = os.fstat(file.fileno()).st_size
             begin, block = self._at, b""
@@ -90,7 +90,7 @@ class Chunks:
                 self._at += _RECORD.size + length
 
     def _take(self, file: int, opcode: int, length: int, head: bytes) -> None:
-        """Take a record by the first bytes of its content."""
+        """Handle a record by the first bytes of its content."""
         if opcode == Opcode.CHUNK:
             begins, ends, _, _ = _CHUNK.unpack(head)
             self.found.append(Chunk(begins, ends, self._at + _RECORD.size, length, 0))
@@ -98,11 +98,11 @@ class Chunks:
             (channel,) = _NUMBER.unpack_from(head)
             last = self.found[-1]
             self.found[-1] = msgspec.structs.replace(last, channels=last.channels | 1 << channel)
-            if channel not in self.channels:  # it is named in the chunk that has it first
+            if channel not in self.channels:  # its definition is in the first chunk that uses it
                 self._unpack(file, last, 0, lambda _: True)
 
     def messages(self, chunk: Chunk, wanted: int, until: int) -> list[RawMessage]:
-        """Return the messages of a chunk on channels, as bits, that were received until then (Unix ns)."""
+        """Return the messages of a chunk on the channels of a bit mask, received by ``until`` (Unix ns)."""
         found: list[RawMessage] = []
         with self.path.open("rb", buffering=0) as file:
             self._unpack(file.fileno(), chunk, wanted, found.append)
@@ -127,7 +127,7 @@ class Chunks:
 
 
 def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield the records of a chunk: opcode, where the content is, and its length."""
+    """Yield the records of a chunk: opcode, position of the content, and its length."""
     at = 0
     while at + _RECORD.size <= len(data):
         opcode, length = _RECORD.unpack_from(data, at)
@@ -136,7 +136,7 @@ def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def _unpacked(content: bytes) -> bytes:
-    """Return the records of a chunk by the content of its record; none of a chunk that is damaged."""
+    """Decompress the records of a chunk; empty for a damaged chunk."""
     try:
         chunk = ChunkRecord.read(ReadDataStream(io.BytesIO(content)))
         if chunk.uncompressed_size > LARGEST:
@@ -148,6 +148,6 @@ def _unpacked(content: bytes) -> bytes:
 
 
 def _text(data: bytes, at: int) -> str:
-    """Return a text of a record."""
+    """Decode a text in a record."""
     (length,) = _TEXT.unpack_from(data, at)
     return data[at + _TEXT.size : at + _TEXT.size + length].decode(errors="replace")

@@ -1,4 +1,4 @@
-"""What a folder of recordings holds, and a window of it in one file."""
+"""Contents of a folder of recordings, and export of a window of it to one file."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from fleet.record.file import CHUNK
 from fleet.record.ring import begin_of, files_in
 
 BROKEN = (McapError, ZstdError, EOFError, ValueError, OverflowError, struct.error)
-"""What the reading raises for a file that is damaged or cut off."""
+"""Exceptions of readers for a damaged or truncated file."""
 
 
 FromFile = tuple[Schema | None, Channel, Message]
-"""A message with its channel, and the channel's schema."""
+"""A message with its channel and the channel's schema."""
 
 
 class Recorded(msgspec.Struct, frozen=True):
@@ -39,14 +39,14 @@ class Recorded(msgspec.Struct, frozen=True):
 
 
 def recorded_in(folder: Path) -> list[Recorded]:
-    """Return the files of a folder, the oldest first; raises StateError when there is no such folder."""
+    """Return the files of a folder, oldest first; raises StateError if there is no such folder."""
     if not folder.is_dir():
         raise StateError(f"there is no folder {folder}: nothing was recorded there")
     return [recorded(path) for path in files_in(folder)]
 
 
 def recorded(path: Path) -> Recorded:
-    """Return what is known of a file: by its index, else by its name and when it was written last."""
+    """Return the properties of a file: from its index, else from its name and modification time."""
     found = path.stat()
     try:
         with path.open("rb") as file:
@@ -61,10 +61,10 @@ def recorded(path: Path) -> Recorded:
 
 
 def export(folder: Path, into: Path, *, since: float, until: float) -> int:
-    """Write what was received from ``since`` until before ``until`` (Unix s) into a new file.
+    """Write the messages received from ``since`` until before ``until`` (Unix s) to a new file.
 
-    Returns how many messages that are. The file is for this user alone, and has an index. Raises StateError
-    when nothing was recorded then, or the file exists.
+    Returns the number of messages. The file is for this user only, and has an index. Raises StateError if
+    nothing was recorded then, or if the file exists.
     """
     messages = window([folder], since, until)
     try:
@@ -81,13 +81,13 @@ def export(folder: Path, into: Path, *, since: float, until: float) -> int:
 
 
 def window(folders: Iterable[Path], since: float, until: float) -> Iterator[FromFile]:
-    """Yield what was received from ``since`` until before ``until`` (Unix s); raises StateError."""
+    """Yield the messages received from ``since`` until before ``until`` (Unix s); raises StateError."""
     found = [file for folder in folders for file in recorded_in(folder)]
     return messages_of([file for file in found if file.ends >= since and file.begins <= until], since, until)
 
 
 def copy(messages: Iterable[FromFile], output: IO[bytes]) -> int:
-    """Write messages as a file with an index; returns how many. ``output`` need not be a file."""
+    """Write messages as a file with an index; returns their number. ``output`` need not be a file."""
     writer = Writer(output, chunk_size=CHUNK, compression=CompressionType.ZSTD)
     writer.start()
     schemas: dict[str, int] = {}
@@ -115,7 +115,7 @@ def copy(messages: Iterable[FromFile], output: IO[bytes]) -> int:
 
 
 def messages_of(files: list[Recorded], since: float, until: float) -> Iterator[FromFile]:
-    """Yield the messages of a window; a file that is cut off ends where it is."""
+    """Yield the messages of a window; a truncated file ends at the truncation."""
     start = max(0, round(since * 1e9))
     end = round(until * 1e9) if math.isfinite(until) else None
     for recorded in files:

@@ -1,4 +1,4 @@
-"""What is to be exported: a window of recordings."""
+"""Task of an export: a window of recordings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import msgspec
 
 
 class ExportTask(msgspec.Struct, frozen=True):
-    """What was received from ``since`` until before ``until``, Unix s, by the recorders of these folders."""
+    """The messages received from ``since`` until before ``until``, Unix s, in these folders."""
 
     folders: tuple[str, ...]
     since: float

@@ -1,8 +1,8 @@
-"""One MCAP file of a recording, which can be read at any time, also after its writer was killed.
+"""One MCAP file of a recording, readable at any time, also after its writer was killed.
 
-Each flush writes the chunk in progress and, behind it, the end of an MCAP file without an index; the next
-flush overwrites that end. A closed file has its index. A writer that was killed while it wrote that, or
-whose disk was full, may leave half a record: ``repair`` cuts it off. Source: https://mcap.dev/spec.
+Each flush writes the chunk in progress, followed by the end of an MCAP file without an index; the next flush
+overwrites that end. A closed file has an index. A writer that was killed while writing the index, or whose
+disk was full, may leave half a record: ``repair`` cuts it off. Source: https://mcap.dev/spec.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from fleet.record.schemas import schema_of
 from fleet.version import __version__
 
 CHUNK = 256 * 1024
-"""Bytes of a chunk before it is compressed; one message of more bytes has a chunk of its own."""
+"""Bytes of a chunk before compression; a larger message has a chunk of its own."""
 
-_RECORD = struct.Struct("<BQ")  # opcode, bytes of the content
+_RECORD = struct.Struct("<BQ")  # opcode, length of the content
 
 
 def _end() -> bytes:
@@ -39,7 +39,7 @@ END = _end()
 
 
 class _Output:
-    """The file as the writer of MCAP sees it: what it writes reaches the disk with ``flush``, in one go."""
+    """The file for the writer of MCAP: it buffers the data until ``flush`` writes it to the disk."""
 
     def __init__(self, path: Path) -> None:
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
@@ -47,19 +47,19 @@ class _Output:
         self._waiting = bytearray()
 
     def write(self, data: bytes) -> int:
-        """Take bytes."""
+        """Buffer bytes."""
         self._waiting += data
         return len(data)
 
     def tell(self) -> int:
-        """Return how many bytes the file has with those that wait."""
+        """Return the size of the file including the buffer."""
         return self._written + len(self._waiting)
 
     def flush(self, end: bytes = END) -> None:
-        """Write what waits, and the end of the file behind it; raises OSError, and can be called again.
+        """Write the buffer and the end of the file; raises OSError, and can be called again.
 
-        The end that there was is overwritten last, by a write of a few bytes: until then the file ends for a
-        reader where it ended before, also for one that reads now, or after this process was killed.
+        The previous end is overwritten last, by a write of a few bytes: until then the file ends for a reader
+        where it ended before, also for a concurrent reader, or after this process was killed.
         """
         if self._waiting or not end:
             data, head = bytes(self._waiting), len(END)
@@ -73,14 +73,14 @@ class _Output:
             self._waiting.clear()
 
     def close(self) -> None:
-        """Close the file; what waits is lost."""
+        """Close the file; the buffer is lost."""
         os.close(self._file)
 
 
 class RecordingFile:
-    """A new MCAP file at ``path``, for this user alone; raises OSError.
+    """A new MCAP file at ``path``, for this user only; raises OSError.
 
-    After an OSError of ``flush`` it has ``failed``: nothing more can be added; ``close`` it, and ``repair``.
+    After an OSError in ``flush`` it has ``failed``: nothing more can be added; ``close`` it, and ``repair``.
     """
 
     def __init__(self, path: Path) -> None:
@@ -102,11 +102,11 @@ class RecordingFile:
 
     @property
     def topics(self) -> int:
-        """How many topics it has; MCAP has room for 65 535."""
+        """Number of topics; MCAP has room for 65 535."""
         return len(self._channels)
 
     def add(self, message: Message, received: int) -> None:
-        """Add a message that was received then (Unix ns); its stamp counts where that is a time."""
+        """Add a message received at ``received`` (Unix ns); it is published at its own stamp, if valid."""
         channel = self._channel(message.topic, message.schema)
         count = self._counts[channel] = self._counts[channel] + 1
         stamp = message.stamp
@@ -114,7 +114,7 @@ class RecordingFile:
         self._writer.add_message(channel, received, message.payload, published, count)
 
     def _channel(self, topic: str, schema: str) -> int:
-        """Return the channel of a topic, made with its schema when it is first used."""
+        """Return the channel of a topic, registered with its schema on first use."""
         found = self._channels.get((topic, schema))
         if found is None:
             number = self._schemas.get(schema)
@@ -127,7 +127,7 @@ class RecordingFile:
         return found
 
     def flush(self) -> None:
-        """Bring what was added to the file; raises OSError."""
+        """Write the added messages to the file; raises OSError."""
         try:
             self._writer.flush()
         except OSError:
@@ -135,7 +135,7 @@ class RecordingFile:
             raise
 
     def close(self) -> None:
-        """Write the index and close; raises OSError. A file whose disk was full keeps what was flushed."""
+        """Write the index and close; raises OSError. After a full disk the flushed messages remain."""
         try:
             if not self.failed:
                 self._writer.finish()
@@ -145,9 +145,9 @@ class RecordingFile:
 
 
 def repair(path: Path) -> bool:
-    """Cut half a record off the end of a file, and end it; returns whether that was needed.
+    """Cut half a record off the end of a file, and end it; returns True if that was needed.
 
-    Raises OSError. A file that is not MCAP from its first byte on is left as it is.
+    Raises OSError. A file that does not start like MCAP is left unchanged.
     """
     with path.open("r+b") as file:
         size = file.seek(0, os.SEEK_END)
@@ -164,7 +164,7 @@ def repair(path: Path) -> bool:
 
 
 def _last_whole_record(file: Any, size: int) -> int:
-    """Return where the records of the data section end that are there as a whole."""
+    """Return the end of the last complete record of the data section."""
     at: int = file.tell()
     while at + _RECORD.size <= size:
         file.seek(at)

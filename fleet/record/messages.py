@@ -1,7 +1,7 @@
-"""Recorded messages made from samples of the bus; pure.
+"""Conversion of samples on the bus to recorded messages; pure.
 
-Reports for which Foxglove has a schema get its form: positions in metres, world ENU to body FLU; Foxglove's
-messages may have more members than its schemas name, and so keep what else a report says.
+Reports for which Foxglove has a schema are converted to it: positions in metres, world ENU to body FLU.
+Foxglove's messages may have members beyond the schemas, which keep the rest of a report.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from fleet.wire.databus import decode_report
 from fleet.wire.published import object_in, stamp_in
 
 SITE = "site"
-"""The frame that the robots of an edge share."""
+"""The common frame of the robots of an edge."""
 
 _LEVELS = MappingProxyType(
     {"DEBUG": 1, "INFO": 2, "WARNING": 3, "ERROR": 4, "CRITICAL": 5}
 )  # foxglove.LogLevel
 _APPROXIMATED, _UNKNOWN = 1, 0  # foxglove.PositionCovarianceType
 LATEST = 1.8e10
-"""Unix s that MCAP can hold in nanoseconds; a later stamp is no time."""
+"""Unix s that fit MCAP's nanoseconds; a later stamp is invalid."""
 _encode = msgspec.json.Encoder().encode
 
 
@@ -45,7 +45,7 @@ class Message(msgspec.Struct, frozen=True):
 
 
 def report_messages(robot: str, channel: str, sample: bytes, *, sensor: str | None = None) -> list[Message]:
-    """Return what to record of a sample on a channel; ``robot`` is the first part of its topics.
+    """Return the messages to record for a sample on a channel; ``robot`` is the prefix of its topics.
 
     A sample that is no report is kept as its JSON object, or as bytes.
     """
@@ -66,7 +66,7 @@ def report_messages(robot: str, channel: str, sample: bytes, *, sensor: str | No
 
 
 def placement_message(robot: str, placement: Placement, stamp: float) -> Message:
-    """Return where the world of a robot is in the site frame."""
+    """Return the transform from the site's frame to a robot's world frame."""
     half = placement.yaw / 2
     turned = Quaternion(math.cos(half), 0.0, 0.0, math.sin(half))
     body = _transform(stamp, SITE, _world(robot), placement.origin, turned)
@@ -79,7 +79,7 @@ def unread(topic: str, sample: bytes) -> Message:
 
 
 def _other(topic: str, channel: str, sample: bytes) -> Message:
-    """Return a sample that is no report."""
+    """Return the message for a sample that is no report."""
     try:
         document = object_in(sample, channel)
     except WireError:
@@ -92,9 +92,9 @@ def _other(topic: str, channel: str, sample: bytes) -> Message:
 
 
 def _own(topic: str, report: Report) -> Message:
-    """Return a report in its own form; what it does not tell is left out."""
+    """Return a report in the project's own format; values that are None are left out."""
     payload = _encode({name: value for name, value in asdict(report).items() if value is not None})
-    if b"null" in payload:  # deeper down, or as a word
+    if b"null" in payload:  # in a nested object, or only as a word in a text
         payload = _encode(_without_none(msgspec.to_builtins(report)))
     return Message(topic, f"fleet.{type(report).__name__}", payload, report.stamp)
 
@@ -107,7 +107,7 @@ def _without_none(value: Any) -> Any:
 
 
 def _time(stamp: float) -> dict[str, int]:
-    """Return Unix seconds as Foxglove has them; a stamp that is no time as 0."""
+    """Return Unix seconds in Foxglove's format; 0 for an invalid stamp."""
     nanoseconds = round(stamp * 1e9) if 0 <= stamp < LATEST else 0
     return {"sec": nanoseconds // 1_000_000_000, "nsec": nanoseconds % 1_000_000_000}
 
@@ -129,7 +129,7 @@ def _transform(stamp: float, parent: str, child: str, at: Vector3, turned: Quate
 
 
 def _pose(robot: str, topic: str, report: PoseReport) -> list[tuple[str, str, object]]:
-    """Return a pose, and the same as a transform."""
+    """Return a pose, also as a transform."""
     pose: dict[str, object] = {
         "timestamp": _time(report.stamp),
         "frame_id": _world(robot),
@@ -142,7 +142,7 @@ def _pose(robot: str, topic: str, report: PoseReport) -> list[tuple[str, str, ob
 
 
 def _fix(robot: str, topic: str, report: GpsReport) -> list[tuple[str, str, object]]:
-    """Return a satellite fix that has a position."""
+    """Return a satellite fix with a position."""
     point = report.point
     assert point is not None
     known = report.horizontal_accuracy is not None
@@ -164,7 +164,7 @@ def _fix(robot: str, topic: str, report: GpsReport) -> list[tuple[str, str, obje
 
 
 def _joints(_robot: str, topic: str, report: JointReport) -> list[tuple[str, str, object]]:
-    """Return joints; a value that is not measured is left out."""
+    """Return joints; values that are not measured are left out."""
     sets = {"position": report.positions, "velocity": report.velocities, "effort": report.efforts}
     joints = [
         {"name": name} | {what: values[name] for what, values in sets.items() if name in values}
@@ -199,4 +199,4 @@ _FOXGLOVE: Mapping[str, Callable[[str, str, Any], list[tuple[str, str, object]]]
         LogReport.channel: _log,
     }
 )
-"""What makes Foxglove's form of each channel that has one: topic, schema and body of each message."""
+"""Converters to Foxglove's formats by channel: topic, schema and body of each message."""

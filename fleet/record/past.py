@@ -1,6 +1,6 @@
-"""What a recording tells of one moment: the newest message of each topic, and the events before it.
+"""A moment of a recording: the newest message of each topic, and the events before it.
 
-The work for a moment is bounded, however much was recorded: so many files, so many chunks, so many events.
+The work for a moment is limited, whatever the size of the recording: in files, chunks and events.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from fleet.record.chunks import Channel, Chunk, Chunks, RawMessage
 from fleet.record.reading import ReadMessage
 from fleet.record.ring import begin_of, files_in
 
-MOST_FILES = 2  # of a folder that are read for a moment: that of the moment, and the one before
-MOST_CHUNKS = 96  # that are unpacked for a moment
-KEPT = 8  # files whose chunks stay known
+MOST_FILES = 2  # files of a folder read for a moment: the file of the moment, and the one before
+MOST_CHUNKS = 96  # decompressed for a moment
+KEPT = 8  # files with cached chunk lists
 SEVERAL: Mapping[str, int] = MappingProxyType({"fleet.Record": 60, "fleet.RunState": 60})
-"""Schemas of which a moment has more than the newest message, and how many of all topics."""
+"""Schemas of which a moment has more than the newest message, with the number over all topics."""
 _NEWEST = frozenset(
     {
         "fleet.RobotState",
@@ -33,14 +33,14 @@ _SECOND = 1_000_000_000
 
 
 class Past:
-    """One folder of recordings, also of one that is written meanwhile. For one thread at a time."""
+    """One folder of recordings, possibly one in progress. For one thread at a time."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._known: dict[Path, Chunks] = {}
 
     def extent(self) -> tuple[float, float] | None:
-        """Return from when until when there are recordings (Unix s); None where there are none."""
+        """Return the time range of the recordings (Unix s); None without any."""
         files = self._files()
         try:
             return (files[0][0], files[-1][1].stat().st_mtime) if files else None
@@ -48,14 +48,14 @@ class Past:
             return None
 
     def at(self, moment: float) -> list[ReadMessage]:
-        """Return what was known at a moment (Unix s), of each topic the newest first; raises StateError."""
+        """Return the messages known at a moment (Unix s), newest first per topic; raises StateError."""
         search = _Search(round(moment * _SECOND))
         for chunks in self._chunks(moment):
             search.look(chunks)
         return search.found
 
     def track(self, moment: float, seconds: float, most: int) -> list[ReadMessage]:
-        """Return positions of the seconds before a moment, the oldest first: of so many instants at most.
+        """Return positions of the seconds before a moment, oldest first, at up to ``most`` instants.
 
         Raises StateError.
         """
@@ -71,17 +71,17 @@ class Past:
         return found
 
     def _files(self) -> list[tuple[float, Path]]:
-        """Return the files with the Unix s at which each began, the oldest first."""
+        """Return the files with the Unix s at which each began, oldest first."""
         return [(begin, path) for path in files_in(self._folder) if (begin := begin_of(path)) is not None]
 
     def _chunks(self, moment: float) -> Iterator[Chunks]:
-        """Yield the chunks of the files that a moment is made of, the newest file first."""
+        """Yield the chunks of the files for a moment, newest file first."""
         for _, path in [file for file in self._files() if file[0] <= moment][: -MOST_FILES - 1 : -1]:
             chunks = self._known.pop(path, None) or Chunks(path)
             try:
                 chunks.look()
             except FileNotFoundError:
-                continue  # it was the oldest, and is deleted
+                continue  # the oldest file, deleted meanwhile
             except OSError as error:
                 raise StateError(f"{path} cannot be read: {error.strerror or error}") from None
             self._known[path] = chunks
@@ -91,7 +91,7 @@ class Past:
 
 
 class _Search:
-    """The search for the messages of a moment, from its chunk backwards; ``until`` is Unix ns."""
+    """The backward search for the messages of a moment; ``until`` is Unix ns."""
 
     def __init__(self, until: int) -> None:
         self.found: list[ReadMessage] = []
@@ -101,7 +101,7 @@ class _Search:
         self._chunks = 0
 
     def look(self, chunks: Chunks) -> None:
-        """Look through a file."""
+        """Search a file."""
         wanted = _mask(chunks, self._wants)
         for chunk in reversed(chunks.found):
             if self._chunks >= MOST_CHUNKS or not wanted:
@@ -112,7 +112,7 @@ class _Search:
                 wanted = _mask(chunks, self._wants)
 
     def _take(self, chunks: Chunks, chunk: Chunk, wanted: int) -> None:
-        """Take what is wanted of a chunk, the newest first."""
+        """Take the wanted messages of a chunk, newest first."""
         for channel, message in reversed(_read(chunks, chunk, wanted, self._until)):
             if self._wants(channel):
                 self._topics.add(channel.topic)
@@ -120,7 +120,7 @@ class _Search:
                 self.found.append(message)
 
     def _wants(self, channel: Channel) -> bool:
-        """Return whether a message of a channel is still wanted."""
+        """Return True if a message of a channel is still wanted."""
         several = SEVERAL.get(channel.schema)
         if several is not None:
             return self._counts[channel.schema] < several
@@ -129,22 +129,22 @@ class _Search:
 
 
 def _is_position(channel: Channel) -> bool:
-    """Return whether a channel has the poses of a robot."""
+    """Return True if a channel has the poses of a robot."""
     return channel.schema == "foxglove.PoseInFrame" and channel.topic.endswith("/position")
 
 
 def _is_places(channel: Channel) -> bool:
-    """Return whether a channel tells where the robots of an edge go."""
+    """Return True if a channel has the goals of an edge's robots."""
     return channel.topic.split("/")[2:3] == ["places"]
 
 
 def _mask(chunks: Chunks, wanted: Callable[[Channel], bool]) -> int:
-    """Return the channels of a file that are wanted, as bits by their ids."""
+    """Return the wanted channels of a file as a bit mask of ids."""
     return sum(1 << number for number, channel in chunks.channels.items() if wanted(channel))
 
 
 def _read(chunks: Chunks, chunk: Chunk, wanted: int, until: int) -> list[tuple[Channel, ReadMessage]]:
-    """Return the messages of a chunk in the order in which they were received; raises StateError."""
+    """Return the messages of a chunk in the order of reception; raises StateError."""
     try:
         found = chunks.messages(chunk, wanted, until)
     except OSError as error:

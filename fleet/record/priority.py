@@ -1,7 +1,7 @@
-"""The priority of a recorder's process: robots and their commands have the processors first.
+"""Priority of a recorder's process: robots and their commands have precedence.
 
-Measured, that is what recording costs a command: while the edge has the processors whenever it wants them,
-its commands take as long with a recorder as without one (``bench record``).
+Measured, this decides the cost of recording: as long as the edge gets a processor whenever it needs one, its
+commands take as long with a recorder as without (``bench record``).
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from pathlib import Path
 
 NICE = 10
 AUTOGROUP = Path("/proc/self/autogroup")
-"""Where a session has its priority on a kernel that schedules by sessions: niceness counts within one."""
+"""Priority of a session on a kernel with autogroup scheduling, in which niceness applies within a session."""
 
 
-def give_way() -> None:
-    """Lower the priority of this process, and of the session that it leads, if any, for good.
+def lower_priority() -> None:
+    """Lower the priority of this process, and of the session if it leads one, permanently.
 
-    To be called before any thread is started: each has a niceness of its own. A session that somebody else
-    leads has other programs in it, and keeps its priority.
+    Call it before any thread is started: each thread has its own niceness. A session led by another process
+    contains other programs, and keeps its priority.
     """
     os.nice(NICE)
     if os.getsid(0) == os.getpid():

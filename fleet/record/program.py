@@ -1,7 +1,7 @@
-"""The recorder process of an edge: reads its task, records until a signal or its parent ends it.
+"""The recorder process of an edge: reads its task, records until a signal or its parent's end.
 
 ``python -m fleet.record.program`` is started by ``fleet run``, which writes the task to its standard input
-and reads what is wrong from its standard output: one JSON text a line, empty when all is well.
+and reads errors from its standard output: one JSON text per line, empty when there is no error.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fleet.clock import SystemClock
 from fleet.errors import FleetError
 from fleet.host.logs.setup import LogSettings, start_logging
 from fleet.host.process.side_program import until_ended
-from fleet.record.priority import give_way
+from fleet.record.priority import lower_priority
 from fleet.record.recording import record
 from fleet.record.task import RecordTask
 from fleet.runtime.decoding import decode_json
@@ -27,14 +27,14 @@ log = logging.getLogger(__name__)
 
 
 def _tell(problem: str) -> None:
-    """Write what is wrong to our parent; one that does not read is gone, and so are we soon."""
+    """Write an error to our parent; if the write fails, the parent is gone, and this process ends soon."""
     sys.stdout.buffer.write(msgspec.json.encode(problem) + b"\n")
     sys.stdout.buffer.flush()
 
 
 def main() -> int:
     """Read the task and record."""
-    give_way()
+    lower_priority()
     wanted = LogSettings.of_a_worker("recorder")
     start_logging(msgspec.structs.replace(wanted, level=logging.WARNING))
 

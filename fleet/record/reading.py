@@ -1,4 +1,4 @@
-"""Reading a recording back: its messages in the order in which they were received."""
+"""Reading of a recording: its messages in the order of reception."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fleet.record.export import messages_of, recorded, recorded_in
 class ReadMessage(msgspec.Struct, frozen=True):
     """One recorded message: its topic, the name of its schema, and its JSON.
 
-    ``received``: Unix s at which the recorder had it; ``stamp``: the Unix s that it says itself.
+    ``received``: Unix s of its reception by the recorder; ``stamp``: its own stamp, Unix s.
     """
 
     topic: str
@@ -26,21 +26,21 @@ class ReadMessage(msgspec.Struct, frozen=True):
 
     @property
     def edge(self) -> str:
-        """The edge that it is of; empty for a report of a twin that no edge had named."""
+        """Its edge; empty for a report of a twin whose edge was not known."""
         edge = self.topic.split("/")[1]
         return "" if edge == "twins" else edge
 
     @property
     def robot(self) -> str:
-        """The robot that it is of; what is the edge's own has another word there, or none."""
+        """Its robot; for messages of the edge itself another word, or empty."""
         parts = self.topic.split("/")
         return parts[2] if len(parts) > 3 and self.edge else ""
 
 
 def read_recording(path: Path, since: float = 0.0, until: float = math.inf) -> Iterator[ReadMessage]:
-    """Yield the messages of a file, or of a folder, that were received from ``since`` until before ``until``.
+    """Yield the messages of a file or folder received from ``since`` until before ``until``.
 
-    Unix s. A file that is cut off ends where it is. Raises StateError when there is nothing.
+    Unix s. A truncated file ends at the truncation. Raises StateError if there are no messages.
     """
     if path.is_dir():
         files = [file for file in recorded_in(path) if file.ends >= since and file.begins <= until]

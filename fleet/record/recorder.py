@@ -1,4 +1,4 @@
-"""The recorder: takes samples from the bus's threads, and brings them to the files of a ring."""
+"""The recorder: collects samples from the bus's threads, and writes them to the files of a ring."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from fleet.record.samples import SampleReader, event_message
 log = logging.getLogger(__name__)
 
 MOST_WAITING = 64 * 1024 * 1024
-"""Bytes that may wait for the disk; what comes then is dropped and told."""
-AGAIN = 10.0  # s until a disk that failed is tried again
+"""Bytes that may wait for the disk; further samples are dropped and counted."""
+AGAIN = 10.0  # s between retries of a failed disk
 
 
 class Recorder:
-    """Records what ``take`` and ``take_events`` are given, on any thread; ``write`` is called by one.
+    """Records the arguments of ``take`` and ``take_events``, from any thread; one thread calls ``write``.
 
-    ``problem`` is why nothing is recorded, or what was lost; empty while all is well.
+    ``problem``: why nothing is recorded, or what was lost; empty if all is well.
     """
 
     def __init__(self, ring: Ring, clock: Clock) -> None:
@@ -41,11 +41,11 @@ class Recorder:
         self._path: Path | None = None
 
     def take(self, edge: str, key: str, payload: bytes) -> None:
-        """Take a sample that came by the bus of an edge; an empty one tells nothing and is left out."""
+        """Take a sample from the bus of an edge; an empty one is ignored."""
         self.take_many(edge, ((key, payload),))
 
     def take_many(self, edge: str, samples: Iterable[tuple[str, bytes]]) -> None:
-        """Take samples that came by the bus of an edge."""
+        """Take samples from the bus of an edge."""
         with self._lock:
             for key, payload in samples:
                 if self._waiting + len(payload) > MOST_WAITING:
@@ -64,7 +64,7 @@ class Recorder:
         return round(self._clock.time() * 1e9)
 
     def write(self) -> None:
-        """Bring what was taken to the disk; a disk that fails is told in ``problem`` and tried again."""
+        """Write the collected samples to disk; a disk error is reported in ``problem`` and retried."""
         with self._lock:
             samples, self._samples = self._samples, []
             events, self._events = self._events, []
@@ -80,7 +80,7 @@ class Recorder:
             self._tell(self._losses(dropped))
 
     def _losses(self, dropped: int) -> str:
-        """Return in words what was not recorded; ``dropped`` samples waited for the disk."""
+        """Describe the losses; ``dropped`` samples exceeded the limit."""
         frames = self._reader.take_lost()
         if dropped:
             return f"{dropped} samples were not recorded: the disk of {self._ring.folder} is too slow"
@@ -93,7 +93,7 @@ class Recorder:
         if not samples and not events:
             return
         file = self._ring.file(self._clock.time())
-        if file.path != self._path:  # each file tells by itself what was so at its beginning
+        if file.path != self._path:  # each file starts with the persistent values, so it can be read alone
             self._path = file.path
             for message in self._reader.standing:
                 file.add(message, self._now())
@@ -107,7 +107,7 @@ class Recorder:
         file.flush()
 
     def _fail(self, error: Exception) -> None:
-        """End the file in progress, and wait before the disk is tried again."""
+        """End the file in progress, and wait before the disk is retried."""
         self._ring.end_file()
         self._not_before = self._clock.monotonic() + AGAIN
         reason = (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
@@ -120,6 +120,6 @@ class Recorder:
         self.problem = problem
 
     def close(self) -> None:
-        """Write what was taken, and end the file."""
+        """Write the collected samples, and end the file."""
         self.write()
         self._ring.close()

@@ -1,4 +1,4 @@
-"""Recording the edges that run: joins their buses, asks for their history, writes until the end."""
+"""Recording of running edges: joins their buses, queries their history, writes until the end."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from fleet.runtime.decoding import decode_json
 log = logging.getLogger(__name__)
 
 EVERY = 0.4
-"""Seconds between two writes to the disk: what a recorder that is killed may lose, with the time of one."""
-HISTORY_EVERY = 1.0  # s between questions for the history; each reads it from the disk of the edge
+"""Seconds between writes to disk: the most that a killed recorder loses, plus the time of one write."""
+HISTORY_EVERY = 1.0  # s between queries of the history; the edge reads each answer from its disk
 ANSWER_WITHIN = 2.0  # s for states and history
-LASTING_EVERY = 5.0
-"""Seconds between questions for fences, bodies and schedules, of which only changes are recorded."""
-OVERLAP = 2.0  # s that are asked for again: workers write their events later than the edge does
+PERSISTENT_EVERY = 5.0
+"""Seconds between queries of fences, bodies and schedules, of which only changes are recorded."""
+OVERLAP = 2.0  # s of overlap between queries: workers write their events later than the edge
 
 
 async def record(
@@ -46,13 +46,13 @@ async def record(
     *,
     told: Callable[[str], None] = lambda _problem: None,
 ) -> int:
-    """Record until ``ended``; returns the number of messages. ``told`` hears what is wrong, '' when it ends.
+    """Record until ``ended``; return the number of messages. ``told`` receives errors, '' when they end.
 
-    Raises StateError when the folder cannot be used.
+    Raises StateError if the folder cannot be used.
     """
     recorder = Recorder(Ring(Path(task.folder), task.bounds), clock)
-    joined = _Joined(recorder, clock)
-    edges = EdgeBuses(task.edges, directory, clock, only=task.only, opened=joined.opened, told=joined.told)
+    joined = _EdgeSubscriptions(recorder, clock)
+    edges = EdgeBuses(task.edges, directory, clock, only=task.only, opened=joined.opened, changed=joined.told)
     joining = asyncio.create_task(edges.run(), name="edges")
     known: str | None = None
     try:
@@ -73,8 +73,8 @@ async def record(
     return recorder.recorded
 
 
-class _Joined:
-    """What is taken from the buses that are joined."""
+class _EdgeSubscriptions:
+    """Subscriptions and queries on the joined buses."""
 
     def __init__(self, recorder: Recorder, clock: Clock) -> None:
         self._recorder = recorder
@@ -90,7 +90,7 @@ class _Joined:
             log.debug("edge %s is not recorded: %s", edge, problem)
 
     def opened(self, edge: str, bus: Bus) -> None:
-        """Subscribe on the bus of an edge, after asking whose the twins are; blocks."""
+        """Subscribe on the bus of an edge, after querying whose the twins are; blocks."""
         for key in asked_first(edge):
             for answered, data in bus.control.ask(key, b"", timeout=ANSWER_WITHIN):
                 self._recorder.take(edge, answered, data)
@@ -100,10 +100,10 @@ class _Joined:
             bus.reports.gather(key, partial(self._recorder.take_many, edge))
 
     def ask(self, edge: str, control: ZenohSession) -> None:
-        """Ask for the newest events of an edge, and now and then for what holds until it changes."""
+        """Query the newest events of an edge, and periodically the values that rarely change."""
         self._history.ask(edge, control)
         now = self._clock.monotonic()
-        if now - self._asked.get(edge, float("-inf")) < LASTING_EVERY:
+        if now - self._asked.get(edge, float("-inf")) < PERSISTENT_EVERY:
             return
         self._asked[edge] = now
         schedules = keys.as_console(keys.schedules(edge), Permission.VIEW.word, control.identity)
@@ -121,7 +121,7 @@ class _Joined:
 
 
 class _History:
-    """What the histories of edges told since the recorder began, each event once."""
+    """Events of the edges' histories since the recorder began, without duplicates."""
 
     def __init__(self, recorder: Recorder, clock: Clock) -> None:
         self._recorder = recorder
@@ -133,7 +133,7 @@ class _History:
         self._lock = threading.Lock()
 
     def ask(self, edge: str, control: ZenohSession) -> None:
-        """Ask for the newest events, unless they were just asked for, or an answer is still awaited."""
+        """Query the newest events, unless they were just queried or an answer is pending."""
         now = self._clock.time()
         if edge in self._asked or abs(now - self._until.get(edge, 0.0)) < HISTORY_EVERY:
             return
@@ -148,7 +148,7 @@ class _History:
         )
 
     def _answered(self, edge: str, data: bytes, asked: float) -> None:
-        """Take the events that are new; on the bus's thread."""
+        """Take the new events; on the bus's thread."""
         try:
             events = decode_json(data, list[Record])
         except msgspec.DecodeError as error:

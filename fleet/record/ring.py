@@ -1,4 +1,4 @@
-"""The folder of a recording: the file in progress and the finished ones, of which the oldest are deleted."""
+"""The folder of a recording: the file in progress and finished files, of which the oldest are deleted."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from fleet.record.task import MIB, Bounds
 log = logging.getLogger(__name__)
 
 SUFFIX = ".mcap"
-MOST_TOPICS = 10_000  # of one file, far below what MCAP has room for
+MOST_TOPICS = 10_000  # of one file, far below the limit of MCAP
 
 
 class DiskFull(StateError):
-    """The disk has less room than is to stay free."""
+    """The disk has less room than must stay free."""
 
 
 class Ring:
-    """The files of one folder, which this process alone writes; ``now`` is Unix seconds in each call.
+    """The files of one folder, which only this process writes; ``now`` is Unix seconds in each call.
 
-    Raises StateError when the folder cannot be used or another recorder has it.
+    Raises StateError if the folder cannot be used or another recorder uses it.
     """
 
     def __init__(self, folder: Path, bounds: Bounds) -> None:
@@ -37,14 +37,14 @@ class Ring:
         self._began = 0.0
         self._file: RecordingFile | None = None
         for path in files_in(folder):
-            with contextlib.suppress(OSError):  # it is left as it is
+            with contextlib.suppress(OSError):  # left as it is
                 if repair(path):
                     log.warning("%s was cut off when its recorder ended; its last record was removed", path)
 
     def file(self, now: float) -> RecordingFile:
-        """Return the file to write to: a new one when that in progress is full or old.
+        """Return the file to write to: a new one if the one in progress is full or old.
 
-        Raises OSError, and DiskFull when the disk has too little room.
+        Raises OSError, and DiskFull if the disk has too little room.
         """
         self._check_room()
         if self._file is not None and self._is_done(self._file, now):
@@ -56,13 +56,13 @@ class Ring:
         return self._file
 
     def _is_done(self, file: RecordingFile, now: float) -> bool:
-        """Return whether a file is full or old; a clock that was set back makes it old too."""
+        """Return True if a file is full or old; a clock that was set back makes it old too."""
         bounds = self._bounds
         is_full = file.size >= bounds.file_size or file.topics >= MOST_TOPICS
         return is_full or not 0 <= now - self._began < bounds.file_age
 
     def _check_room(self) -> None:
-        """Raise DiskFull when too little is free."""
+        """Raise DiskFull if too little is free."""
         found = os.statvfs(self.folder)
         free = found.f_bavail * found.f_frsize
         if free < self._bounds.free:
@@ -70,11 +70,11 @@ class Ring:
             raise DiskFull(f"nothing is recorded: {self.folder} has {left} MiB left, {wanted} MiB stay free")
 
     def prune(self, now: float) -> None:
-        """Delete the oldest finished files until the others are within the bounds."""
+        """Delete the oldest finished files until the others are within the limits."""
         current = self._file.path if self._file is not None else None
         kept = 0
         for path in reversed(files_in(self.folder)):
-            with contextlib.suppress(OSError):  # somebody else deleted it
+            with contextlib.suppress(OSError):  # deleted by another process
                 found = path.stat()
                 kept += found.st_size
                 is_old = now - found.st_mtime > self._bounds.age
@@ -82,7 +82,7 @@ class Ring:
                     path.unlink()
 
     def end_file(self) -> None:
-        """End the file in progress; what cannot be written is lost and logged."""
+        """End the file in progress; write errors are logged, the data lost."""
         file, self._file = self._file, None
         if file is not None:
             try:
@@ -93,18 +93,18 @@ class Ring:
                 log.warning("%s has no index: %s", file.path, error.strerror or error)
 
     def close(self) -> None:
-        """End the file in progress, and let others have the folder."""
+        """End the file in progress, and unlock the folder."""
         self.end_file()
         os.close(self._lock)
 
 
 def files_in(folder: Path) -> list[Path]:
-    """Return the files of a recording, the oldest first."""
+    """Return the files of a recording, oldest first."""
     return sorted(path for path in folder.glob(f"*{SUFFIX}") if path.is_file() and not path.is_symlink())
 
 
 def begin_of(path: Path) -> float | None:
-    """Return when a file began (Unix s), by its name; None for one that has another name."""
+    """Return the start of a file (Unix s), from its name; None for another name."""
     try:
         return datetime.strptime(path.name.partition("Z")[0] + "+0000", "%Y%m%dT%H%M%S.%f%z").timestamp()
     except ValueError:
@@ -122,7 +122,7 @@ def _new_path(folder: Path, now: float) -> Path:
 
 
 def _locked_folder(folder: Path) -> int:
-    """Make the folder for this user alone, and take it; returns the lock. Raises StateError."""
+    """Create the folder for this user only, and lock it; returns the lock. Raises StateError."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = folder.stat()

@@ -1,6 +1,6 @@
-"""What arrives on the buses of edges as messages to record: under the names of edges and robots.
+"""Conversion of samples on the buses of edges to messages, with names of edges and robots.
 
-A report's key has the uuid of its twin alone; the state of a robot says which robot that is.
+The key of a report has only the uuid of its twin; the state of a robot gives the robot's name.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from fleet.record.schemas import DOCUMENT
 from fleet.runtime.decoding import decode_json
 from fleet.wire.topics import parse_data_key
 
-MOST_RUNS = 100  # runs that are kept until they end; that of an edge that died never does
+MOST_RUNS = 100  # runs stored until they end; a run of a dead edge never ends
 _encode = msgspec.json.Encoder().encode
 _parsed = functools.lru_cache(maxsize=4096)(parse_data_key)  # 200 robots have half as many
 
 
 class SampleReader:
-    """Makes messages from samples; keeps the robot of each twin that was told."""
+    """Converts samples to messages; stores the robot of each twin."""
 
     def __init__(self) -> None:
         self._robots: dict[str, tuple[str, str]] = {}
-        self._told_frames: dict[str, tuple[int, int]] = {}  # number and dropped of each process, the last
+        self._last_frames: dict[str, tuple[int, int]] = {}  # last number and dropped of each process
         self._lost = 0
         self._runs: dict[tuple[str, str], Message] = {}
-        self._lasting: dict[str, Message] = {}  # by topic
+        self._persistent: dict[str, Message] = {}  # by topic
 
     def read(self, edge: str, key: str, payload: bytes) -> list[Message]:
-        """Return what to record of a sample that came by the bus of an edge.
+        """Return the messages to record for a sample from the bus of an edge.
 
-        One that cannot be read is kept as bytes. One of a robot of another edge is left out: edges that are
-        connected hear each other's, and it comes by the bus of its own.
+        An unreadable one is kept as bytes. A sample of another edge's robot is skipped: connected edges
+        receive each other's reports, and it also comes from its own edge's bus.
         """
         data = _parsed(key)
         if data is not None:
@@ -58,19 +58,19 @@ class SampleReader:
 
     @property
     def standing(self) -> list[Message]:
-        """What holds until it changes: runs that have not ended, fences and bodies of robots, schedules."""
-        return [*self._lasting.values(), *self._runs.values()]
+        """The persistent values: runs in progress, fences and bodies of robots, schedules."""
+        return [*self._persistent.values(), *self._runs.values()]
 
     def take_lost(self) -> int:
-        """Return how many frames, or messages of them, did not come since the last call."""
+        """Return the number of lost frames, or messages with frames, since the last call."""
         lost, self._lost = self._lost, 0
         return lost
 
     def _of_edge(self, topic: str, inner: list[str], payload: bytes) -> list[Message]:
-        """Return what an edge publishes itself; raises for what cannot be read."""
+        """Return the messages for an edge's own publications; raises for unreadable ones."""
         kind = inner[0] if inner else ""
         if kind == "schedules" or (kind == "robots" and inner[-1] == "description"):
-            return self._changed(_lasting_message(topic, kind, payload))
+            return self._changed(_persistent_message(topic, kind, payload))
         if kind == "robots" and inner[-1] == "state":
             return self._state(decode_json(payload, RobotState))
         if kind == "health":
@@ -85,7 +85,7 @@ class SampleReader:
         return [Message(topic, DOCUMENT, payload if is_object else _encode({"value": document}))]
 
     def _run(self, topic: str, run: RunState, payload: bytes) -> Message:
-        """Return a run of a mission, and keep it until it has ended."""
+        """Return a run of a mission, and store it until it ends."""
         message = Message(topic, "fleet.RunState", payload)
         self._runs.pop((topic, run.run), None)
         if not run.outcome:
@@ -95,23 +95,23 @@ class SampleReader:
         return message
 
     def _changed(self, message: Message) -> list[Message]:
-        """Return a message that is not what its topic said last, and keep it; else nothing."""
-        if self._lasting.get(message.topic) == message:
+        """Return and store a message that differs from its topic's last one; else nothing."""
+        if self._persistent.get(message.topic) == message:
             return []
-        self._lasting[message.topic] = message
+        self._persistent[message.topic] = message
         return [message]
 
     def _of_links(self, topic: str, told: LinkFrames, payload: bytes) -> list[Message]:
-        """Return the frames of a link, and count those that did not come."""
-        number, dropped = self._told_frames.get(topic, (told.number - 1, 0))
-        if told.number > number:  # else its process has begun anew
+        """Return the frames of a link, and count the missing ones."""
+        number, dropped = self._last_frames.get(topic, (told.number - 1, 0))
+        if told.number > number:  # else its process has restarted
             self._lost += told.number - number - 1 + max(0, told.dropped - dropped)
-        self._told_frames[topic] = told.number, told.dropped
+        self._last_frames[topic] = told.number, told.dropped
         edge = topic.split("/")[1]
         return [Message(f"/{edge}/{told.robot}/frames", "fleet.LinkFrames", payload, told.stamp)]
 
     def _state(self, state: RobotState) -> list[Message]:
-        """Return a robot's state, and where its world is in the site frame."""
+        """Return a robot's state, and the transform of its world frame in the site."""
         robot = f"/{state.edge}/{state.name}"
         if state.twin:
             self._robots[state.twin] = (state.edge, robot)
@@ -121,10 +121,10 @@ class SampleReader:
         return told
 
 
-def _lasting_message(topic: str, kind: str, payload: bytes) -> Message:
-    """Return the schedules of an edge, or what a drawing needs of a robot's description; raises DecodeError.
+def _persistent_message(topic: str, kind: str, payload: bytes) -> Message:
+    """Return the schedules of an edge, or the parts of a description for drawings; raises DecodeError.
 
-    What a robot would refuse now is none of it.
+    The present refusals of commands are not recorded.
     """
     if kind == "schedules":
         decode_json(payload, ScheduleAnswer)

@@ -8,10 +8,10 @@ REPORTS = "cw/*/data/**"
 
 
 def published(edge: str) -> tuple[str, ...]:
-    """Return the keys on which an edge publishes what is recorded besides reports."""
+    """Return the recorded keys of an edge besides reports."""
     return (*asked_first(edge), keys.places(edge, "*"), keys.held(edge), keys.stop(edge))
 
 
 def asked_first(edge: str) -> tuple[str, ...]:
-    """Return the keys whose last value is asked for: what does not change is not published soon."""
+    """Return the keys whose last value is queried, because it may not be published soon."""
     return (keys.state(edge, "*"), keys.health(edge), keys.run(edge, "*"))

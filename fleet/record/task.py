@@ -1,4 +1,4 @@
-"""What a recorder is to record, and where."""
+"""Task of a recorder: edges, folder and limits."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from fleet.bus.settings import BusSettings
 
 MIB = 1024 * 1024
 FOLDER = "recordings"
-"""The folder where nobody says another one: in that of an edge's lasting state, or here."""
+"""The default folder: inside that of an edge's state, or here."""
 
 
 class Bounds(msgspec.Struct, frozen=True):
-    """How much is kept: bytes of all files, seconds of age; bytes and seconds of one file.
+    """Limits: bytes and age in seconds of all files; bytes and seconds of one file.
 
-    ``free``: bytes that stay free on the disk for others; below it nothing is recorded.
+    ``free``: bytes of the disk that stay free for others; below it nothing is recorded.
     """
 
     size: int = 2048 * MIB
@@ -27,8 +27,8 @@ class Bounds(msgspec.Struct, frozen=True):
 class RecordTask(msgspec.Struct, frozen=True):
     """One recorder.
 
-    ``edges``: those to reach besides, or with ``only`` instead of, all that run on this computer.
-    ``parent``: the process that it ends with, 0 for none.
+    ``edges``: edges to reach besides (or with ``only``, instead of) all that run on this computer.
+    ``parent``: the process with which it ends, 0 for none.
     """
 
     folder: str

@@ -1,1 +1,1 @@
-"""Rehearsals: a mission carried out by simulated robots, in simulated time, in a process without a bus."""
+"""Rehearsals: missions executed by simulated robots, in simulated time, in a process without a bus."""

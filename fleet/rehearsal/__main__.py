@@ -1,8 +1,8 @@
 """``python -m fleet.rehearsal``: one rehearsal, as the edge starts it.
 
-Reads a ``RehearsalTask``, one line of JSON, and writes ``RehearsalLine`` lines, the last with the result or
-the failure. Ends when its standard input does: then nobody waits for it. It joins no bus and keeps nothing
-on the disk.
+Reads a ``RehearsalTask`` as one line of JSON, and writes ``RehearsalLine`` lines; the last one has the result
+or the failure. Ends when its standard input is closed, since no reader is left then. It joins no bus and
+writes nothing to disk.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fleet.host.edge.rehearsal_task import RehearsalLine, RehearsalTask
 from fleet.rehearsal.rehearsal import rehearse
 from fleet.runtime.decoding import decode_json
 
-NICE = 10  # robots come first
+NICE = 10  # robots have priority
 _encode = msgspec.json.Encoder().encode
 
 
@@ -29,14 +29,14 @@ def tell(line: RehearsalLine) -> None:
 
 
 def _end_with_stdin() -> None:
-    """Wait for the end of standard input, and leave at once."""
+    """Exit at once when standard input is closed."""
     while os.read(sys.stdin.fileno(), 4096):
         pass
     os._exit(1)
 
 
 def main() -> int:
-    """Carry out the rehearsal of standard input."""
+    """Execute the rehearsal given on standard input."""
     os.nice(NICE)
     logging.basicConfig(level=logging.ERROR, stream=sys.stderr)
     try:
@@ -45,7 +45,7 @@ def main() -> int:
         tell(RehearsalLine(failure=f"the task cannot be read: {error}"))
         return 1
     threading.Thread(target=_end_with_stdin, daemon=True).start()
-    os.environ["XDG_STATE_HOME"] = os.environ["XDG_CACHE_HOME"] = os.devnull  # no folder can be made there
+    os.environ["XDG_STATE_HOME"] = os.environ["XDG_CACHE_HOME"] = os.devnull  # no folder can be created there
     tell(rehearse(task, tell))
     return 0
 

@@ -1,4 +1,4 @@
-"""The common start of a rehearsal: one process, one clock, so that all begin in the same simulated moment."""
+"""Coordinated start in a rehearsal: one process and one clock, so all robots begin at the same time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fleet.wire.rules import Kind
 
 
 class SimulatedStart:
-    """Prepares simulated robots, and lets them begin at once."""
+    """Prepares simulated robots, and lets them begin at one instant."""
 
     def __init__(self, robots: Mapping[str, LocalRobot], soon: Callable[[Callable[[], None]], None]) -> None:
         self._robots = robots
@@ -30,7 +30,7 @@ class SimulatedStart:
         identity: str,
         heard: Callable[[Reply], None],
     ) -> None:
-        """Find out whether a robot could begin; ``heard`` gets that, and later how what is begun goes on."""
+        """Check whether a robot can begin; ``heard`` receives the result and the replies after the start."""
         found = self._robots[robot]
         request = found.read(kind, payload, way=way, request_id=identity, waits=True)
         try:
@@ -47,12 +47,12 @@ class SimulatedStart:
         self._soon(lambda: heard(Reply(kind, status, trouble)))
 
     def begin(self, robots: Sequence[str], failed: Callable[[str], None]) -> None:  # noqa: ARG002 - the protocol
-        """Let all begin at one instant."""
+        """Let all robots begin at one instant."""
         prepared, self._prepared = self._prepared, {}
         for robot in robots:
             request, heard = prepared[robot]
             request(heard)
 
     def withdraw(self) -> None:
-        """Take back what has not begun."""
+        """Cancel the robots that have not begun."""
         self._prepared = {}

@@ -1,4 +1,4 @@
-"""What is noted of a rehearsal as it goes: what robots did and where, what happened, how near they came."""
+"""Records of a rehearsal: acts, tracks, events, and distances between robots."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from fleet.missions.rehearsal import Approach, RehearsalNote, RehearsedPart, Reh
 from fleet.missions.state import Part
 from fleet.missions.store import Change, Store
 
-WRITES = 0.005  # s that a disk takes for a change
-MOVES = 0.05  # m/s from which on a robot moves
-ROUNDED = 0.05  # m that two robots which stand may seem nearer
-SHOWN = 10  # pairs of robots, the nearest first
+WRITES = 0.005  # s of a simulated disk write
+MOVES = 0.05  # m/s above which a robot counts as moving
+ROUNDED = 0.05  # m by which two standing robots may seem closer
+SHOWN = 10  # pairs of robots, closest first
 APART = 0.1  # m between two points of a track
-STANDS = 0.02  # m between two looks below which a robot stands
-MOST_POINTS = 400  # of one track; one with more gets coarser
+STANDS = 0.02  # m between two samples below which a robot counts as standing
+MOST_POINTS = 400  # of one track; beyond that it gets coarser
 Point = tuple[float, float, float, float]
 """Simulated seconds of the run, and metres."""
 
 
-class NotedChanges(Store):
-    """A store of runs that keeps what was done and what happened in memory.
+class MemoryStore(Store):
+    """A store of runs that keeps parts and notes in memory.
 
-    ``told`` hears each note. In simulated time nothing may be waited for that happens on another thread, so
-    a write takes a time of its own on the event loop.
+    ``told`` receives each note. In simulated time nothing may wait for another thread, so a write takes a
+    fixed time on the event loop.
     """
 
     def __init__(self, told: Callable[[RehearsalNote], None]) -> None:
@@ -37,7 +37,7 @@ class NotedChanges(Store):
         self._told = told
 
     def save(self, change: Change, done: Callable[[bool], None]) -> None:
-        """Note a change."""
+        """Store a change."""
         for each in change.touched:
             if isinstance(each, Part):
                 self.parts[each.identity] = each
@@ -48,7 +48,7 @@ class NotedChanges(Store):
         asyncio.get_running_loop().call_later(WRITES, done, True)
 
     def timeline(self) -> tuple[RehearsedPart, ...]:
-        """Return what robots did, in the order in which it began."""
+        """Return the parts of the robots, in the order of their start."""
         return tuple(
             RehearsedPart(
                 part.step,
@@ -65,15 +65,15 @@ class NotedChanges(Store):
 
 
 class Distances:
-    """How near robots came to each other, of which one at least takes part and one moves."""
+    """Closest approaches of pairs of robots of which at least one takes part and one moves."""
 
     def __init__(self, taking_part: Iterable[str]) -> None:
         self._taking_part = frozenset(taking_part)
         self._nearest: dict[tuple[str, str], Approach] = {}
-        self._first: dict[tuple[str, str], float] = {}  # m from each other at the first look
+        self._first: dict[tuple[str, str], float] = {}  # m between them at the first sample
 
     def look(self, robots: Mapping[str, Occupant], at: float) -> None:
-        """Take where the robots are at ``at`` (simulated s of the run)."""
+        """Add the positions of the robots at ``at`` (simulated s of the run)."""
         for one, other in itertools.combinations(sorted(robots), 2):
             first, second = robots[one], robots[other]
             metres = (first.at - second.at).norm()
@@ -87,7 +87,7 @@ class Distances:
                 self._nearest[one, other] = Approach((one, other), metres, at, kept)
 
     def too_near(self) -> tuple[Approach, ...]:
-        """Return the pairs that came nearer than both radii, but for those that began as near as that."""
+        """Return the pairs that came closer than the sum of their radii, unless they started that close."""
         return tuple(
             each
             for each in self.nearest()
@@ -95,7 +95,7 @@ class Distances:
         )
 
     def nearest(self) -> tuple[Approach, ...]:
-        """Return the nearest approach of each pair, the nearest first."""
+        """Return the closest approach of each pair, closest first."""
         found = sorted(self._nearest.values(), key=lambda each: each.metres)
         return tuple(
             Approach(each.robots, round(each.metres, 2), round(each.at, 1), round(each.kept, 2))
@@ -104,26 +104,26 @@ class Distances:
 
 
 class Tracks:
-    """Where robots that take part went, coarse enough for a drawing."""
+    """Tracks of the participating robots, with a resolution for drawings."""
 
     def __init__(self, taking_part: Iterable[str]) -> None:
         self._tracks = {name: _Track() for name in sorted(taking_part)}
 
     def look(self, robots: Mapping[str, Occupant], at: float) -> None:
-        """Take where the robots are at ``at`` (simulated s of the run)."""
+        """Add the positions of the robots at ``at`` (simulated s of the run)."""
         for name, track in self._tracks.items():
             if name in robots:
                 here = robots[name].at
                 track.add((round(at, 1), round(here.x, 2), round(here.y, 2), round(here.z, 2)))
 
     def all(self) -> tuple[RehearsedTrack, ...]:
-        """Return the tracks of robots that were seen."""
+        """Return the tracks of robots with positions."""
         found = ((name, track.points()) for name, track in self._tracks.items())
         return tuple(RehearsedTrack(name, points) for name, points in found if points)
 
 
 class _Track:
-    """The points of one robot; ``_apart`` grows with their number."""
+    """The points of one robot; ``_apart`` doubles when there are too many."""
 
     def __init__(self) -> None:
         self._kept: list[Point] = []
@@ -132,7 +132,7 @@ class _Track:
         self._apart = APART
 
     def add(self, point: Point) -> None:
-        """Take the next point; what is kept is the way, and where it began and ended to move."""
+        """Add the next point; the kept points show the path, and where it started and stopped moving."""
         last, self._last = self._last, point
         if last is None:
             self._kept.append(point)
@@ -147,6 +147,6 @@ class _Track:
             self._apart *= 2
 
     def points(self) -> tuple[Point, ...]:
-        """Return the points, with the last."""
+        """Return the points, including the last one."""
         more = [self._last] if self._last is not None and self._last != self._kept[-1] else []
         return (*self._kept, *more)

@@ -1,4 +1,4 @@
-"""One rehearsal: the mission's runner and engine on simulated robots, followed to the end of the run."""
+"""One rehearsal: the mission's runner and engine on simulated robots, to the end of the run."""
 
 from __future__ import annotations
 
@@ -27,36 +27,36 @@ from fleet.missions.state import Facts, Outcome, Phase, RunOutcome, instruction_
 from fleet.model.command import Origin, Transport
 from fleet.model.state import RobotState
 from fleet.rehearsal.common_start import SimulatedStart
-from fleet.rehearsal.recording import MOVES, Distances, NotedChanges, Tracks
+from fleet.rehearsal.recording import MOVES, Distances, MemoryStore, Tracks
 from fleet.rehearsal.simulated_robots import SimulatedRobots, players_of
 from fleet.runtime.simulated_time import JumpingLoop, LoopClock
 
 RUN = "rehearsal"
-STEP = 0.1  # s between two looks at the robots
-LOOK = 2  # steps between two turns of the run, as the edge has them
-READY_WITHIN = 60.0  # s for the simulated robots to answer
+STEP = 0.1  # s between samples of the robots
+LOOK = 2  # steps between two polls of the run, as in the edge
+READY_WITHIN = 60.0  # s for the simulated robots to come online
 SETTLE = 10.0  # s more until aircraft can be armed
-WAITED = 30.0  # s for which a rehearsal waits for what it cannot bring about
+WAITED = 30.0  # s that a rehearsal waits for conditions which it cannot produce
 LONGEST = 12 * 3600.0  # simulated s
-WITHIN = 600.0  # s of the computer that a rehearsal may take
-TELL = 0.5  # s of the computer between two words on how far it is
+WITHIN = 600.0  # s of computing time that a rehearsal may take
+TELL = 0.5  # s of computing time between progress reports
 
 
 class Unrehearsable(Exception):
-    """There can be no rehearsal; the message says why."""
+    """A rehearsal is not possible; the message says why."""
 
 
 class Rehearsal:
-    """One rehearsal. ``tell`` hears how it goes; ``within``: seconds of the computer that it may take."""
+    """One rehearsal. ``tell`` receives its progress; ``within``: its limit of computing time in s."""
 
     def __init__(self, task: RehearsalTask, tell: Callable[[RehearsalLine], None], within: float) -> None:
         self._task = task
         self._tell = tell
         self._within = within
-        self._began = self._told = time.monotonic()
+        self._began = self._told_at = time.monotonic()
         self._clock: Clock = LoopClock(asyncio.get_running_loop())
         self._robots = SimulatedRobots(players_of(task), task.site, self._clock, self._heard)
-        self._store = NotedChanges(lambda note: tell(RehearsalLine(note.at, note.step, note)))
+        self._store = MemoryStore(lambda note: tell(RehearsalLine(note.at, note.step, note)))
         self._policies = {name: player.policy for name, player in self._robots.players.items()}
         self._members: dict[str, str] = {}
         for role, names in task.roles.items():
@@ -70,7 +70,7 @@ class Rehearsal:
             candidates=self._candidates,
             allowed=self._refusal,
             site=SiteMap(task.places, task.site),
-            hindrance=lambda *_: "",  # its robots refuse it themselves, and the result says so
+            hindrance=lambda *_: "",  # the robots refuse it themselves, and the result shows that
             elsewhere=lambda _: "",
             together=lambda: SimulatedStart(self._robots.robots, self._soon),
             store=self._store,
@@ -86,26 +86,26 @@ class Rehearsal:
         asyncio.get_running_loop().call_soon(call)
 
     async def carry_out(self) -> RehearsalResult:
-        """Carry the mission out, and tell how it went; raises Unrehearsable."""
+        """Execute the mission and return the result; raises Unrehearsable."""
         async with self._robots.running():
             await self._ready()
             before = {name: self._state(name).battery for name in self._members}
             self._start()
-            run = await self._begun()
+            run = await self._joined_run()
             distances = Distances(self._members)
             tracks = Tracks(self._members)
             late = await self._follow(run, distances, tracks)
             result = self._result(run, distances, before, late)
             return msgspec.structs.replace(result, tracks=tracks.all())
 
-    # -- the robots ------------------------------------------------------------------------------------
+    # -- robots ----------------------------------------------------------------------------------------
 
     def _state(self, name: str) -> RobotState:
-        """Return a robot as it is now."""
+        """Return the present state of a robot."""
         return self._robots.robots[name].state()
 
     async def _ready(self) -> None:
-        """Wait until all robots answer; raises Unrehearsable."""
+        """Wait until all robots are online; raises Unrehearsable."""
         for _ in range(round(READY_WITHIN / STEP)):
             if all(self._state(name).reachable for name in self._members):
                 await asyncio.sleep(SETTLE)
@@ -117,7 +117,7 @@ class Rehearsal:
         raise Unrehearsable(f"simulated robots do not answer: {'; '.join(lost)}")
 
     def _candidates(self) -> list[Candidate]:
-        """Return what each robot can and is now."""
+        """Return all robots as candidates for roles."""
         found = []
         for name, robot in self._robots.robots.items():
             state, description = robot.state(), robot.describe()
@@ -130,7 +130,7 @@ class Rehearsal:
         return found
 
     def _refusal(self, robot: str, origin: Origin, commands: bool, navigates: bool) -> str | None:  # noqa: FBT001 - by position
-        """Return why somebody may not start a mission with a robot; None when he may."""
+        """Return why a sender may not start a mission with a robot; None if he may."""
         return self._policies[robot].mission_refusal(origin, commands=commands, navigates=navigates)
 
     def _stop(self, names: tuple[str, ...], why: str) -> None:
@@ -143,13 +143,13 @@ class Rehearsal:
             robot.requests.follow_emergency(cause)
 
     def _heard(self, robot: str, event: str) -> None:
-        """Take an event of a robot."""
+        """Handle an event of a robot."""
         self._runs.heard(robot, event)
 
-    # -- the run ---------------------------------------------------------------------------------------
+    # -- run -------------------------------------------------------------------------------------------
 
     def _start(self) -> None:
-        """Start the mission as whoever asked would; raises Unrehearsable."""
+        """Start the mission with the authority of its sender; raises Unrehearsable."""
         task = self._task
         self._runs.filling.rehearsed = lambda *_: ""  # this is the rehearsal
         mission = Mission(task.name, {}, MissionConfig.model_validate_json(task.mission))
@@ -161,21 +161,21 @@ class Rehearsal:
 
         self._runs.start(mission, without_long_waits(task.program), ask, Transport(task.way), began)
 
-    async def _begun(self) -> Run:
-        """Return the run once its robots have joined it; raises Unrehearsable."""
+    async def _joined_run(self) -> Run:
+        """Return the run after its robots have joined it; raises Unrehearsable."""
         while self._refused is None:
             await asyncio.sleep(STEP)
-            self._runs.turn()
+            self._runs.poll()
         if self._refused:
             raise Unrehearsable(self._refused)
         return self._runs.all()[0]
 
     def _state_is(self, state: RunState) -> None:
-        """Take the state of the run."""
+        """Store the state of the run."""
         self._last = state
 
     async def _follow(self, run: Run, distances: Distances, tracks: Tracks) -> str:
-        """Follow the run to its end; return why that was not waited for, empty when it was."""
+        """Follow the run to its end; return why it was cut short, empty if it ended."""
         for step in itertools.count():
             if run.engine.over:
                 return ""
@@ -186,7 +186,7 @@ class Rehearsal:
             tracks.look(placed, run.now)
             self._note_wait(run)
             if step % LOOK == 0:
-                self._runs.turn()
+                self._runs.poll()
                 self._answer(run)
                 self._tell_progress(run)
             if run.now >= LONGEST:
@@ -196,7 +196,7 @@ class Rehearsal:
         raise AssertionError
 
     def _answer(self, run: Run) -> None:
-        """Let a question of the mission's own be answered by: go on; any other by nobody."""
+        """Answer a question of the mission with continue; other questions stay without an answer."""
         question = run.engine.head.question
         if question is not None and question.about == "step":
             self._assumed.append(f"a person answers {question.text!r} with: continue")
@@ -204,24 +204,24 @@ class Rehearsal:
             self._runs.control(RUN, ask)
 
     def _note_wait(self, run: Run) -> None:
-        """Note a wait whose time runs out: what it waited for is taken for granted."""
+        """Record a wait that times out: its condition is assumed to be fulfilled."""
         step, head = instruction_of(run.engine.program, run.engine.head), run.engine.head
         if head.phase is Phase.WAITING and isinstance(step, WaitFor) and run.now >= head.until:
             self._assumed.append(f"what step {step.id} waits for comes, or its time runs out")
 
     def _tell_progress(self, run: Run) -> None:
-        """Tell how far it is, now and then."""
+        """Report progress periodically."""
         now = time.monotonic()
-        if now - self._told >= TELL:
-            self._told = now
+        if now - self._told_at >= TELL:
+            self._told_at = now
             self._tell(RehearsalLine(round(run.now, 1), run.engine.steps.name))
 
-    # -- the result ------------------------------------------------------------------------------------
+    # -- result ----------------------------------------------------------------------------------------
 
     def _result(
         self, run: Run, distances: Distances, before: Mapping[str, float | None], late: str
     ) -> RehearsalResult:
-        """Return how it went."""
+        """Return the result."""
         head = run.engine.head
         outcome = head.outcome or RunOutcome.UNKNOWN
         robots = [self._robot(run, name, before.get(name)) for name in sorted(self._robots.robots)]
@@ -254,7 +254,7 @@ class Rehearsal:
         )
 
     def _robot(self, run: Run, name: str, before: float | None) -> RehearsedRobot:
-        """Return what became of one robot."""
+        """Return the result of one robot."""
         player, member = self._robots.players[name], run.engine.robots.members.get(name)
         outcome = member.outcome if member is not None else None
         return RehearsedRobot(
@@ -270,7 +270,7 @@ class Rehearsal:
 
 
 def without_long_waits(program: Program) -> Program:
-    """Return a program that goes on after a short wait for what a rehearsal cannot bring about."""
+    """Return a program with short waits for conditions that a rehearsal cannot produce."""
     steps = tuple(
         msgspec.structs.replace(step, timeout=min(step.timeout, WAITED), fails=False)
         if isinstance(step, WaitFor)
@@ -281,12 +281,12 @@ def without_long_waits(program: Program) -> Program:
 
 
 def _absent(task: RehearsalTask, there: Container[str]) -> Iterator[str]:
-    """Yield what is left out of a rehearsal: robots that are nowhere, and how others move meanwhile."""
+    """Yield the robots without a position, and those whose present motion is ignored."""
     taking_part = {name for names in task.roles.values() for name in names}
     for placed in task.robots:
         state = placed.state
         if state.name not in there:
-            yield f"{state.name} is in nobody's way: nobody knows where it is"
+            yield f"{state.name} is ignored: its position is unknown"
         elif state.name not in taking_part and (state.activity or (state.speed or 0.0) > MOVES):
             yield f"{state.name} stays where it is, though it moves now"
 
@@ -294,7 +294,7 @@ def _absent(task: RehearsalTask, there: Container[str]) -> Iterator[str]:
 def rehearse(
     task: RehearsalTask, tell: Callable[[RehearsalLine], None], within: float = WITHIN
 ) -> RehearsalLine:
-    """Carry out a rehearsal in simulated time; return its last line. ``within``: s of the computer."""
+    """Execute a rehearsal in simulated time; return its last line. ``within``: s of computing time."""
 
     async def carry_out() -> RehearsalResult:
         return await Rehearsal(task, tell, within).carry_out()

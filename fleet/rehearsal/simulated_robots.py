@@ -1,8 +1,8 @@
-"""The robots of a rehearsal: each robot of the edge where it is now, played by a simulator or a stand-in.
+"""The robots of a rehearsal: each robot of the edge at its present position, simulated or by a stand-in.
 
-They are the host's own robots: the same admission, limits, fences, battery policy, follower and separation.
-Only what is behind their adapters is simulated, in this process and in the time of its event loop. There is
-no bus, and no watchdog: in simulated time nothing is held up.
+They are robots of the host: the same admission, limits, fences, battery policy, follower and separation. Only
+the side behind their adapters is simulated, in this process and in the time of its event loop. There is no
+bus and no watchdog: in simulated time nothing blocks.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ STAND_IN = "kinematic stand-in: {} has no simulator that runs in simulated time"
 
 
 class Player(msgspec.Struct, frozen=True):
-    """Who plays a robot: its adapter's class with a config that leads to a simulation, or a stand-in."""
+    """Replacement of a robot: its adapter's class with a config for a simulation, or a stand-in."""
 
     name: str
     kind: str
@@ -58,7 +58,7 @@ class Player(msgspec.Struct, frozen=True):
 class SimulatedRobots:
     """All robots that take part or stand in the way, in the time of the running event loop.
 
-    ``heard`` is told of the events of robots.
+    ``heard`` receives the events of robots.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class SimulatedRobots:
             clock=self._clock,
             scheduler=self.scheduler,
             shared=self._shared,
-            outbox=_Nowhere(),
+            outbox=_NullReportQueue(),
             journal=RobotJournal(),
             record=record,
             arrival=self._clock.monotonic,
@@ -119,7 +119,7 @@ class SimulatedRobots:
                 self.scheduler.stop()
 
     def _simulate(self, name: str, simulation: Simulation, simulators: contextlib.ExitStack) -> None:
-        """Let a simulated robot live behind its link."""
+        """Connect a simulated robot to its memory link."""
         began = self._clock.monotonic()
 
         def receive(data: bytes) -> bytes:
@@ -135,21 +135,21 @@ class SimulatedRobots:
         self.scheduler.every(TICK, step)
 
 
-class _Nowhere(ReportQueue):
-    """An outbox for nobody."""
+class _NullReportQueue(ReportQueue):
+    """A report queue without a bus."""
 
     def __init__(self) -> None:
-        """Make one that has no bus."""
+        """Create it without its base's resources."""
 
     def sender(self, twin: str) -> Callable[[Report], None]:  # noqa: ARG002 - the interface
-        """Return what drops reports."""
+        """Return a function that drops reports."""
         return lambda _report: None
 
 
 def players_of(task: RehearsalTask) -> list[Player]:
-    """Return who plays the robots of a task; raises ConfigError for an adapter that cannot be used here.
+    """Return the players of a task's robots; raises ConfigError for an adapter that cannot be used here.
 
-    A robot without a role stands where it is; where nobody knows that, it is left out.
+    A robot without a role stands at its position; it is left out if that is unknown.
     """
     importer = Importer(Path(task.folder))
     taken = {name for names in task.roles.values() for name in names}
@@ -161,7 +161,7 @@ def players_of(task: RehearsalTask) -> list[Player]:
 
 
 def _player(placed: PlacedRobot, importer: Importer, task: RehearsalTask, *, takes_part: bool) -> Player:
-    """Return who plays one robot."""
+    """Return the player of one robot."""
     spec, state = importer.spec(placed.task), placed.state
     policy = SourcePolicy(spec.config.accepts, simulated=spec.config.simulated)
     accepts = Accepts.model_validate(
@@ -183,7 +183,7 @@ def _player(placed: PlacedRobot, importer: Importer, task: RehearsalTask, *, tak
 
 
 def start_of(state: RobotState, site: GeoOrigin | None, seed: int) -> SimulationStart:
-    """Return how a robot stands now."""
+    """Return the start of a simulation from a robot's present state."""
     pose = Pose()
     if state.position is not None:
         pose = Pose(state.position, quaternion_from_yaw(state.heading or 0.0))
@@ -201,14 +201,14 @@ def start_of(state: RobotState, site: GeoOrigin | None, seed: int) -> Simulation
 
 
 def _heading(state: RobotState) -> float | None:
-    """Return where a robot looks in the site's frame."""
+    """Return the heading of a robot in the site's frame."""
     if state.heading is None or state.placement is None:
         return None
     return state.heading + state.placement.yaw
 
 
 def _placed(config: AdapterConfig, state: RobotState) -> AdapterConfig:
-    """Return a config that places the robot where it is: its world stays where it was."""
+    """Return a config that places the robot at its present position, with its world frame unchanged."""
     if state.site is None:
         return config
     start = (state.site.x, state.site.y, _heading(state) or 0.0)
@@ -216,12 +216,12 @@ def _placed(config: AdapterConfig, state: RobotState) -> AdapterConfig:
 
 
 def _with_state(adapter: AdapterClass, state: Mapping[str, Any]) -> AdapterClass:
-    """Return an adapter's class that finds something in ``robot.state``."""
+    """Return a subclass of an adapter's class with initial values in ``robot.state``."""
     assert issubclass(adapter, Adapter)
     base: type[Adapter[Any]] = adapter
 
     class Placed(base):  # type: ignore[misc, valid-type]
-        """The same, in a robot that has a past."""
+        """The adapter with initial values in ``robot.state``."""
 
         def __init__(self, config: Any, robot: Robot) -> None:
             for key, value in state.items():

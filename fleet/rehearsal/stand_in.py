@@ -1,8 +1,8 @@
-"""The kinematic stand-in: takes the place of a robot that has no simulator in simulated time.
+"""Kinematic stand-in for a robot that has no simulator in simulated time.
 
-It has the adapter's commands, limits and radii. It goes where it is sent at the speed that it is allowed,
-without inertia; a take-off and a landing change its height; any other command takes a second and does
-nothing. It refuses nothing that the robot itself would refuse.
+It has the adapter's commands, limits and radii. It moves to its goals at the permitted speed, without
+inertia; take-off and landing change its height; any other command takes a second and has no effect. It does
+not reproduce the robot's own refusals.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from fleet.model.report import BatteryReport, PoseReport
 from fleet.robot_config import AdapterConfig
 
 STEP = 0.02  # s
-POSES = 0.1  # s between two poses
-BATTERIES = 2.0  # s between two battery reports
-LASTS = 1.0  # s that a command takes which moves nothing here
-NEAR = 0.05  # m from a goal at which it is reached
+POSES = 0.1  # s between poses
+BATTERIES = 2.0  # s between battery reports
+LASTS = 1.0  # s of a command without effect
+NEAR = 0.05  # m within which a goal is reached
 SPEED = 1.0  # m/s of a robot without limits
-HEIGHT = 5.0  # m of a take-off that does not say
+HEIGHT = 5.0  # m of a take-off without a given altitude
 POSE, BATTERY = "pose", "battery"
-"""Keys of ``robot.state`` under which it finds where it stands, and its percent."""
+"""Keys of ``robot.state`` for its initial pose and its battery in percent."""
 _METHOD = "stand_in_"
 
 
 class StandIn(Adapter[AdapterConfig]):
-    """Takes the place of a robot of the class ``played``; made by ``stand_in_for``."""
+    """Replaces a robot of the class ``played``; created by ``stand_in_for``."""
 
     played: ClassVar[type[AnyAdapter]]
     failsafe = "it moves nothing"
@@ -56,11 +56,11 @@ class StandIn(Adapter[AdapterConfig]):
         self._battery: float | None = robot.state.get(BATTERY)
         self._held = ZERO_VELOCITY
         self._goal: Vector3 | None = None
-        self._speed = math.inf  # m/s that the task under way allows
+        self._speed = math.inf  # m/s, limit of the present task
 
     @classmethod
     def commands(cls) -> Mapping[str, CommandSpec]:
-        """Return the commands of the robot, as this class carries them out."""
+        """Return the commands of the robot, mapped to methods of this class."""
         return {
             name: msgspec.structs.replace(spec, method=_METHOD + name, streams=False)
             for name, spec in cls.played.commands().items()
@@ -68,22 +68,22 @@ class StandIn(Adapter[AdapterConfig]):
 
     @classmethod
     def drives(cls) -> bool:
-        """Return what the robot does."""
+        """Return the same as the robot's adapter."""
         return cls.played.drives()
 
     @classmethod
     def navigates(cls) -> bool:
-        """Return what the robot does."""
+        """Return the same as the robot's adapter."""
         return issubclass(cls.played, Adapter) and cls.played.navigates()
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        """Return what carries out a command of the robot's."""
+        """Return the method for a command of the robot."""
         if not name.startswith(_METHOD):
             raise AttributeError(name)
         return functools.partial(self._carry_out, name.removeprefix(_METHOD))
 
     async def connect(self) -> None:
-        """Begin to move and to tell."""
+        """Start the periodic motion and reports."""
         self.robot.every(STEP, self._step)
         self.robot.every(POSES, self._tell_pose)
         if self._battery is not None:
@@ -93,16 +93,16 @@ class StandIn(Adapter[AdapterConfig]):
         """Move with this body velocity at once."""
         self._goal, self._held = None, velocity
 
-    async def stop(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason, it stands
-        """Stand."""
+    async def stop(self, reason: str) -> None:  # noqa: ARG002 - the same for any reason
+        """Stop moving."""
         self.halt()
 
     def halt(self) -> None:
-        """Stand."""
+        """Stop moving."""
         self._goal, self._held = None, ZERO_VELOCITY
 
     async def navigate(self, task: Task) -> AsyncIterator[Progress]:
-        """Go to the goals of a task on straight lines."""
+        """Move to the goals of a task in straight lines."""
         if isinstance(task, RelativeMove):
             step = rotate_to_world(task.translation, self._yaw) if task.body_frame else task.translation
             goals = [self._at + step]
@@ -116,7 +116,7 @@ class StandIn(Adapter[AdapterConfig]):
                 yield Progress(100.0 * number / len(goals), reached=number)
 
     async def _carry_out(self, name: str, **data: Any) -> None:
-        """Carry out a command."""
+        """Execute a command."""
         self._speed = math.inf
         up = Vector3(self._at.x, self._at.y, data.get("altitude") or HEIGHT)
         over_home = Vector3(0.0, 0.0, self._at.z)
@@ -129,11 +129,11 @@ class StandIn(Adapter[AdapterConfig]):
             await asyncio.sleep(LASTS)
 
     def _down(self, point: Vector3) -> Vector3:
-        """Return the ground under a point."""
+        """Return the ground below a point."""
         return Vector3(point.x, point.y, self._ground)
 
     async def _go(self, goal: Vector3) -> AsyncIterator[None]:
-        """Go to a point of the world; raises NotReady when it was halted on the way."""
+        """Move to a point of the world frame; raises NotReady if halted on the way."""
         self._goal, self._held = goal, ZERO_VELOCITY
         while self._goal is goal:
             yield
@@ -142,7 +142,7 @@ class StandIn(Adapter[AdapterConfig]):
             raise NotReady("it was halted on the way")
 
     def _step(self) -> None:
-        """Move on."""
+        """Advance the position by one step."""
         way = rotate_to_world(self._held.linear, self._yaw).scaled(STEP)
         if self._goal is not None:
             way = self._goal - self._at
@@ -156,23 +156,23 @@ class StandIn(Adapter[AdapterConfig]):
         self._drain(moves=way.norm() > 0.0)
 
     def _drain(self, *, moves: bool) -> None:
-        """Take out of the battery what a step needs, where fleet.yaml says how long a full one lasts."""
+        """Discharge the battery for a step, if fleet.yaml gives its endurance."""
         policy = self.config.battery_policy
         if moves and self._battery is not None and policy is not None and policy.endurance is not None:
             self._battery = max(0.0, self._battery - 100.0 * STEP / policy.endurance)
 
     def _tell_pose(self) -> None:
-        """Tell where it is."""
+        """Report the pose."""
         self.robot.report(PoseReport(self.robot.clock.time(), self._at, quaternion_from_yaw(self._yaw)))
 
     def _tell_battery(self) -> None:
-        """Tell what is left."""
+        """Report the battery."""
         self.robot.report(BatteryReport(self.robot.clock.time(), self._battery))
 
 
 @functools.lru_cache(maxsize=64)
 def stand_in_for(played: type[AnyAdapter]) -> type[StandIn]:
-    """Return the stand-in for robots of a class."""
+    """Return the stand-in class for robots of a class."""
 
     class Made(StandIn):
         Config = played.Config
@@ -191,7 +191,7 @@ def _goals(task: GoTo | FollowPath) -> tuple[Goal, ...]:
 
 
 def _point(goal: Goal) -> Vector3:
-    """Return a goal in the world; raises Unsupported for one on Earth."""
+    """Return a goal in the world frame; raises Unsupported for a goal on Earth."""
     if goal.position is None:
         raise Unsupported("a kinematic stand-in knows nothing of the Earth: write the point in metres")
     return goal.position

@@ -1,1 +1,1 @@
-"""Replaying a recording: its reports on a bus of its own, or its raw frames through today's adapters."""
+"""Replay of a recording: its reports on a separate bus, or its raw frames through the present adapters."""

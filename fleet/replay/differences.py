@@ -1,4 +1,4 @@
-"""What an adapter makes of recorded frames now, compared with what was recorded; pure."""
+"""Comparison of an adapter's reports in a replay with the recorded ones; pure."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import msgspec
 from fleet.replay.recorded_robot import Said
 
 TICK = 0.02
-"""Seconds by which the time of a report may differ: reports are published once a tick, the newest each."""
+"""Tolerance of a report's time in seconds: reports are published once per tick, the newest each."""
 EXACT = 1e-6
-"""By how much a number may differ: the time of a frame is known to a microsecond."""
+"""Tolerance of a number: the time of a frame is known to a microsecond."""
 EVENTS = ("driverlog", "telemetry", "navigate_status", "event")
-"""Channels on which the host reports, too: what is recorded there need not be the adapter's."""
+"""Channels on which the host reports as well: recorded reports there may not be the adapter's."""
 
 
 class Difference(msgspec.Struct, frozen=True):
-    """One report that is not as it was recorded: Unix s, channel, and the members that differ in words."""
+    """One report that differs from the recorded one: Unix s, channel, and the members that differ."""
 
     at: float
     robot: str
@@ -40,11 +40,11 @@ def differences(
     since: float = -math.inf,
     tolerance: Mapping[str, float] = MappingProxyType({}),
 ) -> Iterator[Difference]:
-    """Yield what differs from ``since`` (Unix s) on, by channel and time.
+    """Yield the differences from ``since`` (Unix s), by channel and time.
 
-    Each recorded report must be made now within a tick, with the same content; of several in one tick, the
-    recorder has one. What is reported now on a channel that was not recorded at all is a difference, too.
-    ``tolerance`` is the share by which numbers may differ, by the name of their member.
+    Each recorded report must occur in the replay within a tick, with the same content; of several in one
+    tick, the recorder has one. A report on a channel that was not recorded at all is a difference too.
+    ``tolerance`` is the relative tolerance of numbers, by the name of their member.
     """
     for channel in sorted(recorded.keys() | now.keys()):
         before, after = recorded.get(channel, ()), sorted(now.get(channel, ()), key=_stamp)
@@ -64,12 +64,12 @@ def differences(
 
 
 def _stamp(said: Said) -> float:
-    """Return when something was said."""
+    """Return the stamp of a report."""
     return said.stamp
 
 
 def _is_event(channel: str) -> bool:
-    """Return whether the host reports on a channel, too."""
+    """Return True if the host reports on a channel as well."""
     return channel.partition(":")[0] in EVENTS
 
 
@@ -81,7 +81,7 @@ def _missing(
     *,
     is_event: bool,
 ) -> str:
-    """Return what is wrong where none of the others says the same within a tick; empty where one does."""
+    """Return the difference if no other report within a tick has the same content; else empty."""
     first = bisect_left(times, said.stamp - TICK)
     last = bisect_left(times, said.stamp + TICK)
     found = ["; ".join(unequal(said.content, other.content, tolerance)) for other in others[first:last]]
@@ -95,7 +95,7 @@ def _missing(
 def unequal(
     recorded: Any, now: Any, tolerance: Mapping[str, float] = MappingProxyType({}), where: str = ""
 ) -> Iterator[str]:
-    """Yield in words the members of two JSON values that differ; ``tolerance`` as for ``differences``."""
+    """Yield the differing members of two JSON values as text; ``tolerance`` as for ``differences``."""
     if isinstance(recorded, Mapping) and isinstance(now, Mapping):
         for name in dict.fromkeys((*recorded, *now)):
             path = f"{where}.{name}" if where else name
@@ -108,7 +108,7 @@ def unequal(
 
 
 def _is_same(one: Any, other: Any, share: float) -> bool:
-    """Return whether two plain values are the same, numbers up to a share of them."""
+    """Return True if two plain values are equal, numbers within a tolerance."""
     numbers = (int, float)
     if isinstance(one, numbers) and isinstance(other, numbers):
         return math.isclose(one, other, rel_tol=share, abs_tol=EXACT)

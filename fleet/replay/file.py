@@ -1,4 +1,4 @@
-"""A recording on disk through the adapters of robots."""
+"""Replay of a recording on disk through the adapters of robots."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fleet.robot_config import AdapterConfig
 
 
 def load_recording(path: Path) -> Recording:
-    """Read a file, or a folder; raises StateError when there is nothing, or it is damaged."""
+    """Read a file or folder; raises StateError if it is empty or damaged."""
     try:
         return recording_of(read_recording(path))
     except (msgspec.DecodeError, ValueError, IndexError) as error:
@@ -23,7 +23,7 @@ def load_recording(path: Path) -> Recording:
 
 
 def replay_robot(recording: Recording, plugin: type[AnyAdapter], config: AdapterConfig) -> Replayed:
-    """Feed the frames of one robot to its adapter; raises Refused when they or its reports are not there."""
+    """Feed the frames of one robot to its adapter; raises Refused if frames or reports are missing."""
     links = [str(getattr(config, "link", "")), *getattr(config, "backup_links", ())]
     edges = {edge for edge, name in recording.reports if name == config.name}
     if len(edges) != 1:

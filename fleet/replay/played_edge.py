@@ -1,4 +1,4 @@
-"""An edge that is a recording: what it reported is put on a bus that no robot and no other edge is on."""
+"""An edge that is a recording: its reports are published on a bus without any robot or other edge."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from fleet.runtime.decoding import decode_json
 log = logging.getLogger(__name__)
 
 PREFIX = "replay-"
-"""What the name of an edge that is a recording begins with."""
+"""Prefix of the name of a replayed edge."""
 REMEMBERED = 10_000  # events of its history
 _REFUSAL = Reply("", ReplyStatus.REJECTED, "this is a recording that is played again: nothing here moves")
 
 
 class PlayedEdge:
-    """One recorded edge on a bus of its own below ``directory``; raises BusError.
+    """One recorded edge on a separate bus below ``directory``; raises BusError.
 
-    The bus listens on sockets in that directory alone and connects to nothing. Recorded requests and stops
-    are not put on it; what is asked of its robots is refused.
+    The bus listens only on sockets in that directory and connects to nothing. Recorded requests and stops are
+    not published; requests to its robots are refused.
     """
 
     def __init__(self, recorded: str, directory: Path, clock: Clock) -> None:
@@ -60,18 +60,18 @@ class PlayedEdge:
         self._bus.close()
 
     def play(self, message: ReadMessage) -> None:
-        """Put a recorded message on the bus; what is no report, state or event is left out."""
+        """Publish a recorded message, if it is a report, state or event."""
         try:
             self._play(message)
         except (msgspec.DecodeError, ValueError) as error:
             log.warning("%s: %s", message.topic, error)
 
     def flush(self) -> None:
-        """Put the reports that were played."""
+        """Publish the pending reports."""
         self._outbox.flush()
 
     def _play(self, message: ReadMessage) -> None:
-        """Put a message on the bus; raises ValueError."""
+        """Publish a message; raises ValueError."""
         now = self._clock.time()
         if message.schema == "fleet.RobotState":
             state = decode_json(message.data, RobotState)
@@ -91,26 +91,26 @@ class PlayedEdge:
             self._report(message, now)
 
     def _tell(self, key: str, state: msgspec.Struct, **changes: object) -> None:
-        """Publish a state, and keep it for who asks."""
+        """Publish a state, and store it for queries."""
         self._last[key] = payload = msgspec.json.encode(msgspec.structs.replace(state, **changes))
         self._bus.control.put(key, payload)
 
     def _report(self, message: ReadMessage, now: float) -> None:
-        """Put a report of a robot whose twin is known."""
+        """Publish a report of a robot whose twin is known."""
         send = self._senders.get(message.robot)
         report = report_in(message.schema, message.data) if send is not None else None
         if send is not None and report is not None:
             send(msgspec.structs.replace(report, stamp=now))
 
     def _tell_last(self, question: Query) -> None:
-        """Answer with the last states that were asked for; on the bus's thread."""
+        """Answer a query with the last states; on the bus's thread."""
         for key, payload in list(self._last.items()):
             if keys_intersect(question.asked, key):
                 question.reply(payload, key)
         question.close()
 
     def _tell_history(self, question: Query) -> None:
-        """Answer with the events that were played; on the bus's thread."""
+        """Answer a query with the replayed events; on the bus's thread."""
         try:
             wanted = decode_json(question.payload, EventFilter) if question.payload else EventFilter()
             question.reply(msgspec.json.encode(newest(list(self._events), wanted)))
@@ -120,6 +120,6 @@ class PlayedEdge:
 
 
 def _refuse(question: Query) -> None:
-    """Refuse what is asked of a robot; on the bus's thread."""
+    """Refuse a request to a robot; on the bus's thread."""
     question.reply(msgspec.json.encode(_REFUSAL), question.asked)
     question.close()

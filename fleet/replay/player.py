@@ -1,4 +1,4 @@
-"""Plays a recording: each message when its time comes, at any speed."""
+"""Plays a recording: each message at its time, at any speed."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from fleet.record.reading import ReadMessage, read_recording
 from fleet.replay.played_edge import PlayedEdge
 
 FOLDER = "replay"
-"""The folder of the sockets of recordings that are played, below that of the edges that run."""
-FLUSH = 0.02  # s between two flushes of reports: a state is played once in each, the newest
+"""The folder of the sockets of replayed recordings, below that of the running edges."""
+FLUSH = 0.02  # s between flushes of reports; each publishes only the newest of a state channel
 
 
 def replay_directory() -> Path:
-    """Return the private folder of the sockets of recordings; no command looks there by itself."""
+    """Return the private folder of the sockets of recordings; no command uses it by default."""
     return runtime_dir({"FLEET_RUNTIME_DIR": str(runtime_dir() / FOLDER)})
 
 
 class Window(msgspec.Struct, frozen=True):
-    """A part of a recording: seconds from its beginning, and how long; ``speed`` times as fast."""
+    """A part of a recording: seconds from its start, and its length; played ``speed`` times as fast."""
 
     start: float = 0.0
     length: float = math.inf
@@ -43,10 +43,10 @@ async def play(
     *,
     told: Callable[[PlayedEdge], None] = lambda _edge: None,
 ) -> int:
-    """Play a recording until its end, or ``ended``; returns the number of messages.
+    """Play a recording until its end, or ``ended``; return the number of messages.
 
-    Each edge in it has a bus of its own below ``directory``; ``told`` hears of each when it is there. Raises
-    StateError for a file that has nothing to play, BusError when it is being played already.
+    Each edge in it has a separate bus below ``directory``; ``told`` is called for each when it is ready.
+    Raises StateError for a file with nothing to play, BusError if it is being played already.
     """
     edges: dict[str, PlayedEdge] = {}
     began, count = clock.monotonic(), 0
@@ -76,9 +76,9 @@ async def play(
 
 
 def _timed(path: Path, window: Window) -> Iterator[tuple[float, ReadMessage]]:
-    """Yield the messages of a window, each with the seconds after its beginning.
+    """Yield the messages of a window, each with its offset in seconds.
 
-    The events before the window, and what robots and edges told last before it, are played at its beginning.
+    Events before the window, and the last states before it, are played at its start.
     """
     first: float | None = None
     before: dict[str | float, ReadMessage] = {}

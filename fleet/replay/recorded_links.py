@@ -1,4 +1,4 @@
-"""Links that carry recorded frames: what an adapter opens in a replay."""
+"""Links with recorded frames, which an adapter opens in a replay."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fleet.link.tap import LinkFrame
 
 
 class RecordedLink:
-    """One open link; what is sent to it goes nowhere."""
+    """One open link; sent data is discarded."""
 
     def __init__(self, url: str, receiver: Receiver) -> None:
         self.url = url
@@ -18,11 +18,11 @@ class RecordedLink:
         self._ending = LinkEnd(url)
 
     def fileno(self) -> int:
-        """Return -1: there is nothing to write to."""
+        """Return -1: there is no file to write to."""
         return -1
 
     def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - there is no peer
-        """Send nothing; raises LinkLost once the link has ended."""
+        """Discard the data; raises LinkLost after the end of the link."""
         if self._ending.ended:
             raise self._ending.error()
         self.stats.sent += 1
@@ -61,7 +61,7 @@ class RecordedLinks:
         return link
 
     def take(self, url: str, frame: LinkFrame) -> None:
-        """Deliver a frame that came from the robot; a link that was opened anew falls first."""
+        """Deliver a received frame; when a link was reopened in the recording, end it first."""
         link = self._open.get(url)
         if link is not None and frame.way == "in":
             link.arrive(frame)

@@ -1,4 +1,4 @@
-"""What a recording has of one robot: the frames of its links, and its reports as they were recorded; pure."""
+"""The part of a recording about one robot: the frames of its links, and its recorded reports; pure."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _NO_REPORTS = frozenset(
         FRAMES,
     }
 )
-"""What is below the topics of a robot and is no report; a transform repeats the pose."""
+"""Schemas below the topics of a robot that are no reports; a transform repeats the pose."""
 _STAMPS = ("timestamp", "stamp")
 
 
 class Said(msgspec.Struct, frozen=True):
-    """One report: its stamp (Unix s), and its members without it."""
+    """One report: its stamp (Unix s), and its other members."""
 
     stamp: float
     content: Mapping[str, Any]
@@ -37,8 +37,8 @@ class Said(msgspec.Struct, frozen=True):
 class RecordedRobot(msgspec.Struct, frozen=True):
     """One robot: frames with their link in the order of time, and reports by channel.
 
-    A channel is the topic behind the robot's name; one that has several kinds of messages is split by them,
-    as ``telemetry:vehicle_state``.
+    A channel is the topic without the robot's name; a channel with several kinds of messages is split by
+    kind, as in ``telemetry:vehicle_state``.
     """
 
     edge: str
@@ -48,12 +48,12 @@ class RecordedRobot(msgspec.Struct, frozen=True):
 
     @property
     def links(self) -> tuple[str, ...]:
-        """The links that its frames are of, the first heard first."""
+        """The links of its frames, in the order of first use."""
         return tuple(dict.fromkeys(link for link, _ in self.frames))
 
     @property
     def is_whole(self) -> bool:
-        """True when it has the robot's links from their opening on, so nothing was learned before."""
+        """True if it has the robot's links from their opening, so nothing was learned before."""
         opened: dict[str, str] = {}
         for link, frame in self.frames:
             opened.setdefault(link, frame.way)
@@ -61,7 +61,7 @@ class RecordedRobot(msgspec.Struct, frozen=True):
 
 
 class Recording(msgspec.Struct, frozen=True):
-    """What was read of a file: by robot (edge and name), and frames of each link."""
+    """The content of a file: reports by robot (edge and name), and frames by link."""
 
     reports: dict[tuple[str, str], dict[str, list[Said]]]
     frames: dict[tuple[str, str], list[LinkFrame]]
@@ -69,11 +69,11 @@ class Recording(msgspec.Struct, frozen=True):
 
     @property
     def robots(self) -> list[tuple[str, str]]:
-        """Edge and name of the robots of which it has frames, in order."""
+        """Edge and name of the robots with frames, in order."""
         return sorted({(edge, robot) for edge, robot in self.openers if robot})
 
     def robot(self, edge: str, name: str, links: Iterable[str] = ()) -> RecordedRobot:
-        """Return a robot with the frames of the links that it opened, and of ``links`` that others did."""
+        """Return a robot with the frames of the links that it opened, and of ``links`` opened by others."""
         wanted = self.openers.get((edge, name), set()) | set(links)
         found = [
             (link, frame)
@@ -86,7 +86,7 @@ class Recording(msgspec.Struct, frozen=True):
 
 
 def recording_of(messages: Iterable[ReadMessage]) -> Recording:
-    """Return what messages say of robots and their links; raises ValueError for a damaged one."""
+    """Return the robots and links in messages; raises ValueError for a damaged one."""
     recording = Recording({}, {}, {})
     for message in messages:
         robot = message.edge, message.robot
@@ -102,7 +102,7 @@ def recording_of(messages: Iterable[ReadMessage]) -> Recording:
 
 
 def said_in(topic: str, data: bytes, stamp: float) -> tuple[str, Said]:
-    """Return the channel of a recorded report, and what it says; ``topic`` is without the robot."""
+    """Return the channel and content of a recorded report; ``topic`` is without the robot."""
     document: dict[str, Any] = decode_json(data, dict[str, Any])
     content = {name: value for name, value in document.items() if name not in _STAMPS}
     kind = content.get("type")

@@ -1,4 +1,4 @@
-"""The host's side of a robot in a replay: its time is the recording's, and its reports are compared."""
+"""The host's side of a robot in a replay: it runs in the time of the recording, and records reports."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ OpenT = TypeVar("OpenT")
 ResultT = TypeVar("ResultT")
 ParamsT = ParamSpec("ParamsT")
 Channels = Mapping[int, frozenset[str]]
-"""On which channels each periodic call reports, by its number in the order in which they were asked for."""
+"""The channels on which each periodic call reports, by the number of the call in order of registration."""
 
 
 class RecordedTime:
-    """A fleet.clock.Clock that goes as its event loop does, and begins at ``begins`` (Unix s)."""
+    """A fleet.clock.Clock that advances with its event loop, and starts at ``begins`` (Unix s)."""
 
     def __init__(self, begins: float) -> None:
         self._loop = asyncio.get_running_loop()
         self._offset = begins - self._loop.time()
 
     def monotonic(self) -> float:
-        """Return seconds that never jump."""
+        """Return monotonic seconds."""
         return self._loop.time()
 
     def time(self) -> float:
@@ -43,7 +43,7 @@ class RecordedTime:
 
 
 class _Periodic:
-    """One periodic call of an adapter: its number, and its next turn while it has turns of its own."""
+    """One periodic call of an adapter: its number, and its timer while it runs by its period."""
 
     def __init__(self, number: int, period: float, call: Callable[[], None]) -> None:
         self.number = number
@@ -53,11 +53,11 @@ class _Periodic:
 
 
 class ReplayedRobot:
-    """One robot. ``said`` is what it reported, by channel; ``channels`` which periodic call reported what.
+    """One robot. ``said`` are its reports by channel; ``channels``: which periodic call reported on which.
 
-    The turns of the host's wheel were not recorded, but what was reported in them was. So a periodic call
-    that reports, as ``known`` from a replay before this one, is made at the recorded times of its reports;
-    every other has its period. Without ``known``, every call is made at every recorded time, to learn it.
+    The ticks of the host were not recorded, but the reports made in them were. So a periodic call that
+    reports, as ``known`` from an earlier replay, is made at the recorded times of its reports; every other
+    runs by its period. Without ``known``, every call is made at every recorded time, to learn the channels.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class ReplayedRobot:
         self.state = state
         self.log = logging.getLogger(f"fleet.replay.{name}")
         self.emergency_stop = False
-        self.log.propagate = False  # what it says of the past is no news
+        self.log.propagate = False  # its log messages about the past are no news
         self.said: dict[str, list[Said]] = {}
         self.channels: dict[int, frozenset[str]] = {}
         self.failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -85,7 +85,7 @@ class ReplayedRobot:
         self._contexts = contextlib.AsyncExitStack()
 
     async def close(self) -> None:
-        """Leave what was entered, and make no more calls."""
+        """Exit the entered contexts, and cancel the periodic calls."""
         for periodic in self._periodics:
             if periodic.timer is not None:
                 periodic.timer.cancel()
@@ -94,13 +94,13 @@ class ReplayedRobot:
         await self._contexts.aclose()
 
     def at(self, channel: str) -> None:
-        """Make the calls that report on a channel: one of their reports was recorded now."""
+        """Make the calls that report on a channel, at the time of a recorded report."""
         for periodic in tuple(self._periodics):
             if self._known is None or channel in self._known.get(periodic.number, ()):
                 self._call(periodic)
 
     def report(self, report: Report) -> None:
-        """Keep what is reported, in the form in which it is recorded; what cannot be said is left out."""
+        """Store a report in its recorded form; invalid reports are skipped."""
         try:
             check_report(report)
             sample = encode_report(report, 0)
@@ -115,22 +115,22 @@ class ReplayedRobot:
             self.channels[self._calling] = self.channels.get(self._calling, frozenset()) | {channel}
 
     def health(self, health: Health) -> None:
-        """Take how the robot is; it is no report."""
+        """Ignore the health; it is no report."""
 
     def authority_lost(self, reason: str) -> None:
-        """Take that somebody else has the robot; it is no report."""
+        """Ignore the loss of authority; it is no report."""
 
     def lacks(self, reasons: Mapping[str, str]) -> None:
-        """Take what the robot does not have; nothing is asked of it."""
+        """Ignore missing vocabulary; no requests are made."""
 
     def circles(self, radius: float) -> None:
-        """Take how wide the robot circles; nothing is kept apart from it."""
+        """Ignore the circle's radius; there is no separation."""
 
     def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
-        """Take what would halt the robot; there is none."""
+        """Ignore the halt frames; there is no supervisor."""
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
-        """Make a call at the recorded times of its reports, or else from time to time."""
+        """Make a call at the recorded times of its reports, or else by its period."""
         periodic = _Periodic(len(self._periodics), seconds, call)
         self._periodics.append(periodic)
         if self._known is None or not self._known.get(periodic.number):
@@ -145,7 +145,7 @@ class ReplayedRobot:
         key: str,  # noqa: ARG002 - a robot is replayed alone
         make: Callable[[], AbstractAsyncContextManager[OpenT]],
     ) -> AbstractAsyncContextManager[OpenT]:
-        """Return what ``make`` gives."""
+        """Return the context of ``make``."""
         return make()
 
     async def blocking(
@@ -154,11 +154,11 @@ class ReplayedRobot:
         *args: ParamsT.args,  # noqa: ARG002
         **kwargs: ParamsT.kwargs,  # noqa: ARG002
     ) -> ResultT:
-        """Raise Unsupported: a call that waits for something outside would not be a replay."""
+        """Raise Unsupported: a call that depends on the outside could not be replayed."""
         raise Unsupported("a replay makes no blocking calls")
 
     def _again(self, periodic: _Periodic) -> None:
-        """Have a call made when its period is over, again and again."""
+        """Schedule the next call of a periodic call."""
 
         def turn() -> None:
             self._again(periodic)
@@ -167,11 +167,11 @@ class ReplayedRobot:
         periodic.timer = asyncio.get_running_loop().call_later(periodic.period, turn)
 
     def _call(self, periodic: _Periodic) -> None:
-        """Make a call; what it raises ends the attempt."""
+        """Make a call; an exception ends the attempt."""
         self._calling = periodic.number
         try:
             periodic.call()
-        except Exception as error:  # noqa: BLE001 - handed to who waits for the attempt
+        except Exception as error:  # noqa: BLE001 - passed to the task that waits for the attempt
             if not self.failed.done():
                 self.failed.set_exception(error)
         finally:

@@ -1,6 +1,6 @@
-"""Reports made from recorded messages: the way back from ``fleet.record.messages``; pure.
+"""Conversion of recorded messages to reports, the inverse of ``fleet.record.messages``; pure.
 
-Source of the foxglove.* forms: https://docs.foxglove.dev/docs/sdk/schemas.
+Source of the foxglove.* formats: https://docs.foxglove.dev/docs/sdk/schemas.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _KINDS: Mapping[str, type[Any]] = MappingProxyType(
 
 
 def report_in(schema: str, data: bytes) -> Report | None:
-    """Return the report of a recorded message; None for one that is no report.
+    """Return the report of a recorded message; None if it is no report.
 
-    Raises ValueError for one that is damaged.
+    Raises ValueError for a damaged one.
     """
     made = _FOXGLOVE.get(schema)
     kind = _KINDS.get(schema)
@@ -38,7 +38,7 @@ def report_in(schema: str, data: bytes) -> Report | None:
             return made(document)
         assert kind is not None
         if kind is GpsReport:
-            document.setdefault("point", None)  # members that are null are not recorded
+            document.setdefault("point", None)  # null members are not recorded
         report: Report = decode_json(msgspec.json.encode(document), kind)
     except (msgspec.DecodeError, msgspec.ValidationError, KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"a recorded {schema} cannot be read: {error}") from None

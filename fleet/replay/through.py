@@ -1,4 +1,4 @@
-"""Recorded raw frames through today's adapters, in the time of the recording; nothing outside is reached."""
+"""Replay of recorded raw frames through the present adapters, in recorded time and without other I/O."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from fleet.robot_config import AdapterConfig
 from fleet.runtime.simulated_time import JumpingLoop
 
 SETTLED = 10.0
-"""Seconds that an adapter gets to learn what it had learned before, where the recording begins later."""
+"""Seconds for an adapter to recover its state, if the recording does not begin with the opened link."""
 TURNS = 50
-"""Turns of the event loop that an adapter gets for what takes no time."""
+"""Iterations of the event loop for an adapter's actions that take no time."""
 _ENDS = (LinkError, NotReady)
-"""What ends an attempt to run a robot in the ordinary way: the host makes a new one."""
+"""Ordinary ends of an attempt to run a robot: the host creates a new adapter."""
 
 
 class Replayed(msgspec.Struct, frozen=True):
-    """What became of one robot: how many reports were compared, from when (Unix s), and what differs."""
+    """Result of one robot: number of compared reports, from when (Unix s), and the differences."""
 
     robot: str
     compared: int
@@ -41,10 +41,10 @@ class Replayed(msgspec.Struct, frozen=True):
 
 
 def replay(plugin: type[AnyAdapter], config: AdapterConfig, recorded: RecordedRobot) -> Replayed:
-    """Feed the frames of a robot to its adapter, and compare what that reports with what was recorded.
+    """Feed the frames of a robot to its adapter, and compare its reports with the recorded ones.
 
-    ``config`` is as in fleet.yaml. It takes an event loop of its own, so it cannot be called inside of one.
-    Raises Refused when the recording has no frames of the robot, or its adapter cannot be replayed.
+    ``config`` is as in fleet.yaml. It runs an event loop of its own, so it cannot be called inside of one.
+    Raises Refused if the recording has no frames of the robot, or if its adapter cannot be replayed.
     """
     if not recorded.frames:
         raise Refused(
@@ -64,7 +64,7 @@ def replay(plugin: type[AnyAdapter], config: AdapterConfig, recorded: RecordedRo
 
 
 def _is_replayed(plugin: type[AnyAdapter], channel: str) -> bool:
-    """Return whether frames alone say what an adapter reports on a channel."""
+    """Return True if frames alone determine an adapter's reports on a channel."""
     channels = plugin.replayed_channels
     return channels is None or channel.partition("/")[0] in channels
 
@@ -72,7 +72,7 @@ def _is_replayed(plugin: type[AnyAdapter], channel: str) -> bool:
 def _replayed(
     plugin: type[AnyAdapter], config: AdapterConfig, recorded: RecordedRobot, known: Channels | None
 ) -> tuple[Channels, Mapping[str, list[Said]], Difference | None]:
-    """Replay once; return what each periodic call reports, all reports, and how the adapter failed."""
+    """Replay once; return the channels of each periodic call, all reports, and the adapter's failure."""
     with asyncio.Runner(loop_factory=JumpingLoop) as runner:
         return runner.run(_Replay(plugin, config, recorded, known).run(), context=contextvars.copy_context())
 
@@ -92,7 +92,7 @@ class _Replay:
         self._recorded = recorded
         self._known = known
         self._links = RecordedLinks(recorded.links)
-        self._state: dict[str, Any] = {}  # outlives attempts
+        self._state: dict[str, Any] = {}  # survives attempts
         self._said: dict[str, list[Said]] = {}
         self._learned: dict[int, frozenset[str]] = {}
         self._failure: Difference | None = None
@@ -129,13 +129,13 @@ class _Replay:
         self._attempt = asyncio.create_task(_serve(adapter, self._robot))
 
     async def _end(self) -> None:
-        """End the attempt, and keep what was reported."""
+        """End the attempt, and store its reports."""
         self._attempt.cancel()
         try:
             await self._attempt
         except (asyncio.CancelledError, *_ENDS):
             pass
-        except Exception as error:  # noqa: BLE001 - a failure of the adapter is what a replay is to find
+        except Exception as error:  # noqa: BLE001 - a replay is meant to find failures of the adapter
             what = f"the adapter failed: {type(error).__name__}: {error}"
             self._failure = self._failure or Difference(
                 self._clock.time(), self._config.name, "adapter", what
@@ -149,13 +149,13 @@ class _Replay:
 
 
 async def _turns() -> None:
-    """Let the adapter open its links, or notice that one fell; no time passes."""
+    """Let the adapter open its links, or notice the end of one; no time passes."""
     for _ in range(TURNS):
         await asyncio.sleep(0)
 
 
 def _timeline(recorded: RecordedRobot) -> Iterator[tuple[float, tuple[str, LinkFrame] | str]]:
-    """Yield frames with their link, and the channels of recorded reports, in the order of time (Unix s)."""
+    """Yield frames with their link, and channels of recorded reports, in the order of time (Unix s)."""
     frames = [(frame.at, 0, (link, frame)) for link, frame in recorded.frames]
     times = [(said.stamp, 1, channel) for channel, each in recorded.reports.items() for said in each]
     begins = recorded.frames[0][1].at
@@ -179,19 +179,19 @@ async def _serve(adapter: Adapter[Any], robot: ReplayedRobot) -> None:
 
 
 def _adapter(plugin: type[AnyAdapter], config: AdapterConfig, robot: ReplayedRobot) -> Adapter[Any]:
-    """Return the adapter to feed; raises Refused for one that could reach something else than its links."""
+    """Return the adapter to feed; raises Refused if it could do other I/O than on its links."""
     if issubclass(plugin, FrameAdapter):
         return create_adapter(plugin, config, robot)
     adapter = plugin.replayed(config, robot)
     if adapter is None:
         raise Refused(
-            f"{plugin.__name__} cannot be replayed: it says nothing of it in replayed()",
+            f"{plugin.__name__} cannot be replayed: it does not override replayed()",
             hint="fleet replay without --through-adapters plays its reports",
         )
     return adapter
 
 
 def _with_link(config: AdapterConfig, links: tuple[str, ...]) -> AdapterConfig:
-    """Return a config whose link is a recorded one: that of a simulated robot is of its simulator."""
+    """Return a config with a recorded link; a simulated robot's recorded link is that of its simulator."""
     link = getattr(config, "link", None)
     return config if link is None or link in links else config.model_copy(update={"link": links[0]})

@@ -44,7 +44,7 @@ class Installation:
 
     def let_go(self) -> None:
         """Let go of the folder."""
-        self._lock.let_go()
+        self._lock.release()
 
     @property
     def current(self) -> str:

@@ -40,9 +40,9 @@ def decode_json(data: bytes | str, kind: type[T]) -> T:
 
 
 def decode_with(decoder: msgspec.json.Decoder[T], data: bytes | str) -> T:
-    """Decode JSON with a decoder that is there; raises msgspec.DecodeError, and nothing else.
+    """Decode JSON with an existing decoder; raises msgspec.DecodeError, and nothing else.
 
-    A text within the JSON that is no UTF-8 is a UnicodeDecodeError to msgspec itself.
+    msgspec itself raises UnicodeDecodeError for a string in the JSON that is not UTF-8.
     """
     try:
         return decoder.decode(data)
@@ -52,5 +52,5 @@ def decode_with(decoder: msgspec.json.Decoder[T], data: bytes | str) -> T:
 
 def convert_strictly(value: object, kind: type[T], *, from_attributes: bool = False) -> T:
     """Convert plain values to a type, strictly; raises msgspec.ValidationError."""
-    json_decoder(kind)  # has msgspec analyse the type under the lock
+    json_decoder(kind)  # makes msgspec analyse the type under the lock
     return msgspec.convert(value, kind, strict=True, from_attributes=from_attributes)

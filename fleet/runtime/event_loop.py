@@ -52,13 +52,13 @@ class FleetLoop(uvloop.Loop):
 
     def __init__(self) -> None:
         super().__init__()
-        self._aside = ThreadPoolExecutor(thread_name_prefix="asyncio")
-        self.set_default_executor(self._aside)
+        self._executor = ThreadPoolExecutor(thread_name_prefix="asyncio")
+        self.set_default_executor(self._executor)
         self.set_task_factory(make_task)
 
     async def shutdown_default_executor(self) -> None:  # type: ignore[override]
         """Shut the executor down without waiting for calls of adapters, which may never return."""
-        self._aside.shutdown(wait=False, cancel_futures=True)
+        self._executor.shutdown(wait=False, cancel_futures=True)
 
     def call_later(  # type: ignore[override]
         self, delay: float, callback: Any, *args: Any, context: object = None

@@ -1,7 +1,7 @@
-"""Barrier around third-party code: whatever it raises is turned into an Exception.
+"""Exception barrier around third-party code: anything it raises becomes an Exception.
 
 ``sys.exit`` in an adapter would end the edge, and a BaseException (such as a panic of a Rust library) would
-pass every handler that is meant to stop the robot.
+bypass every handler that is meant to stop the robot.
 """
 
 from __future__ import annotations

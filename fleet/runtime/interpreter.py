@@ -1,6 +1,6 @@
-"""Settings of the whole interpreter: the only place that changes them, and gives them back.
+"""Settings of the whole interpreter: the only place that changes and restores them.
 
-They hold for every thread and every program part of a process, so two owners would undo each other.
+They apply to all threads and parts of a process, so two owners would undo each other's changes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _before: _Settings | None = None
 
 
 class _Settings(NamedTuple):
-    """What is given back."""
+    """The settings to restore."""
 
     switch_interval: float
     threshold: tuple[int, int, int]
@@ -39,11 +39,11 @@ class _Settings(NamedTuple):
 def interpreter_settings(
     *, switch_interval: float | None = None, young: int | None = None, collect: bool = True
 ) -> Iterator[None]:
-    """Change settings while the block runs; they are given back when the last such block ends.
+    """Change settings while the block runs; they are restored when the last such block ends.
 
     ``switch_interval``: seconds for which a thread keeps the interpreter while another wants it. ``young``:
-    objects made and not yet freed after which the garbage collector looks at them. ``collect``: whether it
-    runs by itself at all. What lives when the block begins is kept out of its sight.
+    threshold of the garbage collector's youngest generation, in objects. ``collect``: whether automatic
+    collection is on. Objects that exist when the block begins are frozen: the collector ignores them.
     """
     _hold()
     try:
@@ -61,20 +61,20 @@ def interpreter_settings(
 
 
 def collect_garbage() -> None:
-    """Free what nothing refers to any more, so that it is not kept for ever."""
+    """Run a full collection, so that freezing does not keep garbage for ever."""
     gc.collect()
 
 
 def freeze_new_objects() -> None:
-    """Keep out of the garbage collector's sight what has been made since the settings were changed."""
+    """Freeze the objects created since the change of settings: the garbage collector ignores them."""
     with _lock:
         if _holders:
             gc.freeze()
 
 
 def _hold() -> None:
-    """Note the settings before the first change."""
-    global _holders, _before  # noqa: PLW0603 - the interpreter is one, too
+    """Save the settings before the first change."""
+    global _holders, _before  # noqa: PLW0603 - the interpreter is global too
     with _lock:
         if not _holders:
             _before = _Settings.current()
@@ -82,8 +82,8 @@ def _hold() -> None:
 
 
 def _release() -> None:
-    """Give the settings back after the last change."""
-    global _holders, _before  # noqa: PLW0603 - the interpreter is one, too
+    """Restore the settings after the last change."""
+    global _holders, _before  # noqa: PLW0603 - the interpreter is global too
     with _lock:
         _holders -= 1
         if not _holders and _before is not None:

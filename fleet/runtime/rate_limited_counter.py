@@ -11,10 +11,10 @@ from collections import Counter, deque
 
 from fleet.clock import Clock
 
-TELL_EVERY = 60.0  # s between log lines of one reason
+LOG_EVERY = 60.0  # s between log lines of one reason
 A_MINUTE = 60.0  # s
 MOST_REASONS = 500  # distinct reasons that are counted and logged; text from outside never becomes a reason
-OTHERS = "others"  # the reason under which all further ones are counted
+OTHERS = "others"  # counts all further reasons
 LONGEST = 500  # characters of a log line: it may quote untrusted input
 
 
@@ -41,8 +41,8 @@ class RateLimitedCounter:
         self._clock = clock
         self._lock = threading.Lock()
         self._counts: Counter[str] = Counter()
-        self._untold: Counter[str] = Counter()
-        self._told: dict[str, float] = {}
+        self._unlogged: Counter[str] = Counter()
+        self._logged_at: dict[str, float] = {}
 
     def add(self, reason: str, line: str, *arguments: object) -> None:
         """Count one, and log the line unless this reason was logged within the last minute."""
@@ -51,11 +51,11 @@ class RateLimitedCounter:
             if reason not in self._counts and len(self._counts) >= MOST_REASONS:
                 reason = OTHERS
             self._counts[reason] += 1
-            if now - self._told.get(reason, float("-inf")) < TELL_EVERY:
-                self._untold[reason] += 1
+            if now - self._logged_at.get(reason, float("-inf")) < LOG_EVERY:
+                self._unlogged[reason] += 1
                 return
-            self._told[reason] = now
-            more = self._untold.pop(reason, 0)
+            self._logged_at[reason] = now
+            more = self._unlogged.pop(reason, 0)
         text = line % arguments if arguments else line
         text = text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
         self._log.warning("%s%s", text, f" ({more} more like this before)" if more else "")

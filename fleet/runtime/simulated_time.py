@@ -1,6 +1,6 @@
-"""Simulated time: a clock that goes as its event loop does, and an event loop that never waits.
+"""Simulated time: a clock that follows its event loop, and an event loop that never waits.
 
-Rehearsals and tests run in it. Seconds pass as soon as nothing is left to do in them, so that the same work
+Used by rehearsals and tests. Time jumps to the next timer as soon as nothing is left to do, so the same work
 always happens at the same time.
 """
 
@@ -16,7 +16,7 @@ EPOCH = 1_800_000_000.0  # Unix s at which simulated time begins
 
 
 class LoopClock:
-    """A fleet.clock.Clock that tells an event loop's time."""
+    """A fleet.clock.Clock that shows the time of an event loop."""
 
     def __init__(self, loop: AbstractEventLoop) -> None:
         self._loop = loop
@@ -27,19 +27,19 @@ class LoopClock:
         return self._loop.time()
 
     def time(self) -> float:
-        """Return Unix seconds, of a day of its own."""
+        """Return Unix seconds, counted from a fixed epoch."""
         return EPOCH + self._loop.time() - self._began
 
 
-class _Jumping(selectors.SelectSelector):
-    """Never waits: the loop's time jumps to where it would have woken up."""
+class _JumpingSelector(selectors.SelectSelector):
+    """Selector that never waits: it advances the loop's time by the time-out instead."""
 
     def __init__(self) -> None:
         super().__init__()
         self.jumped = 0.0
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Return what is ready now; where nothing is, let the time pass that there was to wait."""
+        """Return the ready descriptors; if there are none, advance the time by the time-out."""
         ready = super().select(0)
         if ready or timeout is None:
             return ready or super().select(timeout)
@@ -47,30 +47,30 @@ class _Jumping(selectors.SelectSelector):
         return []
 
 
-class _AtOnce(ThreadPoolExecutor):
-    """Makes calls that may block on the event loop's own thread: no time passes meanwhile."""
+class _InlineExecutor(ThreadPoolExecutor):
+    """Executor that makes blocking calls on the event loop's own thread: no time passes meanwhile."""
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **more: Any) -> Future[Any]:
-        """Make a call, and return its result."""
+        """Make a call and return its result as a done future."""
         done: Future[Any] = Future()
         try:
             done.set_result(call(*arguments, **more))
-        except Exception as error:  # noqa: BLE001 - whoever waits is to have it
+        except Exception as error:  # noqa: BLE001 - passed on to the waiting task
             done.set_exception(error)
         return done
 
 
 class JumpingLoop(SelectorEventLoop):
-    """An event loop whose seconds pass as soon as nothing is left to do in them.
+    """An event loop whose time jumps to the next timer as soon as nothing is left to do.
 
-    What is given to threads is done at once (``_AtOnce``): no thread races with time.
+    Work for threads is done immediately (``_InlineExecutor``): no thread races with time.
     """
 
     def __init__(self) -> None:
-        self._jumping = _Jumping()
+        self._jumping = _JumpingSelector()
         super().__init__(self._jumping)
-        self.set_default_executor(_AtOnce())
+        self.set_default_executor(_InlineExecutor())
 
     def time(self) -> float:
-        """Return the seconds that were jumped over, from a beginning of its own."""
+        """Return the seconds skipped so far, from an arbitrary start."""
         return 1000.0 + self._jumping.jumped

@@ -1,18 +1,18 @@
-"""The rule for the format numbers of state files: an older one is read, a newer one is refused and kept.
+"""Format numbers of state files: an older format is read, a newer one is refused and kept.
 
-Every file in which an edge leaves state for the next one has a format number, which grows by one with each
+Every file in which an edge leaves state for the next one has a format number. It grows by one with each
 change that older readers would misread.
 
 =====================  ==========================  ===================================================
-file                   where its number is         without one
+file                   place of the number         without a number
 =====================  ==========================  ===================================================
-SQLite                 ``PRAGMA user_version``     0: an empty file, which is made
-begun commands         its first row               0: the rows of fleet 0.1.0, which are those of 1
+SQLite                 ``PRAGMA user_version``     0: an empty file, which is initialised
+execution journal      its first row               0: the rows of fleet 0.1.0, which are those of 1
 lines of the log       the field ``format``        1
 configuration.json     the field ``format``        refused; it is written anew at the next start
 =====================  ==========================  ===================================================
 
-Files in a format of others (candump captures, PX4's list of events) have no number of ours.
+Files in foreign formats (candump captures, PX4's list of events) have no number.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ class _Format(msgspec.Struct, frozen=True):
 
 
 def format_of(data: bytes) -> int:
-    """Return the format number of a JSON object; raises what msgspec raises for one without a number."""
+    """Return the format number of a JSON object; raises msgspec.DecodeError without one."""
     return decode_json(data, _Format).format
 
 
 def refuse_newer(found: int, newest: int) -> None:
-    """Raise StateNewer for a format number beyond ``newest``, the one that this fleet writes."""
+    """Raise StateNewer for a format number above ``newest``, the one that this fleet writes."""
     if found > newest:
         raise StateNewer(
             f"it has format {found}, of a newer fleet; this one reads up to format {newest}", found=found

@@ -1,1 +1,1 @@
-"""When missions start by themselves: triggers, what was fired, and what starts them."""
+"""Automatic starts of missions: triggers, stored firings, and the runner."""

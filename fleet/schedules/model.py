@@ -1,4 +1,4 @@
-"""fleet.yaml's ``schedules``: when missions start by themselves."""
+"""fleet.yaml's ``schedules``: automatic starts of missions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fleet.yaml_model import Duration, Model, wrong
 
 Missed = Literal["skip", "once"]
 Busy = Literal["skip", "queue", "replace"]
-SHORTEST = 10.0  # s between two firings
+SHORTEST = 10.0  # s, shortest period
 TRIGGERS = ("cron", "every", "once", "on_event")
 
 
@@ -26,7 +26,7 @@ class EventTrigger(Model):
 
 
 class ScheduleConfig(Model):
-    """When a mission starts by itself: exactly one of cron, every, once and on_event."""
+    """An automatic start of a mission: exactly one of cron, every, once and on_event."""
 
     mission: Name = Field(description="The mission that is started.")
     inputs: dict[str, Any] = Field({}, description="Its inputs.")
@@ -36,7 +36,7 @@ class ScheduleConfig(Model):
         "twice when clocks go back fires once, one that is left out fires at the end of the gap.",
     )
     every: Duration | None = Field(
-        None, ge=SHORTEST, description="So often, as in 15 min; counted from 1970-01-01T00:00Z."
+        None, ge=SHORTEST, description="Period, as in 15 min; counted from 1970-01-01T00:00Z."
     )
     once: str | None = Field(None, description="A date with time, as in 2026-11-22T06:00.")
     on_event: EventTrigger | None = Field(None, description="An event of a robot.")
@@ -48,12 +48,12 @@ class ScheduleConfig(Model):
         description="How long after it was due it may still be started, as in 10 min; later it is missed.",
     )
     missed: Missed = Field(
-        "skip", description="What is done about missed firings: nothing, or one start for all of them."
+        "skip", description="Reaction to missed firings: none, or one start for all of them."
     )
     busy: Busy = Field(
         "skip",
-        description="While another run has the mission or its robots: skip, queue (one waits, until it is "
-        "too late), or replace (that run is ended).",
+        description="While another run has the mission or its robots: skip, queue (one firing waits, "
+        "until it is too late), or replace (that run is ended).",
     )
     enabled: bool = Field(True, description="`fleet schedule enable` and `disable` change it.")
 
@@ -67,7 +67,7 @@ class ScheduleConfig(Model):
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
-        """Refuse a zone, an expression and a date that are none."""
+        """Refuse an invalid time zone, cron expression or date."""
         checks = (
             ("timezone", lambda: self.timezone is None or zone_of(self.timezone)),
             ("cron", lambda: self.cron is None or cron_fields(self.cron)),
@@ -84,18 +84,18 @@ class ScheduleConfig(Model):
 
     @property
     def trigger(self) -> Trigger | None:
-        """Return when it fires; None for one that waits for an event."""
+        """Return the time trigger; None for a schedule that waits for an event."""
         if self.on_event is not None:
             return None
         return Trigger(self.cron or "", self.every or 0.0, self.once or "", self.timezone or "UTC")
 
     def digest(self) -> str:
-        """Return what tells two schedules apart that fire otherwise or start something else."""
+        """Return a text that is equal for schedules with the same firings and the same mission."""
         return self.model_dump_json(exclude={"late", "missed", "busy"})
 
 
 def _has_zone(text: str) -> bool:
-    """Return whether a date with time names its offset: then it is the same in every zone."""
+    """Return True if a date with time has an offset: then it is the same instant in every zone."""
     return once_at(text, "UTC") == once_at(text, "Asia/Tokyo")
 
 

@@ -1,4 +1,4 @@
-"""What is to be done about the firings of one schedule up to now; pure."""
+"""Decision on the due firings of one schedule; pure."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import msgspec
 from fleet.schedules.triggers import Trigger, firings
 
 MOST = 1000
-"""Missed firings that are counted after an interruption; of more it is told that there are so many."""
+"""Limit for counting missed firings after an interruption; beyond it the count is a lower bound."""
 
 
-class Look(msgspec.Struct, frozen=True):
-    """What came due between two instants: ``due`` is to be started (None: nothing), as the one of them all.
+class DueFirings(msgspec.Struct, frozen=True):
+    """Firings between two instants: at most one is ``due`` for a start.
 
-    ``skipped`` have each a reason. ``missed`` counts those that are too late (``MOST``: so many at least),
-    the first of which was due at ``first_missed``.
+    ``skipped`` firings each have a reason. ``missed`` counts those that are too late (``MOST``: at least that
+    many); the first of them was due at ``first_missed``.
     """
 
     due: float | None = None
@@ -23,12 +23,11 @@ class Look(msgspec.Struct, frozen=True):
     first_missed: float = 0.0
 
 
-def look(trigger: Trigger, seen: float, now: float, *, late: float, once: bool) -> Look:
-    """Return what came due after ``seen``, up to and with ``now`` (Unix s).
+def due_firings(trigger: Trigger, seen: float, now: float, *, late: float, once: bool) -> DueFirings:
+    """Return the firings after ``seen``, up to and including ``now`` (Unix s).
 
-    A firing may be started for ``late`` seconds; later it is missed. Of several only the newest is started,
-    never all. ``once``: where all were missed, one start makes up for them, due when the last one counted
-    was.
+    A firing may be started for ``late`` seconds; later it is missed. Of several, only the newest is started.
+    ``once``: if all were missed, one start replaces them, due at the last one counted.
     """
     missed: list[float] = []
     if seen < now - late:
@@ -45,4 +44,4 @@ def look(trigger: Trigger, seen: float, now: float, *, late: float, once: bool) 
     due = fresh[-1] if fresh else made_up
     skipped = tuple((at, "a later one was due as well") for at in fresh[:-1])
     number = len(missed) - (made_up is not None)
-    return Look(due, skipped, number, missed[0] if number else 0.0)
+    return DueFirings(due, skipped, number, missed[0] if number else 0.0)

@@ -1,9 +1,8 @@
-"""Starts missions when they are due, and tells of every firing what became of it.
+"""Starts missions when they are due, and reports the result of every firing.
 
-A firing is on disk before it is started, and each start has a key by which who starts missions knows it
-again. So a process that dies anywhere in between loses none and doubles none: what was left open is asked
-for by its key, then started, or skipped, when the process is there again. Runs on the event loop; the disk
-is waited for on a thread.
+A firing is on disk before it is started, and each start has a key that identifies it. So a process that dies
+in between neither loses nor repeats a firing: the next process looks up open firings by their key, then
+starts or skips them. Runs on the event loop; disk access is on a thread.
 """
 
 from __future__ import annotations
@@ -22,23 +21,23 @@ from fleet.errors import StateError
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.model.schedule import Firing, ScheduleState
 from fleet.schedules.model import ScheduleConfig, due_of
-from fleet.schedules.plan import MOST, look
+from fleet.schedules.plan import MOST, due_firings
 from fleet.schedules.store import SKIPPED, STARTED, Store
 from fleet.schedules.triggers import firings
 
 log = logging.getLogger(__name__)
 
-EVERY = 1.0  # s between looks at what is due: the clock may be set, so nothing sleeps until then
+EVERY = 1.0  # s between checks: the clock may be set, so a sleep until the due time would be wrong
 START_WITHIN = 60.0  # s
-RECENT = 3  # firings that are shown
+RECENT = 3  # firings that users see
 T = TypeVar("T")
 
 
-class Wanted(msgspec.Struct, frozen=True):
-    """A mission that is to be started, with fleet.yaml's authority, for a firing.
+class StartRequest(msgspec.Struct, frozen=True):
+    """Start of a mission for a firing, with the authority of fleet.yaml.
 
-    ``key``: a start with the same key is the same start. ``replace``: what is in the way is ended first.
-    ``without``: robots that take no part, and why: their emergency stop is set.
+    ``key``: starts with the same key are the same start. ``replace``: conflicting runs are ended first.
+    ``without``: robots that do not take part, with the cause of their emergency stop.
     """
 
     schedule: str
@@ -49,10 +48,10 @@ class Wanted(msgspec.Struct, frozen=True):
     without: Mapping[str, str]
 
 
-class Begun(msgspec.Struct, frozen=True):
-    """What came of it: the ``run`` that was started; or who is ``busy``, or why it was refused.
+class StartResult(msgspec.Struct, frozen=True):
+    """Result of a start: the ``run``, or the conflicting run (``busy``), or the reason of a refusal.
 
-    ``left_out`` are robots of the mission's that take no part in the run, and why.
+    ``left_out`` are robots of the mission that do not take part in the run, with the reasons.
     """
 
     run: str = ""
@@ -62,17 +61,17 @@ class Begun(msgspec.Struct, frozen=True):
 
 
 class Starter(Protocol):
-    """What starts missions."""
+    """Starts missions."""
 
-    async def start(self, wanted: Wanted) -> Begun:
-        """Start a mission, or say why not; its key is on disk with the run before it returns."""
+    async def start(self, wanted: StartRequest) -> StartResult:
+        """Start a mission or return why not; its key and run are on disk before this returns."""
 
     async def known(self, key: str) -> str:
-        """Return the run that was started with a key, empty where there is none."""
+        """Return the run that was started with a key, empty if there is none."""
 
 
 class Schedules:
-    """The schedules of an edge. ``stopped`` tells whose emergency stop is set, and why; ``tell`` an event."""
+    """The schedules of an edge. ``stopped`` returns stopped robots with causes; ``tell`` takes events."""
 
     def __init__(
         self,
@@ -89,21 +88,21 @@ class Schedules:
         self._tell, self._stopped = tell, stopped
         self._enabled = {name: one.enabled for name, one in self._configs.items()}
         self._seen: dict[str, float] = {}
-        self._next: dict[str, float] = {}  # before which nothing is due
-        self._waiting: dict[str, Firing] = {}  # recorded, and not started or skipped yet
+        self._next: dict[str, float] = {}  # time before which nothing is due
+        self._waiting: dict[str, Firing] = {}  # recorded firings that are neither started nor skipped yet
         self._lock = asyncio.Lock()
         self.problem = ""
 
     async def run(self) -> None:
-        """Look again and again what is due, until cancelled; after ``begin``."""
+        """Check for due firings periodically until cancelled; call ``begin`` first."""
         while True:
-            await self.turn()
+            await self.poll()
             await asyncio.sleep(EVERY)
 
     async def begin(self, *, afresh: bool = False) -> None:
-        """Take up what an earlier process left, before anything else is started.
+        """Resume the open firings of an earlier process; call it before any start.
 
-        ``afresh``: another edge has fired the schedules since, so nothing is made up for.
+        ``afresh``: another edge has fired the schedules meanwhile, so missed firings are not made up for.
         """
         async with self._lock:
             if self._store.set_aside is not None:
@@ -120,12 +119,12 @@ class Schedules:
                 elif config is None or afresh:
                     gone = "the schedule is gone"
                     await self._skipped(firing, "another edge had the robots" if config else gone)
-                else:  # one that is made up for is as fresh as this process
+                else:  # a made-up start counts as due from now
                     now = self._clock.time() if config.missed == "once" else firing.recorded
                     self._waiting[firing.schedule] = msgspec.structs.replace(firing, recorded=now)
 
     def _read(self) -> bool:
-        """Read what is known of the schedules; on a thread."""
+        """Read the state of the schedules; on a thread."""
         now = self._clock.time()
         for name, config in self._configs.items():
             self._seen[name] = self._store.seen(name, config.digest(), now)
@@ -134,7 +133,7 @@ class Schedules:
         return True
 
     async def replace(self, configs: Mapping[str, ScheduleConfig]) -> None:
-        """Have other schedules from now on; what waits of a schedule that is gone is skipped."""
+        """Replace the schedules; waiting firings of removed or changed schedules are skipped."""
         async with self._lock:
             before, self._configs = self._configs, dict(configs)
             self._enabled = {name: one.enabled for name, one in configs.items()}
@@ -147,8 +146,8 @@ class Schedules:
                     await self._skipped(firing, f"the schedule {'is gone' if new is None else 'has changed'}")
             await self._kept(self._read)
 
-    async def turn(self) -> None:
-        """Record what is due by now, and start it."""
+    async def poll(self) -> None:
+        """Record due firings, and start them."""
         async with self._lock:
             if not self._seen.keys() >= self._configs.keys() and not await self._kept(self._read):
                 return
@@ -158,16 +157,16 @@ class Schedules:
                 await self._try(firing)
 
     async def heard(self, robot: str, event: EventReport) -> None:
-        """Take an event of the history; it fires the schedules that wait for it."""
+        """Handle an event of the history; it fires the schedules that wait for it."""
         for name in due_of(self._configs, event.kind, robot):
             async with self._lock:
                 if self._enabled.get(name):
                     why = f"{robot}: {event.text}"
                     await self._record(name, [Firing(name, event.stamp)], self._clock.time(), why)
-            await self.turn()
+            await self.poll()
 
     async def start_now(self, name: str, *, by: str) -> Firing:
-        """Fire a schedule by hand, whether it is enabled or not; return what became of it."""
+        """Fire a schedule by hand, even if disabled; return the result."""
         async with self._lock:
             if name not in self._configs:
                 raise StateError(f"there is no schedule {name!r} any more")
@@ -180,7 +179,7 @@ class Schedules:
         return last
 
     async def enable(self, name: str, *, enabled: bool, by: str) -> None:
-        """Switch a schedule on or off, until it is switched again; raises StateError."""
+        """Enable or disable a schedule until the next such call; raises StateError."""
         async with self._lock:
             now = self._clock.time()
             await asyncio.to_thread(self._store.enable, name, now, enabled=enabled)
@@ -199,7 +198,7 @@ class Schedules:
         return [self._state(name, last[name]) for name in names if name in self._configs]
 
     def _state(self, name: str, last: tuple[Firing, ...]) -> ScheduleState:
-        """Return one schedule."""
+        """Return the state of one schedule."""
         config, waiting = self._configs[name], self._waiting.get(name)
         enabled = self._enabled[name]
         return ScheduleState(
@@ -215,7 +214,7 @@ class Schedules:
     # -- firings ---------------------------------------------------------------------------------------
 
     async def _look(self, name: str) -> None:
-        """Record what came due of one schedule since the last look."""
+        """Record the firings of one schedule since the last check."""
         config, now, seen = self._configs[name], self._clock.time(), self._seen[name]
         if (
             config.trigger is None
@@ -225,7 +224,7 @@ class Schedules:
         ):
             return
         once = config.missed == "once"
-        found = await asyncio.to_thread(look, config.trigger, seen, now, late=config.late, once=once)
+        found = await asyncio.to_thread(due_firings, config.trigger, seen, now, late=config.late, once=once)
         ahead = await asyncio.to_thread(next_of, config, now)
         self._next[name] = math.inf if ahead is None else ahead
         new = [Firing(name, at, SKIPPED, why) for at, why in found.skipped]
@@ -237,7 +236,7 @@ class Schedules:
             await self._record(name, new, now)
 
     async def _record(self, name: str, new: list[Firing], now: float, why: str = "") -> None:
-        """Write firings on disk; those to be started wait from then on, in the place of an older one."""
+        """Write firings to disk; a firing to be started replaces an older waiting one."""
         new = [msgspec.structs.replace(firing, recorded=now) for firing in new]
         kept = await self._kept(partial(self._store.record, name, new, now))
         if kept is None:
@@ -267,7 +266,7 @@ class Schedules:
             )
             return
         without = dict(self._stopped())
-        wanted = Wanted(
+        wanted = StartRequest(
             firing.schedule, config.mission, config.inputs, firing.key, config.busy == "replace", without
         )
         begun = await self._begun(wanted)
@@ -277,25 +276,26 @@ class Schedules:
         elif begun.refusal or config.busy != "queue":
             await self._skipped(firing, begun.refusal or f"{begun.busy or 'another run'} is in its way")
 
-    async def _begun(self, wanted: Wanted) -> Begun:
-        """Start a mission; one that fails on the way may have been started all the same: its key tells."""
+    async def _begun(self, wanted: StartRequest) -> StartResult:
+        """Start a mission; after an exception the key shows whether it was started nevertheless."""
         try:
             async with asyncio.timeout(START_WITHIN):
                 return await self._starter.start(wanted)
         except Exception as error:
             log.exception("%s could not be started", wanted.schedule)
             run = await self._starter.known(wanted.key)
-            return Begun(run, refusal="" if run else f"it failed: {type(error).__name__}: {error}")
+            return StartResult(run, refusal="" if run else f"it failed: {type(error).__name__}: {error}")
 
     async def _started(self, firing: Firing, run: str, why: str) -> None:
-        """Note that a firing was started."""
+        """Record that a firing was started."""
         self._waiting.pop(firing.schedule, None)
         started = msgspec.structs.replace(firing, state=STARTED, run=run)
-        await self._kept(partial(self._store.end, started))  # if that fails, it is asked for by its key
+        # if the write fails, the next process looks it up by its key
+        await self._kept(partial(self._store.end, started))
         self._event(firing.schedule, f"started as {run}" + f"; {why}" * bool(why), run=run, due=firing.due)
 
     async def _skipped(self, firing: Firing, why: str) -> None:
-        """Note that a firing is not started."""
+        """Record that a firing is skipped."""
         if self._waiting.get(firing.schedule) == firing:
             del self._waiting[firing.schedule]
         skipped = msgspec.structs.replace(firing, state=SKIPPED, reason=why)
@@ -303,7 +303,7 @@ class Schedules:
         self._tell_skipped(firing, why)
 
     async def _kept(self, work: Callable[[], T]) -> T | None:
-        """Do something with the disk, on a thread; None where it fails, which is the ``problem``."""
+        """Run disk work on a thread; if it fails, set ``problem`` and return None."""
         try:
             done = await asyncio.to_thread(work)
         except StateError as error:
@@ -314,23 +314,23 @@ class Schedules:
         return done
 
     def _tell_skipped(self, firing: Firing, why: str) -> None:
-        """Tell that a firing is not started."""
+        """Report that a firing is skipped."""
         self._event(firing.schedule, f"skipped: {why}", Severity.WARNING, due=firing.due)
 
     def _event(self, name: str, text: str, severity: Severity = Severity.INFO, **data: object) -> None:
-        """Tell an event of a schedule."""
+        """Report an event of a schedule."""
         told = f"schedule {name}: {text}" if name else text
         fields = {"schedule": name, **data}
         self._tell(EventReport(self._clock.time(), EventKind.SCHEDULE, told, severity, data=fields))
 
 
 def next_of(config: ScheduleConfig, now: float) -> float | None:
-    """Return when a schedule fires next (Unix s), None where no time says so."""
+    """Return the next firing of a schedule (Unix s), None if there is none by time."""
     return None if config.trigger is None else next(firings(config.trigger, now), None)
 
 
 def trigger_text(config: ScheduleConfig) -> str:
-    """Return when a schedule fires, as it is written."""
+    """Return the trigger of a schedule as text."""
     if config.on_event is not None:
         of = f" of {', '.join(config.on_event.robots)}" if config.on_event.robots else ""
         return f"on {config.on_event.kind.value}{of}"
@@ -340,7 +340,7 @@ def trigger_text(config: ScheduleConfig) -> str:
 
 
 def _missed(number: int) -> str:
-    """Return how many firings were missed, in words."""
+    """Describe the number of missed firings."""
     many = f"{number} or more firings" if number >= MOST else f"{number} firings" if number > 1 else "it"
     return (
         f"{many} came due while nothing could be started, and {'is' if number == 1 else 'are'} too late now"

@@ -1,7 +1,7 @@
-"""What schedules have fired: an SQLite file beside the journal. A firing is in it before it is started.
+"""Store of firings: an SQLite file beside the journal. A firing is stored before it is started.
 
-What is written is on the disk when a call returns; each call raises StateError where it cannot be, also once
-it is closed. For any thread.
+Data is on disk when a call returns; otherwise the call raises StateError, also after ``close``. For any
+thread.
 """
 
 from __future__ import annotations
@@ -31,10 +31,11 @@ DUE, STARTED, SKIPPED = "due", "started", "skipped"
 
 
 class Store:
-    """The firings of an edge's schedules, and which schedules were switched on or off by hand."""
+    """The firings of an edge's schedules, and the schedules enabled or disabled by hand."""
 
     def __init__(self, folder: Path) -> None:
-        self._using = threading.Lock()  # SQLite ends the process when a thread closes what another one uses
+        # SQLite crashes the process if one thread closes a connection that another uses
+        self._using = threading.Lock()
         self._database, self.set_aside = open_checked(folder / FILE, FORMATS, "FULL")
 
     def close(self) -> None:
@@ -43,9 +44,9 @@ class Store:
             self._database.close()
 
     def seen(self, name: str, digest: str, now: float) -> float:
-        """Return up to when the firings of a schedule were dealt with.
+        """Return the instant up to which the firings of a schedule are handled.
 
-        One that is new, or fires otherwise than it did, begins now: nothing of before is due.
+        A schedule that is new or has changed starts now: earlier firings are not due.
         """
         with self._writing() as database:
             row = database.execute("SELECT digest, seen FROM schedule WHERE name = ?", (name,)).fetchone()
@@ -59,7 +60,7 @@ class Store:
             return now
 
     def record(self, name: str, firings: Sequence[Firing], seen: float) -> list[Firing]:
-        """Write firings, and up to when they were looked for, at once; return those that are new."""
+        """Write firings and the instant of the check in one transaction; return the new ones."""
         new = []
         with self._writing() as database:
             for one in firings:
@@ -77,7 +78,7 @@ class Store:
         return new
 
     def end(self, firing: Firing) -> bool:
-        """Write what became of a firing; return whether it was known."""
+        """Write the result of a firing; return True if it was known."""
         with self._writing() as database:
             done = database.execute(
                 "UPDATE firing SET state = ?, reason = ?, run = ? WHERE schedule = ? AND due = ?",
@@ -86,35 +87,35 @@ class Store:
             return done.rowcount == 1
 
     def open(self) -> list[Firing]:
-        """Return the firings of which nobody knows yet what became, the oldest first."""
+        """Return the firings without a result, oldest first."""
         return self._firings("WHERE state = ? ORDER BY due", (DUE,))
 
     def last(self, name: str, number: int = 1) -> list[Firing]:
-        """Return the newest firings of a schedule, the newest first."""
+        """Return the newest firings of a schedule, newest first."""
         return self._firings("WHERE schedule = ? ORDER BY due DESC LIMIT ?", (name, number))
 
     def enabled(self) -> dict[str, bool]:
-        """Return what was switched on or off by hand."""
+        """Return the schedules enabled or disabled by hand."""
         with self._writing() as database:
             rows = database.execute("SELECT name, enabled FROM schedule WHERE enabled IS NOT NULL")
             return {name: bool(enabled) for name, enabled in rows}
 
     def enable(self, name: str, now: float, *, enabled: bool) -> None:
-        """Switch a schedule on or off; what came due while it was off is not made up for."""
+        """Enable or disable a schedule; firings due while it was disabled are not made up for."""
         with self._writing() as database:
             database.execute(
                 "UPDATE schedule SET enabled = ?, seen = max(seen, ?) WHERE name = ?", (enabled, now, name)
             )
 
     def _firings(self, which: str, values: Sequence[object]) -> list[Firing]:
-        """Return some firings."""
+        """Return firings selected by an SQL clause."""
         with self._writing() as database:
-            rows = database.execute(f"SELECT * FROM firing {which}", values)  # noqa: S608 - ours
+            rows = database.execute(f"SELECT * FROM firing {which}", values)  # noqa: S608 - constant
             return [Firing(*row) for row in rows]
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
-        """Do several things at once, or none; raises StateError."""
+        """Run a block in one transaction; raises StateError."""
         database = self._database
         try:
             with self._using:

@@ -1,9 +1,9 @@
-"""When a schedule fires: pure arithmetic on Unix seconds, without a clock.
+"""Firing times of schedules: pure arithmetic on Unix seconds, without a clock.
 
-A cron expression is read as wall-clock times, by APScheduler's ``CronTrigger`` in a zone without shifts; each
-wall-clock time is then put on the time line by rules of our own: one that comes twice (clocks go back) fires
-the first time, one that never comes (clocks go forward) fires at the end of the gap, and several that fall
-together fire once. APScheduler's scheduler, executors and stores are not used.
+APScheduler's ``CronTrigger`` computes the wall-clock times of a cron expression in a zone without shifts.
+Rules of our own map them to instants: a time that occurs twice (clocks go back) fires the first time, a
+skipped time (clocks go forward) fires at the end of the gap, and times that coincide fire once. APScheduler's
+scheduler, executors and stores are not used.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ import msgspec
 FIELDS = ("minute", "hour", "day", "month", "day_of_week")
 WEEKDAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
 AHEAD = timedelta(days=9 * 366)
-"""What is searched for the next firing: 29 February may be eight years away."""
+"""Range of the search for the next firing: 29 February may be eight years away."""
 WIDEST = timedelta(hours=25)
-"""More than any zone was ever put forward or back; so far back wall-clock times are looked at again."""
+"""More than any shift of a zone; after a shift, wall-clock times this far back are checked again."""
 _WEEKDAY = re.compile(rf"(\*|(?:{'|'.join(WEEKDAYS)})(?:-(?:{'|'.join(WEEKDAYS)}))?)")
 
 
 class Trigger(msgspec.Struct, frozen=True):
-    """Exactly one of ``cron``, ``every`` (s) and ``once`` (ISO date with time), in a zone by its name."""
+    """Exactly one of ``cron``, ``every`` (s) and ``once`` (ISO date with time), in a named zone."""
 
     cron: str = ""
     every: float = 0.0
@@ -35,7 +35,7 @@ class Trigger(msgspec.Struct, frozen=True):
 
 
 def zone_of(name: str) -> ZoneInfo:
-    """Return a time zone; raises ValueError for one that does not exist."""
+    """Return a time zone; raises ValueError for an unknown one."""
     try:
         return ZoneInfo(name)
     except (ZoneInfoNotFoundError, ValueError, OSError):
@@ -43,10 +43,10 @@ def zone_of(name: str) -> ZoneInfo:
 
 
 def cron_fields(text: str) -> dict[str, str]:
-    """Return the five fields of a cron expression; raises ValueError saying what is wrong with it.
+    """Return the five fields of a cron expression; raises ValueError with the error.
 
-    Weekdays are names: by number they mean another day in every program. Day of the month and weekday exclude
-    each other: cron takes either, APScheduler both.
+    Weekdays must be names, because their numbers differ between programs. Day of the month and weekday
+    exclude each other: cron combines them with or, APScheduler with and.
     """
     parts = text.lower().split()
     if len(parts) != len(FIELDS):
@@ -63,7 +63,7 @@ def cron_fields(text: str) -> dict[str, str]:
 
 
 def once_at(text: str, zone: str) -> float:
-    """Return the Unix seconds of a date with time, in a zone unless it names one; raises ValueError."""
+    """Return the Unix seconds of a date with time, in ``zone`` unless it has an offset; raises ValueError."""
     try:
         found = datetime.fromisoformat(text)
     except ValueError:
@@ -72,7 +72,7 @@ def once_at(text: str, zone: str) -> float:
 
 
 def firings(trigger: Trigger, after: float) -> Iterator[float]:
-    """Yield when a trigger fires after an instant, in order, without end unless it ends; Unix seconds."""
+    """Yield the firings of a trigger after an instant, in order and possibly endless; Unix seconds."""
     if trigger.every:
         turn = math.floor(after / trigger.every) + 1
         while True:
@@ -86,7 +86,7 @@ def firings(trigger: Trigger, after: float) -> Iterator[float]:
     zone = zone_of(trigger.zone)
     last = after
     now, before = (datetime.fromtimestamp(at, zone) for at in (after, after - WIDEST.total_seconds()))
-    shifted = now.utcoffset() != before.utcoffset()  # then some times of the day come twice, or never
+    shifted = now.utcoffset() != before.utcoffset()  # then some times of day occur twice or never
     begin = now.replace(tzinfo=None, fold=0) - WIDEST * shifted
     for wall in _walls(cron_fields(trigger.cron), begin):
         at = instant_of(wall, zone)
@@ -96,13 +96,13 @@ def firings(trigger: Trigger, after: float) -> Iterator[float]:
 
 
 def instant_of(wall: datetime, zone: ZoneInfo) -> float:
-    """Return when a wall-clock time is: the first of two, or the end of the gap that it is in."""
+    """Return the instant of a wall-clock time: the first of two, or the end of the gap that skips it."""
     first = wall.replace(tzinfo=zone, fold=0)
     at = first.timestamp()
     if datetime.fromtimestamp(at, zone).replace(tzinfo=None) == wall:
         return at
-    # In a gap the first reading takes the offset from before it, the second that from after: the gap's end
-    # lies between the two.
+    # In a gap, fold=0 takes the offset before it and fold=1 the offset after it: the end of the gap lies
+    # between the two instants.
     low, high = wall.replace(tzinfo=zone, fold=1).timestamp(), at
     before = datetime.fromtimestamp(low, zone).utcoffset()
     while high - low > 0.5:
@@ -115,8 +115,8 @@ def instant_of(wall: datetime, zone: ZoneInfo) -> float:
 
 
 def _walls(fields: Mapping[str, str], begin: datetime) -> Iterator[datetime]:
-    """Yield the wall-clock times of a cron expression from one on; raises ValueError for a bad field."""
-    from apscheduler.triggers.cron import CronTrigger  # noqa: PLC0415 - 0.14 s, for who has a cron alone
+    """Yield the wall-clock times of a cron expression from ``begin``; raises ValueError for a bad field."""
+    from apscheduler.triggers.cron import CronTrigger  # noqa: PLC0415 - 0.14 s, only for cron
 
     trigger = CronTrigger(**fields, timezone=UTC)
     at = begin.replace(tzinfo=UTC)

@@ -1,6 +1,6 @@
-"""The systemd unit of the agent of an edge's roll-outs, beside the unit of the edge; pure.
+"""The systemd unit of the agent of an edge's roll-outs, generated beside the unit of the edge; pure.
 
-It has the user and the sandbox of the edge, but no device: it speaks with the store and with the edge, and
+It has the user and the sandbox of the edge, but no device: it communicates with the store and the edge, and
 writes the folder of the bundles.
 """
 
@@ -18,9 +18,9 @@ from fleet.service.unit import FAMILIES, SANDBOX, check_paths, command_line, pla
 
 
 class AgentSpec(msgspec.Struct, frozen=True):
-    """What the unit of an agent is made from.
+    """Input of the unit of an agent.
 
-    ``folder`` has the bundles, ``python`` is the interpreter of its environment.
+    ``folder`` contains the bundles, ``python`` is the interpreter of its environment.
     """
 
     edge: str
@@ -34,14 +34,14 @@ class AgentSpec(msgspec.Struct, frozen=True):
 
 
 def agent_unit_name(edge: str) -> str:
-    """Return the name of the unit of an edge's agent; the dot keeps it apart from that of any edge."""
+    """Return the name of the unit of an edge's agent; no edge's own unit has the dot."""
     return f"fleet-{edge}.agent.service"
 
 
 def agent_spec_of(edge: str, file: Path, python: Path) -> AgentSpec:
-    """Return what the unit of the agent of an edge is made from, by its fleet file; the paths are absolute.
+    """Return the input of the unit of an edge's agent from its fleet file; the paths are absolute.
 
-    Raises ConfigError for a fleet file that no roll-out brings, and for what a service cannot have.
+    Raises ConfigError if the fleet file does not come from a roll-out, or if a service cannot use a path.
     """
     folder = file.parent.parent
     if file.parent.name != CURRENT or not (folder / FILE).is_file():
@@ -56,8 +56,8 @@ def agent_spec_of(edge: str, file: Path, python: Path) -> AgentSpec:
 def agent_text(spec: AgentSpec) -> str:
     """Return the text of the unit.
 
-    It starts after the edge and ends before it, and runs also while the edge does not: a bundle with which
-    the edge does not start can still be replaced. An invalid rollout.yaml (3) waits for a person.
+    The agent starts after the edge and ends before it. It also runs without the edge, so that a bundle with
+    which the edge does not start can be replaced. An invalid rollout.yaml (3) needs a person.
     """
     unit = [
         f"Description=agent of the roll-outs of fleet edge {spec.edge}",

@@ -1,7 +1,7 @@
-"""The devices that a fleet file names, and what allows a service to open them; pure.
+"""The devices in a fleet file, and the permissions for a service to open them; pure.
 
-A USB device gets another number each time that it is plugged in, so the unit allows its class, and the udev
-rule gives this one device to the group of the service. Both together allow the named devices alone.
+A USB device gets another number each time it is plugged in, so the unit allows its class, and the udev rule
+gives this one device to the group of the service. Together they allow only the named devices.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fleet.config.text import texts_in
 
 _FILE = re.compile(r"^(?:[a-z0-9]+:)*(/dev/[^?\s]+)")
 _INTERFACE = re.compile(r"^can:socketcan:([A-Za-z0-9_.-]{1,15})(?:[?].*)?$")
-_UNSAFE = re.compile(r'["\\\n*?\[\]|]')  # what ends, escapes or widens a value of a udev rule
+_UNSAFE = re.compile(r'["\\\n*?\[\]|]')  # characters that end, escape or widen a value of a udev rule
 _USB_SERIAL = ("char-ttyUSB", "char-ttyACM")
 _CLASSES = (
     ("/dev/ttyUSB", ("char-ttyUSB",)),
@@ -30,23 +30,23 @@ _CLASSES = (
     ("/dev/video", ("char-video4linux",)),
     ("/dev/v4l/", ("char-video4linux",)),
 )
-"""Names of devices, and the groups of /proc/devices that they belong to; any other name is a USB line's."""
+"""Prefixes of device names with their groups in /proc/devices; other names are USB serial ports."""
 
 
 class Devices(msgspec.Struct, frozen=True):
-    """What robots and stop inputs of one computer open: ``files`` in /dev, and SocketCAN ``interfaces``."""
+    """Devices of robots and stop inputs on one computer: ``files`` in /dev, and SocketCAN ``interfaces``."""
 
     files: tuple[str, ...] = ()
     interfaces: tuple[str, ...] = ()
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """The classes of devices that the unit allows, as DeviceAllow= takes them."""
+        """The classes of devices for the unit's DeviceAllow=."""
         return tuple(sorted({each for file in self.files for each in _classes(file)}))
 
 
 def devices_of(loaded: Loaded) -> Devices:
-    """Return the devices that this computer opens; those of workers on other computers are not among them."""
+    """Return the devices that this computer opens, without those of workers on other computers."""
     here = (
         loaded.given[robot.name]
         for robot, _ in loaded.robots
@@ -58,7 +58,7 @@ def devices_of(loaded: Loaded) -> Devices:
 
 
 def named_in(texts: Iterable[str]) -> Devices:
-    """Return the devices that links and other texts of fleet.yaml name."""
+    """Return the devices in links and other texts of fleet.yaml."""
     files, interfaces = set(), set()
     for text in texts:
         if found := _FILE.match(text):
@@ -69,21 +69,21 @@ def named_in(texts: Iterable[str]) -> Devices:
 
 
 def _classes(file: str) -> tuple[str, ...]:
-    """Return the classes that a device may belong to."""
+    """Return the possible classes of a device."""
     return next((classes for start, classes in _CLASSES if file.startswith(start)), _USB_SERIAL)
 
 
 def unsafe_names(devices: Devices) -> list[str]:
-    """Return the names of devices that cannot stand in a udev rule."""
+    """Return the names of devices that cannot be written in a udev rule."""
     return [file for file in devices.files if _UNSAFE.search(file)]
 
 
 def udev_rules(devices: Devices, group: str) -> str:
-    """Return the rules that give the devices, and no others, to a group; empty when there are none.
+    """Return the rules that give exactly these devices to a group; empty without devices.
 
-    A name is matched as the kernel's own and as a link that an earlier rule made (/dev/serial/by-id). The
-    queue of a CAN interface is kept short: frames that wait in it while motor power is off are sent
-    when power returns.
+    A name is matched as the kernel's own and as a link made by an earlier rule (/dev/serial/by-id). The queue
+    of a CAN interface is kept short: frames that wait in it while motor power is off are sent when power
+    returns.
     """
     give = f'GROUP="{group}", MODE="0660"'
     lines = []

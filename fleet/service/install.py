@@ -1,7 +1,7 @@
-"""Writes the files of an edge's service, and has systemd and udev read them.
+"""Writes the files of an edge's service, and reloads systemd and udev.
 
-The files are written below a root folder; for the root of the running system, the programs of ``STEPS`` are
-run as well. ``run`` runs one program and raises ServiceError, so that the order is tested without systemd.
+The files are written below a root folder; for the root of the running system, systemd's programs are run as
+well. ``run`` runs one program and raises ServiceError, so that tests need no systemd.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _WITHIN = 120.0  # s for one program
 
 
 class ServiceError(FleetError):
-    """The service cannot be installed, asked or removed."""
+    """The service cannot be installed, queried or removed."""
 
 
 def files_of(spec: ServiceSpec, agent: AgentSpec | None = None) -> dict[Path, str]:
-    """Return the files of a service, relative to the root folder, with their text; of its ``agent`` too."""
+    """Return the files of a service and its ``agent``, relative to the root folder, with their text."""
     files = {
         Path("etc/systemd/system", spec.unit): unit_text(spec),
         Path("etc/sysusers.d/fleet.conf"): _HEAD + sysusers_text(),
@@ -40,12 +40,12 @@ def files_of(spec: ServiceSpec, agent: AgentSpec | None = None) -> dict[Path, st
 
 
 def _rules_file(edge: str) -> Path:
-    """Return where the udev rules are; the number puts them after those that make names."""
+    """Return the path of the udev rules; the number orders them after the rules that create names."""
     return Path("etc/udev/rules.d", f"90-fleet-{edge}.rules")
 
 
 def unit_file(edge: str, root: Path = Path("/")) -> Path:
-    """Return the file of an edge's unit, whether it is there or not."""
+    """Return the path of an edge's unit, existing or not."""
     return root / "etc/systemd/system" / unit_name(edge)
 
 
@@ -54,8 +54,8 @@ def install(
 ) -> list[Path]:
     """Write the files below ``root``; with ``run``, load and enable them, and ``start`` the edge.
 
-    With its ``agent``, whose folder then belongs to the user of the service. Returns the files. An edge that
-    runs is not touched: it has the new unit at its next start. Raises ServiceError.
+    With ``agent``, its unit is installed too, and its folder is given to the user of the service. Returns the
+    files. A running edge is not restarted: it uses the new unit from its next start on. Raises ServiceError.
     """
     files = files_of(spec, agent)
     for path, text in files.items():
@@ -71,11 +71,10 @@ def install(
 
 
 def uninstall(edge: str, root: Path, run: Run | None) -> list[Path]:
-    """Stop the service and that of its agent, forget them and remove their files.
+    """Stop and disable the service and its agent, and remove their files.
 
-    State, fleet file, bundles and user stay.
-
-    Returns the removed files. Raises ServiceError, also where no service of this edge is installed.
+    State, fleet file, bundles and user stay. Returns the removed files. Raises ServiceError, also if no
+    service of this edge is installed.
     """
     unit, rules = unit_file(edge, root), root / _rules_file(edge)
     agent = unit.with_name(agent_unit_name(edge))
@@ -92,7 +91,7 @@ def uninstall(edge: str, root: Path, run: Run | None) -> list[Path]:
 
 
 def _reload(run: Run, *, devices: bool) -> None:
-    """Have systemd read its units anew, and udev its rules, also for devices that are plugged in."""
+    """Reload the units of systemd and the rules of udev, and apply them to plugged-in devices."""
     run(["systemctl", "daemon-reload"])
     if devices:
         run(["udevadm", "control", "--reload"])
@@ -102,7 +101,7 @@ def _reload(run: Run, *, devices: bool) -> None:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a file that is the old or the new one at any time; raises ServiceError."""
+    """Write a file atomically; raises ServiceError."""
     fresh = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -114,7 +113,7 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def run_program(command: Sequence[str]) -> str:
-    """Run a program of the system; return what it said. Raises ServiceError with its own words."""
+    """Run a program of the system; return its output. Raises ServiceError with its error message."""
     try:
         told = subprocess.run(  # noqa: S603 - systemd's own programs, with arguments of ours
             command, capture_output=True, text=True, check=False, timeout=_WITHIN, stdin=subprocess.DEVNULL
@@ -125,7 +124,7 @@ def run_program(command: Sequence[str]) -> str:
         raise ServiceError(f"{' '.join(command)}: {error}") from None
     if told.returncode != 0:
         words = told.stderr.strip().splitlines() or [f"exit code {told.returncode}"]
-        raise ServiceError(f"{' '.join(command)}: {words[-1]}")
+        raise ServiceError(f"{' '.join(command)}: {' '.join(words[-2:])}")  # systemctl says what, then where
     return told.stdout
 
 
@@ -135,7 +134,7 @@ def is_root() -> bool:
 
 
 def status_of(unit: str, run: Run) -> Mapping[str, str]:
-    """Return what systemd says of a unit, by property; raises ServiceError."""
+    """Return systemd's properties of a unit; raises ServiceError."""
     told = run(["systemctl", "show", f"--property={','.join(PROPERTIES)}", unit])
     pairs = (line.partition("=") for line in told.splitlines())
     return {name: value for name, _, value in pairs if name in PROPERTIES}
@@ -152,4 +151,4 @@ PROPERTIES = (
     "Result",
     "ActiveEnterTimestamp",
 )
-"""What ``fleet service status`` asks of systemd."""
+"""Properties shown by ``fleet service status``."""

@@ -1,7 +1,8 @@
-"""The systemd unit of an edge, made from what its fleet file says; pure.
+"""The systemd unit of an edge, generated from its fleet file; pure.
 
-``systemd-analyze security --offline=true`` rates it; the tests hold the rating at 3.0 or better. The network,
-the clock's readings and /proc stay open, because robots, the bus, the cloud and the edge's load need them.
+``systemd-analyze security --offline=true`` rates it; the tests require a rating of 3.0 or better. The
+network, reading the clock and /proc stay open, because robots, the bus, the cloud and the edge's load need
+them.
 """
 
 from __future__ import annotations
@@ -22,18 +23,21 @@ from fleet.service.devices import Devices, devices_of, unsafe_names
 USER = GROUP = "fleet"
 STATE = Path("/var/lib")  # StateDirectory= of systemd; the edges' folders are below fleet/ there
 CONFIG = Path("/etc/fleet")
-WATCHDOG = 10  # s without a sign of the supervisor after which systemd kills it; edge and workers then end
-REALTIME = 40  # the priority that control loops of quadrupeds on CAN ask for
-HIDDEN = tuple(map(Path, ("/home", "/root", "/run/user", "/tmp", "/var/tmp")))  # noqa: S108 - what a service does not see
-FAMILIES = "AF_UNIX AF_INET AF_INET6 AF_NETLINK"  # of sockets: the bus, the cloud, and its view of networks
+# s without a message of the supervisor, after which systemd asks it and all others to end
+WATCHDOG = 10
+REALTIME = 40  # highest real-time priority for control loops of quadrupeds on CAN
+HIDDEN = tuple(map(Path, ("/home", "/root", "/run/user", "/tmp", "/var/tmp")))  # noqa: S108 - hidden from a service
+FAMILIES = "AF_UNIX AF_INET AF_INET6 AF_NETLINK"  # of sockets: the bus, the cloud, and the list of networks
+# signals the supervisor and waits for its end; fails where it is dead already
+_END = "kill -TERM $MAINPID && exec tail --pid=$MAINPID -s 0.1 -f /dev/null"
 _WORD = re.compile(r"[A-Za-z0-9_./:@+,=-]+")
 
 
 class ServiceSpec(msgspec.Struct, frozen=True):
-    """What the unit of an edge is made from.
+    """Input of the unit of an edge.
 
     ``file`` is its fleet file, ``python`` the interpreter of its environment, ``writable`` the folders that
-    it writes besides those that systemd makes. ``of_a_pair``: the file is for two edges; this is one of them.
+    it writes besides those created by systemd. ``of_a_pair``: the file is for two edges; this is one of them.
     """
 
     edge: str
@@ -50,7 +54,7 @@ class ServiceSpec(msgspec.Struct, frozen=True):
 
     @property
     def folder(self) -> Path:
-        """The folder in which it runs: not one to which the link of roll-outs leads, which are removed."""
+        """The working directory: not the folder of the ``current`` link, whose target a roll-out removes."""
         return self.file.parent.parent if self.file.parent.name == CURRENT else self.file.parent
 
 
@@ -60,9 +64,9 @@ def unit_name(edge: str) -> str:
 
 
 def spec_of(loaded: Loaded, file: Path, python: Path) -> ServiceSpec:
-    """Return what the unit of a loaded fleet file is made from; the paths are absolute.
+    """Return the input of the unit of a loaded fleet file; the paths are absolute.
 
-    Raises ConfigError for what a service cannot have, with all reasons.
+    Raises ConfigError with all reasons why a service is not possible.
     """
     config = loaded.config
     pair = config.pair is not None
@@ -72,16 +76,16 @@ def spec_of(loaded: Loaded, file: Path, python: Path) -> ServiceSpec:
 
 
 def _writable(config: Sections) -> tuple[Path, ...]:
-    """Return the folders of state and recordings that fleet.yaml places somewhere else."""
+    """Return the folders of state and recordings with their own place in fleet.yaml."""
     record = config.record.folder if config.record else None
     return tuple(path.absolute() for path in (config.edge.spool.path, record) if path is not None)
 
 
 def check_paths(paths: Sequence[Path], unsafe: Sequence[str] = ()) -> None:
-    """Raise ConfigError with all reasons where a service cannot have these paths.
+    """Raise ConfigError with all reasons why a service cannot use these paths.
 
-    It does not see those of users, and temporary ones. ``unsafe`` are other names that could mean something
-    else in the files of a service, as a path with a line break does.
+    Home folders and temporary folders are hidden from it. ``unsafe`` are other names that could be
+    misinterpreted in the files of a service, such as a path with a line break.
     """
     problems = [
         f"{path} is below {folder}, which a service does not see: keep the fleet file in {CONFIG}, state in "
@@ -97,7 +101,7 @@ def check_paths(paths: Sequence[Path], unsafe: Sequence[str] = ()) -> None:
 
 
 def word(value: object) -> str:
-    """Return one word of a unit: in quotes where it must be, and nothing in it expanded by systemd."""
+    """Return one word of a unit, quoted if necessary, with nothing that systemd would expand."""
     text = str(value).replace("%", "%%")
     if _WORD.fullmatch(text):
         return text
@@ -105,7 +109,7 @@ def word(value: object) -> str:
 
 
 def command_line(words: Iterable[object]) -> str:
-    """Return the command line of a unit, where a dollar sign would name a variable."""
+    """Return the command line of a unit; a dollar sign is escaped, since it would name a variable."""
     return " ".join(word(str(each).replace("$", "$$")) for each in words)
 
 
@@ -116,7 +120,7 @@ def unit_text(spec: ServiceSpec) -> str:
 
 
 def text_of(written_by: str, unit: Iterable[str], service: Iterable[str]) -> str:
-    """Return the text of a unit that starts with the computer, by the lines of its sections."""
+    """Return the text of a unit that starts at boot, from the lines of its sections."""
     head = f"# Written by: {written_by}\n# An own drop-in keeps changes: systemctl edit\n"
     sections = (("Unit", unit), ("Service", service), ("Install", ("WantedBy=multi-user.target",)))
     return head + "".join(
@@ -125,7 +129,7 @@ def text_of(written_by: str, unit: Iterable[str], service: Iterable[str]) -> str
 
 
 def _unit(spec: ServiceSpec) -> list[str]:
-    """Return when the edge starts: after the network and a set clock, which it can do without."""
+    """Return the order of the start: after the network and a set clock, which are not required."""
     can = [f"sys-subsystem-net-devices-{name}.device" for name in spec.devices.interfaces if name.isalnum()]
     return [
         f"Description=fleet edge {spec.edge}",
@@ -136,11 +140,12 @@ def _unit(spec: ServiceSpec) -> list[str]:
 
 
 def _process(spec: ServiceSpec) -> list[str]:
-    """Return how it is run, watched and ended.
+    """Return the lines for running, monitoring and stopping the process.
 
-    The first process is the supervisor. Only it is signalled at first (mixed), so that it ends the edge and
-    the edge its robots and workers; what is left after TimeoutStopSec= is killed. An invalid fleet file (3)
-    waits for a person.
+    The first process is the supervisor. ExecStop= signals it alone and waits, so that it ends the edge, and
+    the edge its robots and workers. If it dies or hangs, all others get SIGTERM, and bring their robots to a
+    standstill; with KillMode=mixed systemd kills them at once (seen with systemd 252). Processes that remain
+    are killed after TimeoutStopSec=. An invalid fleet file (3) waits for a person.
     """
     which = ["--edge-id", spec.edge] if spec.of_a_pair else []
     command = [spec.python, "-P", "-m", "fleet", "run", *which, "--", spec.file]
@@ -148,14 +153,17 @@ def _process(spec: ServiceSpec) -> list[str]:
         "Type=notify",
         "NotifyAccess=main",
         f"ExecStart={command_line(command)}",
+        f"ExecStop=-/bin/sh -c '{_END}'",
         f"WatchdogSec={WATCHDOG}",
+        "WatchdogSignal=SIGTERM",
+        "TimeoutAbortSec=15",
         "Restart=always",
         "RestartSec=1",
         "RestartPreventExitStatus=3",
         "SuccessExitStatus=7 130 143",
         "TimeoutStartSec=120",
         "TimeoutStopSec=30",
-        "KillMode=mixed",
+        "KillMode=control-group",
         "OOMPolicy=continue",
         "OOMScoreAdjust=-500",
         "LimitNOFILE=65536",
@@ -165,7 +173,7 @@ def _process(spec: ServiceSpec) -> list[str]:
 
 
 def places(edge: str, folder: Path, writable: Iterable[Path]) -> list[str]:
-    """Return user, folders and environment. The group may use the sockets, and nobody else."""
+    """Return user, folders and environment. Only the group may use the sockets."""
     lines = [
         f"User={USER}",
         f"Group={GROUP}",
@@ -183,7 +191,7 @@ def places(edge: str, folder: Path, writable: Iterable[Path]) -> list[str]:
 
 
 def _devices(spec: ServiceSpec) -> list[str]:
-    """Return what opens the devices of the fleet file, and closes all others."""
+    """Return the lines that allow the devices of the fleet file and no others."""
     families = FAMILIES
     lines = [f"DeviceAllow={each} rw" for each in spec.devices.classes]
     if not spec.devices.files:
@@ -222,5 +230,5 @@ SANDBOX = (
 
 
 def sysusers_text() -> str:
-    """Return the user and the group of the service, as systemd-sysusers takes them."""
+    """Return the user and the group of the service in the format of systemd-sysusers."""
     return f'u {USER} - "fleet of robots" {STATE}/fleet /usr/sbin/nologin\n'

@@ -26,7 +26,7 @@ class SimProcess:
         self._asking = asyncio.Lock()
 
     async def __aenter__(self) -> Self:
-        """Start the subprocess; raises LinkRefused when that is impossible."""
+        """Start the subprocess; raises LinkRefused if that is impossible."""
         try:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
@@ -57,9 +57,9 @@ class SimProcess:
 
     @contextlib.asynccontextmanager
     async def robot(self, spec: object) -> AsyncIterator[str]:
-        """Give the link of a new simulated robot, which goes when this ends.
+        """Yield the link of a new simulated robot, which is removed at the end of the block.
 
-        Raises LinkLost when the subprocess is gone, LinkRefused for an invalid specification.
+        Raises LinkLost if the subprocess is gone, LinkRefused for an invalid specification.
         """
         url = (await self.ask({"add": spec}))["url"]
         try:
@@ -77,7 +77,7 @@ class SimProcess:
         raise LinkLost(f"the simulator ended with status {await self._running().wait()}")
 
     def _running(self) -> asyncio.subprocess.Process:
-        """Return the subprocess; raises LinkLost when there is none."""
+        """Return the subprocess; raises LinkLost if there is none."""
         if self._process is None:
             raise LinkLost("the simulator is not running")
         return self._process

@@ -2,10 +2,10 @@
 
     {"add": {...}}                                             -> {"url": "udpout:127.0.0.1:40001"}
     {"fault": {"url": "...", "name": "loss", "value": 0.05}}   -> {}    (value null ends it)
-    {"look": {"url": "..."}}                                   -> {"x": 0.1, ...}    (where it truly is)
+    {"look": {"url": "..."}}                                   -> {"x": 0.1, ...}    (the true state)
     {"remove": {"url": "..."}}                                 -> {}
 
-A request that fails is answered by ``{"error": "why"}``.
+A failed request is answered by ``{"error": "reason"}``.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
 
     @abstractmethod
     async def make(self, spec: SpecT) -> RobotT:
-        """Create a robot; raises ValueError for an invalid specification, OSError when its port is in use."""
+        """Create a robot; raises ValueError for an invalid specification, OSError if its port is in use."""
 
     async def add(self, spec: SpecT) -> RobotT:
         """Create a robot and start to simulate it; raises like ``make``."""
@@ -85,7 +85,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
         return robot
 
     async def answer(self, line: bytes) -> bytes:
-        """Carry out one request line; return the answer line, with its newline."""
+        """Execute one request line; return the answer line, with its newline."""
         try:
             told = await self._carry_out(decode_json(line, _Line))
         except (ValueError, OSError) as error:
@@ -93,7 +93,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
         return msgspec.json.encode(told) + b"\n"
 
     async def _carry_out(self, ask: _Line) -> dict[str, object]:
-        """Carry out one request; raises ValueError or OSError."""
+        """Execute one request; raises ValueError or OSError."""
         if ask.add:
             return {"url": (await self.add(decode_json(ask.add, self.Spec))).url}
         if ask.fault is not None:
@@ -108,7 +108,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
         raise ValueError("say one of add, fault, look and remove")
 
     def _robot(self, ask: _Ask) -> RobotT:
-        """Return the robot of a request; raises ValueError when there is none."""
+        """Return the robot of a request; raises ValueError if there is none."""
         if ask.url not in self.robots:
             raise ValueError(f"there is no simulated robot at {ask.url}")
         return self.robots[ask.url]
@@ -128,7 +128,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
                 robot.close()
 
     async def serve(self, *, obeys: bool) -> None:
-        """Run until SIGINT or SIGTERM; ``obeys``: carry out the lines of stdin, and end when it closes.
+        """Run until SIGINT or SIGTERM; ``obeys``: execute the lines of stdin, and end when it closes.
 
         Writes the URLs of the robots that exist at the start to stdout.
         """
@@ -152,7 +152,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
                     await task
 
     async def _obey_stdin(self) -> None:
-        """Carry out the lines of stdin until it closes."""
+        """Execute the lines of stdin until it closes."""
         loop = asyncio.get_running_loop()
         reader = asyncio.StreamReader()
         transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)

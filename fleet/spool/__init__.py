@@ -1,1 +1,1 @@
-"""What must outlive the process: messages for the cloud on disk, and the files that it is kept in."""
+"""Durable state: the spool of messages for the cloud, and its files."""

@@ -1,4 +1,4 @@
-"""Opening an SQLite file so that what is wrong with it costs its content at most, never the edge."""
+"""Opens SQLite files such that a damaged file costs its content at most, never the edge."""
 
 from __future__ import annotations
 
@@ -15,28 +15,31 @@ from fleet.runtime.state_format import refuse_newer
 log = logging.getLogger(__name__)
 
 PAGE = 4096
-"""Bytes of one page of the file."""
+"""Page size of the file, bytes."""
 CACHE = 512
-"""KiB of pages that a connection keeps in memory; SQLite's own 2,000 would grow in every file for hours."""
+"""Page cache of a connection, KiB; SQLite's default of 2,000 would fill up in every file over hours."""
 BUSY = 2.0
-"""Seconds to wait for another process that writes."""
+"""Seconds to wait for a write of another process."""
 BROKEN = ".broken"
-"""What a file that cannot be read is renamed to; only the newest of them is kept."""
+"""Suffix of a damaged file when it is set aside; only the newest one is kept."""
 NEWER = ".format-{}"
-"""What a file of a newer fleet is renamed to, with its format number: that fleet can have it back."""
+"""Suffix of a file of a newer fleet when it is set aside; that fleet can use it again."""
 
 Synchronous = Literal["NORMAL", "FULL"]
 """NORMAL survives the death of the process; FULL also that of the computer, but waits for the disk."""
 
 
 def is_corrupt(error: sqlite3.Error) -> bool:
-    """Return True when the file itself is damaged, rather than the disk full or the file locked."""
+    """Return True if the file is damaged, as opposed to a full disk or a locked file."""
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
     return code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
 
 def set_aside(path: Path, suffix: str = BROKEN) -> Path:
-    """Rename a file that cannot be used, and what belongs to it; return its new place. Raises OSError."""
+    """Rename a file that cannot be used, with its WAL and shared memory; return the new path.
+
+    Raises OSError.
+    """
     for part in ("-wal", "-shm"):
         with contextlib.suppress(FileNotFoundError):
             path.with_name(path.name + part).replace(path.with_name(path.name + suffix + part))
@@ -48,12 +51,12 @@ def set_aside(path: Path, suffix: str = BROKEN) -> Path:
 def open_checked(
     path: Path, formats: Sequence[str], synchronous: Synchronous, *, busy: float = BUSY
 ) -> tuple[sqlite3.Connection, Path | None]:
-    """Open a file, or make it; one that is damaged, or of a newer format, is set aside and a new one made.
+    """Open or create a file; one that is damaged or of a newer format is set aside and replaced.
 
-    ``formats`` is the SQL that brings a file from each format number to the next, from 0, an empty file.
-    Returns the connection, for use on any one thread at a time, and where the old file is now, None when
-    it was well. ``busy``: seconds that a statement waits for another process that writes. Raises StateError
-    when neither the old nor a new file can be used.
+    ``formats`` is the SQL that migrates a file from each format number to the next, from 0, an empty file.
+    Returns the connection, for use on one thread at a time, and the path of the file that was set aside, None
+    if the file was intact. ``busy``: seconds that a statement waits for a write of another process. Raises
+    StateError when neither the old nor a new file can be used.
     """
     try:
         try:
@@ -63,15 +66,15 @@ def open_checked(
             log.error("%s cannot be read (%s): set aside as %s", path, error, aside.name)  # noqa: TRY400
             return _opened(path, formats, synchronous, busy), aside
     except (sqlite3.Error, OSError) as error:
-        raise StateError(f"{path} cannot be used: {error}; set edge.spool.path, or mend the disk") from None
+        raise StateError(f"{path} cannot be used: {error}; set edge.spool.path, or repair the disk") from None
 
 
 class _Damaged(sqlite3.DatabaseError):
-    """The file opens but is not what we wrote."""
+    """The file opens, but its content is not ours."""
 
 
 def _suffix(error: sqlite3.DatabaseError | StateNewer) -> str:
-    """Return what is put behind the name of a file that is set aside; raises what leaves it in its place."""
+    """Return the suffix for a file that is set aside; raise errors for which it stays in place."""
     if isinstance(error, StateNewer):
         return NEWER.format(error.found)
     if is_corrupt(error) or isinstance(error, _Damaged):
@@ -87,11 +90,11 @@ def format_of(connection: sqlite3.Connection, newest: int) -> int:
 
 
 def _opened(path: Path, formats: Sequence[str], synchronous: Synchronous, busy: float) -> sqlite3.Connection:
-    """Open a file and check it, or make it, for this user alone: its folder may be open to others."""
+    """Open and check a file, or create it with access for this user only."""
     path.touch(mode=0o600)
     connection = sqlite3.connect(path, timeout=busy, isolation_level=None, check_same_thread=False)
     try:
-        found = format_of(connection, len(formats))  # before anything is changed in it
+        found = format_of(connection, len(formats))  # before any change to the file
         connection.execute(f"PRAGMA page_size = {PAGE}")
         connection.execute(f"PRAGMA cache_size = -{CACHE}")
         connection.execute("PRAGMA journal_mode = WAL")
@@ -107,7 +110,7 @@ def _opened(path: Path, formats: Sequence[str], synchronous: Synchronous, busy: 
 
 
 def _check(connection: sqlite3.Connection, found: int) -> None:
-    """Raise _Damaged for a file that is none of ours."""
+    """Raise _Damaged for a file that fails SQLite's check or has an invalid format number."""
     verdict = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
     if verdict != "ok":
         raise _Damaged(str(verdict))

@@ -1,4 +1,4 @@
-"""What the thread of the disk is asked to do for a spool, and what it reports: without I/O and clock."""
+"""The interface between a spool and its disk thread, without I/O and clock."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from fleet.spool.topic_queues import LOW_IN_NEED
 from fleet.wire.rules import TrafficClass
 
 FETCHED = 256
-"""Messages of a topic that one fetch brings at most, LOW_IN_NEED when memory is full."""
+"""Most messages of a topic in one fetch; LOW_IN_NEED while memory is full."""
 
 
 class DiskExchange:
-    """The disk's side of a spool's contents.
+    """The disk thread's view of the contents of a spool.
 
-    ``failing``: no disk takes what is to be written. ``before``: the newest number of an earlier process,
-    and of all messages before it.
+    ``failing``: writes fail at the moment. ``before``: the newest sequence number of an earlier process; this
+    process uses higher ones only.
     """
 
     def __init__(self, contents: SpoolContents, first: int) -> None:
@@ -31,21 +31,22 @@ class DiskExchange:
 
     @property
     def needs_fetch(self) -> bool:
-        """True when messages are wanted from disk."""
+        """True when messages are to be fetched from disk."""
         return bool(self._queues.needs_fetch)
 
     @property
     def unwritten(self) -> bool:
-        """True when something is being changed on disk, or is to be soon.
+        """True while changes are being written to disk, or are to be written soon.
 
-        Any thread may look: each is looked at once, and what is being written last, for it is marked first.
+        Any thread may read it without a lock. ``_writing`` is read last because ``work`` sets it first, so a
+        change is never missed between the two.
         """
         contents = self._contents
         changed = len(contents.unwritten) > 0 or len(contents.deletions) > 0 or contents.losses.changed
         return changed or self._writing
 
     def work(self, now: float) -> DiskWork:
-        """Remove and return what is to be changed on disk now."""
+        """Remove and return the changes to write now."""
         contents = self._contents
         self._writing = True
         rows = contents.unwritten.take(now, at_once=not self._queues.online or contents.on_disk > 0)
@@ -54,7 +55,7 @@ class DiskExchange:
         return DiskWork(rows, done)
 
     def wrote(self, work: DiskWork) -> None:
-        """Note that a change is on disk: what stands there alone has left memory."""
+        """Record that changes are on disk: messages that are on disk only leave memory."""
         self.failing = self._writing = False
         self._contents.deletions.deleted()
         for message in work.rows:
@@ -63,13 +64,13 @@ class DiskExchange:
                 self._contents.memory.remove(message)
 
     def not_written(self, work: DiskWork) -> None:
-        """Take a change back that the disk did not take."""
+        """Take back changes that could not be written."""
         self._contents.deletions.put_back()
         self._contents.unwritten.put_back(work.rows)
         self.failing, self._writing = True, False
 
     def fetches(self) -> list[FetchRequest]:
-        """Return of which topics more is wanted."""
+        """Return the requests to fetch messages."""
         share = self._contents.memory.room // max(1, len(self._queues.needs_fetch))
         limit = max(LOW_IN_NEED, min(FETCHED, share))
         return [
@@ -78,23 +79,26 @@ class DiskExchange:
         ]
 
     def fetched(self, topic: str, messages: Sequence[Outgoing], *, more: bool) -> None:
-        """Take messages from disk; ``more``: there are further ones. The last ones never reached the disk."""
+        """Add messages fetched from disk; ``more``: there are further ones on disk.
+
+        After the last fetch, messages that never reached the disk follow.
+        """
         queue = self._queues.needs_fetch.pop(topic, None)
         if queue is None:
             return
         for message in messages:
-            if self._contents.is_on_disk_alone(queue, message.seq):
+            if self._contents.is_on_disk_only(queue, message.seq):
                 self._contents.load(queue, message)
                 self._contents.memory.add(message)
-        if messages:  # also when none was wanted: the next fetch goes on behind them
+        if messages:  # even if none was needed: the next fetch continues after them
             queue.loaded = max(queue.loaded, messages[-1].seq)
         if not more:
             self._contents.load_unwritten((topic,))
-        self._queues.stand(queue)
+        self._queues.reschedule(queue)
         self._queues.forget(queue)
 
     def found(self, topic: str, traffic: TrafficClass, count: int, oldest: int, newest: int) -> None:
-        """Note what an earlier process left on disk; what came before the disk could be read follows it."""
+        """Add the messages of an earlier process; those queued before the disk could be read follow them."""
         contents = self._contents
         self.before = max(self.before, newest)
         queue = self._queues.of(topic, traffic)
@@ -102,23 +106,23 @@ class DiskExchange:
         for message in live:
             message.on_disk = True
         queue.memory.clear()
-        queue.loaded, queue.cold_from = 0, oldest
-        if queue.flying or queue.back:
+        queue.loaded, queue.oldest_on_disk = 0, oldest
+        if queue.in_flight or queue.back:
             mine = (one for one in contents.unwritten if one.topic == topic and not (one.gone or one.on_disk))
             queue.ahead = frozenset(one.seq for one in mine)
         queue.on_disk += len(live) + count
         contents.on_disk += len(live) + count
         contents.waiting += count
-        self._queues.stand(queue)
+        self._queues.reschedule(queue)
 
     def removed(self, topic: str, seqs: Sequence[int], reason: Reason, wall: float) -> None:
-        """Note that messages were removed from disk: those that are not under way are lost."""
+        """Handle the removal of rows from disk: their messages are lost, except those in flight."""
         queue = self._queues.get(topic)
         if queue is None:
             return
-        if lost := sum(self._contents.is_on_disk_alone(queue, seq) for seq in seqs):
+        if lost := sum(self._contents.is_on_disk_only(queue, seq) for seq in seqs):
             self._contents.lose_on_disk(queue, lost, reason, wall)
-            queue.cold_from = max(queue.cold_from, *seqs)
+            queue.oldest_on_disk = max(queue.oldest_on_disk, *seqs)
         removed = set(seqs)
         for message in (*queue.back, *queue.memory):
             if message.seq in removed and not message.gone:
@@ -126,11 +130,12 @@ class DiskExchange:
         self._queues.forget(queue)
 
     def lost_disk(self, wall: float) -> None:
-        """Note that what was on disk is lost; what is in memory is written anew."""
+        """Handle the loss of the file: rewrite the messages still in memory, count the others as lost."""
         contents = self._contents
         for queue in list(self._queues.values()):
-            mine = (one for one in contents.unwritten if one.topic == queue.topic)
-            kept = sum(one.on_disk and not one.gone for one in mine)
+            kept = sum(
+                one.topic == queue.topic and one.on_disk and not one.gone for one in contents.unwritten
+            )
             if queue.on_disk > kept:
                 contents.lose_on_disk(queue, queue.on_disk - kept, Reason.CORRUPT, wall)
             for message in (*queue.back, *queue.memory):
@@ -141,9 +146,9 @@ class DiskExchange:
         contents.deletions.clear()
 
     def no_disk(self) -> None:
-        """Note that there is no file at all: memory alone serves, also for what was to leave it."""
+        """Handle a missing file: keep all messages in memory, even those that were to leave it."""
         self.failing = True
         if self._contents.on_disk:
             self._contents.load_unwritten(self._queues)
             for queue in self._queues.values():
-                self._queues.stand(queue)
+                self._queues.reschedule(queue)

@@ -1,4 +1,4 @@
-"""What the queue asks of the disk."""
+"""Requests of the queue to the disk thread."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from fleet.wire.rules import TrafficClass
 
 
 class DiskWork(msgspec.Struct):
-    """What is to be changed on disk: messages to be added, and numbers of those to be deleted."""
+    """Changes on disk: messages to insert, sequence numbers to delete."""
 
     rows: Sequence[Outgoing]
     done: Collection[int]
 
 
 class FetchRequest(msgspec.Struct, frozen=True):
-    """A topic of which more is wanted from disk, all newer than ``after``."""
+    """Request for messages of a topic newer than ``after``, at most ``limit``."""
 
     topic: str
     traffic: TrafficClass

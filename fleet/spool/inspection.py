@@ -1,4 +1,4 @@
-"""Looking into a spool's file from outside, while its edge runs or not; and emptying one that nobody uses."""
+"""Read access to the file of a spool from another process, and its deletion while no edge uses it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fleet.wire.rules import TrafficClass
 
 
 class TopicBacklog(msgspec.Struct, frozen=True):
-    """What waits on one topic; ``bytes`` of payload, ``expires`` (Unix s) the first of it."""
+    """The waiting messages of one topic: ``bytes`` of payload, ``expires`` (Unix s) of the first."""
 
     topic: str
     traffic: str
@@ -28,7 +28,7 @@ class TopicBacklog(msgspec.Struct, frozen=True):
 
 
 class QueuedMessage(msgspec.Struct, frozen=True):
-    """One message as it waits; ``expires`` is Unix time."""
+    """One waiting message; ``expires`` is Unix time."""
 
     seq: int
     topic: str
@@ -38,7 +38,7 @@ class QueuedMessage(msgspec.Struct, frozen=True):
 
 
 def backlog(folder: Path) -> list[TopicBacklog]:
-    """Return what waits, by topic, what matters most first. Raises StateError."""
+    """Return the waiting messages by topic, the most important class first. Raises StateError."""
     with _opened(folder) as database:
         rows = database.execute(
             "SELECT topic.name, topic.traffic, count(*), sum(length(payload)), min(expires) FROM message "
@@ -48,7 +48,7 @@ def backlog(folder: Path) -> list[TopicBacklog]:
 
 
 def unreported_losses(folder: Path) -> list[Gap]:
-    """Return the losses that nobody was told of. Raises StateError."""
+    """Return the losses that have not been reported yet. Raises StateError."""
     with _opened(folder) as database:
         rows = database.execute(
             "SELECT topic, reason, lost, since, until FROM loss ORDER BY topic"
@@ -57,7 +57,7 @@ def unreported_losses(folder: Path) -> list[Gap]:
 
 
 def messages(folder: Path) -> Iterator[QueuedMessage]:
-    """Yield what waits, the oldest first. Raises StateError."""
+    """Yield the waiting messages, the oldest first. Raises StateError."""
     with _opened(folder) as database:
         rows = database.execute(
             "SELECT seq, topic.name, topic.traffic, expires, payload FROM message "
@@ -68,7 +68,7 @@ def messages(folder: Path) -> Iterator[QueuedMessage]:
 
 
 def in_use(folder: Path) -> bool:
-    """Return True while an edge has the spool."""
+    """Return True while an edge uses the spool."""
     if not folder.is_dir():
         return False
     lock = FileLock(folder / SPOOL)
@@ -76,14 +76,14 @@ def in_use(folder: Path) -> bool:
         lock.take()
     except StateTaken:
         return True
-    except StateError:  # no room for the lock's file on a full disk: nobody has it
+    except StateError:  # the lock's file does not exist and does not fit on a full disk: unused
         return False
-    lock.let_go()
+    lock.release()
     return False
 
 
 def purge(folder: Path) -> int:
-    """Delete all that waits, and the losses; return how many messages.
+    """Delete all waiting messages and losses; return the number of messages.
 
     Raises StateError while an edge runs.
     """
@@ -97,13 +97,13 @@ def purge(folder: Path) -> int:
             database.execute("DELETE FROM loss")
             database.execute("VACUUM")
     finally:
-        lock.let_go()
+        lock.release()
     return deleted
 
 
 @contextlib.contextmanager
 def _opened(folder: Path, mode: str = "ro") -> Iterator[sqlite3.Connection]:
-    """Open the file of a folder; one that is not there is empty."""
+    """Open the file of a folder; a missing one counts as empty."""
     path = folder / SPOOL
     try:
         with contextlib.closing(_connected(path, mode)) as database:
@@ -116,7 +116,7 @@ def _opened(folder: Path, mode: str = "ro") -> Iterator[sqlite3.Connection]:
 
 
 def _connected(path: Path, mode: str) -> sqlite3.Connection:
-    """Return a connection to a file; one that is not there, or never had room for a byte, is empty."""
+    """Return a connection to a file; one that is missing or has no bytes counts as empty."""
     if not path.exists() or not path.stat().st_size:
         nothing = sqlite3.connect(":memory:")
         nothing.executescript("; ".join(FORMATS))
@@ -130,7 +130,7 @@ def _connected(path: Path, mode: str) -> sqlite3.Connection:
         log = path.with_name(f"{path.name}-wal")
         if log.exists() and log.stat().st_size:
             raise
-        # Readers share an index in a file beside it, for which a full disk has no room. Nobody has the file
-        # open then (the index would be there), and its log is empty: it is read as it is.
+        # Readers need the WAL index (-shm), for which a full disk has no room. Without an index no other
+        # process has the file open, and the WAL is empty, so the file can be read as immutable.
         database = sqlite3.connect(f"{place}?immutable=1", uri=True, isolation_level=None)
     return database

@@ -1,4 +1,4 @@
-"""What was lost on the way out: counted by topic and reason, until it has been told."""
+"""Lost messages, counted by topic and reason until they are reported."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from fleet.wire.rules import TrafficClass
 
 
 class Reason(enum.StrEnum):
-    """Why a message will never arrive."""
+    """Reason of a loss."""
 
-    AGE = "age"  # it was not worth sending any more
-    ROOM = "room"  # pushed out by the bound on memory or disk
-    REFUSED = "refused"  # the broker would not take it
+    AGE = "age"  # expired
+    ROOM = "room"  # displaced by the bound on memory or disk
+    REFUSED = "refused"  # by the broker
     CORRUPT = "corrupt"  # the file could not be read
-    RATE = "rate"  # more of one kind than are told in a minute
-    LOOP = "loop"  # what the cloud asked led to it again and again
+    RATE = "rate"  # above the events of a kind per minute
+    LOOP = "loop"  # requests from the cloud caused it repeatedly
 
 
 class Gap(msgspec.Struct):
-    """How many messages of a topic were lost for one reason, and when (Unix s) the first and the last."""
+    """Messages of a topic lost for one reason: how many, and the times (Unix s) of the first and the last."""
 
     topic: str
     reason: Reason
@@ -33,7 +33,7 @@ class Gap(msgspec.Struct):
 
 
 class Losses:
-    """The losses that nobody has been told of yet; ``counts`` are all since the start."""
+    """The losses that have not been reported yet; ``counts`` has all since the start."""
 
     def __init__(self) -> None:
         self.counts: Counter[tuple[TrafficClass, Reason]] = Counter()
@@ -57,16 +57,16 @@ class Losses:
             gap.until = wall
 
     def add(self, gaps: Iterable[Gap]) -> None:
-        """Take over what an earlier process lost."""
+        """Add the losses of an earlier process."""
         for gap in gaps:
             self._gaps.setdefault((gap.topic, gap.reason), gap)
 
     def known(self) -> list[Gap]:
-        """Return what nobody has been told of."""
+        """Return the unreported losses."""
         return list(self._gaps.values())
 
     def take(self) -> list[Gap]:
-        """Remove and return it: from now on it is told."""
+        """Remove and return the unreported losses; the caller reports them."""
         gaps, self._gaps = list(self._gaps.values()), {}
         self.changed = self.changed or bool(gaps)
         return gaps

@@ -1,4 +1,4 @@
-"""The messages that stand in memory, by how much they matter, and the bound on them."""
+"""The waiting messages in memory, by traffic class, and their bound."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from fleet.spool.message import Outgoing
 from fleet.wire.rules import TrafficClass
 
 DURABLE = tuple(traffic for traffic in TrafficClass if traffic.durable)
-"""What waits for the cloud, what matters most first: their values count from 0."""
+"""The durable classes, the most important first; their values count from 0."""
 
 
 class MemoryBuffer:
-    """What waits in memory, the oldest first; ``messages`` and ``size`` (bytes) bound it."""
+    """The messages in memory, the oldest first; bounded by ``messages`` and ``size`` (bytes)."""
 
     def __init__(self, messages: int, size: int) -> None:
         self.count = 0
@@ -25,59 +25,59 @@ class MemoryBuffer:
 
     @property
     def full(self) -> bool:
-        """True when there is no room for another message of common size."""
+        """True when there is no room for another message of usual size."""
         return self.count >= self._most or self._all_bytes >= self._most_bytes
 
     @property
     def room(self) -> int:
-        """How many more messages fit, as far as their number goes."""
+        """How many more messages fit by their number alone."""
         return max(0, self._most - self.count)
 
     def fits(self, message: Outgoing, share: int = 1) -> bool:
-        """Tell whether there is room; ``share``: for how many times the bound."""
+        """Return whether there is room for a message within ``share`` times the bound."""
         size = self._all_bytes + message.size
         return self.count < share * self._most and size <= share * self._most_bytes
 
     def can_fit(self, message: Outgoing, share: int) -> bool:
-        """Tell whether it would fit in if all were gone that matters no more."""
+        """Return whether it would fit if all messages of the same or lower importance were dropped."""
         count = sum(len(held) for held in self._held[: message.traffic])
         size = sum(self._bytes[: message.traffic]) + message.size
         return count < share * self._most and size <= share * self._most_bytes
 
     def add(self, message: Outgoing) -> None:
-        """Count a message in."""
+        """Add a message."""
         self._held[message.traffic][message.seq] = message
         self.count += 1
         self._bytes[message.traffic] += message.size
         self._all_bytes += message.size
 
     def add_again(self, message: Outgoing) -> None:
-        """Count in a message that is older than all others of its kind."""
+        """Add a message that is older than all others of its class."""
         self.add(message)
         self._held[message.traffic].move_to_end(message.seq, last=False)
 
     def remove(self, message: Outgoing) -> None:
-        """Count a message out, if it is in."""
+        """Remove a message, if present."""
         if self._held[message.traffic].pop(message.seq, None) is not None:
             self.count -= 1
             self._bytes[message.traffic] -= message.size
             self._all_bytes -= message.size
 
     def in_the_way(self, message: Outgoing, share: int) -> Iterator[Outgoing]:
-        """Yield what has to go for it to fit in, as it can: the oldest of those that matter least.
+        """Yield the messages to drop for a message that can fit: the oldest of the least important class.
 
-        Each is to be removed before the next is asked for.
+        The caller removes each one before it asks for the next.
         """
         for held in reversed(self._held):
             while held and not self.fits(message, share):
                 yield next(iter(held.values()))
 
     def all(self) -> list[Outgoing]:
-        """Return all of it."""
+        """Return all messages."""
         return [message for held in self._held for message in held.values()]
 
     def late(self, now: float) -> Iterator[Outgoing]:
-        """Yield those whose time is over, each to be removed before the next is asked for."""
+        """Yield the expired messages; the caller removes each one before it asks for the next."""
         for held in self._held:
             while held:
                 first = next(iter(held.values()))

@@ -1,4 +1,4 @@
-"""One durable message on its way to the cloud, and what can become of it."""
+"""A durable message for the cloud, and the possible outcomes of sending it."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import msgspec
 from fleet.wire.rules import TrafficClass
 
 OVERHEAD = 400
-"""Bytes that one waiting message costs in memory besides its payload."""
+"""Memory of a waiting message besides its payload, in bytes."""
 
 
 class Outcome(enum.StrEnum):
-    """What became of one message that was sent."""
+    """Outcome of a message that was sent."""
 
     ACKED = "acked"
-    """The broker has it, and somebody hears."""
+    """The broker has it, and the topic has a subscriber."""
     HELD = "held"
-    """Nobody is subscribed (MQTT 5 reason 0x10), or the broker has no room: it is sent again."""
+    """No subscriber (MQTT 5 reason 0x10), or a quota of the broker is used up: the message is sent again."""
     REFUSED = "refused"
-    """The broker will not take this message, or it is larger than the broker allows."""
+    """The broker refuses this message, or it is larger than the broker allows."""
 
 
 class Outgoing(msgspec.Struct, eq=False, gc=False):
-    """One message of QoS 1 or 2 on its way out.
+    """One outbound message of QoS 1 or 2.
 
-    ``traffic`` says what goes first: REPLY before all others. ``since`` and ``deadline`` are monotonic,
-    ``expires`` is Unix time; all three are given by the spool. ``again``: it was sent before. ``seq`` orders
-    the messages of a spool, ``stored``: it is on disk, ``on_disk``: and nowhere else, ``gone``: nobody waits
-    for it any more. Thousands may live at once, none in a cycle: the garbage collector has no need to look at
-    them.
+    ``traffic`` decides the order: REPLY before all others. ``since`` and ``deadline`` are monotonic,
+    ``expires`` is Unix time; the spool sets all three. ``again``: it was sent before. ``seq`` orders the
+    messages of a spool. ``stored``: it is on disk. ``on_disk``: it is, or will be, on disk only. ``gone``: it
+    is acknowledged or lost, and only waits for its removal from a queue. Thousands may exist at once, never
+    in a reference cycle, so the garbage collector does not track them.
     """
 
     topic: str
@@ -51,5 +51,5 @@ class Outgoing(msgspec.Struct, eq=False, gc=False):
     size: int = 0
 
     def __post_init__(self) -> None:
-        """Note what it costs in memory, in bytes."""
+        """Compute its cost in memory, bytes."""
         self.size = len(self.payload) + OVERHEAD

@@ -1,7 +1,7 @@
-"""What is sent next, what goes to disk, what is dropped: the spool's decisions, without I/O and clock.
+"""Decisions of the spool without I/O and clock: what to send next, to write to disk, to drop.
 
-A message stands in memory and, when nobody has taken it for a moment, on disk too. Beyond the bound on
-memory it stands on disk alone and comes back when its turn is near. Order is kept in each topic.
+A message is in memory and, if it is not acknowledged soon, also on disk. Beyond the bound on memory it is on
+disk only, and fetched when it is to be sent soon. The order within each topic is kept.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from fleet.spool.topic_queue import REPLY, TopicEvent, TopicQueue
 from fleet.wire.rules import TrafficClass
 
 NEWEST_FIRST = 0.1
-"""Seconds after a connect in which what has waited lets the newest state go first."""
+"""Seconds after a connect in which the newest state goes before the queued messages."""
 BURST = 16
-"""Messages of one topic that go before another topic has its turn."""
+"""Messages of one topic that are sent before other topics are served."""
 _HELD, _REFUSED = Outcome.HELD, Outcome.REFUSED
 
 
 class SpoolQueue:
     """All durable messages of one edge. Times are monotonic seconds, ``wall`` is Unix time.
 
-    ``messages`` and ``size`` (bytes) bound what stands in memory. ``first``: what the numbers begin after.
-    ``disk`` is the side of it that the disk's thread works on.
+    ``messages`` and ``size`` (bytes) bound the messages in memory. Sequence numbers start after ``first``.
+    ``disk`` is the interface of the disk thread.
     """
 
     def __init__(
@@ -39,22 +39,22 @@ class SpoolQueue:
         self.losses = self._contents.losses
         self._memory = self._contents.memory
         self._queues = self._contents.queues
-        self._ages = [ages[kind] for kind in DURABLE]  # lists: a dictionary hashes an enumeration slowly
+        self._ages = [ages[kind] for kind in DURABLE]  # a list: hashing an enum for a dict is slow
         self._seq = first
-        self._durable_from = float("-inf")  # when others than replies are sent
+        self._durable_from = float("-inf")  # from when on messages other than replies are sent
 
     @property
     def waiting(self) -> int:
-        """How many messages wait."""
+        """The number of waiting messages."""
         return self._contents.waiting
 
     @property
     def on_disk(self) -> int:
-        """How many of them stand on disk alone, or are on their way there."""
+        """The number of those that are on disk only, or are being written there."""
         return self._contents.on_disk
 
     def put(self, message: Outgoing, now: float, wall: float) -> bool:
-        """Take a message; return False when it is larger, or matters less, than all there is room for."""
+        """Queue a message; return False if it does not fit, even after less important ones are dropped."""
         age = self._ages[message.traffic]
         if message.expiry is not None:
             age = min(age, message.expiry)
@@ -72,7 +72,7 @@ class SpoolQueue:
         return True
 
     def _make_room(self, queue: TopicQueue, message: Outgoing, share: int, wall: float) -> bool:
-        """Push out what is older and matters no more than a message of a queue; tell whether it fits then."""
+        """Drop older messages that are not more important; return whether the message fits then."""
         if not self._memory.can_fit(message, share):
             return False
         for oldest in self._memory.in_the_way(message, share):
@@ -82,9 +82,9 @@ class SpoolQueue:
         return True
 
     def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
-        """Remove and return what may be written next, at most ``window`` messages and about ``size`` bytes.
+        """Remove and return the next messages to send: at most ``window``, about ``size`` bytes.
 
-        The last ``reserve`` of the window are for replies.
+        The last ``reserve`` places of the window are for replies.
         """
         batch: list[Outgoing] = []
         if not self.online or not any(self._queues.rings):
@@ -98,12 +98,12 @@ class SpoolQueue:
                 queue.queued = False
                 size -= self._take(queue, batch, min(most, len(batch) + BURST), size, now)
                 if not queue.quiet:
-                    self._queues.stand(queue)
+                    self._queues.reschedule(queue)
                     self._queues.forget(queue)
         return batch
 
     def _take(self, queue: TopicQueue, batch: list[Outgoing], most: int, size: int, now: float) -> int:
-        """Move messages of a queue into the batch; return their bytes."""
+        """Move messages of a topic into the batch; return their bytes."""
         taken = 0
         while queue.sendable and len(batch) < most and taken < size:
             message = queue.pop()
@@ -118,54 +118,54 @@ class SpoolQueue:
         return taken
 
     def settle(self, message: Outgoing, outcome: Outcome, now: float, wall: float) -> None:
-        """Take what the broker said of a message that was taken."""
+        """Apply the broker's acknowledgement of an in-flight message."""
         queue = self._queues[message.topic]
-        queue.flying -= 1
+        queue.in_flight -= 1
         if outcome is _HELD:
             self._contents.take_back(queue, message)
-            self._queues.holds.unheard(queue, now)
+            self._queues.held_topics.unheard(queue, now)
             return
         if outcome is _REFUSED:
             self.losses.note(message.topic, message.traffic, Reason.REFUSED, wall)
         self._contents.forget(message)
         if not queue.quiet:
-            self._queues.holds.heard(queue, now)
-            self._queues.stand(queue)
+            self._queues.held_topics.heard(queue, now)
+            self._queues.reschedule(queue)
             self._queues.forget(queue)
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
-        """Take back messages, oldest first, that were under way when the connection ended."""
+        """Take back the messages, oldest first, that were in flight when the connection ended."""
         oldest_first = list(messages)
         for message in reversed(oldest_first):
             queue = self._queues[message.topic]
-            queue.flying -= 1
+            queue.in_flight -= 1
             self._contents.take_back(queue, message)
         for message in oldest_first:
-            self._queues.stand(self._queues[message.topic])
+            self._queues.reschedule(self._queues[message.topic])
 
     def go_online(self, now: float) -> None:
-        """Begin a new connection: nobody knows yet who hears."""
+        """Start a new connection; every topic is probed for subscribers again."""
         self._queues.online = True
         self._durable_from = now + NEWEST_FIRST if self.waiting else now
-        self._queues.holds.clear()
+        self._queues.held_topics.clear()
         for queue in self._queues.values():
-            queue.see(TopicEvent.CONNECTED)
-            self._queues.stand(queue)
+            queue.transition(TopicEvent.CONNECTED)
+            self._queues.reschedule(queue)
 
     def go_offline(self) -> None:
-        """Note the end of the connection."""
+        """Record the end of the connection."""
         self._queues.online = False
         self._queues.needs_fetch.clear()
 
     def tick(self, now: float, wall: float) -> None:
-        """Look after time: what is too old is dropped, what was held is tried again."""
+        """Drop expired messages, and retry held topics that are due."""
         for message in self._memory.late(now):
             self._queues.forget(self._contents.lose(message, Reason.AGE, wall))
-        for queue in self._queues.holds.due(now):
-            self._queues.stand(queue)
+        for queue in self._queues.held_topics.due(now):
+            self._queues.reschedule(queue)
 
     def close(self) -> None:
-        """Drop what stands in memory."""
+        """Drop the messages in memory."""
         for message in self._memory.all():
             self._memory.remove(message)
         self._contents.waiting = 0
@@ -177,19 +177,19 @@ class SpoolQueue:
 
     @property
     def idle(self) -> bool:
-        """True when nothing could be sent now."""
+        """True when there is nothing to send now."""
         return not (any(self._queues.rings) or self._queues.needs_fetch)
 
     @property
     def held(self) -> int:
-        """How many topics wait for somebody to hear them."""
-        return len(self._queues.holds)
+        """The number of topics that wait for a subscriber."""
+        return len(self._queues.held_topics)
 
     @property
     def unheard(self) -> int:
-        """How many messages wait for somebody to hear their topics."""
-        return self._queues.holds.messages
+        """The number of messages that wait for a subscriber of their topic."""
+        return self._queues.held_topics.messages
 
-    def standing(self) -> dict[TrafficClass, ClassStatistics]:
-        """Return what waits of each class."""
+    def statistics(self) -> dict[TrafficClass, ClassStatistics]:
+        """Return the statistics of each class."""
         return class_statistics(self._queues.values())

@@ -1,9 +1,9 @@
-"""The spool of one edge: the queue's decisions, carried out by a thread that alone touches the disk.
+"""The spool of one edge: the decisions are made by the queue, and carried out on disk by one thread.
 
-Nobody who publishes or sends waits for the disk. What a killed process loses of what it has taken is what
-the disk had not got yet: while disconnected what came since the last commit (a few milliseconds), while
-connected what the cloud has not acknowledged and that is younger than GRACE and TICK together. A power cut
-may in addition lose the commits of the last SYNC seconds.
+Publishing and sending never wait for the disk. If the process is killed, the messages that are not on disk
+yet are lost: while disconnected, those since the last commit (a few milliseconds); while connected, the
+unacknowledged ones that are younger than GRACE and TICK together. A power cut may also lose the commits of
+the last SYNC seconds.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from fleet.wire.rules import TrafficClass
 AGES: Mapping[TrafficClass, float] = MappingProxyType(
     {TrafficClass.REPLY: 60.0, TrafficClass.STATUS: 86400.0, TrafficClass.EVENT: 86400.0}
 )
-"""Seconds that messages are worth sending."""
+"""Lifetimes of messages in seconds."""
 
 
 class SpoolSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """Bounds of a spool: ``folder`` None keeps nothing on disk; ``size`` bytes of disk, ``ages`` seconds.
+    """Bounds of a spool: ``size`` in bytes of disk, ``ages`` in seconds; no ``folder``: memory only.
 
-    ``messages`` and ``memory`` (bytes) bound what stands in memory.
+    ``messages`` and ``memory`` (bytes) bound the messages in memory.
     """
 
     folder: Path | None = None
@@ -43,11 +43,11 @@ class SpoolSettings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Spool:
-    """Durable messages on their way out; every method may be called from any thread and none blocks for long.
+    """Queue of durable outbound messages; all methods are thread-safe, and none blocks for long.
 
-    Raises StateTaken when another edge has the folder. A disk that fails, now or later, is told in
-    ``problem`` and tried again, and what waits is then bounded by memory. ``more`` is called, on the disk's
-    thread, when there is more to take.
+    Raises StateTaken when another edge uses the folder. A disk that fails, now or later, is reported in
+    ``problem`` and retried; meanwhile the bound on memory applies to all messages. ``more`` is called, on the
+    disk thread, when messages were fetched.
     """
 
     def __init__(self, settings: SpoolSettings, clock: Clock) -> None:
@@ -57,10 +57,10 @@ class Spool:
             settings.memory,
             settings.ages,
             disk=settings.folder is not None,
-            first=int(clock.time() * 1e6),  # later than all that an earlier process numbered
+            first=int(clock.time() * 1e6),  # above all numbers of earlier processes
         )
         self.more: Callable[[], None] = lambda: None
-        self._using = threading.Lock()
+        self._queue_lock = threading.Lock()
         self._closed = False
         self._disk: SpoolDisk | None = None
         if settings.folder is not None:
@@ -69,100 +69,102 @@ class Spool:
                 settings.size,
                 settings.ages,
                 queue=self._queue,
-                using=self._using,
-                more=self._tell_more,
+                queue_lock=self._queue_lock,
+                more=self._call_more,
                 clock=clock,
             )
 
     def put(self, message: Outgoing) -> bool:
-        """Take a message of QoS 1; False when it cannot be kept at all."""
-        with self._using:
+        """Queue a message of QoS 1 or 2; return False if it cannot be kept at all."""
+        with self._queue_lock:
             taken = not self._closed and self._queue.put(message, self._clock.monotonic(), self._clock.time())
         self._wake_disk()
         return taken
 
     def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
-        """Remove and return what may be written next."""
-        with self._using:
+        """Remove and return the next messages to send."""
+        with self._queue_lock:
             batch = self._queue.take(now, window=window, reserve=reserve, size=size)
         if self._queue.disk.needs_fetch:
             self._wake_disk()
         return batch
 
     def settle(self, answers: Iterable[tuple[Outgoing, Outcome]]) -> None:
-        """Take what the broker said of messages that were taken."""
+        """Apply the broker's acknowledgements of in-flight messages."""
         now, wall = self._clock.monotonic(), self._clock.time()
-        with self._using:
+        with self._queue_lock:
             for message, outcome in answers:
                 self._queue.settle(message, outcome, now, wall)
         self._wake_disk()
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
-        """Take back messages, oldest first, that were under way when the connection ended."""
-        with self._using:
+        """Take back the messages, oldest first, that were in flight when the connection ended."""
+        with self._queue_lock:
             self._queue.put_back(messages)
 
     def go_online(self) -> None:
-        """Begin a new connection."""
-        with self._using:
+        """Start a new connection."""
+        with self._queue_lock:
             self._queue.go_online(self._clock.monotonic())
         self._wake_disk()
 
     def go_offline(self) -> None:
-        """Note the end of the connection: from now on everything goes to disk at once."""
-        with self._using:
+        """Record the end of the connection: from now on every message goes to disk immediately."""
+        with self._queue_lock:
             self._queue.go_offline()
         self._wake_disk()
 
     def tick(self) -> None:
-        """Look after time: once a second or so."""
-        with self._using:
+        """Expire messages and retry held topics; about once a second."""
+        with self._queue_lock:
             self._queue.tick(self._clock.monotonic(), self._clock.time())
         self._wake_disk()
 
     def take_gaps(self) -> list[Gap]:
-        """Remove and return the losses, for whoever tells them now."""
-        with self._using:
+        """Remove and return the losses; the caller reports them."""
+        with self._queue_lock:
             gaps = self._queue.losses.take()
         self._wake_disk()
         return gaps
 
     @property
     def problem(self) -> str:
-        """What is wrong with the disk; empty: nothing."""
+        """What is wrong with the disk; empty if nothing."""
         return self._disk.problem if self._disk is not None else ""
 
     @property
     def waiting(self) -> int:
-        """How many messages wait."""
+        """The number of waiting messages."""
         return self._queue.waiting
 
     @property
     def unheard(self) -> int:
-        """How many of them wait for somebody to hear their topics, and not for the cloud."""
-        with self._using:
+        """The number of messages that wait for a subscriber of their topic, not for the cloud."""
+        with self._queue_lock:
             return self._queue.unheard
 
     @property
     def lost(self) -> int:
-        """How many messages were lost since the start."""
+        """The number of messages lost since the start."""
         return self._queue.losses.total
 
     @property
     def idle(self) -> bool:
-        """True when nothing could be sent now."""
+        """True when there is nothing to send now."""
         return self._queue.idle
 
     def figures(self) -> SpoolStatistics:
-        """Return how the spool stands."""
-        with self._using:
+        """Return the statistics."""
+        with self._queue_lock:
             queue, disk = self._queue, self._disk
             lost = dict(queue.losses.counts)
-            return SpoolStatistics(queue.standing(), lost, queue.held, disk.used if disk else 0, self.problem)
+            return SpoolStatistics(
+                queue.statistics(), lost, queue.held, disk.used if disk else 0, self.problem
+            )
 
     def close(self) -> None:
-        """Write everything and let go of the file; what is not on disk then is dropped."""
-        with self._using:
+        """Write everything and release the file; messages that are not on disk are dropped."""
+        with self._queue_lock:
             self._closed = True
             self._queue.go_offline()
         if self._disk is not None:
@@ -171,10 +173,10 @@ class Spool:
             self._queue.close()
 
     def _wake_disk(self) -> None:
-        """Have the disk's thread do what there is to do."""
+        """Wake the disk thread if it has work."""
         if self._disk is not None:
             self._disk.wake_if_needed()
 
-    def _tell_more(self) -> None:
-        """Tell whoever takes, who is known later than the disk, that there is more."""
+    def _call_more(self) -> None:
+        """Call ``more``, which is set after the disk thread has started."""
         self.more()

@@ -1,4 +1,4 @@
-"""Where an edge keeps what must outlive it, and the lock that lets one process at a time have it."""
+"""The state folder of an edge, and the lock that gives it to one process at a time."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from fleet.errors import StateError, StateTaken
 
 SPOOL = "spool.db"
 JOURNAL = "journal.db"
-LOOK = 0.01  # s between looks at a lock that is waited for within a bound
+POLL = 0.01  # s between two attempts to take a lock within a bound
 
 
 def state_folder(edge: str, given: Path | None = None, environ: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder of an edge's lasting state: ``given``, else one of the user's (XDG) for this edge.
+    """Return the folder of an edge's durable state: ``given``, or else one of the user's (XDG) for this edge.
 
-    It need not exist. That of a user without a home is below ``/``, as it is in containers; who may not write
-    there is told when the folder is made.
+    It need not exist. For a user without a home, as in containers, it is below ``/``; missing permission is
+    reported when the folder is created.
     """
     if given is not None:
         return given
@@ -34,26 +34,26 @@ def state_folder(edge: str, given: Path | None = None, environ: Mapping[str, str
     return home / ".local" / "state" / "fleet" / edge
 
 
-def made(folder: Path) -> Path:
-    """Make the folder, for this user alone; raises StateError."""
+def create_folder(folder: Path) -> Path:
+    """Create the folder, with access for this user only; raises StateError."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise StateError(
-            f"cannot make {folder} for the edge's lasting state: {error.strerror}; set edge.spool.path"
+            f"cannot create {folder} for the edge's state: {error.strerror}; set edge.spool.path"
         ) from None
     return folder
 
 
 class FileLock:
-    """The right to a file, from ``taken`` until ``let_go`` or the end of the process, however it ends."""
+    """Exclusive lock of a file, from ``take`` until ``release`` or the end of the process."""
 
     def __init__(self, path: Path) -> None:
         self._path = path.with_name(path.name + ".lock")
         self._file: int | None = None
 
     def take(self, *, wait: bool = False) -> None:
-        """Take the lock, and write our process id beside it; raises StateTaken when another has it.
+        """Take the lock and write our process id into its file; raises StateTaken if it is held.
 
         Raises StateError when the lock's file cannot be opened.
         """
@@ -67,16 +67,16 @@ class FileLock:
             holder = os.pread(file, 20, 0).decode(errors="replace").strip() or "unknown"
             os.close(file)
             raise StateTaken(
-                f"{self._path.parent} belongs to another edge that runs (process {holder}); "
+                f"{self._path.parent} belongs to another running edge (process {holder}); "
                 "give each edge its own edge.spool.path"
             ) from None
         self._file = file
-        with contextlib.suppress(OSError):  # a full disk: the lock holds without the number
+        with contextlib.suppress(OSError):  # full disk: the lock works without the process id
             os.ftruncate(file, 0)
             os.pwrite(file, f"{os.getpid()}\n".encode(), 0)
 
-    def let_go(self) -> None:
-        """Give the lock back."""
+    def release(self) -> None:
+        """Release the lock."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
@@ -84,10 +84,10 @@ class FileLock:
 
 @contextlib.contextmanager
 def locked(path: Path, *, within: float = math.inf) -> Iterator[None]:
-    """Have the lock of a file for as long as a ``with`` block lasts, waiting for whoever has it.
+    """Hold the lock of a file during a ``with`` block, after waiting for its holder.
 
-    Raises StateTaken when another process keeps it for more than ``within`` seconds, and what
-    ``FileLock.take`` raises.
+    Raises StateTaken when another process holds it for more than ``within`` seconds, and the errors of
+    ``FileLock.take``.
     """
     lock = FileLock(path)
     end = time.monotonic() + within
@@ -98,8 +98,8 @@ def locked(path: Path, *, within: float = math.inf) -> Iterator[None]:
         except StateTaken:
             if time.monotonic() >= end:
                 raise
-            time.sleep(LOOK)
+            time.sleep(POLL)
     try:
         yield
     finally:
-        lock.let_go()
+        lock.release()

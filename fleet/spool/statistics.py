@@ -1,4 +1,4 @@
-"""How a spool stands, for people: what waits of each class, how old it is, and what was lost."""
+"""Statistics of a spool: waiting messages of each class, their age, and losses."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from fleet.spool.topic_queue import TopicQueue
 from fleet.wire.rules import TrafficClass
 
 SECOND = 1e6
-"""Numbers of messages in a second: a message's number is the Unix time at which it was taken."""
+"""Sequence numbers in a second: the number of a message is the Unix time of its queueing in µs."""
 
 
 class ClassStatistics(msgspec.Struct):
-    """What waits of one class: ``on_disk`` of the messages stand on disk alone, the others in memory.
+    """The waiting messages of one class: ``on_disk`` of them are on disk only, the others in memory.
 
-    ``memory`` is bytes of payload there. ``oldest`` is when (Unix s) the first was taken; None when nothing
-    waits.
+    ``memory`` is bytes of payload there. ``oldest`` is the queueing time (Unix s) of the first; None if there
+    is none.
     """
 
     messages: int = 0
@@ -29,7 +29,7 @@ class ClassStatistics(msgspec.Struct):
 
 
 class SpoolStatistics(msgspec.Struct, frozen=True):
-    """How a spool stands. ``disk`` is bytes of its file that hold something, of all classes."""
+    """Statistics of a spool. ``disk`` is bytes in use of its file, of all classes."""
 
     classes: Mapping[TrafficClass, ClassStatistics]
     lost: Mapping[tuple[TrafficClass, Reason], int]
@@ -38,20 +38,20 @@ class SpoolStatistics(msgspec.Struct, frozen=True):
     problem: str
 
 
-def class_statistics(lines: Iterable[TopicQueue]) -> dict[TrafficClass, ClassStatistics]:
-    """Return what waits of each class."""
+def class_statistics(queues: Iterable[TopicQueue]) -> dict[TrafficClass, ClassStatistics]:
+    """Return the statistics of each class."""
     classes = {traffic: ClassStatistics() for traffic in DURABLE}
-    for line in lines:
-        _add(line, classes[line.traffic])
+    for queue in queues:
+        _add(queue, classes[queue.traffic])
     return classes
 
 
-def _add(line: TopicQueue, to: ClassStatistics) -> None:
-    """Count in one topic."""
-    warm = [message for message in (*line.back, *line.memory) if not message.gone]
-    to.messages += len(warm) + line.on_disk
-    to.on_disk += line.on_disk
-    to.memory += sum(len(message.payload) for message in warm)
-    if warm or line.on_disk:
-        first = (min(message.seq for message in warm) if warm else line.cold_from) / SECOND
+def _add(queue: TopicQueue, to: ClassStatistics) -> None:
+    """Add the figures of one topic."""
+    in_memory = [message for message in (*queue.back, *queue.memory) if not message.gone]
+    to.messages += len(in_memory) + queue.on_disk
+    to.on_disk += queue.on_disk
+    to.memory += sum(len(message.payload) for message in in_memory)
+    if in_memory or queue.on_disk:
+        first = (min(message.seq for message in in_memory) if in_memory else queue.oldest_on_disk) / SECOND
         to.oldest = first if to.oldest is None else min(first, to.oldest)

@@ -1,4 +1,4 @@
-"""The spool's file: rows in, rows out, in transactions; every method does I/O and may raise sqlite3.Error."""
+"""The file of a spool: rows in transactions. Every method does I/O and may raise sqlite3.Error."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from fleet.spool.message import Outgoing
 from fleet.wire.rules import TrafficClass
 
 LEAST_EVICTED = 200
-"""Messages that are removed at once to make room, so that it is not done for each."""
+"""Messages removed at once to make room, so that it is not done for each new one."""
 FULL_AT, ROOM_AT = 0.9, 0.89
-"""Parts of the byte budget: above the first messages are removed until it is below the second.
+"""Shares of the byte budget: above the first, messages are removed until the second is reached.
 
-They are near each other: while some are removed none is written.
+They are close together, because nothing is written during a removal.
 """
 
 FORMATS = (
@@ -34,7 +34,7 @@ CREATE TABLE loss (
 );
 """,
 )
-"""What makes the file, and brings it from each format number to the next."""
+"""SQL that creates the file, and migrates it from each format number to the next."""
 _SELECT = "SELECT message.seq, topic.name FROM message JOIN topic ON topic.id = message.topic "
 _OLDEST = _SELECT + "WHERE topic.traffic = ? AND message.seq >= ? ORDER BY message.seq LIMIT ?"
 _FIRST = (
@@ -42,12 +42,12 @@ _FIRST = (
     "(SELECT traffic, (SELECT min(seq) FROM message WHERE message.topic = topic.id) AS first FROM topic) "
     "WHERE first IS NOT NULL GROUP BY traffic ORDER BY traffic DESC LIMIT 1"
 )
-"""The least important traffic that there is, and its oldest message: by the index, a look for each topic."""
+"""The least important class in the file, and its oldest message: one index lookup for each topic."""
 _LATE = _SELECT + "WHERE message.expires <= ? LIMIT ?"
 
 
 class StoredTopic(msgspec.Struct, frozen=True):
-    """What a file holds of one topic: how many messages, and the numbers of the oldest and the newest."""
+    """The stored messages of one topic: their count, and the numbers of the oldest and the newest."""
 
     topic: str
     traffic: TrafficClass
@@ -57,7 +57,10 @@ class StoredTopic(msgspec.Struct, frozen=True):
 
 
 class SpoolFile:
-    """The file of one spool, of at most ``size`` bytes. ``aside``: where a damaged one is now."""
+    """The file of one spool, of at most ``size`` bytes.
+
+    ``aside``: path of a damaged one that was set aside.
+    """
 
     def __init__(self, path: Path, size: int) -> None:
         self.path = path
@@ -68,7 +71,7 @@ class SpoolFile:
         self._database.execute("PRAGMA journal_size_limit = 4194304")
         self._database.execute("DELETE FROM topic WHERE id NOT IN (SELECT topic FROM message)")
         self._ids = self._known_ids()
-        self.used = 0  # bytes that hold something
+        self.used = 0  # bytes in use
         self._used()
 
     def close(self) -> None:
@@ -76,7 +79,7 @@ class SpoolFile:
         self._database.close()
 
     def left(self) -> list[StoredTopic]:
-        """Return what the file holds."""
+        """Return the stored topics."""
         rows = self._database.execute(
             "SELECT topic.name, topic.traffic, count(*), min(message.seq), max(message.seq) FROM message "
             "JOIN topic ON topic.id = message.topic GROUP BY topic.id"
@@ -84,14 +87,14 @@ class SpoolFile:
         return [StoredTopic(topic, TrafficClass(traffic), *rest) for topic, traffic, *rest in rows]
 
     def losses(self) -> list[Gap]:
-        """Return the losses that nobody has been told of."""
+        """Return the losses that have not been reported yet."""
         rows = self._database.execute("SELECT topic, reason, lost, since, until FROM loss")
         return [Gap(topic, Reason(reason), *rest) for topic, reason, *rest in rows]
 
     def change(
         self, rows: Iterable[Outgoing], done: Iterable[int], losses: Iterable[Gap] | None = None
     ) -> None:
-        """Add messages, remove others and keep the losses, all or nothing."""
+        """Insert messages, delete others and replace the losses, in one transaction."""
         with self._transaction():
             self._database.executemany(
                 "INSERT INTO message VALUES (?, ?, ?, ?, ?, ?)", [self._row(message) for message in rows]
@@ -127,13 +130,13 @@ class SpoolFile:
         ]
 
     def room(self, size: int) -> bool:
-        """Tell whether ``size`` more bytes stay within the budget."""
+        """Return whether ``size`` more bytes are within the budget."""
         return self._used() + size / PAGE < FULL_AT * self._pages
 
     def evict(self, size: int) -> Iterator[list[tuple[str, int]]]:
-        """Remove the oldest of what matters least until ``size`` bytes fit; yield topics and numbers.
+        """Remove the oldest, least important messages until ``size`` bytes fit; yield topics and numbers.
 
-        It is done in parts: what all of it would take in memory grows with the file.
+        It works in parts, because the memory for all of them would grow with the file.
         """
         while self._used() + size / PAGE > ROOM_AT * self._pages:
             with self._transaction():
@@ -143,22 +146,22 @@ class SpoolFile:
             yield removed
 
     def expire(self, wall: float) -> list[tuple[str, int]]:
-        """Remove what is too old, a part at a time; return topics and numbers."""
+        """Remove a part of the expired messages; return topics and numbers."""
         late = self._database.execute(_LATE, (wall, 5 * LEAST_EVICTED)).fetchall()
         with self._transaction():
             return self._remove(late)
 
     def postpone(self, seconds: float, after: int) -> None:
-        """Have messages with numbers beyond ``after`` grow too old later by so many seconds, or earlier."""
+        """Move the expiry of messages with numbers above ``after`` by ``seconds``."""
         with self._transaction():
             self._database.execute("UPDATE message SET expires = expires + ? WHERE seq > ?", (seconds, after))
 
     def checkpoint(self) -> None:
-        """Have everything on the medium itself, so that a power cut loses nothing of it."""
+        """Write the WAL to the medium, so that a power cut loses none of it."""
         self._database.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
 
     def _oldest(self) -> list[tuple[int, str]]:
-        """Return the oldest of the least important traffic that there is; without reading all that waits."""
+        """Return the oldest messages of the least important class, without reading all messages."""
         least = self._database.execute(_FIRST).fetchone()
         return self._database.execute(_OLDEST, (*least, LEAST_EVICTED)).fetchall() if least else []
 
@@ -168,7 +171,7 @@ class SpoolFile:
         return [(topic, seq) for seq, topic in rows]
 
     def _used(self) -> int:
-        """Return how many pages hold something."""
+        """Return the number of pages in use."""
         pages = self._database.execute("PRAGMA page_count").fetchone()[0]
         used = int(pages - self._database.execute("PRAGMA freelist_count").fetchone()[0])
         self.used = used * PAGE
@@ -192,12 +195,12 @@ class SpoolFile:
         )
 
     def _known_ids(self) -> dict[str, int]:
-        """Return the numbers that stand for topics."""
+        """Return the ids of the topics by name."""
         return dict(self._database.execute("SELECT name, id FROM topic"))
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
-        """Do all of a ``with`` block or nothing of it."""
+        """Run a ``with`` block as one transaction."""
         self._database.execute("BEGIN IMMEDIATE")
         try:
             yield

@@ -1,11 +1,11 @@
-"""The messages of one topic on their way out, in their order, and whether anybody hears them.
+"""The outbound messages of one topic, in order, and whether the topic has a subscriber.
 
 =======  ==================================  ====================================================
-state    means                               sends
+state    meaning                             sends
 =======  ==================================  ====================================================
-PROBE    a new connection: nobody knows      one message, and waits for its acknowledgement
-OPEN     somebody heard the last             as many as the window takes
-HELD     nobody heard the last               nothing, until its wait is over
+PROBE    unknown since the connect or wait   one message, and waits for its acknowledgement
+OPEN     the last message had a subscriber   as many as the window allows
+HELD     the last message had none           nothing until the delay is over
 =======  ==================================  ====================================================
 """
 
@@ -21,7 +21,7 @@ from fleet.wire.rules import TrafficClass
 
 
 class TopicState(enum.Enum):
-    """Whether anybody hears the topic."""
+    """Whether the topic has a subscriber."""
 
     PROBE = enum.auto()
     OPEN = enum.auto()
@@ -29,11 +29,11 @@ class TopicState(enum.Enum):
 
 
 OPEN, PROBE, REPLY = TopicState.OPEN, TopicState.PROBE, TrafficClass.REPLY
-"""For what is asked of every message: Python 3.11 takes ten times as long to look up an enumeration's."""
+"""Aliases for the hot path: in Python 3.11, looking up a member of an enumeration takes ten times as long."""
 
 
 class TopicEvent(enum.Enum):
-    """What tells of it."""
+    """Events of the topic state machine."""
 
     HEARD = enum.auto()
     UNHEARD = enum.auto()
@@ -50,16 +50,16 @@ _NEXT: Mapping[tuple[TopicState, TopicEvent], TopicState] = {
     (TopicState.OPEN, TopicEvent.CONNECTED): TopicState.PROBE,
     (TopicState.HELD, TopicEvent.CONNECTED): TopicState.PROBE,
 }
-"""The sign leaves the state as it is where nothing is said."""
+"""Transitions; an event without an entry leaves the state unchanged."""
 
 
 class TopicQueue:
-    """One topic's messages: those that came back, those in memory, and how many more are ``on_disk``.
+    """The messages of one topic: returned ones, those in memory, and the count of those only ``on_disk``.
 
-    Cold ones are on disk alone, or on their way there; all of them follow ``loaded``, the newest ever in
-    memory, and none is older than ``cold_from``. ``ahead`` are numbers beyond ``loaded`` that are not cold:
-    they were sent before what waits on disk could be read. ``flying`` are under way. A held line is tried
-    again at ``retry`` (monotonic s).
+    The messages counted by ``on_disk`` are on disk only, or are being written there. All of them follow
+    ``loaded``, the newest number ever in memory, and none is older than ``oldest_on_disk``. ``ahead`` has
+    numbers above ``loaded`` that were sent before the disk could be read, so they are not counted.
+    ``in_flight`` counts the unacknowledged messages. A held topic is retried at ``retry`` (monotonic s).
     """
 
     def __init__(self, topic: str, traffic: TrafficClass) -> None:
@@ -70,59 +70,59 @@ class TopicQueue:
         self.memory: deque[Outgoing] = deque()
         self.on_disk = 0
         self.loaded = 0
-        self.cold_from = 0
+        self.oldest_on_disk = 0
         self.ahead: frozenset[int] = frozenset()
-        self.flying = 0
+        self.in_flight = 0
         self.retry = 0.0
-        self.unheard = 0  # tries in a row
-        self.queued = False  # it stands in its ring
+        self.unheard = 0  # attempts in a row
+        self.queued = False  # it is in the ring of its class
 
     @property
     def sendable(self) -> bool:
-        """True when a message may go now."""
+        """True when a message may be sent now."""
         if not (self.back or self.memory):
             return False
-        return self.state is OPEN or (self.state is PROBE and not self.flying)
+        return self.state is OPEN or (self.state is PROBE and not self.in_flight)
 
     @property
     def empty(self) -> bool:
-        """True when nothing of the topic is left."""
-        return not (self.back or self.memory or self.on_disk or self.flying)
+        """True when no message of the topic is left."""
+        return not (self.back or self.memory or self.on_disk or self.in_flight)
 
     @property
     def waiting(self) -> int:
-        """How many messages are left, those under way not counted."""
+        """The number of messages left, without those in flight."""
         return len(self.back) + len(self.memory) + self.on_disk
 
     @property
     def quiet(self) -> bool:
-        """True when nothing of it waits, somebody hears it, and it stays known: as nearly always."""
+        """True for a topic that has a subscriber and no waiting messages, and is kept: the common case."""
         if self.memory or self.back or self.on_disk:
             return False
         return self.state is OPEN and self.traffic is not REPLY
 
-    def see(self, sign: TopicEvent) -> bool:
-        """Take a sign; tell whether the state changed by it."""
+    def transition(self, event: TopicEvent) -> bool:
+        """Apply an event; return whether the state changed."""
         before = self.state
-        self.state = _NEXT.get((before, sign), before)
+        self.state = _NEXT.get((before, event), before)
         return self.state is not before
 
     def pop(self) -> Outgoing:
         """Remove and return the next message, the oldest."""
         return self.back.pop(0) if self.back else self.memory.popleft()
 
-    def shed(self) -> None:
-        """Let go of the oldest messages, as far as nobody waits for them any more.
+    def drop_gone(self) -> None:
+        """Remove gone messages from the head of the queue.
 
-        It is mostly the oldest that are lost: so hardly one stays that something older keeps.
+        Most lost messages are the oldest ones, so few gone messages remain behind a live one.
         """
         while self.back and self.back[0].gone:
             del self.back[0]
         while self.memory and self.memory[0].gone:
             self.memory.popleft()
 
-    def give_back(self, message: Outgoing) -> None:
-        """Put a message that was under way before all that are newer."""
+    def put_back(self, message: Outgoing) -> None:
+        """Insert a message that was in flight before all newer ones."""
         message.again = True
         if not self.back or self.back[-1].seq < message.seq:
             self.back.append(message)
@@ -131,5 +131,5 @@ class TopicQueue:
 
 
 def _seq(message: Outgoing) -> int:
-    """Return what orders messages."""
+    """Return the sort key of a message."""
     return message.seq

@@ -1,4 +1,4 @@
-"""The topics of a queue, and where each stands: in the ring of its class, hungry, held."""
+"""The topic queues of a spool, and which of them can send, need messages from disk, or are held."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from fleet.wire.rules import TrafficClass
 LOW = 64
 """Messages of a topic in memory below which more are fetched from disk."""
 LOW_IN_NEED = 8
-"""The same when memory is full."""
+"""The same while memory is full."""
 
 
 class TopicQueues(dict[str, TopicQueue]):
-    """Lines by topic, of messages that stand in ``memory``.
+    """Topic queues by topic; their messages in memory are in ``memory``.
 
-    ``rings`` are those that can send, by class, in their turn; ``needs_fetch`` those that want more from
-    disk, while ``online``.
+    ``rings`` has those that can send, by class, in round-robin order; ``needs_fetch`` those that need
+    messages from disk while ``online``.
     """
 
     def __init__(self, memory: MemoryBuffer) -> None:
@@ -28,38 +28,38 @@ class TopicQueues(dict[str, TopicQueue]):
         self._memory = memory
         self.rings: list[deque[TopicQueue]] = [deque() for _ in DURABLE]
         self.needs_fetch: dict[str, TopicQueue] = {}
-        self.holds = HeldTopics()
+        self.held_topics = HeldTopics()
 
     def of(self, topic: str, traffic: TrafficClass) -> TopicQueue:
-        """Return the line of a topic, a new one when there is none."""
-        line = self.get(topic)
-        if line is None:
-            line = self[topic] = TopicQueue(topic, traffic)
-        return line
+        """Return the queue of a topic; create it if there is none."""
+        queue = self.get(topic)
+        if queue is None:
+            queue = self[topic] = TopicQueue(topic, traffic)
+        return queue
 
-    def stand(self, line: TopicQueue) -> None:
-        """Have a line stand where it belongs: in its ring when it can send, hungry when it runs low."""
-        if not line.queued and line.sendable:
-            line.queued = True
-            self.rings[line.traffic].append(line)
-        if line.on_disk and self.online and len(line.memory) + len(line.back) < self._low(line):
-            self.needs_fetch[line.topic] = line
+    def reschedule(self, queue: TopicQueue) -> None:
+        """Put a queue into the ring if it can send, and into ``needs_fetch`` if it runs low."""
+        if not queue.queued and queue.sendable:
+            queue.queued = True
+            self.rings[queue.traffic].append(queue)
+        if queue.on_disk and self.online and len(queue.memory) + len(queue.back) < self._low(queue):
+            self.needs_fetch[queue.topic] = queue
         elif self.needs_fetch:
-            self.needs_fetch.pop(line.topic, None)
+            self.needs_fetch.pop(queue.topic, None)
 
-    def forget(self, line: TopicQueue) -> None:
-        """Forget a line that is empty and that nobody hears, or hears only once, as an inbox for replies."""
-        if (line.state is OPEN and line.traffic is not REPLY) or not line.empty:
-            return  # as nearly always
-        self.pop(line.topic, None)
-        self.needs_fetch.pop(line.topic, None)
-        self.holds.forget(line)
-        if line.queued:
-            self.rings[line.traffic].remove(line)
-            line.queued = False
+    def forget(self, queue: TopicQueue) -> None:
+        """Forget an empty queue that is not open, or is an inbox for replies, which is used once."""
+        if (queue.state is OPEN and queue.traffic is not REPLY) or not queue.empty:
+            return  # the common case
+        self.pop(queue.topic, None)
+        self.needs_fetch.pop(queue.topic, None)
+        self.held_topics.forget(queue)
+        if queue.queued:
+            self.rings[queue.traffic].remove(queue)
+            queue.queued = False
 
-    def _low(self, line: TopicQueue) -> int:
-        """Return how many messages of a line are to stand in memory at least."""
-        if line.state is TopicState.HELD:
+    def _low(self, queue: TopicQueue) -> int:
+        """Return the number of messages of a queue that should be in memory at least."""
+        if queue.state is TopicState.HELD:
             return 1
         return LOW_IN_NEED if self._memory.full else LOW

@@ -1,4 +1,4 @@
-"""The messages that are not on disk yet, in their order."""
+"""Messages that are not on disk yet, in order."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from collections.abc import Iterator, Sequence
 from fleet.spool.message import Outgoing
 
 GRACE = 0.2
-"""Seconds in which the cloud may take a message before it is written to disk, while connected."""
-AT_ONCE = 2000
-"""Messages that one transaction writes at most: what it takes in time and memory is bounded."""
-FORSAKEN = 500
-"""Messages that nobody waits for any more, above which they are thrown out as soon as they are the most.
+"""Seconds that the cloud has to acknowledge a message before it is written to disk, while connected."""
+MOST_ROWS = 2000
+"""Most messages of one transaction: bounds its time and memory."""
+MOST_TOMBSTONES = 500
+"""Gone messages above which they are removed once they are the majority.
 
-A disk may hang for long while messages come and are pushed out by newer ones.
+While a disk hangs for long, new messages may displace many old ones.
 """
 
 
 class UnwrittenMessages:
-    """What goes to disk next."""
+    """The messages to write next."""
 
     def __init__(self) -> None:
         self._messages: deque[Outgoing] = deque()
-        self._forsaken = 0
+        self._tombstones = 0
 
     def __len__(self) -> int:
         return len(self._messages)
@@ -36,31 +36,31 @@ class UnwrittenMessages:
         self._messages.append(message)
 
     def tombstone(self) -> None:
-        """Note that nobody waits for one of them any more (it is ``gone``)."""
-        self._forsaken += 1
-        if self._forsaken > FORSAKEN and 2 * self._forsaken > len(self._messages):
+        """Record that one of the messages is ``gone``."""
+        self._tombstones += 1
+        if self._tombstones > MOST_TOMBSTONES and 2 * self._tombstones > len(self._messages):
             self._messages = deque(message for message in self._messages if not message.gone)
-            self._forsaken = 0
+            self._tombstones = 0
 
     def take(self, now: float, *, at_once: bool) -> list[Outgoing]:
-        """Remove and return what is to be written now, ``stored`` from now on: some of it, the oldest first.
+        """Remove and return messages to write, oldest first, bounded in number; mark them ``stored``.
 
-        That is what has waited for GRACE, or all ``no_wait``.
+        Those are the messages older than GRACE, or all if ``at_once``.
         """
         rows: list[Outgoing] = []
-        while self._messages and len(rows) < AT_ONCE:
+        while self._messages and len(rows) < MOST_ROWS:
             if not (at_once or self._messages[0].since + GRACE <= now):
                 break
             message = self._messages.popleft()
             if message.gone:
-                self._forsaken -= 1
+                self._tombstones -= 1
                 continue
             message.stored = True
             rows.append(message)
         return rows
 
     def put_back(self, rows: Sequence[Outgoing]) -> None:
-        """Take back what could not be written."""
+        """Take back messages that could not be written."""
         for message in reversed(rows):
             message.stored = False
             if not message.gone:

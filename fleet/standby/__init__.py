@@ -1,1 +1,1 @@
-"""Which of the two edges of a pair runs the robots: the lease, its service, and what follows from it."""
+"""Selection of the edge of a pair that runs the robots: the lease, its service, and the consequences."""

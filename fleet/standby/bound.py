@@ -1,4 +1,4 @@
-"""When an edge that has taken the lease over may move a robot: not before the last motion has ended. Pure."""
+"""When an edge that has taken over may move a robot: not before the last motion has ended. Pure."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from fleet.standby.lease import Takeover, Terms
 
 
 class Bound(msgspec.Struct, frozen=True):
-    """How long a robot may go on moving after its edge was heard for the last time, s.
+    """Time for which a robot may continue to move after its edge was last heard, s.
 
-    ``setpoint_lease``: for which the edge holds a velocity; ``failsafe``: in which the robot's own fail-safe
-    ends motion that nobody commands any more, None where nobody knows of one.
+    ``setpoint_lease``: for which the edge holds a velocity; ``failsafe``: within which the robot's own
+    fail-safe ends motion without commands, None if there is none known.
     """
 
     setpoint_lease: float
@@ -23,10 +23,10 @@ class Bound(msgspec.Struct, frozen=True):
 
 
 def motion_from(bound: Bound, takeover: Takeover, terms: Terms) -> float | None:
-    """Return when the robot may be moved (s, as the takeover's); None: once it has been stopped from here.
+    """Return when the robot may be moved (s, as the takeover's); None: only after a stop from here.
 
-    A holder that let go of its robots in order was not heard for the whole length of the lease: only what the
-    robot itself does is waited for then.
+    A holder that released its robots in order was not silent for the whole lease: then only the robot's own
+    bound applies.
     """
     after = bound.after(0.0 if takeover.orderly else terms.length)
     return None if after is None else takeover.since + after

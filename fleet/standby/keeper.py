@@ -1,7 +1,7 @@
-"""The keeper of an edge's lease: asks the store for it, renews it, and says what the edge is.
+"""The keeper of an edge's lease: requests it from the store, renews it, and reports the edge's role.
 
-A thread of its own, because the event loop of the robots may be held up, and because a lease that lapses must
-be noticed even then.
+It has a thread of its own, because the robots' event loop may be blocked, and the end of a lease must be
+noticed even then.
 """
 
 from __future__ import annotations
@@ -17,40 +17,40 @@ from fleet.standby.store import ANSWER_WITHIN, LeaseStore
 
 log = logging.getLogger(__name__)
 
-TURN = 0.05  # s between two looks at the clock
-LOOK_EVERY = 0.25  # s between two looks into the store
-RELEASED_WITHIN = 2.0  # s that the end of the edge waits for the lease to be given back
+POLL_EVERY = 0.05  # s between checks of the clock
+LOOK_EVERY = 0.25  # s between reads of the store
+RELEASED_WITHIN = 2.0  # s for which a closing edge waits to release the lease
 
 
 class LeaseUser(Protocol):
-    """What runs the robots by the lease; everything is called on the keeper's thread, and must not wait."""
+    """The user of the lease, which runs the robots; called on the keeper's thread, must not block."""
 
     def stops(self) -> dict[str, str]:
-        """Return the robots whose emergency stop is set, with its cause."""
+        """Return the robots whose emergency stop is set, with the causes."""
 
-    def vouched(self, epoch: int, until: float) -> None:
-        """Take it that the edge may write to robots until then; before ``changed`` says that it holds it."""
+    def permit_writes(self, epoch: int, until: float) -> None:
+        """Permit writes to robots until a time; called before ``changed`` reports the state HOLDER."""
 
     def changed(self, state: LeaseState) -> None:
-        """Take a new state."""
+        """Handle a new state."""
 
     def saw(self, entry: Entry | None) -> None:
-        """Take what the store has while another edge may hold the lease."""
+        """Handle the stored entry while another edge may hold the lease."""
 
 
 class LeaseKeeper:
-    """Keeps the lease of one edge. Others call ``begin``, ``hand_over``, ``let_go`` and ``close`` alone."""
+    """Keeps the lease of one edge. Its public methods are for other threads."""
 
     def __init__(
         self, lease: Lease, store: LeaseStore, user: LeaseUser, *, clock: Callable[[], float]
     ) -> None:
         self.lease = lease
-        self.problem = ""  # why the store cannot be used; empty while it can
+        self.problem = ""  # why the store cannot be used; empty if it can
         self._store = store
         self._user = user
         self._clock = clock
         self._state = lease.state
-        self._stops: dict[str, str] | None = None  # as the store has them
+        self._stops: dict[str, str] | None = None  # as stored
         self._asking: asyncio.Task[None] | None = None
         self._look_at = 0.0
         self._loop = asyncio.new_event_loop()
@@ -58,23 +58,23 @@ class LeaseKeeper:
         self._thread = threading.Thread(target=self._serve, name="fleet-lease", daemon=True)
 
     def begin(self) -> None:
-        """Begin to ask for the lease."""
+        """Begin to request the lease."""
         self._thread.start()
 
     def hand_over(self, to: str) -> None:
-        """Give the lease away, to any edge if empty, once the robots are let go of; from any thread."""
+        """Give the lease to an edge (empty: any) after the robots are released; from any thread."""
         self._loop.call_soon_threadsafe(self._do, lambda: self.lease.hand_over(to))
 
     def accept(self) -> None:
-        """Take over from the edge whose file is another, nevertheless; from any thread."""
+        """Take over from the edge with a different file nevertheless; from any thread."""
         self._loop.call_soon_threadsafe(self._do, self.lease.accept)
 
     def let_go(self) -> None:
-        """Note that no link to a robot is open any more; from any thread."""
+        """Report that no link to a robot is open any more; from any thread."""
         self._loop.call_soon_threadsafe(self._do, self.lease.let_go)
 
     def close(self) -> None:
-        """Give the lease back, if it is ours, and end; waits for it. No link may be open any more."""
+        """Release the lease, if it is ours, and end; waits for it. All links must be closed."""
         if not self._thread.is_alive():
             self._loop.close()
             return
@@ -82,7 +82,7 @@ class LeaseKeeper:
         self._thread.join(2 * RELEASED_WITHIN)
 
     def _do(self, call: Callable[[], None]) -> None:
-        """Do something that may change the state, and say so."""
+        """Run a call that may change the state, and report a change."""
         call()
         self._tell()
 
@@ -97,8 +97,8 @@ class LeaseKeeper:
     async def _run(self) -> None:
         """Keep the lease until the end."""
         while not self._ended.is_set():
-            self._turn()
-            await asyncio.sleep(TURN)
+            self._poll()
+            await asyncio.sleep(POLL_EVERY)
         if self._asking is not None:
             await asyncio.wait({self._asking}, timeout=2 * ANSWER_WITHIN)
         self.lease.hand_over("")
@@ -107,8 +107,8 @@ class LeaseKeeper:
             await asyncio.wait({asyncio.ensure_future(self._write(Wish.RELEASE))}, timeout=RELEASED_WITHIN)
         await self._store.close()
 
-    def _turn(self) -> None:
-        """Look at the clock, and ask the store what is due; one request at a time."""
+    def _poll(self) -> None:
+        """Check the clock, and begin the next request to the store; one request at a time."""
         now = self._clock()
         self.lease.tick(now)
         self._tell()
@@ -129,7 +129,7 @@ class LeaseKeeper:
         """Read the store."""
         try:
             entry, revision = await asyncio.wait_for(self._store.read(), 3 * ANSWER_WITHIN)
-        except Exception as error:  # noqa: BLE001 - what nobody foresaw must not end the lease unseen
+        except Exception as error:  # noqa: BLE001 - an unexpected error must not end the thread unnoticed
             self._silent(error)
             return
         self.problem = ""
@@ -139,12 +139,12 @@ class LeaseKeeper:
             self._user.saw(entry)
 
     async def _write(self, wish: Wish) -> None:
-        """Write what is wished."""
+        """Write the wished entry."""
         stops = self._user.stops()
         entry = self.lease.begin(wish, stops, self._clock())
         try:
             revision = await asyncio.wait_for(self._store.write(entry, self.lease.revision), ANSWER_WITHIN)
-        except Exception as error:  # noqa: BLE001 - what nobody foresaw must not end the lease unseen
+        except Exception as error:  # noqa: BLE001 - an unexpected error must not end the thread unnoticed
             self.lease.unanswered()
             self._silent(error)
             return
@@ -155,18 +155,18 @@ class LeaseKeeper:
         self.lease.written(entry, revision, self._clock())
         self._stops = stops
         if self.lease.state is LeaseState.HOLDER:
-            self._user.vouched(self.lease.epoch, self.lease.writes_until)
+            self._user.permit_writes(self.lease.epoch, self.lease.writes_until)
         self._tell()
 
     def _silent(self, error: Exception) -> None:
-        """Note why the store cannot be used."""
+        """Record why the store cannot be used."""
         text = str(error) or "the lease service does not answer"
         if not self.problem:
             log.warning("%s: no edge of the pair takes over while it is so", text)
         self.problem = text
 
     def _tell(self) -> None:
-        """Say a new state, once."""
+        """Report a new state, once."""
         if self.lease.state is not self._state:
             self._state = self.lease.state
             self._user.changed(self._state)

@@ -1,10 +1,10 @@
-"""The lease of a pair of edges: who may command the robots, and until when. Pure: the clock is handed in.
+"""The lease of a pair of edges: which may command the robots, and until when. Pure: the clock is an argument.
 
-The lease is one entry of a store with compare-and-set. Its holder writes it again and again; each write
-counts from the moment at which it was *begun*. Another edge takes the lease only when it has seen the same
-revision for the whole length of the lease, and a revision is seen only after its write was begun. So the
-holder's time ends first, whatever the clocks of the two computers and of the store say; their rates must
-agree within a twelfth (``Terms``). Times are seconds of one clock per computer that also counts while it is
+The lease is one entry of a store with compare-and-set. Its holder renews it by writes; each write counts from
+the moment at which it was *begun*. Another edge takes the lease only when it has seen the same revision for
+the whole length of the lease, and a revision is seen only after its write was begun. So the holder's time
+ends first, whatever the clocks of the two computers and of the store show; their rates must agree within a
+twelfth (``Terms``). Times are seconds of a clock per computer that also advances while the computer is
 suspended.
 """
 
@@ -18,21 +18,21 @@ import msgspec
 
 
 class LeaseState(StrEnum):
-    """What an edge is to its robots."""
+    """The role of an edge."""
 
-    STANDBY = "standby"  # it does not hold the lease, and no link to a robot is open
-    HOLDER = "holder"  # it runs the robots
+    STANDBY = "standby"  # does not hold the lease; no link to a robot is open
+    HOLDER = "holder"  # runs the robots
     FENCED = "fenced"  # its lease ends: it halts its robots and closes their links
 
 
 class LeaseEvent(StrEnum):
-    """What changes the state."""
+    """Events of the state machine."""
 
     TAKEN = "taken"  # the store has confirmed our entry in time
     LAPSED = "lapsed"  # no renewal was confirmed in time
     LOST = "lost"  # the entry is another edge's, or gone
-    HANDOVER = "handover"  # somebody asked for it, or this edge ends
-    LET_GO = "let go"  # every robot has been let go of
+    HANDOVER = "handover"  # on request, or because this edge shuts down
+    LET_GO = "let go"  # every robot has been released
 
 
 TRANSITIONS: Mapping[tuple[LeaseState, LeaseEvent], LeaseState] = {
@@ -42,14 +42,14 @@ TRANSITIONS: Mapping[tuple[LeaseState, LeaseEvent], LeaseState] = {
     (LeaseState.HOLDER, LeaseEvent.HANDOVER): LeaseState.FENCED,
     (LeaseState.FENCED, LeaseEvent.LET_GO): LeaseState.STANDBY,
 }
-"""Any other event changes nothing. No way leads from fenced back to holder: that takes a new epoch."""
+"""Other events change nothing. Fenced never returns to holder directly: that takes a new epoch."""
 
 
 class Terms(msgspec.Struct, frozen=True):
     """The times of a lease, s.
 
-    ``standstill``: before the end of the lease, motion ends. ``margin``: before its end, nothing more is
-    written to a robot.
+    ``standstill``: motion ends this long before the end of the lease. ``margin``: writes to robots end this
+    long before it.
     """
 
     length: float = 3.0
@@ -59,12 +59,12 @@ class Terms(msgspec.Struct, frozen=True):
 
 
 class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The lease as it is stored.
+    """The stored lease.
 
     ``process`` is one run of an edge; ``epoch`` the revision with which it took the lease, 0 in that write
-    itself; ``stops`` the robots whose emergency stop is set, with the cause. ``released``: the robots were
-    let go of in order; ``to`` is the edge that shall take it then, empty for any. ``config`` is the digest of
-    what its file says of robots and missions; empty from an edge that does not tell it.
+    itself; ``stops`` the robots whose emergency stop is set, with the causes. ``released``: the robots were
+    released in order; ``to`` is the edge that shall take it then, empty for any. ``config`` is the digest of
+    robots and missions in its file; empty if unknown.
     """
 
     edge: str
@@ -77,7 +77,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Wish(StrEnum):
-    """What an edge wants to write now."""
+    """The next write of an edge."""
 
     TAKE = "take"
     RENEW = "renew"
@@ -85,9 +85,9 @@ class Wish(StrEnum):
 
 
 class Takeover(msgspec.Struct, frozen=True):
-    """What was known of the holder before when this edge took the lease.
+    """Knowledge of the previous holder when this edge took the lease.
 
-    ``entry`` was seen first at ``since``; None: there was none. ``orderly``: the robots had been let go of.
+    ``entry`` was first seen at ``since``; None: there was none. ``orderly``: the robots had been released.
     """
 
     entry: Entry | None = None
@@ -96,7 +96,7 @@ class Takeover(msgspec.Struct, frozen=True):
 
 
 class _Write(msgspec.Struct, frozen=True):
-    """A write that is under way since ``begun``, and what it takes the lease over from."""
+    """A pending write since ``begun``, and the takeover that it would complete."""
 
     wish: Wish
     begun: float
@@ -104,50 +104,50 @@ class _Write(msgspec.Struct, frozen=True):
 
 
 class Lease:
-    """One edge's part in the lease. All methods are called on one thread."""
+    """One edge's view of the lease. All methods are called on one thread."""
 
     def __init__(self, edge: str, process: str, terms: Terms, config: str = "") -> None:
         self.edge = edge
         self.process = process
         self.terms = terms
         self.config = config
-        self.accepted = ""  # the digest of another file, from whose edge the robots are taken nevertheless
+        self.accepted = ""  # digest of a different file from whose edge a takeover is permitted
         self.state = LeaseState.STANDBY
         self.epoch = 0
-        self.seen: Entry | None = None  # the last entry that was read, or written by us
+        self.seen: Entry | None = None  # the last entry read, or written by us
         self.revision = 0  # of that entry, or of its deletion; 0: there never was one
-        self.seen_since = math.inf  # when this revision was seen first
-        self.vouched = -math.inf  # when our last confirmed write was begun
-        self.takeover = Takeover()  # how we came to hold it last
+        self.seen_since = math.inf  # when this revision was first seen
+        self.renewed_at = -math.inf  # when our last confirmed write was begun
+        self.takeover = Takeover()  # how we last came to hold it
         self._write: _Write | None = None
-        self._unanswered = False  # a write of ours may have been carried out, or may still be
-        self._to: str | None = None  # whom the lease is handed to; None: it is not handed over
+        self._unanswered = False  # the result of a write of ours is unknown
+        self._to: str | None = None  # edge to hand the lease to; None: no handover
 
-    # -- what follows from the time ------------------------------------------------------------------
+    # -- time limits ---------------------------------------------------------------------------------
 
     @property
     def motion_until(self) -> float:
         """When motion must end unless a renewal is confirmed before."""
         if self.state is not LeaseState.HOLDER:
             return -math.inf
-        return self.vouched + self.terms.length - self.terms.standstill
+        return self.renewed_at + self.terms.length - self.terms.standstill
 
     @property
     def writes_until(self) -> float:
         """When the last byte must have been written to a robot."""
         if self.state is LeaseState.STANDBY:
             return -math.inf
-        return self.vouched + self.terms.length - self.terms.margin
+        return self.renewed_at + self.terms.length - self.terms.margin
 
     def tick(self, now: float) -> None:
-        """Note that time has passed."""
+        """Handle the passage of time."""
         if self.state is LeaseState.HOLDER and now >= self.motion_until:
             self._happens(LeaseEvent.LAPSED)
 
-    # -- what the store says -------------------------------------------------------------------------
+    # -- reads ---------------------------------------------------------------------------------------
 
     def see(self, entry: Entry | None, revision: int, now: float) -> None:
-        """Take what was read. Where there is no entry, ``revision`` is that of its deletion, or 0."""
+        """Handle an entry that was read. Without an entry, ``revision`` is that of its deletion, or 0."""
         if self.seen_since == math.inf or (revision, entry) != (self.revision, self.seen):
             self.seen, self.revision, self.seen_since = entry, revision, now
         self._unanswered = False
@@ -157,15 +157,15 @@ class Lease:
 
     @property
     def must_look(self) -> bool:
-        """True when the store is to be read before anything is written."""
+        """True if the store must be read before anything is written."""
         return self.state is not LeaseState.HOLDER or self._unanswered
 
     def wish(self, now: float, *, news: bool = False) -> Wish | None:
-        """Return what is to be written now, if anything; ``news``: the stops are not those of the entry."""
+        """Return the next write, if any; ``news``: the stops differ from those in the entry."""
         if self._write is not None or self._unanswered or self.seen_since == math.inf:
             return None
         if self.state is LeaseState.HOLDER:
-            return Wish.RENEW if news or now >= self.vouched + self.terms.renewed_every else None
+            return Wish.RENEW if news or now >= self.renewed_at + self.terms.renewed_every else None
         if self.state is LeaseState.FENCED:
             return None
         if self._to is not None:
@@ -174,18 +174,18 @@ class Lease:
 
     @property
     def differs(self) -> bool:
-        """True while the last holder is another edge with another file: its robots are not taken over."""
+        """True while the last holder is another edge with a different file: its robots are not taken over."""
         seen = self.seen
         if seen is None or seen.edge == self.edge or not seen.config or not self.config:
             return False
         return seen.config not in (self.config, self.accepted)
 
     def _is_ours(self) -> bool:
-        """Return True while the entry that was seen last says that this process holds the lease."""
+        """Return True while this process holds the lease in the last seen entry."""
         return self.seen is not None and self.seen.process == self.process and not self.seen.released
 
     def _is_free(self, now: float) -> bool:
-        """Return True when no edge can hold the lease any more. Of our own entry we have let go."""
+        """Return True if no edge can hold the lease any more; our own entry counts as released."""
         if self._is_ours():
             return True
         seen = self.seen
@@ -193,10 +193,10 @@ class Lease:
             return seen.to in ("", self.edge) or now >= self.seen_since + self.terms.length
         return now >= self.seen_since + self.terms.length
 
-    # -- what is written -----------------------------------------------------------------------------
+    # -- writes --------------------------------------------------------------------------------------
 
     def begin(self, wish: Wish, stops: dict[str, str], now: float) -> Entry:
-        """Return the entry to write in the place of ``revision``; its outcome is told to one of the next."""
+        """Return the entry to write in place of ``revision``; pass the result to one of the next methods."""
         orderly = self._is_ours() or (self.seen is not None and self.seen.released)
         self._write = _Write(wish, now, Takeover(self.seen, self.seen_since, orderly))
         if wish is Wish.TAKE:
@@ -205,44 +205,44 @@ class Lease:
         return Entry(self.edge, self.process, self.epoch, released, self._to or "", stops, self.config)
 
     def written(self, entry: Entry, revision: int, now: float) -> None:
-        """Take the confirmation of a write."""
+        """Handle the confirmation of a write."""
         write, self._write = self._write, None
         assert write is not None
         self.seen, self.revision, self.seen_since = entry, revision, now
         if write.wish is Wish.RELEASE:
             self._to = None
         elif write.wish is Wish.RENEW and self.state is LeaseState.HOLDER:
-            self.vouched = write.begun
+            self.renewed_at = write.begun
         elif write.wish is Wish.TAKE and now < write.begun + self.terms.length - self.terms.standstill:
-            self.vouched, self.epoch = write.begun, revision
+            self.renewed_at, self.epoch = write.begun, revision
             self.takeover = write.after
             self._happens(LeaseEvent.TAKEN)
 
     def refused(self) -> None:
-        """Take it that the entry was not of that revision any more: it must be read."""
+        """Handle a refused write: the revision has changed, so the entry must be read."""
         self._write, self._unanswered = None, True
 
     unanswered = refused
-    """Nobody knows whether a write was carried out, or will be: the entry must be read, too."""
+    """Handle a write with an unknown result: the entry must be read too."""
 
-    # -- what is asked -------------------------------------------------------------------------------
+    # -- requests ------------------------------------------------------------------------------------
 
     def hand_over(self, to: str) -> None:
-        """Begin to give the lease to another edge, or to any (empty)."""
+        """Begin to hand the lease over to another edge, or to any (empty)."""
         if self.state is LeaseState.HOLDER:
             self._to = to
             self._happens(LeaseEvent.HANDOVER)
 
     def accept(self) -> None:
-        """Take over from who holds the lease, or held it last, though its file is another."""
+        """Permit a takeover from the present or last holder, although its file differs."""
         self.accepted = self.seen.config if self.seen is not None else ""
 
     def let_go(self) -> None:
-        """Note that every robot was let go of: no link is open. The other edge need not wait then."""
+        """Report that every robot was released: no link is open. The other edge need not wait then."""
         if self.state is LeaseState.FENCED:
             self._to = self._to or ""
             self._happens(LeaseEvent.LET_GO)
 
     def _happens(self, event: LeaseEvent) -> None:
-        """Change the state."""
+        """Change the state by the table."""
         self.state = TRANSITIONS.get((self.state, event), self.state)

@@ -1,7 +1,7 @@
-"""The lease in a bucket of NATS JetStream: read, and written only in the place of a known revision.
+"""The lease in a bucket of NATS JetStream: read, and written only in place of a known revision.
 
-The store must keep what it has confirmed: a bucket on disk, which is how it is
-made where there is none. Nothing in it expires: by which clock an entry is old, the edges decide.
+The store must keep confirmed writes: a bucket on disk, which is created if it is missing. Nothing in it
+expires: the edges decide by their own clocks when an entry is old.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 BUCKET = "fleet_leases"
 CONNECT_WITHIN = 2  # s
-LARGEST = 1 << 20  # bytes of an entry, which is the most that a server takes of a message
+LARGEST = 1 << 20  # bytes of an entry, the server's limit of a message
 
 
 class NatsLease:
@@ -53,7 +53,7 @@ class NatsLease:
         return _entry(found.value or b"", self._key), found.revision or 0
 
     async def write(self, entry: Entry, revision: int) -> int | None:
-        """Write the entry in the place of this revision."""
+        """Write the entry in place of this revision."""
         try:
             return await (await self._ready()).update(self._key, msgspec.json.encode(entry), last=revision)
         except KeyWrongLastSequenceError:
@@ -62,14 +62,14 @@ class NatsLease:
             raise _silent(error) from error
 
     async def close(self) -> None:
-        """Leave the store."""
+        """Disconnect from the store."""
         client, self._client, self._bucket = self._client, None, None
         if client is not None:
             await client.close()
 
     async def _ready(self) -> KeyValue:
-        """Return the bucket, connected; it is made where there is none."""
-        if self._client is not None and self._client.is_closed:  # for good, by an error of the server
+        """Return the bucket after connecting; create it if it is missing."""
+        if self._client is not None and self._client.is_closed:  # permanently, after an error of the server
             self._client = self._bucket = None
         if self._client is None:
             self._client = await self._connected()
@@ -84,7 +84,7 @@ class NatsLease:
         return self._bucket
 
     async def _connected(self) -> Client:
-        """Connect; later losses of the connection are nats-py's to repair."""
+        """Connect; nats-py reconnects by itself after later losses."""
         given = self._settings
         options: dict[str, Any] = {}
         if given.ca_file is not None:
@@ -96,23 +96,23 @@ class NatsLease:
             name="fleet",
             allow_reconnect=True,
             max_reconnect_attempts=-1,
-            reconnect_time_wait=0,  # the keeper asks again all the time
+            reconnect_time_wait=0,  # the keeper retries continuously
             connect_timeout=CONNECT_WITHIN,
             ping_interval=2,
             error_cb=_quietly,
             **options,
         )
-        return await asyncio.wait_for(connecting, CONNECT_WITHIN)  # by itself it would never give up
+        return await asyncio.wait_for(connecting, CONNECT_WITHIN)  # nats.connect itself would never give up
 
 
 async def _quietly(error: Exception) -> None:
-    """Take what nats-py says of its connection; the keeper says what follows from it."""
+    """Log nats-py's connection errors at debug level; the keeper reports the consequences."""
     log.debug("the lease service: %s", error)
     await asyncio.sleep(0.1)
 
 
 def _entry(data: bytes, key: str) -> Entry:
-    """Return the entry of a lease; raises StateError."""
+    """Decode the entry of a lease; raises StateError."""
     if len(data) <= LARGEST:
         with contextlib.suppress(msgspec.DecodeError):
             return decode_json(data, Entry)

@@ -1,4 +1,4 @@
-"""The emergency stops of a pair: what the standby sets and releases as the holder's list says. Pure."""
+"""The emergency stops of a pair: the standby follows the holder's list. Pure."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import msgspec
 
 
 class OwnStop(msgspec.Struct, frozen=True):
-    """One robot's emergency stop in this process: whether it is set, and how often it was asked for."""
+    """One robot's emergency stop in this process: whether it is set, and how often it was requested."""
 
     is_set: bool
     asked: int
 
 
 class Followed(msgspec.Struct, frozen=True):
-    """What is to be done: robots to stop, with the cause; to release; to stop at the holder, too."""
+    """Actions: robots to stop, with causes; to release; to stop at the holder too."""
 
     stop: dict[str, str]
     release: list[str]
@@ -25,18 +25,18 @@ class Followed(msgspec.Struct, frozen=True):
 class FollowedStops:
     """Follows the list of the lease's holder.
 
-    A release is followed only of a stop that the holder has listed, and only if nobody has asked this edge
-    for a stop since. A stop that only this edge was asked for, in this process, is passed on once.
+    A release is followed only for a stop that the holder has listed, and only if no stop has been requested
+    of this edge since. A stop that was requested only of this edge, in this process, is forwarded once.
     """
 
     def __init__(self) -> None:
         self._listed: dict[
             str, int
-        ] = {}  # robots on the holder's last list: how often ours was asked for then
+        ] = {}  # robots on the holder's last list, with the number of our requests then
         self._forwarded: dict[str, int] = {}
 
     def follow(self, listed: Mapping[str, str], own: Mapping[str, OwnStop]) -> Followed:
-        """Return what follows from the holder's list."""
+        """Return the actions for the holder's list."""
         stop = {robot: why for robot, why in listed.items() if robot in own and not own[robot].is_set}
         release = [
             robot
@@ -50,6 +50,6 @@ class FollowedStops:
             if each.asked > max(self._forwarded.get(robot, 0), self._listed.get(robot, 0))
         ]
         self._forwarded |= {robot: own[robot].asked for robot in forward}
-        # What is stopped now because of the list is asked for once more by that.
+        # A stop that we set now because of the list counts as one more request.
         self._listed = {robot: own[robot].asked + (robot in stop) for robot in listed if robot in own}
         return Followed(stop, release, forward)

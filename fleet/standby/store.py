@@ -1,4 +1,4 @@
-"""What keeps the lease of a pair: the interface, and where the service is."""
+"""Store of the lease of a pair: the interface, and the address of the service."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ANSWER_WITHIN = 0.7  # s for one request: the lease must be renewed several time
 
 
 class ServiceSettings(msgspec.Struct, frozen=True):
-    """Where the lease service is, and how it is reached."""
+    """Address and account of the lease service."""
 
     servers: tuple[str, ...]
     user: str | None = None
@@ -21,16 +21,16 @@ class ServiceSettings(msgspec.Struct, frozen=True):
 
 
 class LeaseStore(Protocol):
-    """What keeps the lease."""
+    """Interface of a store of the lease."""
 
     async def read(self) -> tuple[Entry | None, int]:
-        """Return the entry and its revision; None and the revision of its deletion, or 0, without one.
+        """Return the entry and its revision; without an entry None and the revision of its deletion, or 0.
 
-        Raises StateError when the store does not answer, or what it has is no lease.
+        Raises StateError if the store does not answer, or if its content is no lease.
         """
 
     async def write(self, entry: Entry, revision: int) -> int | None:
-        """Write the entry in the place of this revision; None: it has another one. Raises StateError."""
+        """Write the entry in place of this revision; None: the revision has changed. Raises StateError."""
 
     async def close(self) -> None:
-        """Leave the store."""
+        """Disconnect from the store."""

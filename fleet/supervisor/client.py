@@ -96,8 +96,8 @@ class SupervisorClient:
             log.error("the supervisor does not answer: %s", error)  # noqa: TRY400 - one line for a person
         if isinstance(welcome, Welcome):
             return welcome.stops
-        log.error("nobody knows which stops came meanwhile: every robot is stopped")
-        return (StopRequest(why="nobody knows which stops came while the edge was away"),)
+        log.error("unknown which stops were requested meanwhile: every robot is stopped")
+        return (StopRequest(why="unknown which stops were requested while the edge was away"),)
 
     def running(self) -> None:
         """Report that the robots are served: from now on the supervisor restarts this process if it dies."""
@@ -142,21 +142,21 @@ class SupervisorClient:
             socket.send_fds(self._sock, [message], [descriptor])
         except OSError as error:
             self._waiting.pop(number, None)
-            log.error("%s: its halt could not be left with the supervisor: %s", robot, error)  # noqa: TRY400
+            log.error("%s: its halt could not be registered with the supervisor: %s", robot, error)  # noqa: TRY400
             return False
         return True
 
-    def leave_farewell(self, words: bytes) -> None:
+    def leave_notice(self, notice: bytes) -> None:
         """Leave the disconnect notice for the cloud with the supervisor, in a file without a name."""
         if self._sock is None:
             return
         try:
             with tempfile.TemporaryFile(dir=self._folder) as file:
-                file.write(words)
+                file.write(notice)
                 file.flush()
                 socket.send_fds(self._sock, [protocol.encode(LeftNotice())], [file.fileno()])
         except OSError as error:
-            log.error("the supervisor cannot tell the cloud when this process dies: %s", error)  # noqa: TRY400
+            log.error("the disconnect notice could not be left with the supervisor: %s", error)  # noqa: TRY400
 
     async def drop(self, robot: str) -> None:
         """Unregister a robot's halt; returns when the supervisor has closed its copy of the link.
@@ -203,7 +203,7 @@ class SupervisorClient:
             try:
                 self._take(protocol.decode(data))
             except Exception:  # go on: the next message may be a stop
-                log.exception("a message of the supervisor could not be taken")
+                log.exception("a message of the supervisor could not be handled")
 
     def _take(self, message: Message) -> None:
         """Handle a message."""

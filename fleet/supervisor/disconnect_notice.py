@@ -12,14 +12,14 @@ class DisconnectNotice:
     """Keeps a notice and runs ``command`` to send it, with the notice's file as standard input.
 
     An empty ``command`` sends nothing. The file holds the broker's address and credentials: it has no name,
-    and its content is not read here. ``told`` takes lines for people.
+    and its content is not read here. ``report`` takes lines for the user.
     """
 
-    def __init__(self, command: Sequence[str], told: Callable[[str], None]) -> None:
+    def __init__(self, command: Sequence[str], report: Callable[[str], None]) -> None:
         self._command = tuple(command)
-        self._told = told
+        self._report = report
         self._file: int | None = None
-        self._event_reporter: subprocess.Popen[bytes] | None = None
+        self._process: subprocess.Popen[bytes] | None = None
 
     def keep(self, descriptors: list[int]) -> None:
         """Keep the file that came with a message, in place of the previous one; without a file, keep none."""
@@ -27,23 +27,23 @@ class DisconnectNotice:
         if descriptors:
             self._file = descriptors.pop()
 
-    def tell(self) -> None:
+    def send(self) -> None:
         """Start sending the notice, once; do not wait for the end."""
         if self._file is None or not self._command:
             return
         try:
             os.lseek(self._file, 0, os.SEEK_SET)
-            self._event_reporter = subprocess.Popen(self._command, stdin=self._file, start_new_session=True)  # noqa: S603
+            self._process = subprocess.Popen(self._command, stdin=self._file, start_new_session=True)  # noqa: S603
         except OSError as error:
-            self._told(f"the cloud is not told that the edge died: {error.strerror}")
+            self._report(f"cannot report the death of the edge to the cloud: {error.strerror}")
         self.forget()
 
-    def break_off(self) -> None:
+    def abort(self) -> None:
         """Abort the sending: the next edge is up and reports its state itself."""
-        if self._event_reporter is not None:
-            self._event_reporter.kill()
-            self._event_reporter.wait()
-            self._event_reporter = None
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
 
     def forget(self) -> None:
         """Close the file."""

@@ -22,7 +22,7 @@ from fleet.supervisor.protocol import (
     WriteUntil,
 )
 
-LAST_CHANCE = 0.4  # s before the right to write ends
+LAST_CHANCE = 0.4  # s before the right to write ends in which halts are written
 
 Write = Callable[[bytes], object]
 
@@ -78,10 +78,10 @@ class ProcessHalts:
         """Names of the robots that can be halted."""
         return sorted(self._kept)
 
-    def follow(
+    def apply(
         self, message: RegisterHalt | UnregisterHalt | WriteUntil, descriptors: list[int]
     ) -> HaltRegistered | HaltUnregistered | None:
-        """Follow what the process says of its halts; return the answer. Raises OSError as ``take``."""
+        """Apply a message of the process and return the answer. Raises OSError like ``take``."""
         match message:
             case RegisterHalt():
                 self.take(message.robot, message.frames, message.address, descriptors)

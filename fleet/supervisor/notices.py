@@ -1,4 +1,4 @@
-"""Messages of the supervisor to people, printed without ever blocking it."""
+"""Lines of the supervisor for the user, printed without ever blocking it."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import signal
 import sys
 import threading
 
-TOLD_WITHIN = 0.02  # s to wait for a line to be printed before going on
+PRINTED_WITHIN = 0.02  # s to wait for a line to be printed before going on
 
 
 def print_in_thread(line: str) -> None:
     """Print a line to stderr from a thread of its own: a blocked terminal must not delay a halt."""
     text = f"fleet: {line}\n"
 
-    def tell() -> None:
+    def write() -> None:
         with contextlib.suppress(OSError):
             sys.stderr.write(text)
             sys.stderr.flush()
 
-    thread = threading.Thread(target=tell, name="fleet-told", daemon=True)
+    thread = threading.Thread(target=write, name="fleet-print", daemon=True)
     thread.start()
-    thread.join(TOLD_WITHIN)
+    thread.join(PRINTED_WITHIN)
 
 
 def reason_of(code: int) -> str:

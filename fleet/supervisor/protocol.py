@@ -90,7 +90,7 @@ class ProcessHeartbeat(msgspec.Struct, tag="beat", frozen=True):
 
 
 class WriteUntil(msgspec.Struct, tag="until", frozen=True):
-    """The process may write to its robots until then (s since the computer's start), and so may we for it."""
+    """Time (s since the computer's start) until which the process and the supervisor may write to robots."""
 
     until: float
 

@@ -1,6 +1,6 @@
-"""What the supervisor tells systemd: that the edge is ready, that the supervisor is alive, that it ends.
+"""Notifications to systemd: the edge is ready, the supervisor is alive, the supervisor ends.
 
-The protocol is sd_notify(3): one datagram of  NAME=value  lines to the socket in NOTIFY_SOCKET. Without a
+The protocol is sd_notify(3): one datagram of NAME=value lines to the socket in NOTIFY_SOCKET. Without a
 service manager nothing is sent. A full or missing socket never delays a halt: the datagram is dropped.
 """
 
@@ -12,14 +12,14 @@ import socket
 from collections.abc import MutableMapping
 
 ADDRESS, WATCHDOG, WATCHED = "NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"
-SIGNS = 3.0  # signs of life within one period of the watchdog: two may be lost
+NOTIFICATIONS = 3.0  # notifications within one period of the watchdog: two may be lost
 
 
 class ServiceManager:
-    """The service manager, or none.
+    """Connection to the service manager, or none.
 
-    Takes its variables out of ``environ``, so that no child answers in the name of the supervisor. ``every``:
-    seconds between two signs of life, 0 where nobody watches.
+    It removes its variables from ``environ``, so that no child notifies in the name of the supervisor.
+    ``every``: seconds between two watchdog notifications, 0 without a watchdog.
     """
 
     def __init__(self, environ: MutableMapping[str, str], process: int) -> None:
@@ -31,14 +31,14 @@ class ServiceManager:
         if not address:
             return
         if period.isdecimal() and watched in ("", str(process)):
-            self.every = int(period) / 1e6 / SIGNS
+            self.every = int(period) / 1e6 / NOTIFICATIONS
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
 
     @classmethod
     def of_this_process(cls) -> ServiceManager:
-        """Return the one that started this process."""
+        """Return the service manager that started this process."""
         return cls(os.environ, os.getpid())
 
     def ready(self) -> None:
@@ -46,7 +46,7 @@ class ServiceManager:
         self._send("READY=1\nSTATUS=the edge is running")
 
     def away(self, why: str) -> None:
-        """Report that the edge has ended and is started again; ``why`` is one line."""
+        """Report that the edge has ended and will be restarted; ``why`` is one line."""
         self._send(f"STATUS={why.splitlines()[0] if why else ''}")
 
     def ending(self) -> None:
@@ -54,13 +54,13 @@ class ServiceManager:
         self._send("STOPPING=1\nSTATUS=robots are brought to a standstill")
 
     def alive(self, now: float) -> None:
-        """Give a sign of life when one is due; ``now`` is monotonic seconds."""
+        """Send a watchdog notification if one is due; ``now`` is monotonic seconds."""
         if self.every and now >= self._next:
             self._next = now + self.every
             self._send("WATCHDOG=1")
 
     def close(self) -> None:
-        """Say no more."""
+        """Close the socket."""
         if self._socket is not None:
             self._socket.close()
 

@@ -1,4 +1,4 @@
-"""The signals that the supervisor handles, and passes on to the edge."""
+"""Signals that the supervisor handles and forwards to the edge."""
 
 from __future__ import annotations
 

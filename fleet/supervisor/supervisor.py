@@ -5,11 +5,11 @@ It does little, on one thread, so that no fault of an adapter, the bus or the cl
 ==============================  ===========================================================================
 event                           reaction
 ==============================  ===========================================================================
-a process with robots dies      writes their halts to their links at once, and a few times more
+a process with robots dies      writes their halts to their links at once, and repeats them a few times
 the edge dies                   also ends its workers in order and restarts the edge, the first time at once;
-                                has the cloud notified that its twins are disconnected
+                                has its twins reported to the cloud as disconnected
 the edge is frozen              writes the halts, kills it, and goes on as above
-a stop comes without an edge    writes all halts; the next edge starts with that stop
+a stop arrives without an edge  writes all halts; the next edge starts with that stop
 a signal requests the end       forwards it; ends when the edge has ended, with its exit code
 the supervisor itself dies      the edge and its workers end in order: their connection closes at once
 ==============================  ===========================================================================
@@ -54,10 +54,10 @@ from fleet.supervisor.service_manager import ServiceManager
 from fleet.supervisor.signals import handled_signals
 from fleet.supervisor.sockets import VARIABLE, listening, user_of, users
 
-LOOK = 0.02  # s, longest time between two turns of the loop
+POLL = 0.02  # s, longest time between two iterations of the loop
 REPEATS = 5  # times that the halts of a dead process are written, in case a line loses one
 FROZEN = 5.0  # s without a heartbeat after which the edge counts as frozen; a busy computer needs a fraction
-ASLEEP = 1.0  # s without a turn after which this process counts as having been suspended itself
+ASLEEP = 1.0  # s without an iteration after which this process counts as having been suspended itself
 ANSWER_WITHIN = 0.5  # s within which the edge must answer a stop
 STABLE_AFTER = 30.0  # s of uptime after which the next restart is quick again
 FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0  # s before a restart
@@ -87,14 +87,14 @@ class _Peer:
         return True
 
 
-class _Asked:
-    """A stop that was forwarded to the peers ``told``; ``until``: deadline of the answers (monotonic s)."""
+class _PendingStop:
+    """A forwarded stop with its ``unanswered`` peers; ``until``: deadline of the answers (monotonic s)."""
 
     def __init__(self, peer: _Peer, stop: StopRequest, until: float) -> None:
         self.peer = peer
         self.stop = stop
         self.until = until
-        self.told: list[_Peer] = []
+        self.unanswered: list[_Peer] = []
         self.had_edge = False
         self.names: list[str] = []
 
@@ -110,9 +110,9 @@ class _Dead(msgspec.Struct):
 class Supervisor:
     """Runs ``command``, an edge, until it ends on request.
 
-    ``told`` takes lines for people; ``farewell`` is the command that sends the cloud the disconnect notice;
-    ``manager`` is the service manager that hears of readiness and life. A worker that is started by hand has
-    a supervisor of its own, in which "the edge" is that worker.
+    ``report`` takes lines for the user; ``notice_command`` is the command that sends the disconnect notice to
+    the cloud; ``manager`` is notified of readiness and life. A worker that is started by hand has a
+    supervisor of its own, in which "the edge" is that worker.
     """
 
     def __init__(
@@ -120,26 +120,26 @@ class Supervisor:
         command: Sequence[str],
         *,
         path: Path,
-        told: Callable[[str], None],
+        report: Callable[[str], None],
         clock: Clock,
-        farewell: Sequence[str] = (),
+        notice_command: Sequence[str] = (),
         manager: ServiceManager | None = None,
     ) -> None:
         self._command = tuple(command)
         self._path = path
-        self._told = told
-        self._farewell = DisconnectNotice(farewell, told)
+        self._report = report
+        self._notice = DisconnectNotice(notice_command, report)
         self._manager = manager or ServiceManager({}, 0)
         self._clock = clock
         self._selector = selectors.DefaultSelector()
         self._peers: list[_Peer] = []
         self._dead: list[_Dead] = []
-        self._asked: dict[int, _Asked] = {}
+        self._pending_stops: dict[int, _PendingStop] = {}
         self._stops: list[StopRequest] = []  # kept for the next edge
         self._numbers = 0
         self._edge_id = ""
         self._child: subprocess.Popen[bytes] | None = None
-        self._started = self._looked = clock.monotonic()
+        self._started = self._checked = clock.monotonic()
         self._start_at = self._started  # when the edge is started next
         self._waits = backoff(first=FIRST_WAIT, longest=LONGEST_WAIT)
         self._ran = False  # the edge has served its robots, so its death is not an error in fleet.yaml
@@ -153,7 +153,7 @@ class Supervisor:
         with self._listening(), handled_signals(self._pass_on):
             try:
                 while True:
-                    code = self._turn()
+                    code = self._run_once()
                     if code is not None:
                         return code
             finally:
@@ -174,21 +174,21 @@ class Supervisor:
             finally:
                 self._path.unlink(missing_ok=True)
 
-    def _turn(self) -> int | None:
+    def _run_once(self) -> int | None:
         """Handle received messages and due work; return the exit code once there is one."""
-        for key, _ in self._selector.select(LOOK):
+        for key, _ in self._selector.select(POLL):
             key.data()
         now = self._clock.monotonic()
         self._halt_again(now)
-        self._look_at_edge(now)
-        self._look_at_stops(now)
-        self._looked = now
+        self._check_edge(now)
+        self._check_stops(now)
+        self._checked = now
         self._manager.alive(now)
-        return self._look_at_child(now)
+        return self._check_child(now)
 
     # -- the edge's process --------------------------------------------------------------------------
 
-    def _look_at_child(self, now: float) -> int | None:
+    def _check_child(self, now: float) -> int | None:
         """Start the edge when it is due; return the exit code once it has ended for good."""
         if self._child is None:
             if self._signalled:
@@ -200,15 +200,15 @@ class Supervisor:
         if code is None:
             return None
         while (edge := self._edge()) is not None:  # a child of the edge may still hold the connection open
-            self._gone(edge)
+            self._disconnected(edge)
         if not self._in_order or code < 0:
-            self._farewell.tell()
+            self._notice.send()
         if self._ending or not self._ran:
             return code if code >= 0 else 128 - code
         if now - self._started > STABLE_AFTER:
             self._waits = backoff(first=FIRST_WAIT, longest=LONGEST_WAIT)
         self._child, self._start_at = None, now + next(self._waits)
-        self._told(ended := f"the edge ended ({reason_of(code)}); it is started again")
+        self._report(ended := f"the edge ended ({reason_of(code)}); restarting it")
         self._manager.away(ended)
         return None
 
@@ -222,13 +222,13 @@ class Supervisor:
             if not self._ran:
                 raise
             self._start_at = now + next(self._waits)
-            self._told(f"the edge cannot be started: {error.strerror}; it is tried again")
+            self._report(f"the edge cannot be started: {error.strerror}; retrying")
             return
         if self._signalled:  # while it was being started
             self._child.send_signal(self._signalled)
 
     def _pass_on(self, number: int) -> None:
-        """Forward a signal to the edge, or note it while no edge is running."""
+        """Forward a signal to the edge, or record it while no edge is running."""
         if number != signal.SIGTSTP:
             self._ending = True
             self._manager.ending()
@@ -238,18 +238,18 @@ class Supervisor:
         elif self._ending:
             self._signalled = number
 
-    def _look_at_edge(self, now: float) -> None:
+    def _check_edge(self, now: float) -> None:
         """Kill an edge that is frozen; its end is then handled like any other."""
         edge = self._edge()
         if edge is None or self._child is None:
             return
         if edge.halts.must_halt:
             edge.halts.write()
-        if now - self._looked > ASLEEP:
+        if now - self._checked > ASLEEP:
             edge.heard = now  # we were suspended too: its heartbeats have not been read yet
         elif now - edge.heard > FROZEN:
             halted = edge.halts.write()
-            self._told(f"the edge is frozen: killed; halted: {', '.join(halted) or 'nobody'}")
+            self._report(f"the edge is frozen: killed; halted: {', '.join(halted) or 'none'}")
             self._child.kill()
             edge.heard = now
 
@@ -257,14 +257,14 @@ class Supervisor:
         """Return the connection of the edge's own process."""
         return next((peer for peer in self._peers if peer.is_edge), None)
 
-    # -- who is connected ----------------------------------------------------------------------------
+    # -- connections ---------------------------------------------------------------------------------
 
     def _accept(self, listener: socket.socket) -> None:
         """Accept a connection."""
         try:
             sock, _ = listener.accept()
         except OSError as error:
-            self._told(f"nobody can connect to the supervisor: {error.strerror}")
+            self._report(f"cannot accept a connection to the supervisor: {error.strerror}")
             return
         sock.setblocking(False)
         peer = _Peer(sock, self._clock.monotonic())
@@ -280,7 +280,7 @@ class Supervisor:
         except OSError:
             data, descriptors = b"", []
         if not data:
-            self._gone(peer)
+            self._disconnected(peer)
             return
         peer.heard = self._clock.monotonic()
         try:
@@ -288,7 +288,7 @@ class Supervisor:
         except (msgspec.DecodeError, OSError) as error:
             if isinstance(error, msgspec.DecodeError) and not _has_robots(peer):  # it may be a stop
                 self._stop(peer, StopRequest(why="a message to the supervisor could not be read"))
-            self._told(f"a message of {peer.name} to its supervisor was refused: {error}")
+            self._report(f"a message of {peer.name} to its supervisor was refused: {error}")
         for descriptor in descriptors:  # those that are kept were removed from the list
             with contextlib.suppress(OSError):
                 os.close(descriptor)
@@ -299,7 +299,7 @@ class Supervisor:
             case Hello():
                 self._hello(peer, message)
             case RegisterHalt() | UnregisterHalt() | WriteUntil():
-                answer = peer.halts.follow(message, descriptors)
+                answer = peer.halts.apply(message, descriptors)
                 if answer is not None:
                     peer.send(answer)
             case EdgeRunning() if peer.is_edge:
@@ -309,7 +309,7 @@ class Supervisor:
                 self._ending |= peer.is_edge
                 self._in_order |= peer.is_edge
             case LeftNotice() if peer.is_edge:
-                self._farewell.keep(descriptors)
+                self._notice.keep(descriptors)
             case StopRequest():
                 self._stop(peer, message)
             case StopAnswer():
@@ -317,7 +317,7 @@ class Supervisor:
             case ProcessHeartbeat() | EdgeRunning():
                 pass
             case _:
-                self._told(f"{peer.name} sent its supervisor a {type(message).__name__}")
+                self._report(f"{peer.name} sent its supervisor a {type(message).__name__}")
 
     def _hello(self, peer: _Peer, hello: Hello) -> None:
         """Register a process with robots; a new edge receives the stops that were kept for it."""
@@ -325,20 +325,20 @@ class Supervisor:
         peer.edge = self._edge_id = hello.edge
         peer.is_edge = self._child is not None and hello.process == self._child.pid
         if peer.is_edge:
-            self._farewell.break_off()
+            self._notice.abort()
         stops = tuple(self._stops) if peer.is_edge else ()
         if peer.send(Welcome(stops)) and peer.is_edge:
             self._stops.clear()
 
-    def _gone(self, peer: _Peer) -> None:
+    def _disconnected(self, peer: _Peer) -> None:
         """Handle the end of a connection: halt the robots that are still registered."""
         self._peers.remove(peer)
         self._selector.unregister(peer.sock)
         peer.sock.close()
         halted = peer.halts.write()
         if peer.halts.robots:
-            self._told(f"{peer.name} has died; halted: {', '.join(halted) or 'nobody'}")
-            self._dead.append(_Dead(peer.halts, REPEATS - 1, self._clock.monotonic() + LOOK))
+            self._report(f"{peer.name} has died; halted: {', '.join(halted) or 'none'}")
+            self._dead.append(_Dead(peer.halts, REPEATS - 1, self._clock.monotonic() + POLL))
         if peer.is_edge:
             for worker in filter(_has_robots, self._peers):
                 worker.send(OrderlyEnd())
@@ -348,7 +348,7 @@ class Supervisor:
         for dead in self._dead:
             if now >= dead.at:
                 dead.halts.write()
-                dead.left, dead.at = dead.left - 1, now + LOOK
+                dead.left, dead.at = dead.left - 1, now + POLL
             if dead.left == 0:
                 dead.halts.close()
         self._dead = [dead for dead in self._dead if dead.left]
@@ -359,37 +359,37 @@ class Supervisor:
         """Forward a stop to every process with robots, or keep it for the next edge."""
         self._numbers += 1
         stop = msgspec.structs.replace(stop, by=asker.user)
-        asked = _Asked(asker, stop, self._clock.monotonic() + ANSWER_WITHIN)
-        self._asked[self._numbers] = asked
+        pending = _PendingStop(asker, stop, self._clock.monotonic() + ANSWER_WITHIN)
+        self._pending_stops[self._numbers] = pending
         passed_on = msgspec.structs.replace(stop, number=self._numbers)
-        asked.told = [peer for peer in filter(_has_robots, self._peers) if peer.send(passed_on)]
-        asked.had_edge = any(peer.is_edge for peer in asked.told)
-        if not asked.had_edge:
-            asked.until = self._clock.monotonic()
+        pending.unanswered = [peer for peer in filter(_has_robots, self._peers) if peer.send(passed_on)]
+        pending.had_edge = any(peer.is_edge for peer in pending.unanswered)
+        if not pending.had_edge:
+            pending.until = self._clock.monotonic()
 
     def _stopped(self, peer: _Peer, answer: StopAnswer) -> None:
         """Handle a process's answer to a stop; after the last one, answer the sender of the stop."""
-        asked = self._asked.get(answer.number)
-        if asked is None or peer not in asked.told:
+        pending = self._pending_stops.get(answer.number)
+        if pending is None or peer not in pending.unanswered:
             return
-        asked.names += answer.names
-        asked.told.remove(peer)
-        if not asked.told:
-            del self._asked[answer.number]
-            asked.peer.send(StopAnswer(asked.stop.number, peer.edge, tuple(asked.names)))
+        pending.names += answer.names
+        pending.unanswered.remove(peer)
+        if not pending.unanswered:
+            del self._pending_stops[answer.number]
+            pending.peer.send(StopAnswer(pending.stop.number, peer.edge, tuple(pending.names)))
 
-    def _look_at_stops(self, now: float) -> None:
+    def _check_stops(self, now: float) -> None:
         """Write the halts of processes that did not answer a stop; keep one that no edge took."""
-        late = [number for number, asked in self._asked.items() if now >= asked.until]
+        late = [number for number, pending in self._pending_stops.items() if now >= pending.until]
         for number in late:
-            asked = self._asked.pop(number)
-            taken = asked.had_edge and not any(peer.is_edge for peer in asked.told)
-            if not taken and asked.stop.names not in (each.names for each in self._stops):
-                self._stops.append(msgspec.structs.replace(asked.stop, number=0))
-            silent = asked.told if taken else self._peers
-            asked.names += (robot for peer in silent for robot in peer.halts.write())
+            pending = self._pending_stops.pop(number)
+            taken = pending.had_edge and not any(peer.is_edge for peer in pending.unanswered)
+            if not taken and pending.stop.names not in (each.names for each in self._stops):
+                self._stops.append(msgspec.structs.replace(pending.stop, number=0))
+            silent = pending.unanswered if taken else self._peers
+            pending.names += (robot for peer in silent for robot in peer.halts.write())
             kept = not taken and not self._ending
-            asked.peer.send(StopAnswer(asked.stop.number, self._edge_id, tuple(asked.names), kept=kept))
+            pending.peer.send(StopAnswer(pending.stop.number, self._edge_id, tuple(pending.names), kept=kept))
 
 
 def _has_robots(peer: _Peer) -> bool:

@@ -1,4 +1,4 @@
-"""For the authors of adapters: the contract as tests, a robot that records, a clock to turn, bad wires.
+"""Tools for authors of adapters: contract tests, a recording robot, a manual clock, faulty links.
 
-``contract`` needs pytest; the rest needs nothing that the host does not need.
+``contract`` needs pytest; the other modules need only the dependencies of the host.
 """

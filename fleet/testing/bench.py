@@ -1,4 +1,4 @@
-"""An adapter under test, connected to its robot's side as the host connects it, and watched all the time."""
+"""An adapter under test, connected to its robot as the host connects it, with checks in the background."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from fleet.testing.operator import Operator
 from fleet.testing.probes import implausible
 from fleet.testing.robot import LoopRobot, RecordingRobot, serve
 
-BLOCKS = 0.4  # s for which the event loop may stand still; the dead-man fires after 0.5 s
-LOOK = 0.02  # s between two looks at the event loop
+BLOCKS = 0.4  # s for which the event loop may be blocked; the dead-man fires after 0.5 s
+LOOK = 0.02  # s between checks of the event loop
 ONLINE_WITHIN = 60.0  # s; a simulator may have to start first
-STEP = 0.05  # s between two looks at the robot
-FRESH = 0.5  # s; a robot that stands may report no pose
-ENDS_WITHIN = 5.0  # s that the tasks of an attempt have to end
+STEP = 0.05  # s between checks of the robot
+FRESH = 0.5  # s; a robot at rest may report no pose
+ENDS_WITHIN = 5.0  # s within which the tasks of an attempt must end
 
 
 class Bench(Operator):
-    """A connected adapter, and the operator at its controls; ``life`` is the task of its attempt."""
+    """A connected adapter and its operator; ``life`` is the task of its attempt."""
 
     def __init__(self, adapter: Adapter[Any], robot: LoopRobot | RecordingRobot) -> None:
         super().__init__(adapter)
@@ -35,7 +35,7 @@ class Bench(Operator):
         self.life = asyncio.ensure_future(serve(adapter))
 
     async def pass_time(self, seconds: float) -> None:
-        """Let time pass for the adapter; raises what ended its attempt."""
+        """Let time pass for the adapter; raises the exception that ended its attempt."""
         if isinstance(self.robot, RecordingRobot):
             for _ in range(3):
                 await asyncio.sleep(0)
@@ -47,7 +47,7 @@ class Bench(Operator):
             raise AssertionError("its run has ended by itself")
 
     async def until(self, holds: Callable[[], bool], within: float) -> bool:
-        """Let time pass until something holds; False when it does not ``within`` s."""
+        """Let time pass until a condition holds; returns False if it does not within ``within`` s."""
         for _ in range(max(1, round(within / STEP))):
             if holds():
                 return True
@@ -56,12 +56,12 @@ class Bench(Operator):
 
     @property
     def is_online(self) -> bool:
-        """True when the adapter can be asked and the robot is not offline."""
+        """True if the adapter is connected and the robot is not offline."""
         healths = self.robot.healths
         return self.robot.is_connected and bool(healths) and healths[-1].level < Level.OFFLINE
 
     def velocity_by_poses(self) -> Velocity | None:
-        """Return the body velocity that the newest two poses show; None without two that are fresh."""
+        """Return the body velocity from the newest two poses; None without two recent poses."""
         poses = self.robot.reports_of(PoseReport)
         if len(poses) < 2 or self.robot.clock.time() - poses[-1].stamp > FRESH:
             return None
@@ -77,9 +77,9 @@ class Bench(Operator):
 
 @contextlib.asynccontextmanager
 async def connected(adapter: Adapter[Any], robot: LoopRobot | RecordingRobot) -> AsyncIterator[Bench]:
-    """Connect an adapter for the time of a block; raises AssertionError for what the host cannot live with.
+    """Connect an adapter for the time of a block; raises AssertionError for violations of the contract.
 
-    That is: an event loop that stands still, a task that outlives the attempt, a report that cannot be true.
+    Violations are a blocked event loop, a task that outlives the attempt, and an impossible report.
     """
     before = asyncio.all_tasks()
     with _unblocked():
@@ -101,7 +101,7 @@ async def connected(adapter: Adapter[Any], robot: LoopRobot | RecordingRobot) ->
 
 @contextlib.contextmanager
 def _unblocked() -> Iterator[None]:
-    """Watch the running loop from another thread; raises AssertionError with the place where it blocked."""
+    """Monitor the running loop from another thread; raises AssertionError with the place where it blocked."""
     loop = asyncio.get_running_loop()
     seen, done, places = LoopMonitor(loop), threading.Event(), set[str]()
     turned = [time.monotonic()]
@@ -115,7 +115,7 @@ def _unblocked() -> Iterator[None]:
         silence = LoopSilence(LOOK)
         while not done.wait(LOOK):
             silence.look(time.monotonic(), turned[0], seen.cpu(), seen.waited())
-            if silence.blamed > BLOCKS:
+            if silence.attributable > BLOCKS:
                 places.add(seen.place())
 
     beat()

@@ -1,4 +1,4 @@
-"""A clock that tests turn; and, for tests too, the clock and the event loop of simulated time."""
+"""A manual clock; also exports the clock and the event loop of simulated time."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ __all__ = ["JumpingLoop", "LoopClock", "ManualClock"]
 
 
 class ManualClock:
-    """A fleet.clock.Clock that stands still until it is told to go on."""
+    """A fleet.clock.Clock that moves only when the test advances it."""
 
     def __init__(self, *, monotonic: float = 1000.0, time: float = EPOCH) -> None:
         self._monotonic = monotonic
         self._time = time
 
     def monotonic(self) -> float:
-        """Return seconds that never jump."""
+        """Return monotonic seconds."""
         return self._monotonic
 
     def time(self) -> float:
@@ -23,7 +23,7 @@ class ManualClock:
         return self._time
 
     def advance(self, seconds: float) -> None:
-        """Let time pass; raises ValueError for time that runs backwards."""
+        """Let time pass; raises ValueError for a negative time."""
         if seconds < 0:
             raise ValueError("time does not run backwards; step() sets the wall clock")
         self._monotonic += seconds

@@ -1,12 +1,12 @@
-r"""The contract of an adapter, as tests: subclass, name the adapter and an example of its config.
+r"""The contract of an adapter as tests: subclass, name the adapter and an example of its config.
 
     class TestRover(FrameContract):
         adapter = Rover
         config = {"adapter": "rover", "link": "tcp:127.0.0.1:9000"}
         said = (b"B 24.1 87\n",)
 
-No robot and no link is needed, and of pytest no plugin. Whoever passes can be run by the host: it comes
-online, moves as it is asked and no other way, stands after a stop, and leaves nothing behind.
+It needs no robot, no link and no pytest plugin. An adapter that passes can be run by the host: it comes
+online, moves as commanded and not otherwise, stands still after a stop, and leaves nothing behind.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from fleet.testing.probes import (
 from fleet.testing.robot import LoopRobot, RecordingRobot
 from fleet.testing.wires import Datagrams, OneByteAtATime
 
-TALKS = 0.2  # s between two words of a robot in memory
+TALKS = 0.2  # s between two frames of a robot in memory
 STAMP = 1_800_000_000.0  # Unix s
 EXTREMES = tuple(
     Velocity(Vector3(*linear), yaw_rate)
@@ -63,11 +63,11 @@ _names = itertools.count()
 
 
 class AdapterContract:
-    """What the host relies on, whatever the robot. ``config`` needs no ``name`` and no ``twin``."""
+    """Tests of the properties on which the host relies. ``config`` needs no ``name`` and no ``twin``."""
 
     adapter: ClassVar[AdapterClass]
     config: ClassVar[Mapping[str, Any]]
-    settles: ClassVar[float] = 5.0  # s until the robot does what it was told
+    settles: ClassVar[float] = 5.0  # s until the robot follows a command
 
     def make_config(self, **changes: object) -> AdapterConfig:
         """Return the example config with changes."""
@@ -76,25 +76,25 @@ class AdapterContract:
 
     @contextlib.asynccontextmanager
     async def robot_side(self) -> AsyncIterator[Mapping[str, Any]]:
-        """Give the fields of the config that lead to a robot; override it to start one first.
+        """Yield the config fields that lead to a robot; override it to start one first.
 
-        Left as it is, ``config`` must lead to one by itself (``link: sim:...``).
+        By default ``config`` must lead to a robot by itself (``link: sim:...``).
         """
         yield {}
 
     async def prepare(self, bench: Bench) -> None:
-        """Bring a connected robot to where it can drive; override it (``await bench.do("stand_up")``)."""
+        """Make a connected robot ready to drive; override it (``await bench.do("stand_up")``)."""
 
     def velocity(self, bench: Bench) -> Velocity | None:
-        """Return what the robot's side does now, m/s and rad/s; None while that is unknown.
+        """Return the robot's present velocity in m/s and rad/s; None while it is unknown.
 
-        Left as it is, what the reported poses show. Override it where the robot reports none.
+        By default it is computed from the reported poses. Override it if the robot reports none.
         """
         return bench.velocity_by_poses()
 
     @contextlib.asynccontextmanager
     async def bench(self) -> AsyncIterator[Bench]:
-        """Connect an adapter to its robot's side and wait until it is online."""
+        """Connect an adapter to its robot and wait until it is online."""
         async with self.robot_side() as changes:
             config = self.make_config(**changes)
             robot = LoopRobot(limits=config.limits.over(self.adapter.limits))
@@ -105,7 +105,7 @@ class AdapterContract:
                 yield bench
 
     def make(self) -> Adapter[Any]:
-        """Return a new adapter as the host makes it, not yet connected."""
+        """Return a new adapter as the host creates it, not connected yet."""
         return create_adapter(self.adapter, self.make_config(), RecordingRobot())
 
     def test_the_example_config_is_accepted(self) -> None:
@@ -181,7 +181,7 @@ class AdapterContract:
             asyncio.run(live())
 
     def motion(self, bench: Bench) -> MotionTrial:
-        """Return what moves and stops the robot of a test."""
+        """Return the trial that moves and stops the robot of a test."""
         return MotionTrial(bench, lambda: self.velocity(bench), self.settles)
 
     def test_a_robot_that_drives_says_how_fast(self) -> None:
@@ -194,9 +194,9 @@ class AdapterContract:
 
 
 class FrameContract(AdapterContract):
-    """What the host relies on from a FrameAdapter besides.
+    """Additional tests of the properties on which the host relies in a FrameAdapter.
 
-    ``said`` is what its robot says, frame by frame, as it comes from the link: line endings and all.
+    ``said`` has examples of the robot's frames as they come from the link, with line endings.
     """
 
     adapter: ClassVar[type[FrameAdapter[Any]]]
@@ -204,26 +204,26 @@ class FrameContract(AdapterContract):
     settles: ClassVar[float] = 0.5
 
     def velocity_of(self, frame: bytes) -> Velocity | None:
-        """Return the velocity that the robot has once it was told this, None for what does not move it.
+        """Return the velocity that a frame sets; None if the frame does not affect motion.
 
-        Written from the robot's manual, not from the adapter: it is what tells a wrong unit or sign.
+        Write it from the robot's manual, not from the adapter: it detects a wrong unit or sign.
         """
         raise AssertionError(f"{type(self).__name__} needs velocity_of(frame): what does {frame!r} do?")
 
-    def velocity(self, bench: Bench) -> Velocity | None:  # noqa: ARG002 - the machine knows
-        """Return what the robot does after all that was written to it."""
+    def velocity(self, bench: Bench) -> Velocity | None:  # noqa: ARG002 - the frames in the machine decide
+        """Return the velocity set by the newest motion frame that was written."""
         told = (self.velocity_of(frame) for frame in reversed(self.machine.heard))
         return next((velocity for velocity in told if velocity is not None), None)
 
     @contextlib.asynccontextmanager
     async def bench(self) -> AsyncIterator[Bench]:
-        """Connect the adapter to a robot in memory that says ``said``; time passes when the test lets it."""
+        """Connect the adapter to a robot in memory that sends ``said``; the test advances the time."""
         with MemoryRobot(f"contract-{next(_names)}") as self.machine:
             config = self.make_config(link=f"memory:{self.machine.name}")
             robot = RecordingRobot(limits=config.limits.over(self.adapter.limits))
             async with connected(create_adapter(self.adapter, config, robot), robot) as bench:
                 assert await bench.until(lambda: robot.is_connected, ONLINE_WITHIN)
-                talking = _Talk(self.machine, self.said)
+                talking = _ExampleSender(self.machine, self.said)
                 robot.every(TALKS, talking.say)
                 assert await bench.until(lambda: bench.is_online, ONLINE_WITHIN), (
                     f"it never comes online: {robot.healths[-1:]}"
@@ -255,15 +255,15 @@ class FrameContract(AdapterContract):
 
     @staticmethod
     def _performed(inner: FrameAdapter[Any], spec: CommandSpec) -> list[Any]:
-        """Return what a command yields for the least of data that it takes."""
+        """Return the frames that a command yields for its minimal data."""
         return list(getattr(inner, spec.method)(**least_data(spec)))
 
     def inner(self) -> FrameAdapter[Any]:
-        """Return a new FrameAdapter, without the host around it."""
+        """Return a new FrameAdapter without its runner."""
         return self.adapter(self.make_config())
 
     def frames(self) -> list[bytes]:
-        """Return what ``said`` holds, cut into frames."""
+        """Return ``said``, split into frames."""
         cutter = self.adapter.framing.cutter()
         return [frame for piece in self.said for frame in cutter.feed(piece)]
 
@@ -331,19 +331,19 @@ class FrameContract(AdapterContract):
         return list(inner.drive(velocity))
 
 
-class _Talk:
-    """A robot that says one thing after another."""
+class _ExampleSender:
+    """Sends the example frames in turn."""
 
     def __init__(self, machine: MemoryRobot, said: tuple[bytes, ...]) -> None:
         self._machine = machine
         self._said = itertools.cycle(said)
 
     def say(self) -> None:
-        """Say the next."""
+        """Send the next frame."""
         for frame in itertools.islice(self._said, 1):
             self._machine.say(frame)
 
 
 def _is_number(form: object) -> bool:
-    """Return True for a type whose values are numbers, or lists of them, or nothing."""
+    """Return True for a type whose values are numbers, lists of numbers, or None."""
     return any(_is_number(inner) for inner in typing.get_args(form)) or form in (int, float)

@@ -12,25 +12,25 @@ from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 
-PERIOD = 0.1  # s between the velocities that an operator's stick sends
+PERIOD = 0.1  # s between the velocities of an operator's stick
 
 
 class Operator:
-    """Carries out commands of a connected adapter and drives it; ``adapter`` is what ``running`` yields.
+    """Executes commands of a connected adapter and drives it; ``adapter`` is the one that ``running`` yields.
 
-    Also a base for a test's own robot, which may set ``adapter`` later.
+    It is also a base class for a robot in a test, which may set ``adapter`` later.
     """
 
     def __init__(self, adapter: Adapter[Any]) -> None:
         self.adapter = adapter
 
     async def do(self, name: str, /, **data: object) -> object:
-        """Carry out a command; return its answer, or its progress in percent.
+        """Execute a command; return its answer, or its progress values in percent.
 
-        Raises what the command raises, TimeoutError after the time that it declares, and LookupError for a
+        Raises the exception of the command, TimeoutError after its declared timeout, and LookupError for a
         command that the adapter does not declare.
         """
-        # The runner of a FrameAdapter declares none itself.
+        # The runner of a FrameAdapter declares no commands itself.
         declared = self.adapter.inner if isinstance(self.adapter, FrameAdapterRunner) else self.adapter
         commands = capabilities(type(declared)).commands
         if name not in commands:
@@ -44,7 +44,7 @@ class Operator:
                 return [progress.percent async for progress in doing]
 
     async def drive(self, velocity: Velocity, seconds: float) -> None:
-        """Ask for a velocity at 10 Hz; raises what ``Adapter.drive`` raises."""
+        """Repeat a velocity at 10 Hz for some seconds; raises the exception of ``Adapter.drive``."""
         for _ in range(round(seconds / PERIOD)):
             self.adapter.drive(velocity)
             await asyncio.sleep(PERIOD)

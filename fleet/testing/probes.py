@@ -1,4 +1,4 @@
-"""What the contract tests are made of: work with a time-out, noise, and looks inside values."""
+"""Parts of the contract tests: work with a timeout, noise, and inspection of values."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from fleet.commands import CommandSpec
 from fleet.errors import CommandError
 from fleet.model.geometry import Velocity
 
-SOON = 10.0  # s; what does not block takes no time, but test computers are slow
+SOON = 10.0  # s; non-blocking work takes no time, but test computers are slow
 _MUTABLE = (list, set, bytearray, collections.deque)
 _BASES = (AdapterBase, Adapter, FrameAdapter)
 _NOT_STATE = frozenset({"framing", "_abc_impl"})
@@ -40,9 +40,9 @@ ParamsT = ParamSpec("ParamsT")
 
 
 def in_time(work: Callable[ParamsT, ResultT], *args: ParamsT.args, **kwargs: ParamsT.kwargs) -> ResultT:
-    """Do work on another thread and return its result; raises what it raises.
+    """Run work on another thread and return its result; raises its exception.
 
-    Raises AssertionError when it is not done within ``SOON``: it blocks.
+    Raises AssertionError if it does not return within ``SOON`` seconds, because it blocks.
     """
     results: list[ResultT] = []
     errors: list[BaseException] = []
@@ -65,7 +65,7 @@ def in_time(work: Callable[ParamsT, ResultT], *args: ParamsT.args, **kwargs: Par
 def unless_refused(
     work: Callable[ParamsT, ResultT], *args: ParamsT.args, **kwargs: ParamsT.kwargs
 ) -> ResultT | None:
-    """Return the result of work, None when it was refused in the way the host understands."""
+    """Return the result of work; None if it raised a CommandError, which the host understands."""
     try:
         return work(*args, **kwargs)
     except CommandError:
@@ -73,7 +73,7 @@ def unless_refused(
 
 
 def noise_like(frames: list[bytes]) -> Iterator[bytes]:
-    """Yield what bad lines make of frames: cut, repeated, corrupted, with impossible numbers; and rubbish."""
+    """Yield corrupted frames: cut, repeated, with flipped bytes or impossible numbers; and random bytes."""
     source = random.Random(0)  # noqa: S311 - repeatable on purpose
     yield b""
     for length in range(1, 200):
@@ -90,7 +90,7 @@ def noise_like(frames: list[bytes]) -> Iterator[bytes]:
 
 
 def numbers_in(value: object) -> Iterator[float]:
-    """Yield every float in a report, however deep."""
+    """Yield every float in a report, at any depth."""
     if isinstance(value, float):
         yield value
     elif isinstance(value, msgspec.Struct):
@@ -113,12 +113,12 @@ _PLAUSIBLE: dict[str, tuple[float, float]] = {
     "JointReport.positions": (-1000.0, 1000.0),
     "GpsReport.heading": (-360.0, 360.0),
 }
-"""What no robot's measurement is beyond, in the units of the reports: a unit that is wrong shows here."""
+"""Bounds of plausible measurements in the units of the reports; a wrong unit exceeds them."""
 _STAMP_OFF = 3600.0  # s
 
 
 def implausible(report: Any, now: float) -> str:
-    """Say what in a report cannot be true: not-a-number, a wrong unit, a stamp far from ``now`` (Unix s)."""
+    """Return the error in an impossible report: not-a-number, wrong unit, stamp far from ``now`` (Unix s)."""
     kind = type(report).__name__
     if not all(map(math.isfinite, numbers_in(report))):
         return f"{report} has a number that is not finite; leave out what is unknown"
@@ -133,7 +133,7 @@ def implausible(report: Any, now: float) -> str:
 
 
 def containers_of(adapter: Adapter[Any] | FrameAdapter[Any]) -> set[int]:
-    """Return the identities of the changeable containers that an adapter holds, its classes' included."""
+    """Return the identities of the mutable containers of an adapter and of its classes."""
     own = [value for value in vars(adapter).values() if isinstance(value, (*_MUTABLE, dict))]
     shared = [
         value
@@ -147,7 +147,7 @@ def containers_of(adapter: Adapter[Any] | FrameAdapter[Any]) -> set[int]:
 
 
 def _has_state(name: str, value: object) -> bool:
-    """Return True for what all robots of a class would share: a dictionary, an object with attributes.
+    """Return True for a value that all robots of a class would share: a dictionary or a stateful object.
 
     A table in capitals is a constant.
     """
@@ -157,7 +157,7 @@ def _has_state(name: str, value: object) -> bool:
 
 
 def near(velocity: Velocity | None, wanted: Velocity) -> bool:
-    """Return True for a velocity within 30 % and 0.05 (m/s, rad/s) of another, in each of its parts."""
+    """Return True if two velocities agree within 30 % plus 0.05 (m/s, rad/s) in each component."""
     if velocity is None:
         return False
     return all(
@@ -166,18 +166,18 @@ def near(velocity: Velocity | None, wanted: Velocity) -> bool:
 
 
 def _parts(velocity: Velocity) -> tuple[float, ...]:
-    """Return what a velocity is made of."""
+    """Return the components of a velocity."""
     return velocity.linear.x, velocity.linear.y, velocity.linear.z, velocity.yaw_rate
 
 
 def least_data(spec: CommandSpec) -> dict[str, Any]:
-    """Return the least data that a command takes: what must be given, as low as it may be."""
+    """Return the minimal data of a command: only required parameters, with their lowest values."""
     required = [field for field in msgspec.structs.fields(spec.parameters) if field.required]
     return {field.name: _least(spec, field) for field in required}
 
 
 def _least(spec: CommandSpec, field: msgspec.structs.FieldInfo) -> Any:
-    """Return the lowest value of a parameter; of what is no number the one that says nothing."""
+    """Return the lowest value of a number, or the empty value of another type."""
     bounds = spec.ranges.get(field.name)
     if bounds is not None:
         return bounds.least if math.isfinite(bounds.least) else 0

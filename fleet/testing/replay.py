@@ -1,4 +1,4 @@
-"""A regression test made of a recording: what an adapter makes of the frames that a robot sent once."""
+"""Regression tests from recordings: replay the frames of a robot through its adapter."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ from fleet.robot_config import AdapterConfig
 def differences_from(
     path: str | Path, adapter: type[AnyAdapter], config: AdapterConfig | Mapping[str, Any]
 ) -> list[Difference]:
-    """Return what an adapter reports otherwise than was recorded; empty when all is as it was.
+    """Return the differences between an adapter's reports and the recorded ones; empty if there are none.
 
-    ``path``: a file of ``fleet record``; ``config``: the robot's entry of fleet.yaml. It must be called where
-    no event loop runs. Raises Refused when there is nothing to compare, StateError for a file without
-    messages.
+    ``path`` is a file of ``fleet record``; ``config`` is the robot's entry in fleet.yaml. Call it where no
+    event loop runs. Raises Refused if there is nothing to compare, StateError for a file without messages.
     """
     made = config if isinstance(config, AdapterConfig) else adapter.Config.model_validate(config)
     return list(replay_robot(load_recording(Path(path)), adapter, made).found)

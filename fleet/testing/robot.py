@@ -1,4 +1,4 @@
-"""A Robot for tests: it records what an adapter tells the host, and the test makes its time pass."""
+"""Implementations of Robot for tests: they record the calls of an adapter and control its time."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ OpenT = TypeVar("OpenT")
 ResultT = TypeVar("ResultT")
 ParamsT = ParamSpec("ParamsT")
 ReportT = TypeVar("ReportT", bound=Report)
-WITHIN = 60.0  # s; how long a test waits for what must happen, on a slow computer
+WITHIN = 60.0  # s; default timeout of a wait, for slow computers
 
 
 async def serve(adapter: Adapter[Any]) -> None:
-    """Connect and run an adapter as the host does, until it ends or raises; a test's task for it."""
+    """Connect and run an adapter as the host does, until it ends or raises; to be run as a task."""
     robot = adapter.robot
     assert isinstance(robot, _Robot)
     async with robot.attempt():
@@ -39,9 +39,9 @@ async def serve(adapter: Adapter[Any]) -> None:
 async def running(
     adapter: AdapterClass, config: AdapterConfig, within: float = WITHIN
 ) -> AsyncIterator[tuple[Adapter[Any], LoopRobot]]:
-    """Run an adapter in real time for a block, which begins when its robot answers.
+    """Run an adapter in real time for the time of a block, which begins when the robot is online.
 
-    Yields the adapter as the host has it, and its robot. Raises what ends the adapter, and TimeoutError.
+    Yields the adapter and its robot. Raises the exception that ends the adapter, or TimeoutError.
     """
     robot = LoopRobot(config.name, adapter.limits)
     made = create_adapter(adapter, config, robot)
@@ -63,11 +63,12 @@ async def running(
 
 
 class _Robot:
-    """What both robots below record: ``reports``, ``healths``, ``losses``, ``left_halts``, oldest first.
+    """Records the calls of an adapter: ``reports``, ``healths``, ``losses``, ``left_halts``, oldest first.
 
-    ``lacking``: what of its adapter's vocabulary the robot does not have, with the reason.
-    ``limits``: those that are said to be in force; ``state`` outlives attempts. ``is_connected``: ``connect``
-    of its adapter has returned. ``emergency_stop``: one is set, as a test wants.
+    - ``lacking``: parts of the adapter's vocabulary that the robot does not support, with the reasons.
+    - ``limits``: the effective limits; ``state`` survives attempts.
+    - ``is_connected``: ``connect`` of the adapter has returned.
+    - ``emergency_stop``: set by a test.
     """
 
     def __init__(self, name: str, limits: Limits) -> None:
@@ -85,29 +86,29 @@ class _Robot:
         self.left_halts: list[tuple[bytes, ...]] = []
         self.circle = 0.0
         self.lacking: dict[str, str] = {}
-        self._told = asyncio.Event()
+        self._changed = asyncio.Event()
 
     def report(self, report: Report) -> None:
-        """Record a report; the first means ok, as it does to the host."""
+        """Record a report; the first one marks the robot as ok, as in the host."""
         self.reports.append(report)
         self._answers(answers=True)
-        self._told.set()
+        self._changed.set()
 
     @contextlib.asynccontextmanager
     async def attempt(self) -> AsyncIterator[None]:
-        """Leave at the end what an adapter has entered."""
+        """Run an attempt; exit the contexts of the adapter at its end."""
         self.is_connected = False
         async with self._contexts:
             yield
 
     def connected(self, *, answers: bool) -> None:
-        """Note that ``connect`` has returned; ``answers``: that means that the robot is there."""
+        """Record that ``connect`` has returned; ``answers``: its return means that the robot answers."""
         self.is_connected = True
         self._answers(answers=answers or bool(self.reports))
-        self._told.set()
+        self._changed.set()
 
     def _answers(self, *, answers: bool) -> None:
-        """Say that all is well where the adapter has said nothing of it, as the host does."""
+        """Set the health to ok, as the host does, unless the adapter has set it."""
         if answers and self.is_connected and not self.healths:
             self.health(Health())
 
@@ -118,7 +119,7 @@ class _Robot:
     async def blocking(
         self, call: Callable[ParamsT, ResultT], *args: ParamsT.args, **kwargs: ParamsT.kwargs
     ) -> ResultT:
-        """Make a call that blocks on a thread of its own."""
+        """Make a blocking call on a thread of its own."""
         return await self._blocking.call(call, *args, **kwargs)
 
     def reports_of(self, kind: type[ReportT]) -> list[ReportT]:
@@ -126,41 +127,41 @@ class _Robot:
         return [report for report in self.reports if isinstance(report, kind)]
 
     def health(self, health: Health) -> None:
-        """Record how the way to the robot is."""
+        """Record the health of the robot."""
         self.healths.append(health)
-        self._told.set()
+        self._changed.set()
 
     def authority_lost(self, reason: str) -> None:
-        """Record that somebody else took the robot."""
+        """Record that a pilot or another station took control."""
         self.losses.append(reason)
-        self._told.set()
+        self._changed.set()
 
     def lacks(self, reasons: Mapping[str, str]) -> None:
-        """Record what of the declared vocabulary the robot does not have."""
+        """Record the parts of the vocabulary that the robot does not support."""
         self.lacking = dict(reasons)
 
     def circles(self, radius: float) -> None:
-        """Record how wide the robot circles where it ends, m."""
+        """Record the radius of the robot's circle in m."""
         self.circle = radius
 
-    def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:  # noqa: ARG002 - nobody else opens it here
-        """Record what would halt the robot after the death of its process."""
+    def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:  # noqa: ARG002 - no supervisor opens it here
+        """Record the frames that would halt the robot after the death of its process."""
         self.left_halts.append(tuple(frames))
 
     def share(
         self,
-        key: str,  # noqa: ARG002 - a lone robot shares with nobody
+        key: str,  # noqa: ARG002 - a single robot shares nothing
         make: Callable[[], AbstractAsyncContextManager[OpenT]],
     ) -> AbstractAsyncContextManager[OpenT]:
-        """Return what ``make`` gives."""
+        """Return the context of ``make``."""
         return make()
 
     async def until(self, condition: Callable[[], bool], within: float = WITHIN) -> None:
-        """Wait until a condition on what was recorded holds; raises TimeoutError."""
+        """Wait until a condition on the records holds; raises TimeoutError."""
         async with asyncio.timeout(within):
             while not condition():
-                self._told.clear()
-                await self._told.wait()
+                self._changed.clear()
+                await self._changed.wait()
 
     async def first(self, kind: type[ReportT]) -> ReportT:
         """Wait for the first report of a kind; raises TimeoutError."""
@@ -169,10 +170,7 @@ class _Robot:
 
 
 class RecordingRobot(_Robot):
-    """What an adapter's ``run`` is given in a test that advances the time itself.
-
-    ``reports``, ``healths`` and ``losses`` are what it was told, oldest first.
-    """
+    """The robot of an adapter in a test that advances the time itself."""
 
     def __init__(
         self, name: str = "robot", clock: ManualClock | None = None, limits: Limits | None = None
@@ -182,13 +180,13 @@ class RecordingRobot(_Robot):
         self._calls: list[_Periodic] = []
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
-        """Hang a call on the wheel, which ``advance`` turns."""
+        """Schedule a periodic call, made by ``advance``."""
         self._calls.append(_Periodic(seconds, call, self.clock.monotonic() + seconds))
 
     def advance(self, seconds: float) -> None:
-        """Turn the wheel: let time pass and make the calls that are due, in their order.
+        """Let time pass and make the calls that are due, in order.
 
-        What a call raises is raised here; the host would end the ``run``.
+        Raises the exception of a call; the host would end the ``run``.
         """
         end = self.clock.monotonic() + seconds
         while self._calls:
@@ -202,9 +200,9 @@ class RecordingRobot(_Robot):
 
 
 class LoopRobot(_Robot):
-    """The same, in the time of the running event loop, which makes the calls; ``close`` ends them.
+    """A recording robot in the time of the running event loop, which makes the calls until ``close``.
 
-    The loop's time may be a test's own: then everything goes as fast as it can.
+    In a loop with simulated time everything runs as fast as possible.
     """
 
     def __init__(self, name: str = "robot", limits: Limits | None = None) -> None:
@@ -213,7 +211,7 @@ class LoopRobot(_Robot):
         self._timers: dict[Callable[[], None], asyncio.TimerHandle] = {}
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
-        """Make a call again and again."""
+        """Schedule a periodic call."""
         loop = asyncio.get_running_loop()
 
         def again() -> None:
@@ -223,13 +221,13 @@ class LoopRobot(_Robot):
         self._timers[call] = loop.call_later(seconds, again)
 
     def close(self) -> None:
-        """Make no more calls."""
+        """Cancel all periodic calls."""
         for timer in self._timers.values():
             timer.cancel()
 
 
 class _Periodic:
-    """One call on the wheel and when it is due (monotonic s)."""
+    """One periodic call, with the time when it is due (monotonic s)."""
 
     def __init__(self, period: float, call: Callable[[], None], due: float) -> None:
         self.period = period

@@ -1,4 +1,4 @@
-"""Waiting in tests: on what should happen, with a deadline, never for a fixed time."""
+"""Waits in tests: for a condition with a deadline, never for a fixed time."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-DEADLINE = 60.0  # s; busy computers are slow, and when all is well nothing waits for it
-LOOK = 0.02  # s between looks
+DEADLINE = 60.0  # s; long because busy computers are slow, and a passing test never waits for it
+LOOK = 0.02  # s between checks
 
 
 def wait_until(what: str, holds: Callable[[], T], *, within: float = DEADLINE) -> T:
     """Return the first true value of ``holds``; raises AssertionError after ``within`` seconds.
 
-    For threads and processes; ``what`` names what was awaited.
+    For threads and processes; ``what`` describes the awaited condition in the error.
     """
     end = time.monotonic() + within
     pause = threading.Event()

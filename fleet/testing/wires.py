@@ -1,8 +1,8 @@
-"""Bad wires: what real lines do to bytes, the same on every run with the same seed.
+"""Faulty wires: damage to bytes as on real lines, reproducible with the same seed.
 
-A wire takes the pieces that were sent and gives the pieces that arrive. It stands between two cutters'
-worth of pure code (``for piece in wire.carry(data): cutter.feed(piece)``), before a receiver (``over``), or
-around a link (``WornLink``).
+A wire takes the pieces that were sent and returns the pieces that arrive. Use it between two pure functions
+(``for piece in wire.carry(data): cutter.feed(piece)``), before a receiver (``over``), or around a link
+(``WornLink``).
 """
 
 from __future__ import annotations
@@ -14,41 +14,41 @@ from fleet.link.base import Address, Link, Receiver
 
 
 class Wire(Protocol):
-    """Something that bytes go through."""
+    """A transmission medium."""
 
     def carry(self, data: bytes) -> list[bytes]:
         """Take one piece; return the pieces that arrive now."""
 
     def rest(self) -> list[bytes]:
-        """Return the pieces that are still under way."""
+        """Return the pieces that are still in transit."""
 
 
-class _Prompt:
-    """A wire that keeps nothing back."""
+class _Undelayed:
+    """Base of wires that delay nothing."""
 
     def rest(self) -> list[bytes]:
         """Return nothing."""
         return []
 
 
-class Datagrams(_Prompt):
-    """A good wire: every piece arrives, whole."""
+class Datagrams(_Undelayed):
+    """A good wire: every piece arrives whole."""
 
     def carry(self, data: bytes) -> list[bytes]:
         """Return the piece."""
         return [data]
 
 
-class OneByteAtATime(_Prompt):
-    """Every byte arrives alone."""
+class OneByteAtATime(_Undelayed):
+    """Delivers every byte separately."""
 
     def carry(self, data: bytes) -> list[bytes]:
         """Return the single bytes."""
         return [data[index : index + 1] for index in range(len(data))]
 
 
-class Lossy(_Prompt):
-    """Pieces are lost, each with the probability ``rate``."""
+class Lossy(_Undelayed):
+    """Loses each piece with the probability ``rate``."""
 
     def __init__(self, seed: int = 0, rate: float = 0.2) -> None:
         self._random = random.Random(seed)  # noqa: S311 - repeatable on purpose
@@ -59,8 +59,8 @@ class Lossy(_Prompt):
         return [] if self._random.random() < self._rate else [data]
 
 
-class Corrupt(_Prompt):
-    """One bit of a piece is turned over, in each with the probability ``rate``."""
+class Corrupt(_Undelayed):
+    """Flips one bit of a piece with the probability ``rate``."""
 
     def __init__(self, seed: int = 0, rate: float = 0.2) -> None:
         self._random = random.Random(seed)  # noqa: S311 - repeatable on purpose
@@ -76,25 +76,25 @@ class Corrupt(_Prompt):
 
 
 class Delayed:
-    """A piece arrives when ``pieces`` later ones have been sent."""
+    """Delivers a piece when ``pieces`` later ones have been sent."""
 
     def __init__(self, pieces: int = 3) -> None:
         self._pieces = pieces
         self._waiting: list[bytes] = []
 
     def carry(self, data: bytes) -> list[bytes]:
-        """Return the piece whose time has come."""
+        """Return the piece that is due."""
         self._waiting.append(data)
         return [self._waiting.pop(0)] if len(self._waiting) > self._pieces else []
 
     def rest(self) -> list[bytes]:
-        """Return what waits, oldest first."""
+        """Return the waiting pieces, oldest first."""
         waiting, self._waiting = self._waiting, []
         return waiting
 
 
 class Reordered:
-    """Pieces overtake each other, among ``window`` at a time, as datagrams do."""
+    """Lets pieces overtake each other, among ``window`` at a time, as datagrams do."""
 
     def __init__(self, seed: int = 0, window: int = 4) -> None:
         self._random = random.Random(seed)  # noqa: S311 - repeatable on purpose
@@ -102,21 +102,21 @@ class Reordered:
         self._waiting: list[bytes] = []
 
     def carry(self, data: bytes) -> list[bytes]:
-        """Return one of the pieces under way once there are enough to choose from."""
+        """Return one of the pieces in transit as soon as there are ``window`` of them."""
         self._waiting.append(data)
         if len(self._waiting) < self._window:
             return []
         return [self._waiting.pop(self._random.randrange(len(self._waiting)))]
 
     def rest(self) -> list[bytes]:
-        """Return what waits, in any order."""
+        """Return the waiting pieces, in random order."""
         waiting, self._waiting = self._waiting, []
         self._random.shuffle(waiting)
         return waiting
 
 
 def over(wire: Wire, receiver: Receiver) -> Receiver:
-    """Return a receiver that hears through a wire."""
+    """Return a receiver behind a wire."""
 
     def receive(data: bytes, address: Address) -> None:
         for piece in wire.carry(data):
@@ -126,7 +126,7 @@ def over(wire: Wire, receiver: Receiver) -> Receiver:
 
 
 class WornLink:
-    """A link whose sending goes through a wire."""
+    """A link that sends through a wire."""
 
     def __init__(self, link: Link, wire: Wire) -> None:
         self.url = link.url
@@ -134,14 +134,14 @@ class WornLink:
         self._wire = wire
 
     def send(self, data: bytes, address: Address = None) -> None:
-        """Write what the wire lets through; raises LinkLost when the link is gone."""
+        """Write the pieces that the wire delivers; raises LinkLost if the link is gone."""
         for piece in self._wire.carry(data):
             self._link.send(piece, address)
 
     async def lost(self) -> None:
-        """Wait until the link falls, then raise LinkLost with the reason."""
+        """Wait until the link fails, then raise LinkLost with the reason."""
         await self._link.lost()
 
     async def close(self) -> None:
-        """Close the link; what is under way on the wire is lost."""
+        """Close the link; pieces in transit on the wire are lost."""
         await self._link.close()

@@ -13,7 +13,7 @@ from fleet.video.signals import Candidate
 from fleet.video.track import CameraTrack
 
 CONNECTED_WITHIN = 30.0  # s from the offer; the cloud keeps an offer no longer
-MOST_EARLY = 50  # candidates kept before the answer; a bound, because anybody may send them
+MOST_EARLY = 50  # candidates kept before the answer; bounded, because any program may send them
 CODEC = "video/H264"  # the only one offered: the media service might choose one that some browsers lack
 
 

@@ -30,7 +30,7 @@ from fleet.wire.video import LOCAL_ANSWER, LOCAL_OFFER, VideoReply, VideoRequest
 
 log = logging.getLogger(__name__)
 
-TELL_EVERY = LIFETIME / 5  # s between two states of a stream
+TELL_EVERY = LIFETIME / 5  # s between two reports of the stream
 
 
 class Source(msgspec.Struct, frozen=True):
@@ -54,7 +54,7 @@ async def send_video(
         program.declare(keys.video(settings.edge, source.robot))
         log.info("video of %s waits for start_video", source.robot)
         while not ended.is_set():
-            program.tell()
+            program.publish_state()
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(ended.wait(), TELL_EVERY)
     finally:
@@ -72,7 +72,7 @@ class _Program:
         self._count = itertools.count()
         self._stream_key = data_key(source.twin, CHANNEL, source.sensor)
         self._twin = source.twin
-        self._told = False
+        self._published = False
         self._tasks: set[asyncio.Task[None]] = set()
         self._sender = VideoSender(
             source.camera,
@@ -94,19 +94,19 @@ class _Program:
             data_key(self._twin, "cloud/webrtc_candidate"), self._on_loop(self._candidate)
         )
 
-    def tell(self) -> None:
+    def publish_state(self) -> None:
         """Publish the state of the stream; after its end, once, an empty sample."""
-        told = self._sender.told()
-        if told is not None:
-            self._put(self._stream_key, told)
-        elif self._told:
+        stream = self._sender.state()
+        if stream is not None:
+            self._put(self._stream_key, stream)
+        elif self._published:
             self._bus_session.put(self._stream_key, b"")
-        self._told = told is not None
+        self._published = stream is not None
 
     async def close(self) -> None:
         """End the stream and publish its end."""
         await self._sender.stop()
-        self.tell()
+        self.publish_state()
 
     def _on_loop(self, take: Callable[..., Coroutine[object, object, None]]) -> Callable[..., None]:
         """Return a callback for Zenoh's threads that runs ``take`` on the event loop."""
@@ -146,7 +146,7 @@ class _Program:
             await self._sender.start(recording=request.recording, local=request.local)
         else:
             await self._sender.stop()
-        self.tell()
+        self.publish_state()
 
     async def _answered(self, local: bool, _key: str, sample: bytes) -> None:  # noqa: FBT001 - of a partial
         """Handle an answer of the peer; only the viewer that was offered the stream may answer."""

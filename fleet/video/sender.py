@@ -92,7 +92,7 @@ class VideoSender:
     async def _make_offer(self, peer: VideoPeer, picture: Picture, *, recording: bool) -> str:
         """Publish the offer once all local candidates are known, unless the stream has ended by then.
 
-        Returns why there is none, else an empty text; the stream has then ended.
+        Return an empty text, or why there is no offer; the stream has then ended.
         """
         try:
             sdp = await peer.offer()
@@ -129,8 +129,8 @@ class VideoSender:
         if self._peer is not None:
             await self._peer.add(candidate)
 
-    def told(self) -> dict[str, object] | None:
-        """Return the stream as programs tell it on the bus (``fleet.wire.streams``), None when there is none.
+    def state(self) -> dict[str, object] | None:
+        """Return the state of the stream for the bus (``fleet.wire.streams``), None if there is none.
 
         ``fps`` is measured since the last call.
         """

@@ -37,7 +37,7 @@ class BadCommand(WireError):
 
 
 def name_of(message: Mapping[str, object]) -> str:
-    """Return the name of what is asked; older senders call the field ``type``. Raises WireError.
+    """Return the command name of a request; older senders call the field ``type``. Raises WireError.
 
     A stop named in either field takes precedence, and is returned in its standard spelling.
     """

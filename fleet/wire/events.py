@@ -19,7 +19,7 @@ from fleet.wire.samples import json_payload
 FLEET: Literal["fleet"] = "fleet"
 """The ``source`` of the fleet's own events."""
 
-TOLD_TO_THE_CLOUD = frozenset(EventKind) - {
+CLOUD_EVENTS = frozenset(EventKind) - {
     EventKind.COMMAND,
     EventKind.OUTCOME,
     EventKind.STOP,

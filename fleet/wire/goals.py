@@ -1,6 +1,6 @@
 """Goals for one or several robots as messages of the ``navigate`` kind; pure.
 
-Where several robots are sent to one point, each gets a place beside it, unless nobody said how far apart.
+Several robots sent to one point get positions around it; that needs a ``spacing``.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from fleet.model.site import Placement
 from fleet.model.spread import arranged, spread
 from fleet.model.state import RobotState
 
-ONE_FRAME = 0.05  # m, and rad, by which two worlds may differ and be one
+ONE_FRAME = 0.05  # m and rad by which two world frames may differ and still count as one
 
 
 class GotoTarget(msgspec.Struct, frozen=True):
-    """Where to go: metres in ``frame`` (world: each robot's own, site), or degrees (geo).
+    """Target of a goal: metres in ``frame`` (world: each robot's own, site), or degrees (geo).
 
-    ``way`` are the places before the last, each of two or three numbers. ``named``: the place of fleet.yaml
-    that it is, None for a point that is only said.
+    ``way`` has the waypoints before the target, each of two or three numbers. ``named``: the place of
+    fleet.yaml, None for a plain point.
     """
 
     x: float
@@ -42,7 +42,7 @@ class GotoTarget(msgspec.Struct, frozen=True):
 
 
 def target_of(place: Place) -> GotoTarget:
-    """Return how to go to a place of fleet.yaml."""
+    """Return the target for a place of fleet.yaml."""
     x, y, *z = place.at
     frame = "geo" if place.frame == "geodetic" else "site"
     return GotoTarget(x, y, z[0] if z else None, frame, place.heading, named=place)
@@ -72,7 +72,7 @@ def goals(aim: GotoTarget, robots: list[RobotState]) -> list[dict[str, object]]:
 
 
 def _centre(aim: GotoTarget, robot: RobotState, sites: Sequence[Vector3]) -> Vector3:
-    """Return the place in the site's frame; one on Earth is not known there: the middle of the robots."""
+    """Return the target in the site's frame; the middle of the robots for a target on Earth."""
     if aim.frame == "geo" or robot.placement is None:
         return sum(sites, Vector3()).scaled(1 / len(sites))
     place = Vector3(aim.x, aim.y, aim.z or 0.0)
@@ -80,7 +80,7 @@ def _centre(aim: GotoTarget, robot: RobotState, sites: Sequence[Vector3]) -> Vec
 
 
 def _require_one_frame(aim: GotoTarget, robots: list[RobotState]) -> None:
-    """Raise Refused where the coordinates do not mean the same place for all of the robots."""
+    """Raise Refused unless the coordinates mean the same point for all of the robots."""
     if aim.frame == "site":
         lost = ", ".join(robot.name for robot in robots if robot.placement is None)
         if lost:
@@ -96,14 +96,14 @@ def _require_one_frame(aim: GotoTarget, robots: list[RobotState]) -> None:
 
 
 def _is_one(one: Placement | None, other: Placement | None) -> bool:
-    """Return whether two worlds are the same."""
+    """Return whether two world frames are the same."""
     if one is None or other is None:
         return False
     return (one.origin - other.origin).norm() <= ONE_FRAME and abs(one.yaw - other.yaw) <= ONE_FRAME
 
 
 def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, object]:
-    """Return the message that sends a robot to the place, ``step`` beside it, or along its path."""
+    """Return the message that sends a robot to the target, offset by ``step``, or along its path."""
     message: dict[str, object] = {"command": "goto", "action_id": uuid.uuid4().hex}
     yaw = aim.yaw
     if yaw is not None and aim.frame == "site" and robot.placement is not None:
@@ -116,7 +116,7 @@ def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, obj
         *way, end = (_place(aim.frame, place, robot, step) for place in (*aim.way, last))
         message["waypoints"] = [*way, end | turned]
     else:
-        # A place of fleet.yaml without a height is no place for an aircraft, and not one on the ground.
+        # A place of fleet.yaml without a height must not become a point on the ground: aircraft need one.
         height = () if aim.named is not None and aim.z is None else (aim.z or 0.0,)
         message |= _place(aim.frame, (aim.x, aim.y, *height), robot, step) | turned
     if aim.speed is not None:
@@ -125,7 +125,7 @@ def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, obj
 
 
 def _place(frame: str, place: Sequence[float], robot: RobotState, step: Vector3) -> dict[str, object]:
-    """Return one place in the words of the message; a height that is not given is not said."""
+    """Return one point in the message's fields; an unknown height is omitted."""
     if frame == "geo":
         point = geo_from_world(GeoOrigin(place[0], place[1]), step)
         height = {"altitude": place[2]} if len(place) > 2 else {}

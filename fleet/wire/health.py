@@ -42,8 +42,8 @@ def edge_health(
 
     ``uptime`` in seconds, ``stamp`` Unix seconds, ``session`` omitted when empty. ``extra`` holds figures of
     the host (``host_memory_percent``, ``cpu_temp_c``, ...); it cannot replace the other fields, and unknown
-    values in it (None, NaN) are omitted: a heartbeat must not fail for want of a thermometer. ``streams``
-    are those of programs on the bus, by id.
+    values in it (None, NaN) are omitted: a missing sensor must not cost the heartbeat. ``streams`` are those
+    of programs on the bus, by id.
     """
     streams = streams or {}
     head: dict[str, Any] = {

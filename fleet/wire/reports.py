@@ -35,7 +35,7 @@ from fleet.model.report import (
 )
 from fleet.wire.arrays import check_depth, check_pointcloud
 from fleet.wire.encoding import encode_finite
-from fleet.wire.events import TOLD_TO_THE_CLOUD, event_body
+from fleet.wire.events import CLOUD_EVENTS, event_body
 from fleet.wire.layouts import MessageSource, depth_data
 from fleet.wire.missions import run_of
 from fleet.wire.rules import Layout
@@ -203,7 +203,7 @@ def _navigation(report: NavigationReport) -> Leaves:
 def _mission_status(report: NavigationReport) -> Leaves:
     """One status of one mission; a blocked mission is sent as running.
 
-    A plan that is part of a run is told as that run, whose own status says how it ends.
+    A plan that is part of a run is reported as that run, whose own status reports the end.
     """
     run = run_of(report.action_id)
     runs = bool(run) or report.state is ActionState.BLOCKED
@@ -266,7 +266,7 @@ def _log(report: LogReport) -> Leaves:
 
 def _event(report: EventReport) -> Leaves:
     """One event; none for kinds that stay in the edge's own history."""
-    return [("event", event_body(report))] if report.kind in TOLD_TO_THE_CLOUD else []
+    return [("event", event_body(report))] if report.kind in CLOUD_EVENTS else []
 
 
 _FORMS: Mapping[type[object], Callable[[Any], Leaves]] = MappingProxyType(

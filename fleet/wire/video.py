@@ -51,7 +51,7 @@ class VideoRequest(msgspec.Struct, frozen=True):
 
     @property
     def local(self) -> bool:
-        """Whether the viewer is on the bus, as a console; nothing of the video goes to the cloud then."""
+        """Whether the viewer is on the bus, as a console; then no video goes to the cloud."""
         return self.data.get("viewer") == "local"
 
 

@@ -1,4 +1,4 @@
-"""Executions of a workflow on the edge: what the cloud asks, and what it is told, in the SDK's form.
+"""Executions of a workflow on the edge: requests of the cloud and reports to it, in the SDK's form.
 
 Topics: ``workflow/{uuid}/run`` and ``/cancel`` (``cyberwave.workers.hooks``), ``execution/started`` and
 ``execution/{execution}/finished`` (``cyberwave.workflow_executions``).
@@ -22,9 +22,9 @@ Ended = Literal["success", "error", "canceled"]
 
 
 class WorkflowRequest(msgspec.Struct, frozen=True):
-    """What is asked of a workflow: an execution to begin with ``inputs``, or to cancel.
+    """Request to start an execution with ``inputs``, or to cancel one.
 
-    ``stamp`` is when it was asked for (Unix s), None where that is not said; ``by`` is the asker's uuid.
+    ``stamp`` is the time of the request (Unix s), None if unknown; ``by`` is the uuid of the sender.
     """
 
     execution: str
@@ -34,7 +34,7 @@ class WorkflowRequest(msgspec.Struct, frozen=True):
 
 
 def decode_workflow(payload: bytes) -> WorkflowRequest:
-    """Return what is asked; raises WireError."""
+    """Decode a request; raises WireError."""
     message = without_nulls(parse_object(payload, limit=LARGEST))
     return WorkflowRequest(
         text(message, "execution_uuid"),
@@ -45,12 +45,12 @@ def decode_workflow(payload: bytes) -> WorkflowRequest:
 
 
 def started(execution: str) -> bytes:
-    """Return that an execution has begun; the cloud repeats its request until it hears of that."""
+    """Return the report that an execution has started; the cloud repeats its request until then."""
     return encode_finite({"execution_uuid": execution, "source_type": "edge"})
 
 
 def finished(status: Ended, message: str) -> bytes:
-    """Return how an execution ended; ``message`` is empty where there is nothing to say of it."""
+    """Return the report of the end of an execution; an empty ``message`` is omitted."""
     told = {"status": status, "error_message": message or None, "source_type": "edge"}
     return encode_finite(without_nulls(told))
 

@@ -73,7 +73,7 @@ def test_the_first_screen_is_the_one_that_readme_shows(runtime):
 
 
 def test_a_second_demo_says_how_to_start_it_and_runs_beside_the_first(fleet, ears):
-    first = fleet("demo", "--json")
+    first = fleet("demo", "--dogs", "0", "--json")
     port = int(first.line(r"MQTT broker +127.0.0.1:(\d+)")[1])
     first.robot("drone-1", "is well", lambda state: state["health"] == "ok")
     refused = first.call("demo")
@@ -81,7 +81,7 @@ def test_a_second_demo_says_how_to_start_it_and_runs_beside_the_first(fleet, ear
     assert "edge 'demo' runs already on this machine" in refused.stderr
     assert "start another demo beside it with --edge-id demo-2" in refused.stderr
 
-    second = fleet("demo", "--edge-id", "demo-2", "--json")
+    second = fleet("demo", "--dogs", "0", "--edge-id", "demo-2", "--json")
     other_port = int(second.line(r"MQTT broker +127.0.0.1:(\d+)")[1])
     assert other_port != port
     well = second.robot(

@@ -68,7 +68,7 @@ def yard(fleet, tmp_path):
 @pytest.fixture
 def yard_with_a_dog(fleet, tmp_path):
     """Run the same with a quadruped."""
-    dog = {"name": "rex", "adapter": "quadruped", "link": "sim:auto", "start": [0, -12, 0]}
+    dog = {"name": "rex", "adapter": "quadruped", "link": "sim:kinematic", "start": [0, -12, 0]}
     return run_yard(fleet, tmp_path, WITH_A_DOG, dog)
 
 

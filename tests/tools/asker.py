@@ -1,7 +1,7 @@
-"""Somebody in the cloud who asks puppets to do numbered things, and remembers what became of each.
+"""Cloud client that sends numbered commands to puppets and records the outcome of each.
 
-What is not answered is asked again, word for word and with the same correlation, as a careful client does:
-so nothing is lost silently, and what the robot did may be counted.
+Unanswered commands are repeated verbatim and with the same correlation data, as a careful client does. So no
+command is lost silently, and executions can be counted.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Whether a call leaves something behind that only the garbage collector finds."""
+"""Test that a call leaves no reference cycles for the garbage collector."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import gc
 from collections.abc import Callable
 
 TRIES = 5
-"""Other threads of the process leave something now and then; what a call leaves, it leaves each time."""
+"""Attempts. Other threads may leave objects at times; a call with a leak leaves some every time."""
 
 
 def leaves_nothing(call: Callable[[], object]) -> bool:

@@ -1,4 +1,4 @@
-"""A lease service for tests: nats-server with JetStream, on loopback."""
+"""Lease service for tests: nats-server with JetStream, on loopback."""
 
 import contextlib
 import shutil

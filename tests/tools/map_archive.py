@@ -1,4 +1,4 @@
-"""PMTiles archives for tests, whose pictures are of one colour each."""
+"""PMTiles archives for tests, with tiles of a single colour each."""
 
 import struct
 import zlib

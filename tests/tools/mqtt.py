@@ -1,4 +1,4 @@
-"""A bare MQTT 5 client for tests and benchmarks: it does what it is told, and costs next to nothing."""
+"""Minimal MQTT 5 client of negligible cost, for tests and benchmarks."""
 
 from __future__ import annotations
 

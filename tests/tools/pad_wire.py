@@ -1,4 +1,4 @@
-"""The pad of the console, from the button in a real browser to the datagrams on a robot's wire."""
+"""Console pad for tests: from the button in a real browser to the datagrams on a robot's wire."""
 
 import contextlib
 import socket

@@ -1,7 +1,7 @@
-"""The promises that hold whatever is asked of robots, checked over all that was asked and what became of it.
+"""Guarantees for every command, checked over all that was requested and what became of it.
 
-Whoever takes part notes events: the asker (asked, replied), the host (admitted, stopped, released), the robot
-(executed). ``broken`` is a pure function of all of them.
+The participants record events: the client (asked, replied), the host (admitted, stopped, released), the robot
+(executed). ``broken`` is a pure function of all events.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""A TCP proxy that does to a connection what networks do: delay it, cut it, reset it, swallow it.
+"""TCP proxy that injects network faults into connections: delays, cuts, resets, black holes.
 
-For tests and benchmarks; it runs on a thread of its own and listens on loopback only.
+For tests and benchmarks. It runs on its own thread and listens on loopback only.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A folder with a recording of a small fleet, of which every second is known."""
+"""Recording of a small fleet with known contents, for tests."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""Roll-outs for tests: a store in memory, an edge in memory, bundles."""
+"""Roll-out fixtures: a store and an edge in memory, and bundles."""
 
 import msgspec
 

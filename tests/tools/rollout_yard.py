@@ -1,4 +1,4 @@
-"""One edge with its agent, its folder and a store in memory, for tests of roll-outs."""
+"""Roll-out fixture of one edge with its agent, its folder and a store in memory."""
 
 from fleet.rollout.agent import Agent
 from fleet.rollout.bundle import sealed

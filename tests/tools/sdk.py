@@ -1,4 +1,4 @@
-"""What tests do with the published SDK: give it a back end, drive with it, leave nothing open at its end."""
+"""Test helpers for the published SDK: a back end for it, driving with it, and its clean shutdown."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""One process that is asked what a drop-in file has, for all tests whose file has the same text.
+"""Probe process of drop-in files, shared by all tests whose files have the same text.
 
-An edge starts one at each look at its fleet.yaml, which is a sixth of a second of processor time, and most
-tests of edges look several times at the same toy. ``tests/fleet/plugins`` tests the processes themselves.
+An edge starts a probe whenever it reads its fleet.yaml, which takes a sixth of a second of processor time,
+and most tests of edges read the same plugin several times. ``tests/fleet/plugins`` tests the processes.
 """
 
 import threading

@@ -1,7 +1,7 @@
-"""A simulated wheeled base that two computers can open: TCP ports, and a file with every byte it was told.
+"""Simulated wheeled base that two computers can open: TCP ports, and a log of every byte received.
 
-``python -m tests.tools.tcp_base FILE NUMBER`` listens on that many ports of loopback, prints them, and
-appends lines to FILE: the monotonic second, the port (its place in the list), the bytes in hexadecimal.
+``python -m tests.tools.tcp_base FILE NUMBER`` listens on that many loopback ports, prints them, and appends
+lines to FILE: the monotonic time, the index of the port, and the bytes in hexadecimal.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The checker: good lives break nothing, and each broken promise is found."""
+"""Tests of the checker: valid histories pass, and each broken guarantee is found."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""The proxy against a plain echo."""
+"""Tests of the proxy against an echo server."""
 
 import socket
 import threading

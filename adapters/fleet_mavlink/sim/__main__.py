@@ -46,7 +46,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _specs(options: argparse.Namespace) -> list[SimSpec]:
-    """Return the vehicles asked for, in a row to the east; raises ValueError."""
+    """Return the requested vehicles, in a row to the east; raises ValueError."""
     latitude, longitude, altitude, heading = parse_home(options.home)
     metres_per_degree = 75_000.0
     return [
@@ -85,7 +85,7 @@ async def _serve(options: argparse.Namespace) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the simulator; return the exit status (2: it was asked for something impossible)."""
+    """Run the simulator; return the exit status (2: impossible arguments)."""
     options = _parser().parse_args(arguments)
     try:
         asyncio.run(_serve(options))

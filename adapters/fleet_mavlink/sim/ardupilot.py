@@ -1,4 +1,4 @@
-"""ArduCopter 4.6.3 as it was seen to behave: start-up, arming, GUIDED, fail-safes."""
+"""ArduCopter 4.6.3 as observed: start-up, arming, GUIDED, fail-safes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
 _AMSL_FRAMES = frozenset({0, 5})
 _STOP = (0.0, 0.0, 0.0)
 _LANDED_DISARM = 2.0
-_CHECKS_EVERY = 1.0  # s; RUN_PREARM_CHECKS tells what it finds, and does not change the bit
+_CHECKS_EVERY = 1.0  # s; RUN_PREARM_CHECKS reports its findings without changing the bit
 _LOG_REOPENS = 5.0  # s after it could not be opened
 _PREARM_EVERY = 30.0
 _PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
@@ -51,7 +51,7 @@ class ArduPilot(Autopilot):
     spin_up: ClassVar[float] = 3.4
     modes: ClassVar[Mapping[str, Mode]] = MODES
     first_mode: ClassVar[str] = "STABILIZE"  # until the mode switch of the remote control is read
-    switched_mode: ClassVar[str] = "STABILIZE"  # what that switch says
+    switched_mode: ClassVar[str] = "STABILIZE"  # position of that switch
     without_gimbal: ClassVar[int | None] = FAILED
     obeys_other_components: ClassVar[bool] = True
     obeys_broadcast: ClassVar[bool] = True
@@ -63,22 +63,22 @@ class ArduPilot(Autopilot):
         self._checked_at, self._checks_pass = boot.at, False
         self._log_failed_at = -math.inf
         self.failsafes = ArduPilotFailsafes(self)
-        self.motors_stopped: Manoeuvre | None = None  # what goes on when the emergency stop is released
-        self.paused: Manoeuvre | None = None  # what goes on after DO_PAUSE_CONTINUE
+        self.motors_stopped: Manoeuvre | None = None  # to resume when the emergency stop is released
+        self.paused: Manoeuvre | None = None  # manoeuvre to resume after DO_PAUSE_CONTINUE
 
     # readiness
 
     @property
     def _gps_found(self) -> bool:
-        return self.age(10.0)
+        return self.uptime.reached(10.0)
 
     @property
     def initialised(self) -> bool:
         """True after "ArduPilot Ready"."""
-        return self.age(2.45)
+        return self.uptime.reached(2.45)
 
     def refusals(self, *, force: bool) -> list[str]:
-        """Return why the motors cannot be armed in this mode; force skips the checks after the start."""
+        """Return why the motors cannot be armed in this mode; ``force`` skips the checks after the start."""
         if not self.initialised:
             return ["System not initialised"]
         if not self.mode.armable or (self.mode.name == "AUTO" and not self.missions.loaded):
@@ -96,12 +96,12 @@ class ArduPilot(Autopilot):
             found.append("Radio failsafe on")
         if self.time - self._log_failed_at < _LOG_REOPENS:
             found.append("Logging failed")
-        if not self.age(23.5):
+        if not self.uptime.reached(23.5):
             found.append("EKF3 still initialising")
         return found
 
     def refusals_to_arm(self, *, force: bool) -> list[str]:
-        """Return why it does not arm now; its log is opened last, and only then."""
+        """Return the reasons against arming now. The log is opened last, and only on arming."""
         found = self.refusals(force=force)
         if found or force or "log_fails" not in self.faults:
             return found
@@ -109,15 +109,15 @@ class ArduPilot(Autopilot):
         return ["Logging not started"]
 
     def sensors(self) -> tuple[int, int, int]:
-        """Return the bits that were seen, with GPS and PREARM_CHECK as they are now."""
-        healthy = 0x4770FC0F | (_GPS_BIT if self.gps_fix else 0)
+        """Return the observed bits, with the present GPS and PREARM_CHECK."""
+        healthy = 0x4770FC0F | (_GPS_BIT if self.gps.fix else 0)
         healthy |= 0 if self.failsafes.radio_lost else _RC_BIT
         if self._checks_pass:
             healthy |= _PREARM_BIT
         return 0x5371FC2F, 0x5361FC2F if self.armed else 0x5261FC2F, healthy
 
     def system_status(self) -> int:
-        """STANDBY and ACTIVE go by being landed, not by being armed."""
+        """Return MAV_STATE; STANDBY and ACTIVE depend on being landed, not on being armed."""
         if not self.initialised:
             return int(mav.MAV_STATE_BOOT)
         if self.failsafe or self.failsafes.radio_lost:
@@ -127,7 +127,7 @@ class ArduPilot(Autopilot):
     # modes
 
     def refusal_of(self, mode: Mode) -> str:
-        """Return why a mode cannot be entered now, empty when it can."""
+        """Return why a mode cannot be entered now, empty if it can."""
         if not (self.armed and self.flying):
             return ""
         if mode.name == "AUTO" and not self.missions.loaded:
@@ -135,7 +135,7 @@ class ArduPilot(Autopilot):
         return "requires position" if mode.position and not self.has_position else ""
 
     def change_mode(self, number: int) -> bool:
-        """Enter the mode of a number and show it at once in a heartbeat; False when it is refused."""
+        """Enter the mode with this number and show it at once in a heartbeat; False if it is refused."""
         mode = next((mode for mode in self.modes.values() if mode.custom == number), None)
         if mode is None:
             self.say(WARNING, f"No such mode {number}")
@@ -149,22 +149,22 @@ class ArduPilot(Autopilot):
         return True
 
     def set_mode(self, message: Any) -> None:
-        """Obey SET_MODE, which gets no acknowledgement."""
+        """Execute SET_MODE, which has no acknowledgement."""
         self.change_mode(message.custom_mode)
 
     # setpoints
 
     def setpoint(self, message: object) -> None:
-        """Obey a setpoint in GUIDED flight; ignore it silently otherwise."""
+        """Follow a setpoint in GUIDED flight; ignore it silently otherwise."""
         if self.mode.name == "GUIDED" and self.armed and (self.flying or self.taking_off):
             manoeuvre = self.fly_setpoint(setpoint_of(message))
             if isinstance(manoeuvre, GoTo) and self.outside_fence(place_of(manoeuvre)):
-                return  # without a word, or an answer
+                return  # silently
             self.paused = None
             self.manoeuvre = manoeuvre
 
     def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
-        """Return the manoeuvre; what is not understood stops the vehicle."""
+        """Return the manoeuvre; an invalid setpoint stops the vehicle."""
         if setpoint.force or not setpoint.finite:
             return Drive(_STOP)
         heading = setpoint.heading
@@ -185,7 +185,7 @@ class ArduPilot(Autopilot):
         return Drive(velocity, heading=heading, turn_rate=setpoint.turn_rate, until=until)
 
     def _place(self, frame: int, position: Triple) -> Triple | None:
-        """Return a target as a local position, None for a frame that is not taken."""
+        """Return a target as a local position, None for an unsupported frame."""
         x, y, z = position
         if frame == 1:
             return position
@@ -193,13 +193,13 @@ class ArduPilot(Autopilot):
             dn, de, dd = turned(position, self.body.heading) if frame in _BODY_FRAMES else position
             return self.body.north + dn, self.body.east + de, self.body.down + dd
         if frame in _RELATIVE_FRAMES and self.home is not None:
-            return self.ned_of(x, y, z + self.home[2])
-        return self.ned_of(x, y, z) if frame in _AMSL_FRAMES else None
+            return self.frame.ned_of(x, y, z + self.home[2])
+        return self.frame.ned_of(x, y, z) if frame in _AMSL_FRAMES else None
 
     # by itself
 
     def gcs_heartbeat(self, message: Any) -> None:
-        """Only the station whose id is SYSID_MYGCS counts."""
+        """Process a station's heartbeat; only that of SYSID_MYGCS counts."""
         if message.get_srcSystem() != int(self.params["SYSID_MYGCS"]):
             return
         super().gcs_heartbeat(message)
@@ -208,12 +208,12 @@ class ArduPilot(Autopilot):
             self.say(WARNING, "GCS Failsafe Cleared")
 
     def drain(self, dt: float) -> None:
-        """Drain the battery; SIM_BATT_VOLTAGE is the most that it has."""
+        """Drain the battery; SIM_BATT_VOLTAGE is its upper limit."""
         super().drain(dt)
         self.battery.at_most(volts=self.params["SIM_BATT_VOLTAGE"])
 
     def supervise(self) -> None:
-        """Start up, check itself once a second, disarm by itself, watch the fail-safes."""
+        """Start up, repeat the checks every second, disarm automatically, watch the fail-safes."""
         self._start_up()
         if self.time - self._checked_at >= _CHECKS_EVERY:
             self._checked_at, self._checks_pass = self.time, not self.refusals(force=False)
@@ -225,14 +225,14 @@ class ArduPilot(Autopilot):
             self.out.append(heartbeat(self))
 
     def _start_up(self) -> None:
-        """Tell the steps of the start; the mode switch of the remote control resets the mode once."""
+        """Report the steps of the start; the mode switch of the remote control resets the mode once."""
         if not self.initialised:
             return
         self.say_once(INFO, "ArduPilot Ready")
-        if not self._switch_read and self.age(2.6):
+        if not self._switch_read and self.uptime.reached(2.6):
             self._switch_read = True
             self.enter(self.modes[self.switched_mode])
-        if self.home is None and self.age(20.0) and self.gps_fix:
+        if self.home is None and self.uptime.reached(20.0) and self.gps.fix:
             self.say_once(INFO, "EKF3 IMU0 origin set")
             self.set_home()
         if self.has_position:
@@ -254,7 +254,7 @@ class ArduPilot(Autopilot):
             self.disarm()
 
     def outside_fence(self, place: Triple) -> bool:
-        """FENCE_ENABLE, with what FENCE_TYPE names."""
+        """Return True beyond the fence, if FENCE_ENABLE is set, by the bounds in FENCE_TYPE."""
         params = self.params
         return bool(params["FENCE_ENABLE"]) and is_outside(
             self,

@@ -1,4 +1,4 @@
-"""What ArduCopter does with each command it knows; the rest is UNSUPPORTED."""
+"""ArduCopter's handlers of its commands; all others are UNSUPPORTED."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from fleet_mavlink.sim.ardupilot import ArduPilot
 
 _SKIP_CHECKS = 2989
-_FASTEST = 1 / 400  # seconds between two of a message
+_FASTEST = 1 / 400  # s, shortest interval between messages
 _MOTOR_STOP = 31  # auxiliary function
 
 
@@ -99,19 +99,19 @@ def _land(pilot: ArduPilot, _ask: CommandRequest) -> int:
 
 
 def _start_mission(pilot: ArduPilot, ask: CommandRequest) -> int:
-    """Only armed, and only the whole mission."""
+    """Start only when armed, and only the whole mission."""
     if ask.p1 or ask.p2 or not pilot.missions.loaded:
         return DENIED
     return _result(pilot.armed and pilot.change_mode(MODES["AUTO"].custom))
 
 
 def _set_current(pilot: ArduPilot, ask: CommandRequest) -> int:
-    """Go on with an item, now or when the mission is flown; 0 begins it anew."""
+    """Continue with an item, now or when the mission is flown; 0 restarts it."""
     return _result(pilot.missions.set_current(whole(ask.p1)))
 
 
 def _turn(pilot: ArduPilot, ask: CommandRequest) -> int:
-    """Degrees 0 to 360 at degrees per second, absolute or relative (param 4)."""
+    """Turn to degrees 0 to 360 at degrees per second, absolute or relative (param 4)."""
     if pilot.mode.name != "GUIDED" or not pilot.flying or not 0.0 <= ask.p1 <= 360.0:
         return FAILED
     heading = math.radians(ask.p1)
@@ -124,7 +124,7 @@ def _turn(pilot: ArduPilot, ask: CommandRequest) -> int:
 
 
 def _reposition(pilot: ArduPilot, ask: CommandRequest) -> int:
-    """COMMAND_INT only; frames 0 and 5 are above sea level, 3 and 6 above home."""
+    """Fly to a position; COMMAND_INT only; frames 0 and 5 are AMSL, 3 and 6 above home."""
     if ask.frame is None:
         return UNSUPPORTED
     above_home = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}.get(ask.frame)
@@ -132,7 +132,7 @@ def _reposition(pilot: ArduPilot, ask: CommandRequest) -> int:
         return DENIED
     if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(MODES["GUIDED"].custom)):
         return DENIED
-    place = pilot.ned_of(ask.latitude, ask.longitude, ask.altitude + above_home * pilot.home[2])
+    place = pilot.frame.ned_of(ask.latitude, ask.longitude, ask.altitude + above_home * pilot.home[2])
     if not pilot.flying or not all(map(math.isfinite, place)):
         return DENIED
     if pilot.outside_fence(place):
@@ -142,7 +142,7 @@ def _reposition(pilot: ArduPilot, ask: CommandRequest) -> int:
 
 
 def _pause(pilot: ArduPilot, ask: CommandRequest) -> int:
-    """Hold (0) or go on (1) in GUIDED and AUTO."""
+    """Hold (0) or continue (1) in GUIDED and AUTO."""
     if pilot.mode.name not in {"GUIDED", "AUTO"}:
         return DENIED
     if ask.p1 == 0.0 and pilot.paused is None:
@@ -153,7 +153,7 @@ def _pause(pilot: ArduPilot, ask: CommandRequest) -> int:
 
 
 def _speed(pilot: ArduPilot, ask: CommandRequest) -> int:
-    """Stays in force for later moves."""
+    """Set the speed for later moves."""
     if not ask.p2 > 0.0:
         return FAILED
     pilot.speeds.asked = ask.p2
@@ -161,7 +161,7 @@ def _speed(pilot: ArduPilot, ask: CommandRequest) -> int:
 
 
 def _home(pilot: ArduPilot, ask: CommandRequest) -> int:
-    """Set home here (param 1 = 1), or at a place."""
+    """Set home here (param 1 = 1), or at a position."""
     if not pilot.origin_set:
         return FAILED
     if ask.p1 == 1.0:
@@ -175,7 +175,7 @@ def _home(pilot: ArduPilot, ask: CommandRequest) -> int:
 
 
 def _terminate(pilot: ArduPilot, ask: CommandRequest) -> int:
-    """Do the same as a forced disarm."""
+    """Disarm by force."""
     return _disarm(pilot, force=True) if ask.p1 >= 1.0 else FAILED
 
 
@@ -198,7 +198,7 @@ def _reboot(pilot: ArduPilot, ask: CommandRequest) -> int:
 
 
 def _calibrate(pilot: ArduPilot, ask: CommandRequest) -> int:
-    """IN_PROGRESS, and in the same moment the result."""
+    """Send IN_PROGRESS and immediately the result."""
     if pilot.armed:
         return FAILED
     pilot.acknowledge(ask, IN_PROGRESS)
@@ -206,7 +206,7 @@ def _calibrate(pilot: ArduPilot, ask: CommandRequest) -> int:
 
 
 def _interval(pilot: ArduPilot, ask: CommandRequest) -> int:
-    """Unknown messages and rates of 400 Hz and more are denied."""
+    """Set an interval; unknown messages and rates of 400 Hz and more are denied."""
     if whole(ask.p1) not in BUILDERS or 0.0 < ask.p2 <= _FASTEST * 1e6:
         if whole(ask.p1) in BUILDERS:
             pilot.say(CRITICAL, "Requested rate for message is too fast")
@@ -215,7 +215,7 @@ def _interval(pilot: ArduPilot, ask: CommandRequest) -> int:
 
 
 def _request(pilot: ArduPilot, ask: CommandRequest) -> int:
-    """Accept also while the message cannot be built yet: then nothing comes."""
+    """Send a message; accepted also if it cannot be built yet, and then not sent."""
     message = requested(pilot, whole(ask.p1))
     if message is not None:
         pilot.out.append(message)
@@ -223,7 +223,7 @@ def _request(pilot: ArduPilot, ask: CommandRequest) -> int:
 
 
 def _check(pilot: ArduPilot, _ask: CommandRequest) -> int:
-    """RUN_PREARM_CHECKS: tell at once what stands against arming."""
+    """RUN_PREARM_CHECKS: send the reasons against arming at once."""
     if pilot.armed:
         return TEMPORARILY_REJECTED
     for refusal in pilot.refusals(force=False):

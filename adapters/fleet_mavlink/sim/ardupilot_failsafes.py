@@ -1,4 +1,4 @@
-"""What ArduCopter does by itself: remote control, station, battery, position or fence lost."""
+"""Fail-safes of ArduCopter: loss of remote control, station, battery, position or fence."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ArduPilotFailsafes:
         self._battery_acted = False
 
     def watch(self) -> None:
-        """Look after all of them."""
+        """Check all of them."""
         pilot = self._pilot
         self._watch_radio()
         if pilot.armed and pilot.flying:
@@ -38,7 +38,7 @@ class ArduPilotFailsafes:
             pilot.failsafe = ""
 
     def _fail(self, why: str, text: str, mode: str) -> None:
-        """Begin a fail-safe: say it, mark it, change the mode."""
+        """Begin a fail-safe: send its text, set it, change the mode."""
         pilot = self._pilot
         pilot.failsafe = why
         pilot.say(CRITICAL, text)
@@ -46,7 +46,7 @@ class ArduPilotFailsafes:
         pilot.out.append(heartbeat(pilot))
 
     def _watch_radio(self) -> None:
-        """FS_THR_ENABLE 0 never notices; it is over when the remote control is back, the mode stays."""
+        """Detect its loss, never with FS_THR_ENABLE 0; cleared by its return, and the mode stays."""
         pilot = self._pilot
         if pilot.remote_control:
             if self.radio_lost:
@@ -58,7 +58,7 @@ class ArduPilotFailsafes:
                 self._radio_failed()
 
     def _radio_failed(self) -> None:
-        """Disarm on the ground; in the air return, land, or go on, as FS_THR_ENABLE and FS_OPTIONS say."""
+        """Disarm on the ground; in the air return, land or continue, by FS_THR_ENABLE and FS_OPTIONS."""
         pilot = self._pilot
         action = int(pilot.params["FS_THR_ENABLE"])
         options = int(pilot.params["FS_OPTIONS"]) | (action == _RADIO_LEAVES_AUTO)
@@ -72,7 +72,7 @@ class ArduPilotFailsafes:
             self._fail("radio", "Radio Failsafe", "LAND" if action == _RADIO_LANDS else "RTL")
 
     def _watch_gcs(self) -> None:
-        """FS_GCS_ENABLE 1: RTL, 5: LAND, after FS_GCS_TIMEOUT without the station."""
+        """Fail after FS_GCS_TIMEOUT without the station; FS_GCS_ENABLE 1: RTL, 5: LAND."""
         pilot = self._pilot
         if not pilot.params["FS_GCS_ENABLE"] or pilot.gcs_heard_at is None or pilot.failsafe:
             return
@@ -95,7 +95,7 @@ class ArduPilotFailsafes:
         self._battery_failed(f"Battery 1 is low {battery.volts:.2f}V used {battery.used_mah:.0f} mAh")
 
     def _battery_failed(self, text: str) -> None:
-        """BATT_FS_LOW_ACT: 1 lands, 2 returns."""
+        """Act by BATT_FS_LOW_ACT: 1 lands, 2 returns."""
         mode = {1: "LAND", 2: "RTL"}.get(int(self._pilot.params["BATT_FS_LOW_ACT"]))
         if mode is None:
             self._pilot.say(WARNING, text)
@@ -103,9 +103,9 @@ class ArduPilotFailsafes:
             self._fail("battery", text, mode)
 
     def _watch_position(self) -> None:
-        """Land when the position is lost in a mode that needs it; it stays there when it is back.
+        """Land if the position is lost in a mode that needs it; the mode stays when it is back.
 
-        The heartbeat that shows it comes before the words.
+        The heartbeat with the new mode is sent before the texts.
         """
         pilot = self._pilot
         if pilot.mode.position and not pilot.has_position and pilot.failsafe != "ekf":
@@ -121,7 +121,7 @@ class ArduPilotFailsafes:
             pilot.say(CRITICAL, "EKF Failsafe Cleared")
 
     def _broke_fence(self) -> None:
-        """FENCE_ACTION 0: only say it; 1: RTL."""
+        """Act by FENCE_ACTION: 0 only sends the text, 1: RTL."""
         if self._pilot.params["FENCE_ACTION"]:
             self._fail("fence", "Fence Breached", "RTL")
         else:

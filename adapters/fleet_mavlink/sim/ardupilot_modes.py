@@ -1,4 +1,4 @@
-"""ArduCopter's flight modes. Without a stick input the manual ones come down."""
+"""ArduCopter's flight modes. Without a stick input the manual ones descend."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _sink(_pilot: Autopilot) -> Manoeuvre:
 
 
 def _home(pilot: Autopilot) -> Manoeuvre:
-    """RTL_ALT is centimetres, RTL_LOIT_TIME milliseconds."""
+    """Return home; RTL_ALT is in centimetres, RTL_LOIT_TIME in milliseconds."""
     return Return(pilot, pilot.params["RTL_ALT"] / 100, pilot.params["RTL_LOIT_TIME"] / 1000)
 
 

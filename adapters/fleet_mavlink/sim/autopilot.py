@@ -1,4 +1,4 @@
-"""What both simulated autopilots have in common: state, time, place, readiness, arming, landing.
+"""Common part of the simulated autopilots: state, time, place, readiness, arming, landing.
 
 No I/O and no clock: time comes in with ``tick``. ArduPilot and PX4 are subclasses that bring their
 modes, commands, texts and fail-safes.
@@ -12,23 +12,23 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from fleet import GeoOrigin, GeoPoint, Vector3, geo_from_world, world_from_geo
 from fleet_mavlink.sim.battery import SimBattery
 from fleet_mavlink.sim.command_request import ACCEPTED, UNSUPPORTED, CommandRequest
 from fleet_mavlink.sim.equipment import Equipment
+from fleet_mavlink.sim.local_frame import Geo, LocalFrame
 from fleet_mavlink.sim.manoeuvres import LANDING, ON_GROUND, TAKING_OFF, GoTo, Idle, Manoeuvre, hold, place_of
 from fleet_mavlink.sim.mission_flight import leave_mission
 from fleet_mavlink.sim.missions import SimMissions
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.params import Params
 from fleet_mavlink.sim.physics import Agility, Body
-from fleet_mavlink.sim.satellites import Drift, Loss
+from fleet_mavlink.sim.satellites import GpsReceiver, Loss
 from fleet_mavlink.sim.setpoints import Setpoint
 from fleet_mavlink.sim.speaker import Speaker
 from fleet_mavlink.sim.speeds import FlightSpeeds
 from fleet_mavlink.sim.streams import SimStreams, home_position
+from fleet_mavlink.sim.uptime import Uptime
 
-Geo = tuple[float, float, float]  # degrees, degrees, metres above mean sea level
 Handler = Callable[
     [Any, CommandRequest], "int | None"
 ]  # (autopilot, ask) -> MAV_RESULT; None: no acknowledgement
@@ -36,7 +36,7 @@ Handler = Callable[
 
 @dataclass(frozen=True, slots=True)
 class Boot:
-    """What an autopilot starts with; everything but the time stays over a reboot."""
+    """The initial state of an autopilot; all but the time is kept over a reboot."""
 
     system_id: int
     place: Geo  # where it was put down
@@ -72,7 +72,7 @@ class Autopilot(Speaker, ABC):
     agility: ClassVar[Agility] = Agility(2.5, 2.5, 1.6)
     obeys_other_components: ClassVar[bool] = False
     obeys_broadcast: ClassVar[bool] = False
-    without_gimbal: ClassVar[int | None]  # its answer to a gimbal's commands; None: it gives none
+    without_gimbal: ClassVar[int | None]  # its result for gimbal commands; None: no answer
 
     def __init__(self, boot: Boot, mode: Mode) -> None:
         super().__init__(boot.random, boot.faults, boot.at)
@@ -84,12 +84,13 @@ class Autopilot(Speaker, ABC):
         self.speeds = self.speeds_type(boot.params)
         self.missions = boot.missions
         self.equipment = boot.equipment
-        self.booted_at = boot.at
-        self._epoch = boot.epoch
         ready_after = self.real_ready if boot.ready_after is None else boot.ready_after
-        self._pace = ready_after / self.real_ready
-        self._origin = GeoOrigin(*boot.place)
-        self.streams = SimStreams(self.default_rates, boot.at + self.real_time(1.0))
+        self.uptime = Uptime(lambda: self.time, pace=ready_after / self.real_ready, epoch=boot.epoch)
+        self.frame = LocalFrame(boot.place)
+        self.gps = GpsReceiver(
+            self.loss, lambda: self.time, is_off=self._gps_off, found=lambda: self._gps_found
+        )
+        self.streams = SimStreams(self.default_rates, boot.at + self.uptime.real_time(1.0))
         self.mode = mode
         self.manoeuvre: Manoeuvre = Idle()
         self.armed = False
@@ -97,98 +98,45 @@ class Autopilot(Speaker, ABC):
         self.left_ground = False  # since it was armed
         self.touched_at: float | None = None
         self.home: Geo | None = None
-        self.altitude_error = 0.0  # m by which its own estimate is too high
         self.failsafe = ""
         self.terminated = False
         self.gcs_heard_at: float | None = None
-        self.gps_lost_at: float | None = None
-        self.drift = Drift(self.loss)
         self.fence_broken = False
         self.reboot_asked = False
-
-    # time
-
-    def real_time(self, seconds: float) -> float:
-        """Return when something happens that the real autopilot does ``seconds`` after boot."""
-        return seconds * self._pace
-
-    def age(self, real_seconds: float) -> bool:
-        """Return True once the moment has come that the real one reaches ``real_seconds`` after boot."""
-        return self.time - self.booted_at >= self.real_time(real_seconds)
-
-    @property
-    def boot_ms(self) -> int:
-        """Milliseconds since boot."""
-        return int((self.time - self.booted_at) * 1000) & 0xFFFFFFFF
-
-    @property
-    def boot_us(self) -> int:
-        """Microseconds since boot."""
-        return int((self.time - self.booted_at) * 1e6)
-
-    @property
-    def unix_time(self) -> float:
-        """Unix seconds in the simulation."""
-        return self._epoch + self.time
 
     # position
 
     def geo(self, off_east: float = 0.0) -> Geo:
-        """Return where the vehicle is, or a place so many metres east of it."""
+        """Return the place of the vehicle, or the place ``off_east`` metres east of it."""
         north, east, down = place_of(self.body)
-        return self.geo_of((north, east + off_east, down))
-
-    def ned_of(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
-        """Return the local position of a place on Earth (altitude above mean sea level)."""
-        enu = world_from_geo(self._origin, GeoPoint(latitude, longitude, altitude - self.altitude_error))
-        return enu.y, enu.x, -enu.z
-
-    def geo_of(self, place: tuple[float, float, float]) -> Geo:
-        """Return a local position as a place on Earth."""
-        north, east, down = place
-        point = geo_from_world(self._origin, Vector3(east, north, -down))
-        return point.latitude, point.longitude, point.altitude + self.altitude_error
+        return self.frame.geo_of((north, east + off_east, down))
 
     def target(self) -> Geo | None:
         """Return the place that the vehicle flies to or holds, None while there is none."""
         flown = self.manoeuvre
-        return self.geo_of(place_of(flown)) if isinstance(flown, GoTo) else None
-
-    def down_of(self, altitude: float) -> float:
-        """Return an altitude (m AMSL, as it is estimated) as a local position."""
-        return self.place[2] + self.altitude_error - altitude
+        return self.frame.geo_of(place_of(flown)) if isinstance(flown, GoTo) else None
 
     def home_ned(self) -> tuple[float, float, float]:
         """Return home as a local position; where the vehicle was put down while home is unknown."""
-        return self.ned_of(*self.home) if self.home is not None else (0.0, 0.0, 0.0)
+        return self.frame.ned_of(*self.home) if self.home is not None else (0.0, 0.0, 0.0)
 
     def height_over_home(self) -> float:
         """Return metres above home."""
         return self.home_ned()[2] - self.body.down
 
     def set_home(self) -> None:
-        """Make the place of the vehicle its home and tell it."""
+        """Make the place of the vehicle its home, and send HOME_POSITION."""
         self.home = self.geo()
         self.out.append(home_position(self))
-
-    @property
-    def gps_fix(self) -> bool:
-        """True while the receiver has a position."""
-        return self._gps_found and not self._gps_off
-
-    @property
-    def _gps_off(self) -> bool:
-        return "gps_loss" in self.faults or self.params[self.gps_switch[0]] == self.gps_switch[1]
-
-    @property
-    def without_gps(self) -> float | None:
-        """Seconds since the satellites were lost, None while there are some."""
-        return None if self.gps_lost_at is None else self.time - self.gps_lost_at
 
     @property
     def remote_control(self) -> bool:
         """True while a pilot's remote control is heard."""
         return "rc_loss" not in self.faults
+
+    def _gps_off(self) -> bool:
+        """Return True while the receiver is switched off, by a fault or by its parameter."""
+        return "gps_loss" in self.faults or self.params[self.gps_switch[0]] == self.gps_switch[1]
 
     @property
     @abstractmethod
@@ -210,8 +158,8 @@ class Autopilot(Speaker, ABC):
         """True once the estimator uses GPS, and until it has been without for ``gps_grace``."""
         if "not_ready" in self.faults and not self.armed:
             return False
-        lost = self.gps_lost_at is not None and self.time - self.gps_lost_at > self.gps_grace
-        return self.age(self.real_ready) and not lost
+        lost_for = self.gps.lost_for
+        return self.uptime.reached(self.real_ready) and (lost_for is None or lost_for <= self.gps_grace)
 
     @abstractmethod
     def sensors(self) -> tuple[int, int, int]:
@@ -221,10 +169,10 @@ class Autopilot(Speaker, ABC):
     def system_status(self) -> int:
         """Return HEARTBEAT's MAV_STATE."""
 
-    # being asked
+    # commands
 
     def command(self, ask: CommandRequest) -> None:
-        """Carry out a command and acknowledge it."""
+        """Execute a command and acknowledge it."""
         handler = self.commands.get(ask.command)
         result = handler(self, ask) if handler else UNSUPPORTED
         if result is not None:
@@ -239,13 +187,13 @@ class Autopilot(Speaker, ABC):
         """Return the manoeuvre that a setpoint asks for."""
 
     def gcs_heartbeat(self, message: object) -> None:  # noqa: ARG002 - PX4 takes any
-        """Note that a ground station is there."""
+        """Note a heartbeat of a ground station."""
         self.gcs_heard_at = self.time
 
     # modes and arming
 
     def enter(self, mode: Mode) -> None:
-        """Change to a mode and begin what it does; idle while the motors are off."""
+        """Change the mode and start its manoeuvre; idle while the motors are off."""
         if self.runs_mission and mode is not self.mode:
             leave_mission(self)
         self.mode = mode
@@ -258,7 +206,7 @@ class Autopilot(Speaker, ABC):
 
     @abstractmethod
     def refusals(self, *, force: bool) -> list[str]:
-        """Return why the motors cannot be armed now; empty: they can."""
+        """Return why the motors cannot be armed now; empty if they can."""
 
     def arm(self) -> None:
         """Start the motors."""
@@ -292,12 +240,12 @@ class Autopilot(Speaker, ABC):
         return not self.body.grounded
 
     def vtol_state(self) -> int:
-        """Return MAV_VTOL_STATE; 0 for what is no VTOL."""
+        """Return MAV_VTOL_STATE; 0 for other vehicles."""
         return 0
 
     @property
     def landed(self) -> bool:
-        """True while the autopilot thinks that it stands on the ground."""
+        """True while the autopilot's land detector says so."""
         return self.body.grounded
 
     def landed_state(self) -> int:
@@ -311,7 +259,7 @@ class Autopilot(Speaker, ABC):
         """True from the take-off command to the height it asked for."""
         return self.armed and self.manoeuvre.in_air_state == TAKING_OFF and not self.manoeuvre.done
 
-    # time passes
+    # passing of time
 
     def tick(self, now: float, drift: tuple[float, float]) -> None:
         """Move on to ``now``, at most about 0.05 s ahead."""
@@ -320,15 +268,14 @@ class Autopilot(Speaker, ABC):
         if self.body.down < 0.0 or aim.thrust:
             self.body.advance(aim, self.agility, drift if self.flying else (0.0, 0.0), dt)
         self.drain(dt)
-        self._watch_gps()
-        self.drift.tick(self.without_gps, dt)
+        self.gps.tick(dt)
         self._watch_ground()
         self.supervise()
         self.say_what_is_due()
         self.out.extend(self.params.pending())
         self.out.extend(self.missions.overdue(now))
         self.out.extend(self.equipment.tick(self, dt))
-        if self.age(1.0):
+        if self.uptime.reached(1.0):
             self.out.extend(self.streams.due(self, now))
 
     def drain(self, dt: float) -> None:
@@ -337,17 +284,10 @@ class Autopilot(Speaker, ABC):
 
     @abstractmethod
     def supervise(self) -> None:
-        """Do what this autopilot does by itself: start-up, auto-disarm, fail-safes."""
-
-    def _watch_gps(self) -> None:
-        """Remember since when satellites are gone."""
-        if self._gps_off:
-            self.gps_lost_at = self.time if self.gps_lost_at is None else self.gps_lost_at
-        else:
-            self.gps_lost_at = None
+        """Run what the autopilot does by itself: start-up, auto-disarm, fail-safes."""
 
     def _watch_ground(self) -> None:
-        """Remember leaving and touching the ground."""
+        """Note take-off and touch-down."""
         if not self.landed:
             self.left_ground = self.left_ground or self.armed
             self.touched_at = None
@@ -356,10 +296,10 @@ class Autopilot(Speaker, ABC):
             self.touched_ground()
 
     def touched_ground(self) -> None:
-        """Say what there is to say at the touch-down."""
+        """Send the text of a touch-down, if there is one."""
 
     def pilot_takes_over(self, mode: Mode) -> None:
-        """Change to a mode by the switch of the remote control; the pilot holds the vehicle there."""
+        """Change the mode by the switch of the remote control; the pilot then holds the vehicle in place."""
         self.mode = mode
         self.manoeuvre = hold(self) if self.armed else Idle()
 

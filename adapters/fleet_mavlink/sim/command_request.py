@@ -1,4 +1,4 @@
-"""A command from the wire, COMMAND_LONG and COMMAND_INT made alike."""
+"""A command from the wire, in one form for COMMAND_LONG and COMMAND_INT."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ DENIED = int(mav.MAV_RESULT_DENIED)
 UNSUPPORTED = int(mav.MAV_RESULT_UNSUPPORTED)
 FAILED = int(mav.MAV_RESULT_FAILED)
 IN_PROGRESS = int(mav.MAV_RESULT_IN_PROGRESS)
-_UNKNOWN_INT = 0x7FFFFFFF  # how COMMAND_INT says NaN in x and y
+_UNKNOWN_INT = 0x7FFFFFFF  # NaN in x and y of a COMMAND_INT
 
 
 @dataclass(frozen=True, slots=True)
 class CommandRequest:
-    """One command and who asked; latitude and longitude are degrees, NaN where they were left out.
+    """One command and its sender; latitude and longitude are degrees, NaN if left out.
 
     ``frame`` is None for COMMAND_LONG, which has none.
     """
@@ -68,10 +68,10 @@ def _degrees(scaled: int) -> float:
 
 
 def whole(number: float) -> int:
-    """Return a parameter as a whole number; what is not a number becomes -1."""
+    """Return a parameter as an integer; -1 for NaN and infinity."""
     return int(number) if math.isfinite(number) else -1
 
 
 def ack(ask: CommandRequest, result: int, progress: int = 0) -> object:
-    """Return the COMMAND_ACK addressed to who asked."""
+    """Return the COMMAND_ACK addressed to the sender."""
     return mav.MAVLink_command_ack_message(ask.command, result, progress, 0, ask.system, ask.component)

@@ -1,4 +1,4 @@
-"""Commands that both autopilots carry out alike."""
+"""Commands that both autopilots execute alike."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def get_message_interval(pilot: Autopilot, ask: CommandRequest) -> int:
 
 
 def configure_gimbal(pilot: Autopilot, ask: CommandRequest) -> int | None:
-    """DO_GIMBAL_MANAGER_CONFIGURE: who may turn the gimbal."""
+    """DO_GIMBAL_MANAGER_CONFIGURE: take control of the gimbal."""
     gimbal = pilot.equipment.gimbal
     return pilot.without_gimbal if gimbal is None else gimbal.configure(ask)
 
@@ -44,15 +44,15 @@ def turn_gimbal(pilot: Autopilot, ask: CommandRequest) -> int | None:
 
 
 def requested(pilot: Autopilot, message_id: int) -> object:
-    """Return the message that REQUEST_MESSAGE names, None where there is none or nothing to tell."""
+    """Return the message requested by REQUEST_MESSAGE, None if it is unknown or has no data yet."""
     gimbal = pilot.equipment.gimbal
     if message_id == mav.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION:
-        return None if gimbal is None else gimbal.information(pilot.boot_ms)
+        return None if gimbal is None else gimbal.information(pilot.uptime.ms)
     build = BUILDERS.get(message_id)
     return build(pilot) if build is not None else None
 
 
 def request_version(pilot: Autopilot, _ask: CommandRequest) -> int:
-    """REQUEST_AUTOPILOT_CAPABILITIES, the old way to ask for AUTOPILOT_VERSION."""
+    """REQUEST_AUTOPILOT_CAPABILITIES, the deprecated request for AUTOPILOT_VERSION."""
     pilot.out.append(autopilot_version(pilot))
     return ACCEPTED

@@ -1,4 +1,4 @@
-"""The calibration of a simulated compass: as ArduPilot tells it, and as PX4 does."""
+"""Calibration of a simulated compass, with the messages of ArduPilot, or the texts of PX4."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _FAILED = int(mav.MAG_CAL_FAILED)
 
 
 class Speaker(Protocol):
-    """Who tells about it: the autopilot."""
+    """Sender of texts: the autopilot."""
 
     def say(self, severity: int, text: str) -> None:
         """Send a STATUSTEXT."""
 
 
 class SimCompass:
-    """One calibration at a time; ``words``: told in texts (PX4), not in messages of its own."""
+    """One calibration at a time; ``words``: reported in texts (PX4), not in messages of its own."""
 
     def __init__(self, *, words: bool) -> None:
         self.words = words
@@ -33,19 +33,19 @@ class SimCompass:
         return self._began is not None
 
     def start(self, now: float, speaker: Speaker) -> None:
-        """Begin anew."""
+        """Begin a calibration."""
         self._began = self._told_at = now
         if self.words:
             speaker.say(6, "[cal] calibration started: 2 mag")
 
     def cancel(self, speaker: Speaker) -> None:
-        """End without a result; ArduPilot says nothing then."""
+        """End without a result; ArduPilot sends nothing then."""
         if self.words and self.calibrating:
             speaker.say(2, "[cal] calibration cancelled")
         self._began = None
 
     def tick(self, now: float, speaker: Speaker, *, fails: bool) -> list[object]:
-        """Tell how far it is, and how it ended."""
+        """Report the progress, and the result."""
         if self._began is None or now - self._told_at < _TOLD_EVERY:
             return []
         self._told_at = now
@@ -56,14 +56,14 @@ class SimCompass:
         return self._end(speaker, fails=fails)
 
     def _progress(self, percent: int, speaker: Speaker) -> list[object]:
-        """Tell percent."""
+        """Report percent."""
         if self.words:
             speaker.say(6, f"[cal] progress <{percent}>")
             return []
         return [mav.MAVLink_mag_cal_progress_message(0, 1, 3, 1, percent, [0] * 10, 0.0, 0.0, 0.0)]
 
     def _end(self, speaker: Speaker, *, fails: bool) -> list[object]:
-        """Tell the result."""
+        """Report the result."""
         if self.words:
             speaker.say(
                 *((2, "[cal] calibration failed: timeout") if fails else (6, "[cal] calibration done: mag"))

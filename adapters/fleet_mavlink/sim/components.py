@@ -1,4 +1,4 @@
-"""Components beside the simulated autopilot on its link: a gimbal, an ADS-B receiver, camera, Remote ID."""
+"""Components beside the simulated autopilot on its link: gimbal, ADS-B receiver, camera, Remote ID."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _EXPOSURE = 0.4  # s from the command to the picture
 
 
 def framed(packer: Any, messages: Iterable[Any]) -> list[bytes]:
-    """Return the frames of messages; the packer numbers them, as pymavlink's own ``send`` does."""
+    """Return the frames of messages; the packer numbers them, like pymavlink's own ``send``."""
     frames = []
     for message in messages:
         frames.append(bytes(message.pack(packer)))
@@ -27,7 +27,7 @@ def framed(packer: Any, messages: Iterable[Any]) -> list[bytes]:
 
 
 class Component:
-    """A component that only shows that it is there: HEARTBEAT at 1 Hz."""
+    """A component that only reports its presence: HEARTBEAT at 1 Hz."""
 
     component = 156
     kind = int(mav.MAV_TYPE_ADSB)
@@ -46,12 +46,12 @@ class Component:
             said.append(mav.MAVLink_heartbeat_message(self.kind, nobody, 0, 0, state, 3))
         return self.framed(said)
 
-    def told(self, now: float) -> list[object]:  # noqa: ARG002 - for those who tell more
-        """Return what it tells besides its heartbeat."""
+    def told(self, now: float) -> list[object]:  # noqa: ARG002 - for subclasses
+        """Return its messages besides its heartbeat."""
         return []
 
-    def asked(self, message: object, now: float) -> list[object] | None:  # noqa: ARG002 - for those who answer
-        """Return the answers to what is addressed to it; None: it is not."""
+    def asked(self, message: object, now: float) -> list[object] | None:  # noqa: ARG002 - for subclasses
+        """Return the answers to a message; None if it is not addressed to the component."""
         return None
 
     def framed(self, messages: list[object]) -> list[bytes]:
@@ -60,7 +60,7 @@ class Component:
 
 
 class GimbalDevice(Component):
-    """The gimbal that the autopilot's manager turns; it tells how it is turned."""
+    """The gimbal behind the autopilot's gimbal manager; it reports its attitude."""
 
     component = DEVICE
     kind = int(mav.MAV_TYPE_GIMBAL)
@@ -70,12 +70,12 @@ class GimbalDevice(Component):
         self._gimbal = vehicle.equipment.gimbal = SimGimbal()
 
     def told(self, now: float) -> list[object]:
-        """Tell how it is turned."""
+        """Report its attitude."""
         return self._gimbal.due(now, int(now * 1000))
 
 
 class SimCamera(Component):
-    """A camera with a component of its own; takes a picture a moment after it was asked."""
+    """A camera with a component of its own; takes a picture a moment after the command."""
 
     component = _CAMERA
     kind = int(mav.MAV_TYPE_CAMERA)
@@ -86,7 +86,7 @@ class SimCamera(Component):
         self._ready_at: list[float] = []
 
     def asked(self, message: Any, now: float) -> list[object] | None:
-        """Answer IMAGE_START_CAPTURE for one picture; the rest is unsupported."""
+        """Answer IMAGE_START_CAPTURE for one picture; all others are unsupported."""
         if message.get_type() != "COMMAND_LONG" or message.target_component != self.component:
             return None
         ask = ask_of(message)
@@ -97,7 +97,7 @@ class SimCamera(Component):
         return [mav.MAVLink_command_ack_message(ask.command, result, 0, 0, ask.system, ask.component)]
 
     def told(self, now: float) -> list[object]:
-        """Tell the pictures that are taken."""
+        """Report the pictures that are taken."""
         taken = [at for at in self._ready_at if at <= now]
         self._ready_at = [at for at in self._ready_at if at > now]
         return [self._picture(now) for _ in taken]
@@ -123,7 +123,7 @@ class SimCamera(Component):
 
 
 class RemoteIdTransmitter(Component):
-    """A Remote ID transmitter; it tells once a second whether it is content, to its autopilot and to all."""
+    """A Remote ID transmitter; sends its arm status once a second, to its autopilot and to all."""
 
     component = int(mav.MAV_COMP_ID_ODID_TXRX_1)
     kind = int(mav.MAV_TYPE_ODID)
@@ -134,7 +134,7 @@ class RemoteIdTransmitter(Component):
         self._told_at = -math.inf
 
     def told(self, now: float) -> list[object]:
-        """Tell whether it is content."""
+        """Send the arm status."""
         known = self._vehicle.equipment.remote_id
         if known is None or now - self._told_at < 1.0 or "remote_id_silent" in self._vehicle.faults:
             return []

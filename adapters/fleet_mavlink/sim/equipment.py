@@ -1,4 +1,4 @@
-"""What a simulated vehicle carries besides its autopilot; it survives a reboot."""
+"""Equipment of a simulated vehicle besides its autopilot; it survives a reboot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Equipment:
-    """Logs, a compass, and a gimbal and Remote ID where there is one."""
+    """Logs, a compass, and optionally gimbal and Remote ID."""
 
     def __init__(self, *, ardupilot: bool) -> None:
         self.logs = SimLogs(1 if ardupilot else 0)
@@ -23,13 +23,13 @@ class Equipment:
         self.remote_id: SimRemoteId | None = None
 
     def reboot(self) -> None:
-        """End what was under way."""
+        """End activities in progress."""
         self.logs.reboot()
         self.compass = SimCompass(words=self.compass.words)
         self.remote_id = SimRemoteId() if self.remote_id is not None else None
 
     def tick(self, pilot: Autopilot, dt: float) -> list[object]:
-        """Move on; return what is told of its own accord."""
+        """Advance; return unsolicited messages."""
         told = self.logs.pending()
         told += self.compass.tick(pilot.time, pilot, fails="compass_fails" in pilot.faults)
         if self.gimbal is not None:

@@ -1,4 +1,4 @@
-"""The events that a simulated PX4 tells, and the list by which it explains them."""
+"""Events of a simulated PX4, and the metadata file with their texts."""
 
 from __future__ import annotations
 
@@ -88,14 +88,14 @@ class EventMessage(mav.MAVLink_message):  # type: ignore[misc]  # pymavlink has 
         self._number = 1 << 24 | number
         self._arguments = struct.pack(packing, *arguments).ljust(40, b"\0")
 
-    def pack(self, link: object, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002 - pymavlink's
+    def pack(self, link: object, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002 - signature of pymavlink
         """Return the frame, log level 2."""
         payload = struct.pack("<IIHBBB", self._number, 0, self.sequence, 0, 0, 0x42) + self._arguments
         return bytes(self._pack(link, self.crc_extra, payload, force_mavlink1=force_mavlink1))
 
 
 def failsafe_event(action: str, why: str, *, seconds: int | None = None) -> EventMessage:
-    """Return the event of a fail-safe: what it does, why, and after how many seconds."""
+    """Return the event of a fail-safe: its action, its cause, and the delay in seconds."""
     number, cause = ACTIONS[action], CAUSES.get(why)
     if why == "position":
         return EventMessage(DISENGAGED, "<IB", 0, ACTIONS["DESCEND"])

@@ -1,4 +1,4 @@
-"""The faults of a simulated vehicle: those of the wire, and its own."""
+"""Faults of a simulated vehicle: those of the wire, and its own."""
 
 from __future__ import annotations
 

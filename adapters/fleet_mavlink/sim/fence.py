@@ -1,4 +1,4 @@
-"""The fence in a simulated autopilot's memory: where its corners are, and whether the vehicle is outside."""
+"""Fence in a simulated autopilot's memory: its vertices, and the check of a position."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
 _INSIDE, _OUTSIDE = 5001, 5002
-HEIGHT, CIRCLE, POLYGON = 1, 2, 4  # what is watched
+HEIGHT, CIRCLE, POLYGON = 1, 2, 4  # bits of the checked bounds
 
 
 def polygons(pilot: Autopilot, command: int) -> Iterator[Polygon]:
@@ -30,14 +30,14 @@ def polygons(pilot: Autopilot, command: int) -> Iterator[Polygon]:
 
 def _corner(pilot: Autopilot, item: Item) -> tuple[float, float]:
     """Return one corner as a local position."""
-    north, east, _ = pilot.ned_of(item.x / 1e7, item.y / 1e7, pilot.place[2])
+    north, east, _ = pilot.frame.ned_of(item.x / 1e7, item.y / 1e7, pilot.place[2])
     return north, east
 
 
 def is_outside(
     pilot: Autopilot, place: tuple[float, float, float], *, kinds: int, height: float, radius: float
 ) -> bool:
-    """Return whether a local position (NED) is out of bounds; a height or radius of 0 is no bound."""
+    """Return True if a local position (NED) is out of bounds; a height or radius of 0 is no bound."""
     north, east, down = place
     home_north, home_east, home_down = pilot.home_ned()
     over = kinds & HEIGHT and height > 0 and home_down - down > height

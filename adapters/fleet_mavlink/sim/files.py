@@ -1,4 +1,4 @@
-"""The files that simulated autopilots serve over MAVLink FTP: PX4 explains its events, ArduPilot has none."""
+"""Files served by simulated autopilots over MAVLink FTP: PX4's event metadata; ArduPilot has none."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.event_list import PACKED, PATH
 
-_HEAD = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, of which request, burst, offset
+_HEAD = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, requested opcode, burst, offset
 _ACK, _NAK, _FAIL, _END, _UNKNOWN, _NO_FILE = 128, 129, 1, 6, 7, 10
 _DATA = 239
 FILES: Mapping[str, bytes] = {PATH: PACKED}
@@ -31,7 +31,7 @@ def answer(message: Any, files: Mapping[str, bytes]) -> list[object]:
 def _carry_out(
     opcode: int, size: int, offset: int, path: str, files: Mapping[str, bytes]
 ) -> tuple[bool, bytes]:
-    """Return whether a request is granted, and what is answered; one file is open at a time."""
+    """Return whether a request succeeds, and the data; one file is open at a time."""
     if opcode == mav.MAV_FTP_OPCODE_TERMINATESESSION:
         return True, b""
     if opcode == mav.MAV_FTP_OPCODE_READFILE and files:

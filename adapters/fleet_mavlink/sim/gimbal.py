@@ -1,4 +1,4 @@
-"""A simulated gimbal behind the autopilot's gimbal manager: pitch and yaw, in the vehicle's frame."""
+"""Simulated gimbal behind the autopilot's gimbal manager: pitch and yaw, in the vehicle's frame."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, CommandRequest
 
 _PITCH = (-90.0, 30.0)  # degrees
 _YAW = (-160.0, 160.0)
-_FASTEST = 60.0  # degrees a second
+_FASTEST = 60.0  # degrees per second
 _TOLD_EVERY = 0.2  # s
-_ITSELF = -2.0  # in DO_GIMBAL_MANAGER_CONFIGURE: the asker
+_ITSELF = -2.0  # in DO_GIMBAL_MANAGER_CONFIGURE: the sender
 DEVICE = 154
 
 
 class SimGimbal:
-    """Turns to angles or at speeds; only for the station that took control of it."""
+    """Turns to angles or at rates, only for the station that took control of it."""
 
     def __init__(self) -> None:
         self.pitch = self.yaw = 0.0  # degrees
@@ -27,7 +27,7 @@ class SimGimbal:
         self._told_at = -math.inf
 
     def configure(self, ask: CommandRequest) -> int:
-        """Take control (DO_GIMBAL_MANAGER_CONFIGURE): for the ids given, or for who asks."""
+        """Take control (DO_GIMBAL_MANAGER_CONFIGURE): for the given ids, or for the sender."""
         if ask.p1 == _ITSELF:
             self._owner = (ask.system, ask.component)
         elif ask.p1 >= 0.0:
@@ -35,7 +35,7 @@ class SimGimbal:
         return ACCEPTED
 
     def turn(self, ask: CommandRequest) -> int:
-        """Turn (DO_GIMBAL_MANAGER_PITCHYAW): degrees and degrees a second, NaN leaves an axis alone."""
+        """Turn (DO_GIMBAL_MANAGER_PITCHYAW): degrees and degrees per second, NaN leaves an axis unchanged."""
         if self._owner != (ask.system, ask.component):
             return DENIED
         self._pitch.ask(ask.p1, ask.p3)
@@ -43,7 +43,7 @@ class SimGimbal:
         return ACCEPTED
 
     def tick(self, dt: float) -> None:
-        """Move on by ``dt`` seconds."""
+        """Advance by ``dt`` seconds."""
         self.pitch = self._pitch.moved(self.pitch, _PITCH, dt)
         self.yaw = self._yaw.moved(self.yaw, _YAW, dt)
 
@@ -53,7 +53,7 @@ class SimGimbal:
         return mav.MAVLink_gimbal_manager_information_message(boot_ms, 0, DEVICE, *limits)
 
     def due(self, now: float, boot_ms: int) -> list[object]:
-        """Return GIMBAL_DEVICE_ATTITUDE_STATUS when it is time for it."""
+        """Return GIMBAL_DEVICE_ATTITUDE_STATUS if it is due."""
         if now - self._told_at < _TOLD_EVERY:
             return []
         self._told_at = now
@@ -68,14 +68,14 @@ class SimGimbal:
 
 
 class _Axis:
-    """What is asked of one axis: an angle to be at, or a speed."""
+    """Request for one axis: a target angle, or a rate."""
 
     def __init__(self) -> None:
         self._angle: float | None = None
         self._speed = 0.0
 
     def ask(self, angle: float, speed: float) -> None:
-        """Take an angle, else a speed; what is neither changes nothing."""
+        """Set an angle, else a rate; two NaNs change nothing."""
         if math.isfinite(angle):
             self._angle = angle
         elif math.isfinite(speed):

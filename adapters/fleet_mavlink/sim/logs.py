@@ -1,4 +1,4 @@
-"""The logs on board of a simulated vehicle, and the answers to the LOG messages."""
+"""On-board logs of a simulated vehicle, and the answers to the LOG messages."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 from pymavlink.dialects.v20 import all as mav
 
 _PIECE = 90
-_PACE = 20  # pieces sent for each step of the vehicle
+_PACE = 20  # pieces sent per step of the vehicle
 _BEGAN = 1_790_000_000  # Unix seconds of the first log
 _SIZES = (40_000, 12_345, 3_600)  # bytes; the last is a whole number of pieces
 
 
 def content(number: int, size: int) -> bytes:
     """Return the bytes of a log: the same for the same number and size."""
-    return Random(number).randbytes(size)  # noqa: S311 - repeatable, no secret
+    return Random(number).randbytes(size)  # noqa: S311 - reproducible, not secret
 
 
 class SimLogs:
@@ -29,7 +29,7 @@ class SimLogs:
         self._at = self._end = 0
 
     def reboot(self) -> None:
-        """Forget what is being sent."""
+        """End the transfer."""
         self._at = self._end = 0
 
     def asked_list(self, message: Any) -> Iterable[object]:
@@ -51,7 +51,7 @@ class SimLogs:
         return ()
 
     def asked_end(self) -> Iterable[object]:
-        """Send no more."""
+        """End the transfer."""
         self.reboot()
         return ()
 

@@ -1,4 +1,4 @@
-"""What an autopilot does at a time: each manoeuvre turns the state of its vehicle into an aim."""
+"""Manoeuvres of an autopilot: each turns the state of its vehicle into a requested motion."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
 _NOSE_RATE = 0.9  # rad/s at which the nose turns into the direction of travel
-_NOSE_BEYOND = 1.0  # m to a place from which on the nose turns to it
+_NOSE_BEYOND = 1.0  # m; at this distance from a position the nose begins to turn to it
 ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4  # MAV_LANDED_STATE
 
 
 class Place(Protocol):
-    """A position to be at: metres NED."""
+    """A position: metres NED."""
 
     north: float
     east: float
@@ -24,13 +24,13 @@ class Place(Protocol):
 
 
 class Manoeuvre:
-    """The base: rest with the motors idle; falls when it is entered in the air."""
+    """Base: rest with the motors idle; a vehicle in the air falls."""
 
     in_air_state = IN_AIR
-    done = False  # the manoeuvre has reached what it was for
+    done = False  # the manoeuvre has reached its goal
 
-    def aim(self, pilot: Autopilot) -> Aim:  # noqa: ARG002 - for overriders
-        """Return the motion wanted now; called once for every step of the physics."""
+    def aim(self, pilot: Autopilot) -> Aim:  # noqa: ARG002 - for subclasses
+        """Return the requested motion; called once per physics step."""
         return Aim(thrust=False)
 
 
@@ -39,7 +39,7 @@ class Idle(Manoeuvre):
 
 
 def aim_at(pilot: Autopilot, place: Place, speed: float, heading: float | None) -> Aim:
-    """Return the aim that brings the vehicle to a place and keeps it there."""
+    """Return the motion that brings the vehicle to a position and keeps it there."""
     body = pilot.body
     dn, de, dd = place.north - body.north, place.east - body.east, place.down - body.down
     distance = math.hypot(dn, de)
@@ -49,7 +49,7 @@ def aim_at(pilot: Autopilot, place: Place, speed: float, heading: float | None) 
 
 
 class GoTo(Manoeuvre):
-    """Fly to a place and hold it; ``heading`` None turns the nose as the autopilot's habit is."""
+    """Fly to a position and hold it; with ``heading`` None the nose turns by the autopilot's default."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class GoTo(Manoeuvre):
         self.speed = speed
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the aim towards the place."""
+        """Return the motion towards the position."""
         body = pilot.body
         flat = math.hypot(self.north - body.north, self.east - body.east)
         self.done = flat < 0.5 and abs(self.down - body.down) < 0.4
@@ -83,7 +83,7 @@ def place_of(place: Place) -> tuple[float, float, float]:
 
 
 def braked(pilot: Autopilot) -> GoTo:
-    """Return: stay where the vehicle comes to stand when it brakes now."""
+    """Return the manoeuvre that stays where braking from the present motion ends."""
     body = pilot.body
     braking = body.speed / (2 * pilot.agility.across)
     north, east = body.north + body.vn * braking, body.east + body.ve * braking
@@ -91,7 +91,7 @@ def braked(pilot: Autopilot) -> GoTo:
 
 
 def hold(pilot: Autopilot) -> Manoeuvre:
-    """Return: brake and stay where the braking ends; idle on the ground."""
+    """Return the manoeuvre that brakes and stays; idle on the ground."""
     if pilot.body.grounded:
         return Idle()
     return braked(pilot)
@@ -110,7 +110,7 @@ class Takeoff(Manoeuvre):
         self.lift_at = pilot.time + (pilot.spin_up if pilot.body.grounded else 0.0)
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the aim: nothing while the motors spin up, then upwards."""
+        """Return no motion while the motors spin up, then upwards."""
         if pilot.time < self.lift_at:
             return Aim(thrust=False)
         wanted = aim_at(pilot, self, pilot.speeds.cruise, self.heading)
@@ -152,7 +152,7 @@ class Drive(Manoeuvre):
 
 
 class Turn(Manoeuvre):
-    """Stay at the place and turn to ``heading`` at ``rate`` rad/s."""
+    """Stay at the position and turn to ``heading`` at ``rate`` rad/s."""
 
     def __init__(self, pilot: Autopilot, heading: float, rate: float, direction: int) -> None:
         self._stay = hold(pilot)
@@ -161,7 +161,7 @@ class Turn(Manoeuvre):
         self._direction = direction
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the aim that stays and turns."""
+        """Return the motion that stays and turns."""
         stay = self._stay.aim(pilot)
         left = math.remainder(self._heading - pilot.body.heading, math.tau)
         if abs(left) < 0.05 or self._direction == 0:
@@ -171,7 +171,7 @@ class Turn(Manoeuvre):
 
 
 class Sink(Manoeuvre):
-    """Come down at ``speed`` m/s with no hold of the position (no stick input, no position)."""
+    """Descend at ``speed`` m/s without holding the position (no stick input, no position)."""
 
     def __init__(self, speed: float) -> None:
         self._speed = speed
@@ -182,7 +182,7 @@ class Sink(Manoeuvre):
 
 
 class Land(Manoeuvre):
-    """Come down at a place, left out: where the vehicle is; slower near the ground."""
+    """Land at a position, by default the present one; slower near the ground."""
 
     in_air_state = LANDING
 
@@ -194,7 +194,7 @@ class Land(Manoeuvre):
         self.heading = pilot.body.heading
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return down at the autopilot's landing speed; idle after the touch-down."""
+        """Return down at the autopilot's landing speed; idle after touch-down."""
         if pilot.body.grounded:
             self.done = True
             return Aim(thrust=False)
@@ -220,7 +220,7 @@ class Return(Manoeuvre):
         self._land: Land | None = None
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the aim of the leg that is being flown."""
+        """Return the motion of the present leg."""
         if self._land is not None:
             self.done = self._land.done
             return self._land.aim(pilot)

@@ -1,4 +1,4 @@
-"""Flying the stored mission, item after item."""
+"""Flight of the stored mission, item by item."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
 _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
-_HOLD_FIRST_PARAM = frozenset({16, 19, 82, 93})  # items that stay param1 seconds
+_HOLD_FIRST_PARAM = frozenset({16, 19, 82, 93})  # items with a stay of param1 seconds
 RTL = 20
-_RADIUS = 10.0  # m of a circle that gives none
-_AHEAD = 0.5  # rad on the circle that is aimed ahead
+_RADIUS = 10.0  # m, default radius of a circle
+_AHEAD = 0.5  # rad by which the target is ahead on the circle
 
 
 def place_of_item(pilot: Autopilot, item: Item) -> tuple[float, float, float]:
-    """Return where an item is; 0/0 means where the vehicle is."""
+    """Return the position of an item; 0/0 means that of the vehicle."""
     altitude = item.z
     if item.frame in _RELATIVE_FRAMES:
         altitude += pilot.home[2] if pilot.home is not None else pilot.place[2]
@@ -32,7 +32,7 @@ def place_of_item(pilot: Autopilot, item: Item) -> tuple[float, float, float]:
         latitude, longitude, _ = pilot.geo()
     else:
         latitude, longitude = item.x / 1e7, item.y / 1e7
-    return pilot.ned_of(latitude, longitude, altitude)
+    return pilot.frame.ned_of(latitude, longitude, altitude)
 
 
 def _go(pilot: Autopilot, item: Item) -> Manoeuvre:
@@ -46,14 +46,14 @@ def _take_off(pilot: Autopilot, item: Item) -> Manoeuvre:
 
 
 class LandThere(Manoeuvre):
-    """Fly over the place of the item, then land."""
+    """Fly over the position of the item, then land."""
 
     def __init__(self, pilot: Autopilot, item: Item) -> None:
         north, east, _ = place_of_item(pilot, item)
         self._legs: list[Manoeuvre] = [GoTo(north, east, pilot.body.down)]
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the aim to the place, then down."""
+        """Return the motion to the position, then down."""
         if self._legs[0].done and not isinstance(self._legs[0], Land):
             self._legs[0] = Land(pilot)
         self.in_air_state = self._legs[0].in_air_state
@@ -63,18 +63,18 @@ class LandThere(Manoeuvre):
 
 
 class _Unlimited(Manoeuvre):
-    """Fly to the place of the item and stay for good."""
+    """Fly to the position of the item and stay for ever."""
 
     def __init__(self, way: Manoeuvre) -> None:
         self._way = way
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the aim to the place."""
+        """Return the motion to the position."""
         return self._way.aim(pilot)
 
 
 class _Circle(Manoeuvre):
-    """Fly to the place of the item and round it; a negative radius turns to the left."""
+    """Fly to the position of the item and circle it; a negative radius turns left."""
 
     def __init__(self, pilot: Autopilot, item: Item) -> None:
         self._centre = place_of_item(pilot, item)
@@ -84,7 +84,7 @@ class _Circle(Manoeuvre):
         self._leg = GoTo(self._centre[0] + abs(self._radius), self._centre[1], self._centre[2])
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the aim to the circle, then to the place a little ahead on it."""
+        """Return the motion to the circle, then to the position a little ahead on it."""
         if self._bearing is None and not self._leg.done:
             return self._leg.aim(pilot)
         north, east, down = self._centre
@@ -114,7 +114,7 @@ _MANOEUVRES: Mapping[int, Callable[[Autopilot, Item], Manoeuvre]] = {
 
 
 class FlyMission(Manoeuvre):
-    """Fly the items from the current one on; ``returns`` says that an item asks for RTL."""
+    """Fly the items from the current one on; ``returns``: an item requests RTL."""
 
     manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = _MANOEUVRES
 
@@ -124,14 +124,14 @@ class FlyMission(Manoeuvre):
             missions.current = missions.first
         missions.state = ACTIVE
         self.returns = False
-        self._flown = -1  # number of the item that is being flown
+        self._flown = -1  # number of the item being flown
         self._leg: Manoeuvre = hold(pilot)
         self._leave_at: float | None = None
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the aim of the item that is being flown."""
+        """Return the motion of the item being flown."""
         missions = pilot.missions
-        if not missions.loaded:  # cleared while it was flown
+        if not missions.loaded:  # cleared during the flight
             self.done = True
         elif not self.done and self._flown != missions.current:
             self._begin(pilot)
@@ -156,13 +156,13 @@ class FlyMission(Manoeuvre):
             self._do(pilot, item)
 
     def _do(self, pilot: Autopilot, item: Item) -> None:
-        """Carry out an item that moves nothing: it is done at once."""
+        """Execute an item without motion: it is done at once."""
         if item.command == mav.MAV_CMD_DO_CHANGE_SPEED and item.p2 > 0.0:
             pilot.speeds.asked = item.p2
         self._reached(pilot)
 
     def _waited(self, pilot: Autopilot) -> bool:
-        """Return True once the stay that the item asks for is over."""
+        """Return True once the stay at the item is over."""
         item = pilot.missions.items[self._flown]
         if self._leave_at is None:
             stay = item.p1 if item.command in _HOLD_FIRST_PARAM and math.isfinite(item.p1) else 0.0
@@ -170,7 +170,7 @@ class FlyMission(Manoeuvre):
         return pilot.time >= self._leave_at
 
     def _reached(self, pilot: Autopilot) -> None:
-        """Tell that an item is done and go to the next; the number stays below the count."""
+        """Report that an item is done and go to the next; the number stays below the count."""
         missions = pilot.missions
         pilot.out.append(missions.reached(pilot.time))
         if missions.current + 1 < len(missions.items):
@@ -181,7 +181,7 @@ class FlyMission(Manoeuvre):
 
 
 def leave_mission(pilot: Autopilot) -> None:
-    """Note that the mission is left for another mode."""
+    """Record that the mission is left for another mode."""
     missions = pilot.missions
     if missions.state == ACTIVE:
         missions.state = PAUSED if pilot.armed else NOT_STARTED

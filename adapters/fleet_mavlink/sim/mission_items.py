@@ -1,4 +1,4 @@
-"""Items of plans on the wire, and the habits of the autopilots in the mission protocol."""
+"""Plan items on the wire, and the autopilots' variants of the mission protocol."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pymavlink.dialects.v20 import all as mav
 
 FENCE = int(mav.MAV_MISSION_TYPE_FENCE)
 MISSION = int(mav.MAV_MISSION_TYPE_MISSION)
-_FLOWN = frozenset({16, 17, 19, 20, 21, 22, 31, 82, 93})  # navigation that both fly
-LOITER_TURNS = 18  # PX4 has no such item
+_FLOWN = frozenset({16, 17, 19, 20, 21, 22, 31, 82, 93})  # navigation commands of both autopilots
+LOITER_TURNS = 18  # PX4 lacks this item
 
 
 class Item(NamedTuple):
@@ -31,15 +31,15 @@ class Item(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """How one autopilot speaks the protocol."""
+    """One autopilot's variant of the mission protocol."""
 
     request: Callable[[int, int, int, int], Any]
     repeat: float  # seconds after which a request is repeated
     home_is_first: bool
     tells_duplicates: bool
-    keeps_place: bool  # a mission that replaces a begun one goes on at its current number
-    frames_told: Mapping[int, int]  # frames that come back as another one
-    reached_times: int = 1  # that the end of an item is told, a second apart
+    keeps_place: bool  # a mission that replaces a started one continues at its current number
+    frames_told: Mapping[int, int]  # frames that are returned as another one
+    reached_times: int = 1  # reports of a reached item, a second apart
     flies: frozenset[int] = _FLOWN
 
 

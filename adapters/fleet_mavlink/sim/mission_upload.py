@@ -1,6 +1,6 @@
-"""The upload of a plan to an autopilot: it asks for one item after the other, and answers once it has all.
+"""Upload of a plan to an autopilot: it requests one item after the other, and acknowledges a complete plan.
 
-The autopilots differ in how they ask for an item, how often they repeat that, and how they take a repetition.
+The autopilots differ in their request for an item, its repetition, and their reaction to duplicates.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.mission_items import MISSION, Habits, Item, item_of
 
-_GIVE_UP = 8.0  # seconds without an item that end an upload
+_GIVE_UP = 8.0  # s without an item that end an upload
 _FIRST_DO = 80  # commands from here on are not navigation
 _COUNT_MAX = 700
 
 
 @dataclass(slots=True)
 class _Upload:
-    """An upload that is under way."""
+    """An upload in progress."""
 
     system: int
     component: int
@@ -32,7 +32,7 @@ class _Upload:
 
 
 class MissionUpload:
-    """The upload that is under way, if one is; ``store`` takes kind and items of a complete one."""
+    """The upload in progress, if any; ``store`` receives kind and items of a complete one."""
 
     def __init__(self, habits: Habits, store: Callable[[int, list[Item]], None]) -> None:
         self._habits = habits
@@ -45,11 +45,11 @@ class MissionUpload:
         return self._under_way is not None
 
     def reboot(self) -> None:
-        """Forget it."""
+        """Drop the upload."""
         self._under_way = None
 
     def overdue(self, now: float) -> Iterable[object]:
-        """Ask again for an item that did not come; end an upload that went silent."""
+        """Request an overdue item again; end a silent upload."""
         upload = self._under_way
         if upload is None:
             return ()
@@ -80,7 +80,7 @@ class MissionUpload:
         return [self._request(upload)]
 
     def item(self, message: Any, now: float) -> Iterable[object]:
-        """Take an item of the upload (MISSION_ITEM_INT or MISSION_ITEM)."""
+        """Process an item of the upload (MISSION_ITEM_INT or MISSION_ITEM)."""
         upload = self._under_way
         if upload is None or message.mission_type != upload.kind:
             return ()
@@ -99,7 +99,7 @@ class MissionUpload:
         return [self._request(upload)]
 
     def _complete(self, upload: _Upload) -> Iterable[object]:
-        """End an upload: its plan replaces the old one."""
+        """Complete an upload: its plan replaces the old one."""
         self._under_way = None
         self._store(upload.kind, upload.items)
         return [self._ack(upload, mav.MAV_MISSION_ACCEPTED)]

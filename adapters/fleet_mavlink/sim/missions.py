@@ -1,6 +1,6 @@
-"""The mission protocol: the stored plans, their download and removal, and where the mission stands.
+"""Mission protocol: the stored plans, their download and removal, and the progress of the mission.
 
-The autopilots differ in whether item 0 is home (ArduPilot), and in how often they tell the end of an item.
+The autopilots differ in whether item 0 is home (ArduPilot), and in how often they report a reached item.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _TOLD_AGAIN = 1.0  # s
 
 
 class SimMissions:
-    """The stored plans of one vehicle (they survive a reboot) by MAV_MISSION_TYPE."""
+    """Stored plans of one vehicle, by MAV_MISSION_TYPE (they survive a reboot)."""
 
     def __init__(self, habits: Habits) -> None:
         self.habits = habits
@@ -26,15 +26,15 @@ class SimMissions:
         self.upload = MissionUpload(habits, self._store)
         self.current = 0
         self.state = NO_MISSION
-        self._reached: tuple[int, int, float] | None = None  # the item, how often it is told still, when next
+        self._reached: tuple[int, int, float] | None = None  # item, remaining reports, time of the next
 
     def reached(self, now: float) -> object:
-        """Return the message that the current item is done; PX4 tells it again and again."""
+        """Return the message that the current item is reached; PX4 repeats it."""
         self._reached = (self.current, self.habits.reached_times - 1, now + _TOLD_AGAIN)
         return mav.MAVLink_mission_item_reached_message(self.current)
 
     def _told_again(self, now: float) -> Iterable[object]:
-        """Tell the last item that was done again, also where another mission has come since."""
+        """Repeat the report of the last reached item, even after another mission was uploaded."""
         if self._reached is None or not self._reached[1] or now < self._reached[2]:
             return ()
         item, times, _ = self._reached
@@ -57,22 +57,22 @@ class SimMissions:
 
     @property
     def total(self) -> int:
-        """Number that MISSION_CURRENT tells: ArduPilot leaves home out."""
+        """Number in MISSION_CURRENT: ArduPilot leaves home out."""
         return max(0, len(self.items) - self.first)
 
     @property
     def loaded(self) -> bool:
-        """True when there is something to fly."""
+        """True if there is something to fly."""
         return self.total > 0
 
     def reboot(self) -> None:
-        """Forget the transfer and start the mission anew."""
+        """Drop the transfer and restart the mission."""
         self.upload.reboot()
         self._reached = None
         self._rewind()
 
     def disarmed(self) -> None:
-        """Forget, where it was kept, at which item the mission was left."""
+        """Restart the mission, if its current item was kept."""
         if self.habits.keeps_place and self.state in {ACTIVE, PAUSED}:
             self._rewind()
 
@@ -81,7 +81,7 @@ class SimMissions:
         self.state = NOT_STARTED if self.loaded else NO_MISSION
 
     def overdue(self, now: float) -> Iterable[object]:
-        """Say what is to be said again; ask for an item that did not come, end an upload that went silent."""
+        """Repeat due reports; request an overdue item, end a silent upload."""
         return [*self._told_again(now), *self.upload.overdue(now)]
 
     def _store(self, kind: int, items: list[Item]) -> None:
@@ -122,7 +122,7 @@ class SimMissions:
         return [mav.MAVLink_mission_item_int_message(system, component, *numbers, *params, *place, kind)]
 
     def clear(self, message: Any) -> Iterable[Any]:
-        """Forget a plan, or all of them (MISSION_CLEAR_ALL); ArduPilot refuses while it flies it."""
+        """Delete a plan, or all of them (MISSION_CLEAR_ALL); ArduPilot refuses while it flies it."""
         system, component = message.get_srcSystem(), message.get_srcComponent()
         result = mav.MAV_MISSION_ACCEPTED
         if self.state == ACTIVE and self.habits.home_is_first:
@@ -136,7 +136,7 @@ class SimMissions:
         return [mav.MAVLink_mission_ack_message(system, component, result, message.mission_type)]
 
     def set_current(self, seq: int) -> bool:
-        """Go on with another item; False when there is none of that number."""
+        """Continue with another item; False if there is no such item."""
         if not 0 <= seq < len(self.items):
             return False
         self.current = max(seq, self.first)

@@ -1,4 +1,4 @@
-"""A flight mode as data: its number on the wire, what it needs, what it does."""
+"""A flight mode as data: its number on the wire, its requirements, its manoeuvre."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The parameters of the simulated autopilots and the parameter protocol.
+"""Parameters of the simulated autopilots, and the parameter protocol.
 
-ArduPilot puts every number into the float as it is; PX4 puts the bits of an int32 there. Neither answers
-for a name it does not know.
+ArduPilot sends every number as a float; PX4 puts the bits of an int32 there. Neither answers for an unknown
+name.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ INT8 = int(mav.MAV_PARAM_TYPE_INT8)
 
 Encoding = Literal["cast", "bytewise"]
 Values = dict[str, tuple[int, float]]  # name -> (MAV_PARAM_TYPE, value)
-_LIST_PACE = 20  # values sent for each step of the vehicle
+_LIST_PACE = 20  # values sent per step of the vehicle
 
 
 def ardupilot_params(system_id: int) -> Values:
-    """Return the parameters that matter here, with ArduCopter's defaults."""
+    """Return the parameters used here, with ArduCopter's defaults."""
     return {
         "ARMING_CHECK": (INT32, 1),
         "BATT_CRT_VOLT": (REAL32, 0.0),
@@ -67,7 +67,7 @@ def ardupilot_params(system_id: int) -> Values:
 
 
 def rover_params(system_id: int) -> Values:
-    """Return the parameters that matter here, with ArduRover's defaults."""
+    """Return the parameters used here, with ArduRover's defaults."""
     return ardupilot_params(system_id) | {
         "FENCE_TYPE": (INT8, 6),
         "FS_ACTION": (INT8, 2),
@@ -82,7 +82,7 @@ def rover_params(system_id: int) -> Values:
 
 
 def plane_params(system_id: int) -> Values:
-    """Return the parameters that matter here, with ArduPlane's defaults."""
+    """Return the parameters used here, with ArduPlane's defaults."""
     return ardupilot_params(system_id) | {
         "MIN_GROUNDSPEED": (REAL32, 0.0),
         "AIRSPEED_CRUISE": (REAL32, 22.0),
@@ -103,7 +103,7 @@ def plane_params(system_id: int) -> Values:
 
 
 def quadplane_params(system_id: int) -> Values:
-    """Return the parameters that matter here, with a QuadPlane's defaults."""
+    """Return the parameters used here, with a QuadPlane's defaults."""
     return plane_params(system_id) | {
         "Q_ASSIST_SPEED": (REAL32, 7.0),
         "Q_ENABLE": (INT8, 1),
@@ -114,7 +114,7 @@ def quadplane_params(system_id: int) -> Values:
 
 
 def px4_plane_params(system_id: int) -> Values:
-    """Return the parameters that matter here, with the defaults of PX4's simulated plane."""
+    """Return the parameters used here, with the defaults of PX4's simulated plane."""
     return px4_params(system_id) | {
         "FW_AIRSPD_MAX": (REAL32, 20.0),
         "FW_AIRSPD_MIN": (REAL32, 10.0),
@@ -130,7 +130,7 @@ def px4_plane_params(system_id: int) -> Values:
 
 
 def px4_params(system_id: int) -> Values:
-    """Return the parameters that matter here, with PX4's defaults."""
+    """Return the parameters used here, with PX4's defaults."""
     return {
         "BAT_CRIT_THR": (REAL32, 0.07),
         "BAT_EMERGEN_THR": (REAL32, 0.05),
@@ -179,7 +179,7 @@ def encode(kind: int, value: float, encoding: Encoding) -> float:
 
 
 def decode(kind: int, sensors: float, encoding: Encoding) -> float | None:
-    """Return the value in a float from the wire, None when it is not a number."""
+    """Return the value in a float from the wire, None for NaN and infinity."""
     if encoding == "bytewise" and kind != REAL32:
         (number,) = struct.unpack("<i", struct.pack("<f", sensors))
         return float(number)
@@ -189,7 +189,7 @@ def decode(kind: int, sensors: float, encoding: Encoding) -> float | None:
 
 
 class Params:
-    """The store of one vehicle (it survives a reboot) and the answers to the PARAM messages."""
+    """Parameters of one vehicle (they survive a reboot) and the answers to the PARAM messages."""
 
     def __init__(self, values: Values, encoding: Encoding) -> None:
         self._values = values
@@ -203,23 +203,23 @@ class Params:
         self._values[name] = (self._values[name][0], value)
 
     def reboot(self) -> None:
-        """Forget the list that is being sent."""
+        """End the transfer of a list."""
         self._queue.clear()
 
     def pending(self) -> list[object]:
-        """Return the next PARAM_VALUE messages of a list that was asked for."""
+        """Return the next PARAM_VALUE messages of a requested list."""
         batch, self._queue = self._queue[:_LIST_PACE], self._queue[_LIST_PACE:]
         return [self._message(name) for name in batch]
 
     def asked_list(self) -> Iterable[object]:
-        """Start to send all; PX4 adds its hash at the end."""
+        """Begin to send all parameters; PX4 adds its hash at the end."""
         self._queue = sorted(self._values)
         if self._encoding == "bytewise":
             self._queue.append("_HASH_CHECK")
         return ()
 
     def asked_read(self, message: Any) -> Iterable[object]:
-        """Answer PARAM_REQUEST_READ by name, or by index when it is not negative."""
+        """Answer PARAM_REQUEST_READ by name, or by index if it is not negative."""
         names = sorted(self._values)
         name = message.param_id
         if message.param_index >= 0:
@@ -227,7 +227,7 @@ class Params:
         return [self._message(name)] if name in self._values or name == "_HASH_CHECK" else ()
 
     def asked_set(self, message: Any) -> Iterable[object]:
-        """Store what PARAM_SET brings and answer with what is stored; the range is not checked."""
+        """Store the value of a PARAM_SET and answer with the stored one; the range is not checked."""
         name = message.param_id
         if name not in self._values:
             return ()

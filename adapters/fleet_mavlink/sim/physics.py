@@ -10,9 +10,9 @@ GRAVITY = 9.81  # m/s2
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """The motion that the autopilot wants now.
+    """Motion that the autopilot requests.
 
-    Velocity is m/s in NED. ``heading`` (radians from north) wins over ``turn_rate`` (radians per second,
+    Velocity is m/s in NED. ``heading`` (radians from north) overrides ``turn_rate`` (radians per second,
     right positive). Without ``thrust`` the vehicle rests on the ground or falls.
     """
 
@@ -26,7 +26,7 @@ class Aim:
 
 @dataclass(frozen=True, slots=True)
 class Agility:
-    """How fast a vehicle may change what it does: m/s2 across and along the vertical, rad/s of turn."""
+    """Limits of acceleration: m/s2 horizontally and vertically; and of the turn rate, rad/s."""
 
     across: float
     along: float
@@ -35,7 +35,7 @@ class Agility:
 
 @dataclass(slots=True)
 class Body:
-    """Where the vehicle is (metres from the place where it was put down) and how it moves."""
+    """Position of the vehicle (metres from its start) and its motion."""
 
     north: float = 0.0
     east: float = 0.0
@@ -64,7 +64,7 @@ class Body:
         return math.hypot(self.vn, self.ve)
 
     def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:
-        """Move on by ``dt`` seconds (at most about 0.05); ``drift`` is what the wind adds, m/s NE."""
+        """Advance by ``dt`` seconds (at most about 0.05); ``drift``: effect of the wind, m/s NE."""
         if aim.thrust:
             self._steer(aim, agility, dt)
         else:
@@ -80,11 +80,11 @@ class Body:
             self._rest()
 
     def _rest(self) -> None:
-        """Stand still on the ground."""
+        """Stop on the ground."""
         self.down = self.vn = self.ve = self.vd = self.roll = self.pitch = 0.0
 
     def _steer(self, aim: Aim, agility: Agility, dt: float) -> None:
-        """Change velocity and heading towards the aim as fast as the vehicle can."""
+        """Change velocity and heading towards the requested motion, within the limits."""
         dvn, dve = aim.vn - self.vn, aim.ve - self.ve
         change = math.hypot(dvn, dve)
         share = min(1.0, agility.across * dt / change) if change > 0.0 else 0.0
@@ -106,10 +106,10 @@ class Body:
 
 
 def _limited(value: float, limit: float) -> float:
-    """Return ``value`` kept within plus and minus ``limit``."""
+    """Clamp ``value`` to plus or minus ``limit``."""
     return max(-limit, min(limit, value))
 
 
 def approach(distance: float, speed: float, acceleration: float) -> float:
-    """Return the speed at which to close ``distance`` so that the stop comes at its end."""
+    """Return the approach speed for ``distance`` with which the vehicle stops at its end."""
     return min(speed, distance, math.sqrt(acceleration * distance))

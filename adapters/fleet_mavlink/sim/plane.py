@@ -1,4 +1,4 @@
-"""ArduPlane 4.6.3: it takes off by its mode TAKEOFF, circles in GUIDED and LOITER, lands in a mission."""
+"""ArduPlane 4.6.3: takes off in mode TAKEOFF, circles in GUIDED and LOITER, lands in a mission."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 
 _LANDINGS = frozenset({mav.MAV_CMD_NAV_LAND, mav.MAV_CMD_NAV_VTOL_LAND})
 _LANDED_DISARM = 20.0  # s, LAND_DISARMDELAY
-_AIRSPEED, _DEFAULT = 0, -2.0  # DO_CHANGE_SPEED: its kind, and the value that undoes it
+_AIRSPEED, _DEFAULT = 0, -2.0  # DO_CHANGE_SPEED: airspeed type, and the value that resets it
 _ABOVE_HOME = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}  # frames
 
 
 class PlaneSpeeds(ArduPilotSpeeds):
-    """AIRSPEED_CRUISE, TECS_CLMB_MAX, TECS_SINK_MIN."""
+    """Speeds by AIRSPEED_CRUISE, TECS_CLMB_MAX, TECS_SINK_MIN."""
 
     @property
     def cruise(self) -> float:
-        """AIRSPEED_CRUISE, or what DO_CHANGE_SPEED asked for; without wind MIN_GROUNDSPEED is one, too."""
+        """AIRSPEED_CRUISE, or the speed of DO_CHANGE_SPEED, at least MIN_GROUNDSPEED (without wind)."""
         return max(self.asked or self._params["AIRSPEED_CRUISE"], self._params["MIN_GROUNDSPEED"])
 
     @property
@@ -47,12 +47,12 @@ class PlaneSpeeds(ArduPilotSpeeds):
 
     @property
     def landing(self) -> tuple[float, float, float]:
-        """As it sinks otherwise."""
+        """The usual sink rate."""
         return self.sink, self.sink, 0.0
 
 
 def circle_here(pilot: Autopilot) -> Manoeuvre:
-    """Return: circle about the place where it is; idle on the ground."""
+    """Return a circle around the present position; idle on the ground."""
     body = pilot.body
     if body.grounded:
         return Idle()
@@ -72,7 +72,7 @@ def _home(pilot: Autopilot) -> Manoeuvre:
 
 
 def _take_off(pilot: Autopilot) -> Manoeuvre:
-    """Take off to TKOFF_ALT; in the air circle."""
+    """Take off to TKOFF_ALT; circle in the air."""
     down = pilot.home_ned()[2] - pilot.params["TKOFF_ALT"]
     return RunwayTakeoff(down) if pilot.body.grounded else circle_here(pilot)
 
@@ -92,7 +92,7 @@ MODES = {mode.name: mode for mode in _ALL}
 
 
 def _arm(pilot: SimArduPlane, ask: CommandRequest) -> int:
-    """Arm as a copter does, in other words."""
+    """Arm like a copter, with other texts."""
     before = pilot.armed
     result = COPTERS[mav.MAV_CMD_COMPONENT_ARM_DISARM](pilot, ask)
     if pilot.armed is not before:
@@ -101,11 +101,11 @@ def _arm(pilot: SimArduPlane, ask: CommandRequest) -> int:
 
 
 def _reposition(pilot: SimArduPlane, ask: CommandRequest) -> int:
-    """Circle about a place, in GUIDED or with the flag that changes to it; param 3 is the radius."""
+    """Circle a position, in GUIDED or with the flag that changes to it; param 3 is the radius."""
     above = None if ask.frame is None else _ABOVE_HOME.get(ask.frame)
     if above is None or pilot.home is None or not math.isfinite(ask.latitude + ask.longitude):
         return DENIED
-    north, east, down = pilot.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2])
+    north, east, down = pilot.frame.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2])
     if pilot.outside_fence((north, east, down)):
         return DENIED
     guided = pilot.modes["GUIDED"].custom
@@ -118,7 +118,7 @@ def _reposition(pilot: SimArduPlane, ask: CommandRequest) -> int:
 
 
 def _speed(pilot: SimArduPlane, ask: CommandRequest) -> int:
-    """Take an airspeed between AIRSPEED_MIN and AIRSPEED_MAX, in GUIDED and AUTO; over ground the slowest."""
+    """Set an airspeed within its limits, in GUIDED and AUTO; a ground speed sets MIN_GROUNDSPEED."""
     params = pilot.params
     if pilot.mode.name not in {"GUIDED", "AUTO"}:
         return FAILED
@@ -135,7 +135,7 @@ def _speed(pilot: SimArduPlane, ask: CommandRequest) -> int:
 
 
 def _land(pilot: SimArduPlane, _ask: CommandRequest) -> int:
-    """DO_LAND_START: go on with the mission at its landing; it fails without one."""
+    """DO_LAND_START: continue the mission at its landing; fails without one."""
     items = pilot.missions.items
     found = [at for at, item in enumerate(items) if item.command == mav.MAV_CMD_DO_LAND_START]
     if not found or not pilot.missions.set_current(found[0]):
@@ -186,7 +186,7 @@ class SimArduPlane(ArduPilot):
         self.failsafes = PlaneFailsafes(self)
 
     def refusals(self, *, force: bool) -> list[str]:
-        """Return also that a landing is planned which RTL must not fly, or was flown and is not rewound."""
+        """Return the refusals, also for a planned landing that RTL must not fly, or that was just flown."""
         missions = self.missions
         now = missions.items[missions.current] if missions.current < len(missions.items) else None
         landed = now is not None and now.command in _LANDINGS
@@ -197,7 +197,7 @@ class SimArduPlane(ArduPilot):
 
     @property
     def airspeeds(self) -> FlightSpeeds:
-        """How fast it flies on its wings."""
+        """Speeds on its wings."""
         return self.speeds
 
     @property
@@ -211,7 +211,7 @@ class SimArduPlane(ArduPilot):
         return self.params["WP_RADIUS"]
 
     def landed_state(self) -> int:
-        """Return on the ground, or in the air: it tells no more."""
+        """Return on the ground, or in the air: no other states are reported."""
         return int(mav.MAV_LANDED_STATE_ON_GROUND if self.landed else mav.MAV_LANDED_STATE_IN_AIR)
 
     def setpoint(self, message: object) -> None:
@@ -227,7 +227,7 @@ class SimArduPlane(ArduPilot):
             self.change_mode(self.modes["RTL"].custom)
 
     def enter(self, mode: Mode) -> None:
-        """Change to a mode; GUIDED again goes on with the place that it flies to."""
+        """Change to a mode; GUIDED again keeps the present target."""
         if mode is self.mode and mode.name == "GUIDED" and self.armed and self.flying:
             return
         super().enter(mode)

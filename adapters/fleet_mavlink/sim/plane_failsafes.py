@@ -1,4 +1,4 @@
-"""What ArduPlane does by itself: remote control or station lost, battery or fence."""
+"""Fail-safes of ArduPlane: loss of remote control or station, battery or fence."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _HOME = 1  # FS_LONG_ACTN, BATT_FS_LOW_ACT, FENCE_ACTION
 
 
 class PlaneFailsafes(ArduPilotFailsafes):
-    """The fail-safes of one ArduPlane (from its source): RTL, FS_LONG_TIMEOUT after a loss."""
+    """Fail-safes of one ArduPlane (from its source): RTL, FS_LONG_TIMEOUT after a loss."""
 
     def __init__(self, pilot: SimArduPlane) -> None:
         super().__init__(pilot)
@@ -24,7 +24,7 @@ class PlaneFailsafes(ArduPilotFailsafes):
         self._acted: set[str] = set()
 
     def watch(self) -> None:
-        """Look after all of them."""
+        """Check all of them."""
         pilot = self._pilot
         heard = pilot.gcs_heard_at
         self.radio_lost = not pilot.remote_control and bool(pilot.params["THR_FAILSAFE"])
@@ -37,7 +37,7 @@ class PlaneFailsafes(ArduPilotFailsafes):
         pilot.watch_fence(self._broke_fence)
 
     def _lose(self, what: str, *, lost: bool) -> None:
-        """Follow one loss; FS_LONG_ACTN follows FS_LONG_TIMEOUT later."""
+        """Track one loss; FS_LONG_ACTN is executed after FS_LONG_TIMEOUT."""
         pilot = self._pilot
         if not lost:
             self._lost_at.pop(what, None)
@@ -51,18 +51,18 @@ class PlaneFailsafes(ArduPilotFailsafes):
         self._act(int(pilot.params["FS_LONG_ACTN"]))
 
     def _act(self, action: int) -> None:
-        """Fly home, where one of the ACTION parameters says so."""
+        """Fly home, if one of the ACTION parameters requests it."""
         pilot = self._plane
         if action == _HOME and pilot.mode.name != "RTL":
             pilot.enter(pilot.modes["RTL"])
             pilot.out.append(heartbeat(pilot))
 
     def _battery_failed(self, text: str) -> None:
-        """BATT_FS_LOW_ACT."""
+        """Act by BATT_FS_LOW_ACT."""
         self._pilot.say(WARNING, text)
         self._act(int(self._pilot.params["BATT_FS_LOW_ACT"]))
 
     def _broke_fence(self) -> None:
-        """FENCE_ACTION."""
+        """Act by FENCE_ACTION."""
         self._pilot.say(WARNING, "Fence Breached")
         self._act(int(self._pilot.params["FENCE_ACTION"]))

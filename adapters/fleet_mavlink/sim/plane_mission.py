@@ -1,4 +1,4 @@
-"""A mission as planes fly it: places are passed, stays are circles, RTL is the mode."""
+"""Missions of planes: positions are passed, stays are circles, RTL is the mode."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Stay(Circle):
     """A circle that is never done."""
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the circle."""
+        """Return the motion on the circle."""
         wanted = super().aim(pilot)
         self.done = False
         return wanted
@@ -53,7 +53,7 @@ class _Turns(Circle):
         self._seen: float | None = None
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the circle, and count the turns once it is on it."""
+        """Return the motion on the circle, counting the turns once it is there."""
         wanted = super().aim(pilot)
         seen = math.atan2(pilot.body.east - self.east, pilot.body.north - self.north)
         if self.done or self._seen is not None:
@@ -73,7 +73,7 @@ def _take_off(pilot: Autopilot, item: Item) -> Manoeuvre:
 
 
 class WingedMission(FlyMission):
-    """Fly the items from the current one on; it begins in a circle where it is."""
+    """Fly the items from the current one on; begins with a circle at the present position."""
 
     manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = {
         mav.MAV_CMD_NAV_WAYPOINT: _pass,

@@ -1,4 +1,4 @@
-"""What a plane does at a time: take off along its nose, circle, pass a place, land."""
+"""Manoeuvres of a plane: take-off along its nose, circle, passing of a position, landing."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from fleet_mavlink.sim.physics import Aim
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
-_PULL = 2.0  # how hard it turns to its circle
-_ON_IT = 15.0  # m from the circle, and
-_AT_HEIGHT = 5.0  # m from its height, at which it has reached it
-_ROTATES = 1.1  # of the slowest speed, at which it lifts its nose
-_FLARES = 3.0  # m above the ground; PX4 touches it 4 s later
+_PULL = 2.0  # gain of the course towards the circle
+_ON_IT = 15.0  # m from the circle,
+_AT_HEIGHT = 5.0  # and m from its height, that count as reached
+_ROTATES = 1.1  # times the lowest speed, at which it rotates
+_FLARES = 3.0  # m above the ground; PX4 touches down 4 s later
 _GLIDES = 5.0  # m/s of descent on an approach
 _TOUCHES = 0.7  # m/s of descent in the flare
-_SLOPE = 0.1  # of an approach
+_SLOPE = 0.1  # gradient of an approach
 _AHEAD = 15.0  # m/s at the end of a transition
 
 
 def forward(pilot: Autopilot, speed: float, vd: float) -> Aim:
-    """Return the flight straight ahead."""
+    """Return the motion straight ahead."""
     heading = pilot.body.heading
     return Aim(speed * math.cos(heading), speed * math.sin(heading), vd)
 
 
 def _vertical(pilot: Autopilot, down: float) -> float:
-    """Return the climb or descent towards a height, m/s down."""
+    """Return the vertical speed towards a height, m/s down."""
     return max(-pilot.speeds.climb, min(pilot.speeds.sink, 0.5 * (down - pilot.body.down)))
 
 
 class Circle(GoTo):
-    """Fly to a circle about a place, and round it; a negative radius goes round to the left."""
+    """Fly to a circle around a position, and along it; a negative radius turns left."""
 
     def __init__(
         self, north: float, east: float, down: float, radius: float, speed: float | None = None
@@ -43,7 +43,7 @@ class Circle(GoTo):
         self._radius = radius
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the way to the circle, and along it."""
+        """Return the motion to the circle, and along it."""
         body, radius = pilot.body, abs(self._radius)
         north, east = body.north - self.north, body.east - self.east
         off = math.hypot(north, east) - radius
@@ -55,14 +55,14 @@ class Circle(GoTo):
 
 
 class Pass(GoTo):
-    """Fly over a place; it is reached from ``within`` m on."""
+    """Fly over a position, which counts as reached within ``within`` m."""
 
     def __init__(self, north: float, east: float, down: float, within: float) -> None:
         super().__init__(north, east, down)
         self._within = within
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the straight way."""
+        """Return the motion straight to the position."""
         body = pilot.body
         north, east = self.north - body.north, self.east - body.east
         self.done = self.done or math.hypot(north, east) < self._within
@@ -71,7 +71,7 @@ class Pass(GoTo):
 
 
 class RunwayTakeoff(Manoeuvre):
-    """Roll, lift at its speed, climb ahead to ``down``."""
+    """Roll, lift off at the take-off speed, climb straight ahead to ``down``."""
 
     in_air_state = TAKING_OFF
 
@@ -87,12 +87,12 @@ class RunwayTakeoff(Manoeuvre):
 
 
 class Touchdown(Manoeuvre):
-    """Flare straight ahead, touch the ground, and roll out."""
+    """Flare straight ahead, touch down, and roll out."""
 
     in_air_state = LANDING
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the flare; brakes on the ground."""
+        """Return the flare; brake on the ground."""
         body = pilot.body
         if not body.grounded:
             return forward(pilot, pilot.speeds.cruise, _TOUCHES)
@@ -101,7 +101,7 @@ class Touchdown(Manoeuvre):
 
 
 class CircleDown(Circle):
-    """Come down in circles to the flare, and land."""
+    """Descend in circles to the flare, and land."""
 
     in_air_state = LANDING
 
@@ -121,7 +121,7 @@ class CircleDown(Circle):
 
 
 class Approach(Manoeuvre):
-    """Come down along a slope to a place, and land there."""
+    """Descend along a slope to a position, and land there."""
 
     in_air_state = LANDING
 
@@ -139,9 +139,7 @@ class Approach(Manoeuvre):
             self.done = self._touchdown.done
             return wanted
         north, east = self._north - body.north, self._east - body.east
-        self._left = min(
-            self._left, math.hypot(north, east)
-        )  # what has passed its place comes down beyond it
+        self._left = min(self._left, math.hypot(north, east))  # beyond the position it keeps descending
         course, speed = math.atan2(east, north), pilot.speeds.cruise
         above = body.height - max(_FLARES - 1.0, _SLOPE * self._left)
         vd = max(-pilot.speeds.climb, min(_GLIDES, 0.5 * above))
@@ -149,11 +147,11 @@ class Approach(Manoeuvre):
 
 
 class Ahead(Manoeuvre):
-    """Fly straight ahead at a height, faster and faster."""
+    """Fly straight ahead at a height, with increasing speed."""
 
     def __init__(self, down: float) -> None:
         self._down = down
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the way ahead."""
+        """Return the motion straight ahead."""
         return forward(pilot, _AHEAD, _vertical(pilot, self._down))

@@ -1,4 +1,4 @@
-"""An aircraft with wings: it flies along its nose, turns by banking, and has a slowest speed."""
+"""Body of an aircraft with wings: it flies along its nose, turns by banking, and has a lowest speed."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _STEERS = 1.5  # 1/s
 
 @dataclass(slots=True)
 class WingedBody(Body):
-    """``slowest``: m/s under which it does not leave the ground, and to which it never slows in the air."""
+    """``slowest``: m/s of lift-off, and lowest speed in the air."""
 
     slowest: float = 9.0
 
     def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:
-        """Move on by ``dt`` seconds: the wanted velocity is turned to, and flown along the nose."""
+        """Advance by ``dt`` seconds: turn to the requested velocity, fly along the nose."""
         speed, wanted = self.speed, math.hypot(aim.vn, aim.ve)
         if not self.grounded:
             wanted = max(self.slowest, wanted)
@@ -36,7 +36,7 @@ class WingedBody(Body):
             self.vd, self.roll, self.pitch = min(0.0, self.vd), 0.0, 0.0
 
     def _turn(self, aim: Aim, speed: float, dt: float) -> None:
-        """Turn the nose into the wanted direction, as fast as the bank lets it."""
+        """Turn the nose towards the requested direction, as fast as the bank permits."""
         most = GRAVITY * math.tan(_BANK) / speed
         left = math.remainder(math.atan2(aim.ve, aim.vn) - self.heading, math.tau)
         still = aim.vn == 0.0 and aim.ve == 0.0
@@ -47,12 +47,12 @@ class WingedBody(Body):
 
 @dataclass(slots=True)
 class VtolBody(WingedBody):
-    """``hovers``: its rotors carry it, and it moves as a multirotor."""
+    """``hovers``: its rotors carry it, and it moves like a multirotor."""
 
     hovers: bool = True
 
     def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:
-        """Move on by ``dt`` seconds."""
+        """Advance by ``dt`` seconds."""
         if self.hovers:
             Body.advance(self, aim, agility, drift, dt)
         else:

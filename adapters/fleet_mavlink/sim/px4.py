@@ -1,4 +1,4 @@
-"""PX4 1.16.1 as it was seen to behave: start-up, arming, OFFBOARD, fail-safes."""
+"""PX4 1.16.1 as observed: start-up, arming, OFFBOARD, fail-safes."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ class SimPx4(Autopilot):
 
     def __init__(self, boot: Boot) -> None:
         super().__init__(boot, MODES["LOITER"])
-        self.chosen: Mode = self.mode  # to which it returns after a landing
-        self.takeoff: Manoeuvre | None = None  # what the take-off command asked for
+        self.chosen: Mode = self.mode  # it returns to it after a landing
+        self.takeoff: Manoeuvre | None = None  # requested by the take-off command
         self._setpoint_at: float | None = None
         self._stream_since = 0.0
         self.failsafes = Px4Failsafes(self)
@@ -91,16 +91,16 @@ class SimPx4(Autopilot):
     @property
     def initialised(self) -> bool:
         """True once the heartbeat says STANDBY."""
-        return self.age(4.0)
+        return self.uptime.reached(4.0)
 
     @property
     def has_receiver(self) -> bool:
-        """True where COM_RC_IN_MODE says that there is a receiver."""
+        """True if COM_RC_IN_MODE expects a receiver."""
         return int(self.params["COM_RC_IN_MODE"]) in _HAS_RECEIVER
 
     @property
     def remote_control(self) -> bool:
-        """True while there is a receiver that hears the remote control."""
+        """True while a receiver gets the remote control's signal."""
         return self.has_receiver and super().remote_control
 
     @property
@@ -109,8 +109,8 @@ class SimPx4(Autopilot):
         return self.gcs_heard_at is None or self.time - self.gcs_heard_at > _GCS_GONE
 
     def refusals(self, *, force: bool) -> list[str]:
-        """Return why the motors cannot be armed; force skips what is left after the start."""
-        if not self.age(self.real_ready) or "not_ready" in self.faults or self.terminated:
+        """Return why the motors cannot be armed; force skips all checks but those of the start."""
+        if not self.uptime.reached(self.real_ready) or "not_ready" in self.faults or self.terminated:
             return ["Resolve system health failures first"]
         if force:
             return []
@@ -122,10 +122,10 @@ class SimPx4(Autopilot):
         return found
 
     def sensors(self) -> tuple[int, int, int]:
-        """Return the bits that were seen, with GPS and PREARM_CHECK as they are now."""
-        if not self.age(3.0):
+        """Return the observed bits, with those of GPS and PREARM_CHECK as they are now."""
+        if not self.uptime.reached(3.0):
             return 0, 0, 0x321C83F & ~_GPS_BIT
-        healthy = 0x320C81F | (_GPS_BIT if self.gps_fix else 0)
+        healthy = 0x320C81F | (_GPS_BIT if self.gps.fix else 0)
         if not self.refusals(force=False):
             healthy |= _PREARM_BIT
         receiver = _RC_BIT if self.has_receiver else 0
@@ -133,7 +133,7 @@ class SimPx4(Autopilot):
         return 0x300402F | receiver, 0x301402F, healthy
 
     def system_status(self) -> int:
-        """STANDBY and ACTIVE go by being armed."""
+        """Return MAV_STATE; STANDBY or ACTIVE depends on the motors being armed."""
         if self.terminated:
             return int(mav.MAV_STATE_FLIGHT_TERMINATION)
         if not self.initialised:
@@ -142,7 +142,7 @@ class SimPx4(Autopilot):
             return int(mav.MAV_STATE_CRITICAL)
         return int(mav.MAV_STATE_ACTIVE if self.armed else mav.MAV_STATE_STANDBY)
 
-    # telling
+    # texts
 
     def say(self, severity: int, text: str) -> None:
         """Send a text, or keep it until a ground station is heard."""
@@ -154,7 +154,7 @@ class SimPx4(Autopilot):
             del self._withheld[:-_TEXTS_KEPT]
 
     def gcs_heartbeat(self, message: object) -> None:
-        """Any ground station counts; the texts that were kept follow 50 ms apart."""
+        """Note any ground station; withheld texts follow 50 ms apart."""
         super().gcs_heartbeat(message)
         for place, text in enumerate(self._withheld):
             self.later(0.05 * (place + 1), text)
@@ -175,7 +175,7 @@ class SimPx4(Autopilot):
         return f"Switching to {mode.name.title()} is not possible: no manual control" if manual else ""
 
     def change_mode(self, mode: Mode) -> int:
-        """Enter a mode as a user asks; anything goes while disarmed. Returns MAV_RESULT."""
+        """Enter the mode that a user requests; any mode while disarmed. Returns MAV_RESULT."""
         if self.terminated:
             return TEMPORARILY_REJECTED
         refusal = self.refusal_of(mode) if self.armed else ""
@@ -197,12 +197,12 @@ class SimPx4(Autopilot):
         self.acknowledge(ask, self.change_mode(mode) if mode else ACCEPTED)
 
     def acknowledge_again(self, ask: CommandRequest, result: int) -> None:
-        """Send the commander's answer behind the one of the MAVLink module."""
+        """Send the commander's answer after that of the MAVLink module."""
         if "no_ack" not in self.faults:
             self.later(self.ack_delay + _COMMANDER, ack(ask, result))
 
     def take_off(self, manoeuvre: Manoeuvre) -> None:
-        """Begin a take-off now, or when the motors are armed."""
+        """Start a take-off now, or once the motors are armed."""
         self.failsafes.over()
         self.takeoff = manoeuvre
         self.enter(MODES["TAKEOFF"])
@@ -210,36 +210,36 @@ class SimPx4(Autopilot):
             self.begin_takeoff()
 
     def begin_takeoff(self) -> None:
-        """Fly the take-off that was asked for; its waiting time counts from here."""
+        """Start the requested take-off; its delay counts from now."""
         asked, self.takeoff = self.takeoff, None
         if asked is not None:
             self.manoeuvre = Px4Takeoff(self, asked.altitude) if isinstance(asked, Px4Takeoff) else asked
 
     def takeoff_detected(self) -> None:
-        """Say so, and set home again."""
+        """Send the text, and set home again."""
         self.say(INFO, "Takeoff detected")
         self.set_home()
 
     def takeoff_ended(self, hold: GoTo) -> None:
-        """Go over into LOITER, which climbs on to the height."""
+        """Change to LOITER, which climbs on to the requested height."""
         self.enter(MODES["LOITER"])
         self.manoeuvre = hold
 
     @property
     def landed(self) -> bool:
-        """True on the ground, until a take-off is detected."""
+        """True on the ground until a take-off is detected."""
         begun = isinstance(self.manoeuvre, Px4Takeoff) and self.manoeuvre.detected
         return self.body.grounded and not begun
 
     def arm(self) -> None:
-        """Start the motors; the mode that is set begins."""
+        """Start the motors and the manoeuvre of the current mode."""
         super().arm()
         self.enter(self.mode)
         if self.mode.name == "TAKEOFF":
             self.begin_takeoff()
 
     def disarm(self) -> None:
-        """Stop the motors, and go back to the mode that was chosen last."""
+        """Stop the motors, and return to the mode that was chosen last."""
         super().disarm()
         self.failsafes.over()
         if not self.terminated:
@@ -289,9 +289,9 @@ class SimPx4(Autopilot):
             return position
         x, y, z = position
         base = self.home[2] if frame in _RELATIVE_FRAMES and self.home is not None else 0.0
-        return self.ned_of(x, y, z + base)
+        return self.frame.ned_of(x, y, z + base)
 
-    # by itself
+    # without commands
 
     def drain(self, dt: float) -> None:
         """Drain the battery; where SIM_BAT_MIN_PCT is set, down to that, all of it in SIM_BAT_DRAIN s."""
@@ -302,18 +302,18 @@ class SimPx4(Autopilot):
             self.battery.percent = max(min(lowest, before), drained)
 
     def supervise(self) -> None:
-        """Keep home, end manoeuvres, disarm by itself, watch the fail-safes."""
+        """Set home, end manoeuvres, disarm, watch the fail-safes."""
         if self.landed:
-            self.altitude_error = wander(self.faults.get("wander", 0.0), self.time)
+            self.frame.altitude_error = wander(self.faults.get("wander", 0.0), self.time)
         if self.armed:
             self._end_manoeuvre()
             self._auto_disarm()
-        elif self.age(2.0) and (self.home is None or self.flying):
+        elif self.uptime.reached(2.0) and (self.home is None or self.flying):
             self.set_home()
         self.failsafes.watch()
 
     def _end_manoeuvre(self) -> None:
-        """TAKEOFF goes over into LOITER, and so does a mission, or into RTL if it asks for it."""
+        """Change from TAKEOFF to LOITER, and from a finished mission to LOITER or RTL."""
         watch(self)
         if self.runs_mission and getattr(self.manoeuvre, "returns", False):
             self.enter(MODES["RTL"])
@@ -321,7 +321,7 @@ class SimPx4(Autopilot):
             self.enter(MODES["LOITER"])
 
     def touched_ground(self) -> None:
-        """Say that the vehicle has landed."""
+        """Send the text of a landing."""
         self.say(INFO, "Landing detected")
 
     def _auto_disarm(self) -> None:
@@ -340,7 +340,7 @@ class SimPx4(Autopilot):
             self.disarm()
 
     def outside_fence(self, place: Triple) -> bool:
-        """GF_ACTION 0 watches nothing."""
+        """Return whether a place is outside the fence; never with GF_ACTION 0."""
         params = self.params
         return bool(params["GF_ACTION"]) and is_outside(
             self,

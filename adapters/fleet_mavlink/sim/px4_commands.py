@@ -1,4 +1,4 @@
-"""What PX4 does with each command it knows; the rest is UNSUPPORTED."""
+"""PX4's handlers of its commands; all others are UNSUPPORTED."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.autopilot import Geo, Handler, accept
+from fleet_mavlink.sim.autopilot import Handler, accept
 from fleet_mavlink.sim.command_request import (
     ACCEPTED,
     DENIED,
@@ -27,6 +27,7 @@ from fleet_mavlink.sim.common_commands import (
     requested,
     turn_gimbal,
 )
+from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Manoeuvre
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.px4_takeoff import Px4Takeoff
@@ -36,7 +37,7 @@ from fleet_mavlink.sim.streams import BUILDERS
 if TYPE_CHECKING:
     from fleet_mavlink.sim.px4 import SimPx4
 
-_HOP = 0.6  # metres that a take-off to a height below the vehicle climbs
+_HOP = 0.6  # m climbed by a take-off to a height below the vehicle
 
 
 def _arm(pilot: SimPx4, ask: CommandRequest) -> int:
@@ -46,7 +47,7 @@ def _arm(pilot: SimPx4, ask: CommandRequest) -> int:
     if ask.p1 == 0.0:
         return _disarm(pilot, force=ask.p2 == FORCE)
     if pilot.armed or pilot.terminated:
-        return ACCEPTED  # a terminated flight acknowledges and does nothing
+        return ACCEPTED  # a terminated flight acknowledges without effect
     refusals = pilot.refusals(force=ask.p2 == FORCE)
     for refusal in refusals:
         pilot.say(CRITICAL, f"Arming denied: {refusal}")
@@ -68,7 +69,7 @@ def _disarm(pilot: SimPx4, *, force: bool) -> int:
 
 
 def _take_off(pilot: SimPx4, ask: CommandRequest) -> int:
-    """Metres above sea level whatever the frame; NaN keeps, 0/0 is a place in the Gulf of Guinea."""
+    """Take off to AMSL, whatever the frame; NaN keeps a value, 0/0 is a position in the Gulf of Guinea."""
     if pilot.terminated:
         return TEMPORARILY_REJECTED
     pilot.take_off(_takeoff_manoeuvre(pilot, ask))
@@ -87,7 +88,7 @@ def _takeoff_manoeuvre(pilot: SimPx4, ask: CommandRequest) -> Manoeuvre:
 
 
 def _set_mode(pilot: SimPx4, ask: CommandRequest) -> None:
-    """Acknowledged twice: by the MAVLink module, which always accepts, and by the commander."""
+    """Acknowledge twice: the MAVLink module always accepts, then the commander answers."""
     pilot.acknowledge(ask, ACCEPTED)
     mode = MODES_BY_NUMBER.get((whole(ask.p3) << 24 | whole(ask.p2) << 16) & 0xFFFFFFFF)
     custom = whole(ask.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -102,7 +103,7 @@ def _return(pilot: SimPx4, _ask: CommandRequest) -> int:
 
 
 def _land(pilot: SimPx4, _ask: CommandRequest) -> int:
-    """Accept also without a position."""
+    """Land; accepted also without a position."""
     result = pilot.change_mode(MODES["LAND"])
     if result == ACCEPTED:
         pilot.say(INFO, "Landing at current position")
@@ -115,11 +116,11 @@ def _orbit(pilot: SimPx4, _ask: CommandRequest) -> int:
 
 
 def _unanswered(_pilot: SimPx4, _ask: CommandRequest) -> None:
-    """Do nothing and say nothing: nobody on the simulated board takes it."""
+    """Do nothing and send nothing: no module on the simulated board handles it."""
 
 
 def _start_mission(pilot: SimPx4, _ask: CommandRequest) -> int:
-    """Arms by itself."""
+    """Start the mission; arms if necessary."""
     if not pilot.missions.loaded:
         return DENIED
     pilot.enter(MODES["MISSION"])
@@ -133,7 +134,7 @@ def _start_mission(pilot: SimPx4, _ask: CommandRequest) -> int:
 
 
 def _reposition(pilot: SimPx4, ask: CommandRequest) -> int:
-    """Altitude above sea level whatever the frame; NaN keeps; heading in radians."""
+    """Fly to a position, AMSL whatever the frame; NaN keeps a value; heading in radians."""
     if not whole(ask.p2) & 1:
         return UNSUPPORTED
     place = (ask.latitude, ask.longitude, ask.altitude)
@@ -141,31 +142,31 @@ def _reposition(pilot: SimPx4, ask: CommandRequest) -> int:
 
 
 def _altitude(pilot: SimPx4, ask: CommandRequest) -> int:
-    """DO_CHANGE_ALTITUDE: above sea level."""
+    """DO_CHANGE_ALTITUDE: AMSL."""
     return _go(pilot, (math.nan, math.nan, ask.p1), heading=math.nan, speed=-1.0)
 
 
 def _go(pilot: SimPx4, place: Geo, *, heading: float, speed: float) -> int:
-    """Go over into LOITER at a place; what is NaN stays as it is."""
+    """Change to LOITER at a position; NaN keeps a value."""
     result = pilot.change_mode(MODES["LOITER"])
     if result != ACCEPTED or not pilot.flying or not pilot.armed:
         return result
     wanted = [new if math.isfinite(new) else now for new, now in zip(place, pilot.geo(), strict=True)]
-    north, east, down = pilot.ned_of(*wanted)
+    north, east, down = pilot.frame.ned_of(*wanted)
     turned = heading if math.isfinite(heading) else None
     pilot.manoeuvre = GoTo(north, east, down, heading=turned, speed=speed if speed > 0.0 else None)
     return ACCEPTED
 
 
 def _speed(pilot: SimPx4, ask: CommandRequest) -> int:
-    """Metres per second; -1 leaves it."""
+    """Set the speed, m/s; -1 keeps it."""
     if ask.p2 > 0.0:
         pilot.speeds.asked = ask.p2
     return ACCEPTED
 
 
 def _home(pilot: SimPx4, ask: CommandRequest) -> int:
-    """Set home here (param 1 = 1), or at a place."""
+    """Set home here (param 1 = 1), or at a position."""
     place = (ask.latitude, ask.longitude, ask.altitude)
     if ask.p1 == 1.0:
         pilot.set_home()
@@ -193,12 +194,12 @@ def _reboot(pilot: SimPx4, ask: CommandRequest) -> int:
 
 
 def _interval(pilot: SimPx4, ask: CommandRequest) -> int:
-    """Unknown messages fail."""
+    """Set an interval; unknown messages fail."""
     return message_interval(pilot, ask) if whole(ask.p1) in BUILDERS else FAILED
 
 
 def _request(pilot: SimPx4, ask: CommandRequest) -> int:
-    """Denied when there is no such message, or nothing to tell yet."""
+    """Send a message; denied if it is unknown, or has no data yet."""
     message = requested(pilot, whole(ask.p1))
     if message is None:
         return DENIED
@@ -207,7 +208,7 @@ def _request(pilot: SimPx4, ask: CommandRequest) -> int:
 
 
 def _check(pilot: SimPx4, _ask: CommandRequest) -> int:
-    """RUN_PREARM_CHECKS: tell at once what stands against arming."""
+    """RUN_PREARM_CHECKS: send the reasons against arming at once."""
     if pilot.armed:
         return TEMPORARILY_REJECTED
     for refusal in pilot.refusals(force=False):
@@ -216,7 +217,7 @@ def _check(pilot: SimPx4, _ask: CommandRequest) -> int:
 
 
 def _calibrate(pilot: SimPx4, ask: CommandRequest) -> int:
-    """PREFLIGHT_CALIBRATION: parameter 2 the compass; all zero stops one; the rest is over at once."""
+    """PREFLIGHT_CALIBRATION: parameter 2 calibrates the compass; all zero stops it; others finish at once."""
     if pilot.armed:
         return TEMPORARILY_REJECTED
     if ask.p2 == 1.0:

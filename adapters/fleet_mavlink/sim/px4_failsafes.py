@@ -1,4 +1,4 @@
-"""What PX4 does by itself: setpoints, remote control, station, battery, position or fence lost."""
+"""Fail-safes of PX4: loss of setpoints, remote control, station, battery, position or fence."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fleet_mavlink.sim.speaker import CRITICAL, WARNING
 if TYPE_CHECKING:
     from fleet_mavlink.sim.px4 import SimPx4
 
-_GCS_GRACE = 2.2  # seconds on top of COM_DL_LOSS_T
+_GCS_GRACE = 2.2  # s in addition to COM_DL_LOSS_T
 _ACTIONS = {1: "LOITER", 2: "RTL", 3: "LAND"}  # NAV_DLL_ACT, NAV_RCL_ACT
 _OFFBOARD_LOSS = {0: "POSCTL", 3: "RTL", 4: "LAND", 5: "LOITER"}  # COM_OBL_RC_ACT
 _GOES_DOWN = frozenset({"LAND", "PRECLAND", "RTL"})
@@ -21,11 +21,11 @@ _EXCEPTED = {"MISSION": 1, "LOITER": 2, "TAKEOFF": 2, "OFFBOARD": 4}  # mode -> 
 
 
 class Px4Failsafes:
-    """The fail-safes of one PX4. A fail-safe holds first, and goes on after COM_FAIL_ACT_T."""
+    """Fail-safes of one PX4. A fail-safe holds first, and acts after COM_FAIL_ACT_T."""
 
     def __init__(self, pilot: SimPx4) -> None:
         self._pilot = pilot
-        self._then: tuple[float, Mode] | None = None  # when it goes on, and with what
+        self._then: tuple[float, Mode] | None = None  # time and mode of the second step
         self._battery_told: set[str] = set()
         self._events = 0
         self._cause = ""
@@ -33,7 +33,7 @@ class Px4Failsafes:
         self._control_needed = False  # a remote control that was never there is not missed
 
     def watch(self) -> None:
-        """Look after all of them."""
+        """Check all of them."""
         pilot = self._pilot
         self._hear_control()
         if not pilot.armed or pilot.terminated:
@@ -49,7 +49,7 @@ class Px4Failsafes:
         self._go_on()
 
     def over(self, *whys: str) -> bool:
-        """End the fail-safe, if it is one of these where any are given; False when there is no such one."""
+        """End the fail-safe, or only one of ``whys`` if given; False if it is another one."""
         if whys and self._pilot.failsafe not in whys:
             return False
         self._pilot.failsafe = ""
@@ -57,7 +57,7 @@ class Px4Failsafes:
         return True
 
     def _tell(self, event: EventMessage) -> None:
-        """Tell an event, numbered."""
+        """Send an event, with its sequence number."""
         self._events = (self._events + 1) & 0xFFFF
         event.sequence = self._events
         self._pilot.out.append(event)
@@ -74,7 +74,7 @@ class Px4Failsafes:
         self._cause = cause or why
 
     def _go_on(self) -> None:
-        """Take the second step of a fail-safe."""
+        """Execute the second step of a fail-safe."""
         if self._then is not None and self._pilot.time >= self._then[0]:
             _, mode = self._then
             self._then = None
@@ -82,13 +82,13 @@ class Px4Failsafes:
             self._pilot.enter(mode)
 
     def _watch_offboard(self) -> None:
-        """COM_OBL_RC_ACT when the setpoints stop."""
+        """Act by COM_OBL_RC_ACT when the setpoints stop."""
         pilot = self._pilot
         if pilot.mode.name == "OFFBOARD" and not pilot.stream_alive:
             self._fail("offboard", _OFFBOARD_LOSS.get(int(pilot.params["COM_OBL_RC_ACT"]), "LOITER"))
 
     def _watch_position(self) -> None:
-        """Come down without a position; with it again, go back to what was chosen last."""
+        """Descend without a position; return to the last chosen mode once it is back."""
         pilot = self._pilot
         if pilot.failsafe == "position" and pilot.has_position and self.over("position"):
             pilot.enter(pilot.chosen)
@@ -96,14 +96,14 @@ class Px4Failsafes:
             self._fail("position", "LAND")
 
     def _broke_fence(self) -> None:
-        """GF_ACTION 1: only say it, 2: hold, 3: return."""
+        """Act by GF_ACTION: 1 only sends the text, 2: hold, 3: return."""
         mode = {2: "LOITER", 3: "RTL"}.get(int(self._pilot.params["GF_ACTION"]))
         self._pilot.say(CRITICAL, "Geofence breached")
         if mode is not None:
             self._fail("fence", mode)
 
     def _hear_control(self) -> None:
-        """Note the remote control; one that is away when the motors start is not needed until it is back."""
+        """Track the remote control; one absent when the motors start is not needed until it returns."""
         pilot = self._pilot
         if pilot.remote_control:
             self._control_heard_at, self._control_needed = pilot.time, True
@@ -112,7 +112,7 @@ class Px4Failsafes:
             self._control_needed = False
 
     def _watch_control(self) -> None:
-        """NAV_RCL_ACT when the remote control is lost, but in the modes of COM_RCL_EXCEPT; once a loss."""
+        """Act by NAV_RCL_ACT once per loss of the remote control, except in the modes of COM_RCL_EXCEPT."""
         pilot = self._pilot
         silent = pilot.time - self._control_heard_at > pilot.params["COM_RC_LOSS_T"]
         excepted = int(pilot.params["COM_RCL_EXCEPT"]) & _EXCEPTED.get(pilot.mode.name, 0)
@@ -121,7 +121,7 @@ class Px4Failsafes:
             self._lose("radio", "NAV_RCL_ACT")
 
     def _watch_gcs(self) -> None:
-        """NAV_DLL_ACT when the ground station is silent; nothing by default."""
+        """Act by NAV_DLL_ACT when the ground station is silent; nothing by default."""
         pilot = self._pilot
         if pilot.gcs_heard_at is None:
             return
@@ -129,14 +129,14 @@ class Px4Failsafes:
             self._lose("gcs", "NAV_DLL_ACT")
 
     def _lose(self, why: str, parameter: str) -> None:
-        """Hold, then do what the parameter says; nothing on the way down, or in another fail-safe."""
+        """Hold, then act by the parameter; not during a descent, or in another fail-safe."""
         pilot = self._pilot
         action = _ACTIONS.get(int(pilot.params[parameter]))
         if action is not None and not pilot.failsafe and pilot.mode.name not in _GOES_DOWN:
             self._fail(why, "LOITER", then=action)
 
     def _watch_battery(self) -> None:
-        """Warn, then return, then land; once for each level."""
+        """Warn, then return, then land; once per level."""
         pilot = self._pilot
         share = pilot.battery.percent / 100
         if share < pilot.params["BAT_LOW_THR"] and "low" not in self._battery_told:

@@ -12,8 +12,8 @@ from fleet_mavlink.sim.px4_takeoff import Px4Takeoff
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
-_DESCENT = 0.8  # m/s of the fail-safe in a manual mode without a stick input
-_CONE_MIN = 10.0  # m: RTL never returns lower than this above home
+_DESCENT = 0.8  # m/s of the fail-safe in a manual mode without stick input
+_CONE_MIN = 10.0  # m above home, lowest height of RTL
 
 
 def _sink(_pilot: Autopilot) -> Manoeuvre:
@@ -33,7 +33,7 @@ def _home(pilot: Autopilot) -> Manoeuvre:
 
 
 def _take_off(pilot: Autopilot) -> Manoeuvre:
-    """Climb MIS_TAKEOFF_ALT when no command said how far."""
+    """Climb MIS_TAKEOFF_ALT if no command gave a height."""
     return Px4Takeoff(pilot, pilot.geo()[2] + pilot.params["MIS_TAKEOFF_ALT"])
 
 

@@ -1,4 +1,4 @@
-"""PX4 1.16.1 with wings, as it was recorded: a runway take-off, circles, a landing where it is."""
+"""PX4 1.16.1 with wings, as recorded: runway take-off, circles, landing at the present position."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.autopilot import Autopilot, Geo, Handler
+from fleet_mavlink.sim.autopilot import Autopilot, Handler
 from fleet_mavlink.sim.command_request import (
     ACCEPTED,
     TEMPORARILY_REJECTED,
@@ -17,6 +17,7 @@ from fleet_mavlink.sim.command_request import (
     CommandRequest,
     whole,
 )
+from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import TAKING_OFF, Idle, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.physics import Agility
@@ -30,19 +31,19 @@ from fleet_mavlink.sim.setpoints import Setpoint
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.speeds import FlightSpeeds, Px4Speeds
 
-_LOW = 3.0  # m below its height that it circles for a long time
-_PASSES = 25.0  # m from a place
-_DETECTED_AT = 6.0  # m/s of its roll
+_LOW = 3.0  # m below its height at which it circles for a long time
+_PASSES = 25.0  # m from a position
+_DETECTED_AT = 6.0  # m/s of ground roll
 _LANDINGS = frozenset({mav.MAV_CMD_NAV_LAND, mav.MAV_CMD_NAV_VTOL_LAND})
 _NEEDS_LANDING = frozenset({2, 3, 4})  # MIS_TKO_LAND_REQ
 
 
 class Px4PlaneSpeeds(Px4Speeds):
-    """FW_*."""
+    """Speeds by FW_*."""
 
     @property
     def cruise(self) -> float:
-        """FW_AIRSPD_TRIM, or what was asked for."""
+        """FW_AIRSPD_TRIM, or the requested speed."""
         return self.asked or self._params["FW_AIRSPD_TRIM"]
 
     @property
@@ -57,17 +58,17 @@ class Px4PlaneSpeeds(Px4Speeds):
 
     @property
     def takeoff(self) -> float:
-        """As fast as any climb."""
+        """The usual climb rate."""
         return self.climb
 
     @property
     def landing(self) -> tuple[float, float, float]:
-        """1.3 m/s in circles, as seen."""
+        """1.3 m/s in circles, as observed."""
         return 1.3, 1.3, 0.0
 
 
 def circle_here(pilot: Autopilot) -> Manoeuvre:
-    """Return the circle about the place where it is; HOLD in a hold goes on with that."""
+    """Return the circle around the present position."""
     body = pilot.body
     if body.grounded:
         return Idle()
@@ -81,7 +82,7 @@ def _land(pilot: Autopilot) -> Manoeuvre:
 
 
 def _home(pilot: Autopilot) -> Manoeuvre:
-    """Circle over home, at RTL_RETURN_ALT or as high as it is."""
+    """Circle over home, at RTL_RETURN_ALT or at the present height if that is greater."""
     if pilot.body.grounded:
         return Idle()
     north, east, down = pilot.home_ned()
@@ -106,7 +107,7 @@ MODES = {
 
 
 def _reposition(pilot: SimPx4Plane, ask: CommandRequest) -> int:
-    """Circle about a place; NaN keeps what is; the radius in param 3 is not taken."""
+    """Circle a position; NaN keeps a value; the radius in param 3 is ignored."""
     if not whole(ask.p2) & 1:
         return UNSUPPORTED
     return pilot.go((ask.latitude, ask.longitude, ask.altitude), ask.p1)
@@ -117,7 +118,7 @@ def _altitude(pilot: SimPx4Plane, ask: CommandRequest) -> int:
 
 
 def _start_mission(pilot: SimPx4Plane, ask: CommandRequest) -> int:
-    """Refuse a mission without a landing, unless MIS_TKO_LAND_REQ says that none is needed."""
+    """Refuse a mission without a landing, unless MIS_TKO_LAND_REQ permits it."""
     landing = any(item.command in _LANDINGS for item in pilot.missions.items)
     if int(pilot.params["MIS_TKO_LAND_REQ"]) in _NEEDS_LANDING and not landing:
         pilot.say(CRITICAL, "Mission rejected: Landing waypoint/pattern required")
@@ -150,32 +151,32 @@ class SimPx4Plane(SimPx4):
 
     @property
     def passes_within(self) -> float:
-        """The distance at which it turns to the next place."""
+        """Distance at which it turns to the next position."""
         return _PASSES
 
     def enter(self, mode: Mode) -> None:
-        """Change to a mode, as wings fly it; HOLD goes on with the circle that it flies."""
+        """Change to a mode, as flown with wings; HOLD keeps the present circle."""
         flown = self.manoeuvre
         super().enter(self.modes[mode.name])
         if mode.name == "LOITER" and isinstance(flown, Circle) and not isinstance(flown, CircleDown):
             self.manoeuvre = flown
 
     def go(self, place: Geo, speed: float) -> int:
-        """Go over into LOITER about a place; what is NaN stays as it is."""
+        """Change to LOITER around a position; NaN keeps a value."""
         result = self.change_mode(self.modes["LOITER"])
         if result != ACCEPTED or not self.flying or not self.armed:
             return result
         wanted = [new if math.isfinite(new) else now for new, now in zip(place, self.geo(), strict=True)]
-        north, east, down = self.ned_of(*wanted)
+        north, east, down = self.frame.ned_of(*wanted)
         self.manoeuvre = Circle(north, east, down + _LOW, self.circle_radius, speed if speed > 0.0 else None)
         return ACCEPTED
 
     def begin_takeoff(self) -> None:
-        """Roll along the nose to the height that was asked for."""
+        """Roll along the nose and climb to the requested height."""
         asked, self.takeoff = self.takeoff, None
         if isinstance(asked, Px4Takeoff) and self.body.grounded:
             self.say(INFO, "Takeoff on runway")
-            self.manoeuvre = RunwayTakeoff(self.down_of(asked.altitude))
+            self.manoeuvre = RunwayTakeoff(self.frame.down_of(asked.altitude))
         elif isinstance(asked, Px4Takeoff):
             self.enter(self.modes["LOITER"])
         elif asked is not None:
@@ -192,12 +193,12 @@ class SimPx4Plane(SimPx4):
         rolls = isinstance(self.manoeuvre, RunwayTakeoff) and not self.landed
         return TAKING_OFF if rolls else super().landed_state()
 
-    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:  # noqa: ARG002 - OFFBOARD is taken, and nothing changes
-        """Fly on as it does."""
+    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:  # noqa: ARG002 - OFFBOARD is accepted without effect
+        """Keep the present manoeuvre."""
         return self.manoeuvre
 
     def supervise(self) -> None:
-        """Go over into LOITER at the end of a take-off."""
+        """Change to LOITER at the end of a take-off."""
         flown = self.manoeuvre
         if isinstance(flown, RunwayTakeoff):
             if not self.landed and not self.left_ground:

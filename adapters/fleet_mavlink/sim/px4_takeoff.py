@@ -1,4 +1,4 @@
-"""PX4's take-off: told before the vehicle lifts, and over before its height is reached."""
+"""PX4's take-off: reported before the vehicle lifts off, and ended below its height."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ if TYPE_CHECKING:
     from fleet_mavlink.sim.px4 import SimPx4
 
 _DETECTED = 1.8  # s from arming to "Takeoff detected"
-_DETECTED_RUNNING = 0.5  # s, where the motors have been turning for a while
-_LIFTS_RUNNING = 3.0  # s to leaving the ground, then
-_WANDERS = 0.7  # rad/s at which the height of a vehicle on the ground is misjudged, up and down
+_DETECTED_RUNNING = 0.5  # s, if the motors have been running for a while
+_LIFTS_RUNNING = 3.0  # s from then to lift-off
+_WANDERS = 0.7  # rad/s: frequency of the height error of a vehicle on the ground
 
 
 class Px4Takeoff(Takeoff):
-    """Climb to ``altitude``, m AMSL as the vehicle estimates it; ``detected`` once it says so."""
+    """Climb to ``altitude``, m AMSL as estimated by the vehicle; ``detected`` once it is reported."""
 
     def __init__(self, pilot: Autopilot, altitude: float) -> None:
-        super().__init__(pilot, pilot.down_of(altitude))
+        super().__init__(pilot, pilot.frame.down_of(altitude))
         self.altitude = altitude
         grounded = pilot.body.grounded
         running = pilot.armed and pilot.time - pilot.armed_at > pilot.spin_up
@@ -41,11 +41,11 @@ def watch(pilot: SimPx4) -> None:
     if not flown.detected and pilot.time >= flown.detected_at:
         flown.detected = True
         pilot.takeoff_detected()
-        flown.down = pilot.down_of(flown.altitude)
+        flown.down = pilot.frame.down_of(flown.altitude)
     if pilot.flying and pilot.body.down - flown.down <= pilot.params["NAV_MC_ALT_RAD"]:
         pilot.takeoff_ended(GoTo(flown.north, flown.east, flown.down, heading=flown.heading))
 
 
 def wander(amplitude: float, now: float) -> float:
-    """Return how far off the estimated height of a vehicle on the ground is, metres."""
+    """Return the error of the estimated height of a vehicle on the ground, m."""
     return amplitude * math.sin(_WANDERS * now)

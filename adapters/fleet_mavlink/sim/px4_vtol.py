@@ -1,4 +1,4 @@
-"""PX4 1.16.1 as a standard VTOL, as it was recorded: a multirotor in its hover, a plane on its wings."""
+"""PX4 1.16.1 as a standard VTOL, as recorded: a multirotor in hover, a plane on its wings."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.autopilot import Boot, Geo, Handler
+from fleet_mavlink.sim.autopilot import Boot, Handler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, CommandRequest, whole
+from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.plane_moves import Ahead
@@ -53,7 +54,7 @@ class SimPx4Vtol(SimPx4Plane):
     body: VtolBody
 
     def __init__(self, boot: Boot) -> None:
-        self._goes_over: tuple[float, int] | None = None  # when it flies so, and how
+        self._goes_over: tuple[float, int] | None = None  # end and target state of the transition
         self._hover: FlightSpeeds = Px4Speeds(boot.params)
         self._wings: FlightSpeeds = Px4PlaneSpeeds(boot.params)
         super().__init__(boot)
@@ -61,26 +62,26 @@ class SimPx4Vtol(SimPx4Plane):
 
     @property
     def _leaves(self) -> bool:
-        """Whether it goes over to its wings: it flies straight ahead, whatever place it is given."""
+        """Whether it is in transition to its wings: it flies straight ahead, whatever its target."""
         return self._goes_over is not None and self._goes_over[1] == FORWARD
 
     def vtol_state(self) -> int:
-        """Return how it flies, or to what it goes over."""
+        """Return its flight state, or its transition."""
         if self._goes_over is not None:
             return TO_FORWARD if self._leaves else TO_HOVER
         return HOVERS if self.body.hovers else FORWARD
 
     def refusals(self, *, force: bool) -> list[str]:
-        """Return also that it stands there to fly on its wings."""
+        """Return the refusals, also for standing on the ground in its forward flight state."""
         on_wings = [] if self.body.hovers else ["Resolve system health failures first"]
         return super().refusals(force=force) or on_wings
 
     def hover(self) -> None:
-        """Go over to the hover."""
+        """Begin the transition to hover."""
         self.go_over(HOVERS)
 
     def go_over(self, to: int) -> None:
-        """Begin a transition, along its nose; its mode stays. One to its wings is broken off at once."""
+        """Begin a transition, along its nose, in its mode. One to its wings can be aborted at once."""
         if (to == HOVERS) is self.body.hovers and self._goes_over is None:
             return
         if not self.flying or (to == HOVERS and self._leaves):
@@ -91,7 +92,7 @@ class SimPx4Vtol(SimPx4Plane):
             self.manoeuvre = Ahead(self.body.down)
 
     def _fly_so(self, to: int) -> None:
-        """Fly so from now on."""
+        """Enter a flight state."""
         self._goes_over = None
         self.body.hovers = to == HOVERS
         self.speeds = self._hover if self.body.hovers else self._wings
@@ -99,7 +100,7 @@ class SimPx4Vtol(SimPx4Plane):
             self.enter(self.mode)
 
     def enter(self, mode: Mode) -> None:
-        """Change to a mode; it lands, and flies home, with its rotors."""
+        """Change to a mode; it lands, and returns home, with its rotors."""
         if mode.name in _BY_ROTORS:
             self._goes_over = None
             self.body.hovers, self.speeds = True, self._hover
@@ -111,7 +112,7 @@ class SimPx4Vtol(SimPx4Plane):
             self.manoeuvre = Ahead(self.body.down)
 
     def go(self, place: Geo, speed: float) -> int:
-        """Fly there as it flies now."""
+        """Fly there in its present flight state."""
         if not self.body.hovers:
             return super().go(place, speed)
         result = self.change_mode(self.modes["LOITER"])
@@ -119,7 +120,7 @@ class SimPx4Vtol(SimPx4Plane):
             wanted = [new if math.isfinite(new) else now for new, now in zip(place, self.geo(), strict=True)]
             still = not any(map(math.isfinite, place))
             if not still and not self._leaves:
-                north, east, down = self.ned_of(*wanted)
+                north, east, down = self.frame.ned_of(*wanted)
                 self.manoeuvre = GoTo(north, east, down, speed=speed if speed > 0.0 else None)
         return result
 
@@ -129,7 +130,7 @@ class SimPx4Vtol(SimPx4Plane):
 
     @property
     def landed(self) -> bool:
-        """True on the ground, as of a multirotor."""
+        """True on the ground, like a multirotor."""
         return bool(SimPx4.landed.fget(self))  # type: ignore[attr-defined]
 
     def landed_state(self) -> int:
@@ -137,11 +138,11 @@ class SimPx4Vtol(SimPx4Plane):
         return SimPx4.landed_state(self)
 
     def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
-        """Obey it in its hover."""
+        """Follow it in hover."""
         return SimPx4.fly_setpoint(self, setpoint) if self.body.hovers else super().fly_setpoint(setpoint)
 
     def supervise(self) -> None:
-        """End a transition when its time has come."""
+        """End a transition when it is due."""
         if self._goes_over is not None and self.time >= self._goes_over[0]:
             self._fly_so(self._goes_over[1])
         SimPx4.supervise(self)

@@ -1,4 +1,4 @@
-"""ArduPlane 4.6.3 with lifting rotors (QuadPlane): its Q modes, and GUIDED as Q_GUIDED_MODE says."""
+"""ArduPlane 4.6.3 with lifting rotors (QuadPlane): its Q modes, and GUIDED by Q_GUIDED_MODE."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from fleet_mavlink.sim.vtol_mission import VtolMission
 
 TO_FORWARD, TO_HOVER, HOVERS, FORWARD = 1, 2, 3, 4  # MAV_VTOL_STATE
 _FORWARD_TAKES, _HOVER_TAKES = 8.0, 6.0  # s
-_NEAR = 1.5  # times its stopping distance from its cruise airspeed, up to which it hovers to a place
-_HELPS, _PUSHED = 1.0, 2.0  # m/s above Q_ASSIST_SPEED at which its rotors help, and that it flies then
+_NEAR = 1.5  # stopping distances from cruise airspeed, up to which it hovers to a position
+_HELPS, _PUSHED = 1.0, 2.0  # m/s above Q_ASSIST_SPEED: when its rotors assist, and its speed then
 _OFFSET = 7  # MAV_FRAME_LOCAL_OFFSET_NED
 _ABOVE_HOME = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}  # frames
 _STICK_AT_MINIMUM = 2.5  # m/s down
@@ -34,7 +34,7 @@ _RTL_HEIGHT = 15.0  # m, Q_RTL_ALT
 
 
 def _sink(pilot: Autopilot) -> Manoeuvre:
-    """Sink: there is no pilot's stick, and that is one at its minimum."""
+    """Sink: an absent pilot's stick counts as being at its minimum."""
     return Idle() if pilot.body.grounded else Sink(_STICK_AT_MINIMUM)
 
 
@@ -53,7 +53,7 @@ MODES = {**PLANE_MODES, **{mode.name: mode for mode in (_AUTO, *_BY_ROTORS)}}
 
 
 def _take_off(pilot: SimQuadPlane, ask: CommandRequest) -> int:
-    """Climb so much above where it stands, in GUIDED; only as an offset."""
+    """Climb by the given height above its present position, in GUIDED; only as an offset."""
     if ask.frame is not None and ask.frame != _OFFSET:
         return DENIED
     height = -ask.altitude if ask.frame is not None else ask.altitude
@@ -72,7 +72,7 @@ def _take_off(pilot: SimQuadPlane, ask: CommandRequest) -> int:
 
 
 def _reposition(pilot: SimQuadPlane, ask: CommandRequest) -> int:
-    """Go to a place: hover there with Q_GUIDED_MODE 1, else as a plane."""
+    """Go to a position: hover there with Q_GUIDED_MODE 1, else as a plane."""
     if not pilot.hovers_in_guided:
         result = PLANES[mav.MAV_CMD_DO_REPOSITION](pilot, ask)
         if result == ACCEPTED and pilot.flying and pilot.body.hovers:
@@ -85,12 +85,12 @@ def _reposition(pilot: SimQuadPlane, ask: CommandRequest) -> int:
     if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(guided)):
         return FAILED
     if pilot.flying:
-        pilot.go_to(*pilot.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2]))
+        pilot.go_to(*pilot.frame.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2]))
     return ACCEPTED
 
 
 def _transition(pilot: SimQuadPlane, _ask: CommandRequest) -> int:
-    """Take it in AUTO only."""
+    """Accept it in AUTO only."""
     return ACCEPTED if pilot.mode.name == "AUTO" else FAILED
 
 
@@ -103,20 +103,20 @@ COMMANDS: Mapping[int, Handler] = {
 
 
 class HoverSpeeds(ArduPilotSpeeds):
-    """Q_WP_SPEED, and a climb as of a copter."""
+    """Q_WP_SPEED, and the climb of a copter."""
 
     @property
     def cruise(self) -> float:
-        """Q_WP_SPEED, whatever is asked for."""
+        """Q_WP_SPEED, whatever is requested."""
         return self._params["Q_WP_SPEED"] / 100
 
 
 class AssistedSpeeds(PlaneSpeeds):
-    """A plane's, but that its rotors keep it faster than Q_ASSIST_SPEED."""
+    """Speeds of a plane, but its rotors keep it faster than Q_ASSIST_SPEED."""
 
     @property
     def cruise(self) -> float:
-        """What is asked for, and faster near Q_ASSIST_SPEED."""
+        """The requested speed, raised near Q_ASSIST_SPEED."""
         asked, helped = super().cruise, self._params["Q_ASSIST_SPEED"]
         return helped + _PUSHED if asked < helped + _HELPS else asked
 
@@ -129,8 +129,8 @@ class SimQuadPlane(SimArduPlane):
     body: VtolBody
 
     def __init__(self, boot: Boot) -> None:
-        self._goes_over: tuple[float, Manoeuvre] | None = None  # when it flies forward, and what it does then
-        self._slows_until = 0.0  # on its way back to the hover
+        self._goes_over: tuple[float, Manoeuvre] | None = None  # end of the transition, next manoeuvre
+        self._slows_until = 0.0  # end of the transition to hover
         self._has_landed = False  # since it started
         self._hover: FlightSpeeds = HoverSpeeds(boot.params)
         self._wings: FlightSpeeds = AssistedSpeeds(boot.params)
@@ -139,7 +139,7 @@ class SimQuadPlane(SimArduPlane):
 
     @property
     def airspeeds(self) -> FlightSpeeds:
-        """How fast it flies on its wings."""
+        """Speeds on its wings."""
         return self._wings
 
     @property
@@ -153,7 +153,7 @@ class SimQuadPlane(SimArduPlane):
         return float(self.params["AIRSPEED_CRUISE"] ** 2 / (2 * self.params["Q_TRANS_DECEL"]))
 
     def vtol_state(self) -> int:
-        """Return how it flies; forward on the ground, too."""
+        """Return its flight state; forward on the ground, too."""
         if self._goes_over is not None:
             return TO_FORWARD
         if not self.body.hovers:
@@ -172,7 +172,7 @@ class SimQuadPlane(SimArduPlane):
         super().touched_ground()
 
     def hover(self) -> None:
-        """Fly with the rotors from now on; from its wings it takes a while to slow down."""
+        """Hover from now on; on its wings it takes a while to slow down."""
         self._goes_over = None
         if not self.body.hovers:
             self._slows_until = self.time + (_HOVER_TAKES if self.flying else 0.0)
@@ -185,7 +185,7 @@ class SimQuadPlane(SimArduPlane):
         self.manoeuvre = Ahead(self.body.down)
 
     def go_to(self, north: float, east: float, down: float) -> None:
-        """Hover to a place; a far one is flown to on its wings."""
+        """Hover to a position; to a far one on its wings."""
         body = self.body
         near = _NEAR * self.slows_within
         if math.hypot(north - body.north, east - body.east) <= near:
@@ -199,7 +199,7 @@ class SimQuadPlane(SimArduPlane):
             self.manoeuvre = approach
 
     def enter(self, mode: Mode) -> None:
-        """Change to a mode; the Q modes, and GUIDED as it is set, hover, the others fly forward."""
+        """Change to a mode; Q modes, and GUIDED by its parameter, hover; the others fly forward."""
         again = mode is self.mode and mode.name == "GUIDED"
         super().enter(mode)
         if again or not (self.armed and self.flying):
@@ -218,7 +218,7 @@ class SimQuadPlane(SimArduPlane):
         self.body.hovers, self.speeds = False, self._wings
 
     def supervise(self) -> None:
-        """End a transition, and the approach to a place."""
+        """End a transition, and the approach to a position."""
         if self._goes_over is not None and self.time >= self._goes_over[0]:
             then = self._goes_over[1]
             self._goes_over = None

@@ -1,4 +1,4 @@
-"""The simulated vehicle of a rehearsal: the same one as behind ``sim:`` links, in simulated time."""
+"""Simulated vehicle of a rehearsal: the same as behind ``sim:`` links, in simulated time."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
 
 
 def simulated_vehicle(config: MavlinkConfig, start: SimulationStart) -> Simulation:
-    """Return a vehicle that stands where the robot is.
+    """Return a vehicle at the position of the robot.
 
-    The name of a real one's mode tells whether it is on PX4 or ArduPilot, and a rover or a plane where it is
-    theirs alone (HOLD, TAKEOFF); else it is taken for a multirotor. Raises Refused while its motors run, and
-    while nobody knows where it is.
+    For a real robot the name of its mode determines PX4 or ArduPilot, and a rover or a plane if the mode
+    exists there only (HOLD, TAKEOFF); else it is a multirotor. Raises Refused while its motors run, and while
+    its position is unknown.
     """
     if start.armed:
         raise Refused(
@@ -80,7 +80,7 @@ def simulated_vehicle(config: MavlinkConfig, start: SimulationStart) -> Simulati
 
 
 def _spec(config: MavlinkConfig, start: SimulationStart) -> SimSpec:
-    """Return what is simulated: what the link says, for a real vehicle one of its kind."""
+    """Return the vehicle to simulate: by its link, for a real vehicle one of its kind."""
     if config.simulated:
         return SimSpec.parse(config.link, system_id=config.system_id)
     flavour: Flavour = "px4" if start.mode in _PX4_MODES else "ardupilot"

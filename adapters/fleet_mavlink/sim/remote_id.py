@@ -1,4 +1,4 @@
-"""Remote ID of a simulated ArduCopter 4.6.3 (AP_OpenDroneID) and of the transmitter beside it."""
+"""Remote ID of a simulated ArduCopter 4.6.3 (AP_OpenDroneID) and of its transmitter."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pymavlink.dialects.v20 import all as mav
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
-_MAX_AGE = 3.0  # s of what the checks before arming need
-_OTHERS_AGE = 22.0  # s of what the transmitter needs besides
-_LOST_AFTER = 5.0  # s, and between the texts that say so
+_MAX_AGE = 3.0  # s: largest age of the data for the arming checks
+_OTHERS_AGE = 22.0  # s: of the other data for the transmitter
+_LOST_AFTER = 5.0  # s, and between texts about it
 _WARNING, _INFO = 4, 6  # severities
 _ERROR = 49  # characters
 _NAMES = ("BASIC_ID", "OPERATOR_ID", "SELF_ID", "SYSTEM", "SYSTEM_UPDATE")
@@ -19,7 +19,7 @@ MESSAGES = tuple(f"OPEN_DRONE_ID_{name}" for name in _NAMES)
 
 
 class SimRemoteId:
-    """What the autopilot was told, and when; times are seconds of the simulation, None: never."""
+    """Messages received by the autopilot, and when; times are seconds of the simulation, None: never."""
 
     def __init__(self) -> None:
         self.system: Any = None
@@ -30,7 +30,7 @@ class SimRemoteId:
         self._lost_operator_at: float | None = None
 
     def take(self, message: Any, now: float) -> None:
-        """Take a message of a station."""
+        """Process a message of a station."""
         name = message.get_type().removeprefix("OPEN_DRONE_ID_")
         if name == "BASIC_ID" and message.id_type == mav.MAV_ODID_ID_TYPE_NONE:
             return
@@ -39,15 +39,15 @@ class SimRemoteId:
         elif name == "SYSTEM_UPDATE" and self.system is not None:
             self.system.operator_latitude = message.operator_latitude
             self.system.operator_longitude = message.operator_longitude
-            self.heard["SYSTEM"] = now  # counts only after the whole was told
+            self.heard["SYSTEM"] = now  # counts only after a complete SYSTEM
         self.heard[name] = now
 
     def take_arm_status(self, message: Any, now: float) -> None:
-        """Take the word of the transmitter, which is heard on its own port only."""
+        """Process the transmitter's arm status, which is received on its own port only."""
         self.arm_status, self.arm_status_at = message, now
 
     def refusal(self, now: float) -> str:
-        """Return why the motors cannot be armed, empty when they can; no force skips this."""
+        """Return why the motors cannot be armed, empty if they can; force does not skip this."""
         if "BASIC_ID" not in self.heard:
             return "UA_TYPE required in BasicID"
         if self._no_place():
@@ -61,12 +61,12 @@ class SimRemoteId:
         return ""
 
     def _no_place(self) -> bool:
-        """Return whether the operator's place is unknown."""
+        """Return True if the operator's position is unknown."""
         system = self.system
         return system is None or (system.operator_latitude == 0 and system.operator_longitude == 0)
 
     def say(self, pilot: Autopilot) -> None:
-        """Say what is lost, and what is back."""
+        """Send texts about losses, and returns."""
         now = pilot.time
         if now - (self.arm_status_at or 0.0) > _LOST_AFTER:
             if now - (self._lost_transmitter_at or 0.0) > _LOST_AFTER:
@@ -81,7 +81,7 @@ class SimRemoteId:
             pilot.say(_WARNING, "ODID: lost operator location")
 
     def wanting(self, now: float, *, located: bool) -> str:
-        """Return what the transmitter misses, in its words; empty for nothing."""
+        """Return the data that the transmitter misses, in its own words; empty without any."""
         ages = (("SELF_ID", "SELF_ID", _OTHERS_AGE), ("OPERATOR_ID", "OP_ID", _OTHERS_AGE))
         missing = [] if located else ["LOC"]
         missing += [] if "BASIC_ID" in self.heard else ["ID"]

@@ -1,4 +1,4 @@
-"""ArduRover 4.6.3 as it was recorded: how it drives, coasts and brakes, and what it refuses."""
+"""ArduRover 4.6.3 as recorded: how it drives, coasts and brakes, and its refusals."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 
 _BODY_FRAMES = frozenset({8, 9})
 _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
-_THROTTLE_LEFT = 73  # SERVO1_FUNCTION of a vehicle that is steered by its drives
+_THROTTLE_LEFT = 73  # SERVO1_FUNCTION of a skid-steered vehicle
 _STANDBY_MODES = frozenset({"HOLD"})
 
 
@@ -38,7 +38,7 @@ class RoverSpeeds(ArduPilotSpeeds):
 
     @property
     def nose_follows(self) -> bool:
-        """Always."""
+        """Always True."""
         return True
 
 
@@ -63,7 +63,7 @@ class SimArduRover(ArduPilot):
         self.body.skid = int(boot.params["SERVO1_FUNCTION"]) == _THROTTLE_LEFT
 
     def system_status(self) -> int:
-        """Return what has nothing to do with arming: ACTIVE but for the start and HOLD."""
+        """Return a state independent of arming: ACTIVE except during the start and in HOLD."""
         if self.mode.name == "INITIALISING":
             return int(mav.MAV_STATE_CALIBRATING)
         standby = self.mode.name in _STANDBY_MODES
@@ -74,13 +74,13 @@ class SimArduRover(ArduPilot):
         return 0
 
     def set_home(self) -> None:
-        """Take the place; the altitude only after the first disarming."""
+        """Set home here; its altitude only after the first disarming."""
         super().set_home()
         if self.home is not None and not self._true_home:
             self.home = (self.home[0], self.home[1], 0.14)
 
     def arm(self) -> None:
-        """Start the motor; home stays where it is."""
+        """Start the motor; home is unchanged."""
         home = self.home
         super().arm()
         self.home = home
@@ -95,7 +95,7 @@ class SimArduRover(ArduPilot):
         self.manoeuvre = Coast(DISARMED)
 
     def enter(self, mode: Mode) -> None:
-        """Change to a mode; a disarmed one goes on coasting."""
+        """Change to a mode; a disarmed rover keeps coasting."""
         self.reversed = False
         self.speeds.asked = None
         super().enter(mode)
@@ -104,18 +104,18 @@ class SimArduRover(ArduPilot):
             self.manoeuvre = Coast(DISARMED)
 
     def refusal_of(self, mode: Mode) -> str:
-        """Return why a mode cannot be entered now, empty when it can."""
+        """Return why a mode cannot be entered now, empty if it can."""
         if mode.name == "AUTO" and self.armed and not self.missions.loaded:
             return "init failed"
         return "requires position" if self.armed and mode.position and not self.has_position else ""
 
     def setpoint(self, message: object) -> None:
-        """Obey a setpoint in GUIDED; ignore it silently otherwise."""
+        """Follow a setpoint in GUIDED; ignore it silently otherwise."""
         if self.mode.name == "GUIDED" and self.armed:
             self.manoeuvre = self.fly_setpoint(setpoint_of(message))
 
     def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
-        """Return the drive: with a rate of turn its sign ahead counts, else the nose turns toward it."""
+        """Return the drive: with a yaw rate by the sign of the forward speed, else by turning the nose."""
         if setpoint.position is not None:
             return self._to_place(setpoint)
         vx, vy, _ = setpoint.velocity or (0.0, 0.0, 0.0)
@@ -130,14 +130,14 @@ class SimArduRover(ArduPilot):
         return Roll(speed, heading, 0.0, until)
 
     def _to_place(self, setpoint: Setpoint) -> Manoeuvre:
-        """Return the drive to a place: global above home, or local."""
+        """Return the drive to a position: global above home, or local."""
         x, y, z = setpoint.position or (0.0, 0.0, 0.0)
         if setpoint.frame in _RELATIVE_FRAMES:
-            x, y, _ = self.ned_of(x, y, z)
+            x, y, _ = self.frame.ned_of(x, y, z)
         return RollTo(x, y)
 
     def watch_idle(self) -> None:
-        """Stay armed; say once when a place was reached on the way home."""
+        """Stay armed; report the arrival on the way home once."""
         if self.mode.name == "RTL" and self.manoeuvre.done and not self._arrived_told:
             self._arrived_told = True
             self.say(INFO, "Reached destination")

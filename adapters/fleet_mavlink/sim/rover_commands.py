@@ -1,4 +1,4 @@
-"""What ArduRover does with each command it knows; the rest, a take-off too, is UNSUPPORTED."""
+"""ArduRover's handlers of its commands; all others, also a take-off, are UNSUPPORTED."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _UNSUPPORTED = frozenset(
 
 
 def _arm(pilot: SimArduRover, ask: CommandRequest) -> int:
-    """Arm (1) or disarm (0), while it drives too."""
+    """Arm (1) or disarm (0), even while it drives."""
     if ask.p1 == 0.0:
         if pilot.armed:
             pilot.say(INFO, "Throttle disarmed")
@@ -49,26 +49,26 @@ def _arm(pilot: SimArduRover, ask: CommandRequest) -> int:
 
 
 def _set_mode(pilot: SimArduRover, ask: CommandRequest) -> int:
-    """Denied without the flag for a custom mode."""
+    """Change the mode; denied without the flag for a custom mode."""
     if not whole(ask.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
         return DENIED
     return ACCEPTED if pilot.change_mode(whole(ask.p2)) else FAILED
 
 
 def _reposition(pilot: SimArduRover, ask: CommandRequest) -> int:
-    """Drive to a place: COMMAND_INT, in GUIDED or with the flag that changes to it."""
+    """Drive to a position: COMMAND_INT, in GUIDED or with the flag that changes to it."""
     if ask.frame is None or not math.isfinite(ask.latitude + ask.longitude):
         return DENIED
     guided = pilot.modes["GUIDED"].custom
     if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(guided)):
         return DENIED
-    north, east, _ = pilot.ned_of(ask.latitude, ask.longitude, 0.0)
+    north, east, _ = pilot.frame.ned_of(ask.latitude, ask.longitude, 0.0)
     pilot.manoeuvre = RollTo(north, east)
     return ACCEPTED
 
 
 def _speed(pilot: SimArduRover, ask: CommandRequest) -> int:
-    """Fail for a speed of 0, and without a place to drive to; change nothing then."""
+    """Set the speed; fails without effect for a speed of 0, and without a target position."""
     if not ask.p2 > 0.0 or not isinstance(pilot.manoeuvre, RollTo):
         return FAILED
     pilot.speeds.asked = ask.p2
@@ -76,7 +76,7 @@ def _speed(pilot: SimArduRover, ask: CommandRequest) -> int:
 
 
 def _reverse(pilot: SimArduRover, ask: CommandRequest) -> int:
-    """Drive to places in reverse (1) or ahead (0), until the mode changes."""
+    """Drive to positions in reverse (1) or forward (0), until the mode changes."""
     pilot.reversed = ask.p1 == 1.0
     return ACCEPTED
 

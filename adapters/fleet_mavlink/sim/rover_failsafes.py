@@ -1,4 +1,4 @@
-"""What ArduRover does by itself: remote control or station lost, battery, position or fence lost."""
+"""Fail-safes of ArduRover: loss of remote control or station, battery, position or fence."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from fleet_mavlink.sim.streams import heartbeat
 if TYPE_CHECKING:
     from fleet_mavlink.sim.rover import SimArduRover
 
-_STATION_WITHIN = 0.5  # s without it that count as lost; then FS_TIMEOUT runs
+_STATION_WITHIN = 0.5  # s of silence that count as lost; then FS_TIMEOUT runs
 _MODES = {1: "RTL", 2: "HOLD", 3: "RTL", 4: "HOLD"}  # FS_ACTION, BATT_FS_LOW_ACT, FENCE_ACTION
 
 
 class RoverFailsafes(ArduPilotFailsafes):
-    """The fail-safes of one ArduRover (from its source): FS_ACTION after FS_TIMEOUT, never out of HOLD."""
+    """Fail-safes of one ArduRover (from its source): FS_ACTION after FS_TIMEOUT, never out of HOLD."""
 
     def __init__(self, pilot: SimArduRover) -> None:
         super().__init__(pilot)
-        self._lost: dict[str, float] = {}  # what is lost, since when
+        self._lost: dict[str, float] = {}  # losses, with their start
         self._told: set[str] = set()
         self._ekf = False
 
     def watch(self) -> None:
-        """Look after all of them."""
+        """Check all of them."""
         pilot = self._pilot
         heard = pilot.gcs_heard_at
         self.radio_lost = not pilot.remote_control and bool(pilot.params["FS_THR_ENABLE"])
@@ -39,7 +39,7 @@ class RoverFailsafes(ArduPilotFailsafes):
         pilot.watch_fence(self._broke_fence)
 
     def _lose(self, what: str, *, lost: bool) -> None:
-        """Follow one loss; FS_ACTION follows FS_TIMEOUT later, unless it holds or returns already."""
+        """Track one loss; FS_ACTION is executed after FS_TIMEOUT, unless it holds or returns already."""
         pilot = self._pilot
         if not lost:
             self._lost.pop(what, None)
@@ -56,7 +56,7 @@ class RoverFailsafes(ArduPilotFailsafes):
         self._act(int(pilot.params["FS_ACTION"]))
 
     def _act(self, action: int) -> None:
-        """Change the mode, as one of the ACTION parameters says; HOLD where it knows no position."""
+        """Change the mode by one of the ACTION parameters; HOLD without a position."""
         pilot = self._pilot
         mode = _MODES.get(action)
         if mode is not None:
@@ -64,12 +64,12 @@ class RoverFailsafes(ArduPilotFailsafes):
             pilot.out.append(heartbeat(pilot))
 
     def _battery_failed(self, text: str) -> None:
-        """BATT_FS_LOW_ACT."""
+        """Act by BATT_FS_LOW_ACT."""
         self._pilot.say(WARNING, text)
         self._act(int(self._pilot.params["BATT_FS_LOW_ACT"]))
 
     def _watch_position(self) -> None:
-        """FS_EKF_ACTION 1: HOLD when the position is lost in a mode that needs it."""
+        """Act by FS_EKF_ACTION: with 1, HOLD if the position is lost in a mode that needs it."""
         pilot = self._pilot
         if pilot.has_position:
             self._ekf = False
@@ -81,6 +81,6 @@ class RoverFailsafes(ArduPilotFailsafes):
             pilot.say(CRITICAL, "EKF failsafe")
 
     def _broke_fence(self) -> None:
-        """FENCE_ACTION."""
+        """Act by FENCE_ACTION."""
         self._pilot.say(WARNING, "Fence Breached")
         self._act(int(self._pilot.params["FENCE_ACTION"]))

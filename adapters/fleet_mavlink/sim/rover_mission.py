@@ -1,4 +1,4 @@
-"""A mission as ArduRover drives it: RTL is an item like another, and at the end it stands in AUTO."""
+"""Missions of ArduRover: RTL is an item like others, and at the end it stands in AUTO."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def _roll(pilot: Autopilot, item: Item) -> Manoeuvre:
-    north, east, _ = pilot.ned_of(item.x / 1e7, item.y / 1e7, 0.0)
+    north, east, _ = pilot.frame.ned_of(item.x / 1e7, item.y / 1e7, 0.0)
     return RollTo(north, east)
 
 
@@ -48,7 +48,7 @@ class DriveMission(FlyMission):
         self._leg = Coast(BRAKED)
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the drive of the item; say once when there is none left."""
+        """Return the drive of the item; report once that there is none left."""
         before = self.done
         wanted = super().aim(pilot)
         if self.done and not before:

@@ -24,7 +24,7 @@ def _stay(_pilot: Autopilot) -> Manoeuvre:
 
 
 def _guided(pilot: Autopilot) -> Manoeuvre:
-    """Go on with what it does until a setpoint comes; GUIDED again is no stop."""
+    """Keep the present manoeuvre until a setpoint arrives; GUIDED again is no stop."""
     return pilot.manoeuvre if pilot.mode.name == "GUIDED" and pilot.armed else Coast(BRAKED)
 
 

@@ -1,4 +1,4 @@
-"""What ArduRover does at a time: roll, brake, coast. The times are those of the recordings."""
+"""Manoeuvres of ArduRover: roll, brake, coast. The times are those of recordings."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
     from fleet_mavlink.sim.rover import SimArduRover
 
-HELD, BRAKED, TIMED_OUT, DISARMED = 2.05, 1.4, 1.05, 1.6  # s over which the speed dies away
+HELD, BRAKED, TIMED_OUT, DISARMED = 2.05, 1.4, 1.05, 1.6  # s: time constants of the speed
 _THERE = 0.35  # m
-_OVERSHOOT = 1.15  # of the speed that is asked for
+_OVERSHOOT = 1.15  # times the requested speed
 
 
 class Coast(Manoeuvre):
-    """Let the speed die away over ``easing`` seconds; 0: brake and stand (LOITER)."""
+    """Let the speed decay over ``easing`` seconds; 0: brake and stand (LOITER)."""
 
     in_air_state = 0
 
@@ -33,7 +33,7 @@ class Coast(Manoeuvre):
 
 
 class Roll(Coast):
-    """Drive at a speed, to a heading or at a rate of turn, until the setpoint is too old.
+    """Drive at a speed, to a heading or at a yaw rate, until the setpoint is too old.
 
     A negative speed is in reverse.
     """
@@ -47,7 +47,7 @@ class Roll(Coast):
         self._told = False
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the drive; after 3 s without a setpoint it says so and brakes."""
+        """Return the drive; after 3 s without a setpoint it reports that and brakes."""
         if pilot.time > self._until:
             if not self._told:
                 self._told = True
@@ -61,13 +61,13 @@ class Roll(Coast):
 
 
 class RollTo(GoTo):
-    """Drive to a place, in reverse where DO_SET_REVERSE said so, and stand there."""
+    """Drive to a position, in reverse by DO_SET_REVERSE, and stand there."""
 
     def __init__(self, north: float, east: float) -> None:
         super().__init__(north, east, 0.0)
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the drive toward the place; it comes within 0.4 m of it."""
+        """Return the drive towards the position; it stops within 0.4 m."""
         rover = cast("SimArduRover", pilot)
         body = rover.body
         body.backwards, body.easing = rover.reversed, 0.0

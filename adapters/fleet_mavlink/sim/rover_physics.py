@@ -1,4 +1,4 @@
-"""A wheeled vehicle on flat ground: it moves along its nose, and its speed dies away or is braked."""
+"""A wheeled vehicle on flat ground: moves along its nose, coasts or brakes."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _TURN_GAIN = 2.0  # 1/s
 
 @dataclass(slots=True)
 class WheeledBody(Body):
-    """``easing``: seconds over which a speed that is not wanted dies away; 0: it is braked as it can be.
+    """``easing``: time constant (s) of a coasting speed; 0: it brakes as hard as it can.
 
-    ``backwards``: a wanted velocity is driven in reverse. ``skid``: it turns while it stands, too.
+    ``backwards``: drive in reverse. ``skid``: it can turn while standing.
     """
 
     easing: float = 0.0
@@ -24,7 +24,7 @@ class WheeledBody(Body):
     skid: bool = False
 
     def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:  # noqa: ARG002
-        """Move on by ``dt`` seconds: the wanted velocity is turned to, and driven along the nose."""
+        """Advance by ``dt`` seconds: turn to the requested velocity, drive along the nose."""
         wanted = math.hypot(aim.vn, aim.ve) * (-1.0 if self.backwards else 1.0)
         self.turn_rate = self._turning(aim, wanted, agility)
         self.heading = (self.heading + self.turn_rate * dt) % math.tau
@@ -38,7 +38,7 @@ class WheeledBody(Body):
         self.east += self.ve * dt
 
     def _turning(self, aim: Aim, wanted: float, agility: Agility) -> float:
-        """Return the rate of turn, rad/s: on steered wheels it must move to turn."""
+        """Return the turn rate, rad/s: on steered wheels it must move to turn."""
         rate = aim.turn_rate
         if wanted and not rate:
             heading = math.atan2(aim.ve, aim.vn) if aim.heading is None else aim.heading

@@ -1,17 +1,18 @@
-"""What a simulated estimator does without satellites, as both autopilots were recorded."""
+"""Simulated estimator without satellites, as recorded with both autopilots."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """How one autopilot loses its position. Times are seconds after the satellites are gone.
+    """Loss of position of one autopilot. Times are seconds after the loss of satellites.
 
-    ``shown``: the receiver says so; ``fix``, ``count``, ``error``: what it then says (error in centimetres).
-    ``flags``: the estimator's flags from when on; ``drifts``: when the position begins to run away, with
-    ``pull`` m/s2 up to ``most`` m/s.
+    ``shown``: when the receiver reports it; ``fix``, ``count``, ``error``: its values then (error in
+    centimetres). ``flags``: times and flags of the estimator; ``drifts``: start of the drift, with ``pull``
+    m/s2 up to ``most`` m/s.
     """
 
     shown: float
@@ -30,7 +31,7 @@ GOOD, STARTING = 0x033F, 0x00A7
 
 
 class Drift:
-    """How far the estimated position is east of the true one, m, and how fast it goes away."""
+    """Error of the estimated position to the east, m, and its speed."""
 
     def __init__(self, loss: Loss) -> None:
         self.loss = loss
@@ -38,7 +39,7 @@ class Drift:
         self.speed = 0.0
 
     def tick(self, lost_for: float | None, dt: float) -> None:
-        """Move on; with satellites it is back at once."""
+        """Advance; with satellites the error is gone at once."""
         if lost_for is None:
             self.east = self.speed = 0.0
         elif lost_for > self.loss.drifts:
@@ -52,3 +53,43 @@ class Drift:
             if passed:
                 return passed[-1]
         return GOOD if usable else STARTING
+
+
+class GpsReceiver:
+    """The satellite receiver of one vehicle, and the drift of the estimated position without satellites.
+
+    ``is_off`` returns True while the receiver is switched off, ``found`` True once it has found satellites
+    after boot; ``now`` returns the simulation's time, s.
+    """
+
+    def __init__(
+        self,
+        loss: Loss,
+        now: Callable[[], float],
+        *,
+        is_off: Callable[[], bool],
+        found: Callable[[], bool],
+    ) -> None:
+        self.drift = Drift(loss)
+        self._now = now
+        self._is_off = is_off
+        self._found = found
+        self._lost_at: float | None = None
+
+    @property
+    def fix(self) -> bool:
+        """True while the receiver has a position."""
+        return self._found() and not self._is_off()
+
+    @property
+    def lost_for(self) -> float | None:
+        """Seconds since the satellites were lost, None while there are some."""
+        return None if self._lost_at is None else self._now() - self._lost_at
+
+    def tick(self, dt: float) -> None:
+        """Note the loss of satellites, and let the estimate drift for ``dt`` seconds."""
+        if not self._is_off():
+            self._lost_at = None
+        elif self._lost_at is None:
+            self._lost_at = self._now()
+        self.drift.tick(self.lost_for, dt)

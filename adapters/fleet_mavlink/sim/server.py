@@ -1,4 +1,4 @@
-"""The simulated vehicles of one process, each on a socket of its own."""
+"""Simulated vehicles of one process, each on its own socket."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from fleet_mavlink.sim.vehicle import SimVehicle
 from fleet_mavlink.sim.wire import Wire
 
 _log = logging.getLogger(__name__)
-_ANSWER = 0.005  # seconds after a message at which answers that take a moment are sent
+_ANSWER = 0.005  # s after a message, for delayed answers
 Address = tuple[str, int]
 
 
 class Station(asyncio.DatagramProtocol):
-    """One vehicle on its own UDP socket; it speaks to ``target``, or to whom it heard last."""
+    """One vehicle on its own UDP socket; it sends to ``target``, or to the last sender."""
 
     def __init__(self, spec: SimSpec, target: Address | None) -> None:
         loop = asyncio.get_running_loop()
@@ -44,16 +44,16 @@ class Station(asyncio.DatagramProtocol):
         self._transport: Any = None
 
     def now(self) -> float:
-        """Return seconds of this vehicle's simulation."""
+        """Return the simulation time of this vehicle, s."""
         return (self._loop.time() - self._started) * self._speed
 
     def connection_made(self, transport: Any) -> None:
-        """Keep the socket."""
+        """Store the transport."""
         self._transport = transport
         self.url = f"udpout:127.0.0.1:{transport.get_extra_info('sockname')[1]}"
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        """Answer a station at once."""
+        """Process a station's datagram and answer at once."""
         if self._follows:
             self._peer = addr
         self.write(self.wire.receive(data, self.now()))
@@ -61,7 +61,7 @@ class Station(asyncio.DatagramProtocol):
             self._stirring = self._loop.call_later(_ANSWER, self._stir)
 
     def error_received(self, exc: Exception) -> None:
-        """Nobody listens yet: go on telling, as a vehicle does."""
+        """Ignore it: nobody listens yet, and a vehicle keeps sending."""
         _log.debug("system %s: %s", self.wire.vehicle.system_id, exc)
 
     def _stir(self) -> None:
@@ -69,20 +69,20 @@ class Station(asyncio.DatagramProtocol):
         self.step()
 
     def step(self) -> None:
-        """Move the vehicle on and send what is due."""
+        """Advance the vehicle and send due messages."""
         self.write(self.wire.step(self.now()))
 
     def fault(self, name: str, value: float | None) -> None:
-        """Begin a fault, or end it; raises ValueError."""
+        """Activate a fault, or clear it; raises ValueError."""
         self.wire.vehicle.set_fault(name, value)
 
     def look(self) -> dict[str, float]:
-        """Return where the vehicle truly is, m east, north and up of where it began."""
+        """Return the true position of the vehicle, m east, north and up of its start."""
         body = self.wire.vehicle.body
         return {"x": body.east, "y": body.north, "z": body.height}
 
     def write(self, frames: list[bytes]) -> None:
-        """Send frames, each in a datagram; while nobody was heard they are lost."""
+        """Send frames, each in a datagram; they are lost while there is no peer."""
         if self._peer is None or self._transport is None:
             return
         for frame in frames:
@@ -97,7 +97,7 @@ class Station(asyncio.DatagramProtocol):
 
 
 class TcpStation(Station):
-    """One vehicle that waits for a TCP client; a new client takes the place of the old one."""
+    """One vehicle that waits for a TCP client; a new client replaces the old one."""
 
     def __init__(self, spec: SimSpec) -> None:
         super().__init__(spec, None)
@@ -110,7 +110,7 @@ class TcpStation(Station):
         self.url = f"tcp:{host}:{self._server.sockets[0].getsockname()[1]}"
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Speak with one client until it goes."""
+        """Serve one client until it disconnects."""
         if self._writer is not None:
             self._writer.close()
         self._writer = writer
@@ -136,25 +136,25 @@ class TcpStation(Station):
 
 
 class Vehicles(SimServer[SimSpec, Station]):
-    """The vehicles of this process."""
+    """Vehicles of this process."""
 
     Spec = SimSpec
 
     async def make(self, spec: SimSpec) -> Station:
-        """Make a vehicle that waits on a UDP port of its own to be heard."""
+        """Create a vehicle that waits on a UDP port of its own."""
         return await self._on_udp(spec, None, 0)
 
     async def add_udp(self, spec: SimSpec, target: Address | None = None, port: int = 0) -> Station:
         """Add a vehicle; without a target it waits on 127.0.0.1:``port`` (0: a free one).
 
-        Raises OSError when the port is taken.
+        Raises OSError if the port is in use.
         """
         return self.keep(await self._on_udp(spec, target, port))
 
     async def _on_udp(self, spec: SimSpec, target: Address | None, port: int) -> Station:
         """Open a vehicle's UDP socket."""
         loop = asyncio.get_running_loop()
-        local = ("127.0.0.1", port) if target is None else ("0.0.0.0", 0)  # noqa: S104 - speaks to target
+        local = ("127.0.0.1", port) if target is None else ("0.0.0.0", 0)  # noqa: S104 - it only sends to the target
         _, station = await loop.create_datagram_endpoint(lambda: Station(spec, target), local_addr=local)
         return station
 

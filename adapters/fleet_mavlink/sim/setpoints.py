@@ -14,9 +14,9 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """What a message asks for; None where its mask says to ignore it. Axes as in its frame.
+    """A decoded setpoint; None for fields that its mask ignores. Axes as in its frame.
 
-    ``force``: the acceleration field is marked as a force, which no autopilot here takes.
+    ``force``: the acceleration field is marked as a force, which no autopilot here supports.
     """
 
     frame: int
@@ -28,7 +28,7 @@ class Setpoint:
 
     @property
     def finite(self) -> bool:
-        """True when every number that is asked for is a sane number."""
+        """True if all used numbers are finite, and the speeds plausible."""
         numbers = [*(self.position or ()), *(self.velocity or ()), self.heading or 0.0, self.turn_rate or 0.0]
         return all(math.isfinite(number) for number in numbers) and all(
             abs(speed) <= 1000.0 for speed in self.velocity or ()
@@ -36,7 +36,7 @@ class Setpoint:
 
 
 def setpoint_of(message: Any) -> Setpoint:
-    """Return the setpoint in a message of either kind; a global place is latitude, longitude, altitude."""
+    """Return the setpoint of a message of either kind; a global position is latitude, longitude, altitude."""
     mask = message.type_mask
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
         position = (message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
@@ -53,7 +53,7 @@ def setpoint_of(message: Any) -> Setpoint:
 
 
 def turned(vector: Triple, heading: float) -> Triple:
-    """Turn a level body vector (forward, right, down) to north, east, down."""
+    """Rotate a level body vector (forward, right, down) to north, east, down."""
     cos, sin = math.cos(heading), math.sin(heading)
     x, y, z = vector
     return cos * x - sin * y, sin * x + cos * y, z

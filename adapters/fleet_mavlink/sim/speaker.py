@@ -1,4 +1,4 @@
-"""How a simulated autopilot speaks: texts in chunks, acknowledgements that may get lost, what comes later."""
+"""Output of a simulated autopilot: texts in chunks, acknowledgements that may get lost, delayed messages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CRITICAL, WARNING, INFO = 2, 4, 6  # severities
 
 
 class Speaker:
-    """What an autopilot has to say is in ``out``, oldest first, until it is sent. ``time``: now, s."""
+    """Output of an autopilot: ``out`` has the unsent messages, oldest first; ``time`` is now, s."""
 
     ends_text: ClassVar[str] = ""
     text_id_always: ClassVar[bool] = False
@@ -32,7 +32,7 @@ class Speaker:
         self._told: set[str] = set()
 
     def say(self, severity: int, text: str) -> None:
-        """Send a STATUSTEXT, in chunks when it is longer than one."""
+        """Send a STATUSTEXT, in chunks if it is too long for one."""
         data = (text + self.ends_text).encode()
         number = 0
         if self.text_id_always or len(data) > _TEXT:
@@ -43,7 +43,7 @@ class Speaker:
             self.out.append(mav.MAVLink_statustext_message(severity, part, number, chunk))
 
     def say_once(self, severity: int, text: str) -> None:
-        """Send a STATUSTEXT the first time after boot only."""
+        """Send a STATUSTEXT only the first time after boot."""
         if text not in self._told:
             self._told.add(text)
             self.say(severity, text)
@@ -53,7 +53,7 @@ class Speaker:
         self._later.append((self.time + delay, message))
 
     def acknowledge(self, ask: CommandRequest, result: int) -> None:
-        """Answer a command; answers that the faults or the autopilot's short queue lose are not sent."""
+        """Acknowledge a command, unless a fault or the autopilot's short queue loses the answer."""
         if "no_ack" in self.faults or self.random.random() < self.faults.get("ack_loss", 0.0):
             return
         delay = self.ack_delay
@@ -69,7 +69,7 @@ class Speaker:
             self.out.append(ack(ask, result))
 
     def say_what_is_due(self) -> None:
-        """Send what was put off until now."""
+        """Send the delayed messages that are due."""
         if not self._later:
             return
         self.out.extend(message for due, message in self._later if due <= self.time)

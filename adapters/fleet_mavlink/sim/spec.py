@@ -1,4 +1,4 @@
-"""What a simulated vehicle is to be, and how a ``sim:`` link says it."""
+"""Specification of a simulated vehicle, and its form as a ``sim:`` link."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fleet import convert_strictly
 from fleet.sim.faults import parse_faults
 from fleet_mavlink.sim.faults import FAULTS
 
-QUICK_READY = 3.0  # seconds until a vehicle of a ``sim:`` link can be armed, unless it says otherwise
+QUICK_READY = 3.0  # s until a vehicle of a ``sim:`` link can be armed, by default
 VehicleName = Literal["multirotor", "rover", "plane", "vtol"]
 VEHICLES: Mapping[str, tuple[VehicleName, ...]] = {
     "ardupilot": ("multirotor", "rover", "plane", "vtol"),
@@ -27,11 +27,12 @@ _KEYS = ("vehicle", "home", "ready", "speed", "fault", "seed", "with")
 class SimSpec(msgspec.Struct, frozen=True):
     """One simulated vehicle.
 
-    ``vehicle``: what it is; ``VEHICLES`` has what there is of each flavour.
+    ``vehicle``: its type; ``VEHICLES`` has the types of each flavour.
     ``home``: latitude, longitude (degrees), altitude (m above sea level), heading (degrees).
-    ``ready``: seconds of simulation until it can be armed; None: as the real one (42.6 s, 4.6 s).
-    ``speed``: seconds of simulation in one second. ``faults``: from the start. ``accessories``: what
-    else speaks on its link, ``gimbal``, ``adsb``, ``camera`` and, of ArduPilot, ``remote_id``.
+    ``ready``: seconds of simulation until it can be armed; None: like the real one (42.6 s, 4.6 s).
+    ``speed``: seconds of simulation per second. ``faults``: active from the start.
+    ``accessories``: further components on its link, ``gimbal``, ``adsb``, ``camera`` and, for ArduPilot,
+    ``remote_id``.
     """
 
     flavour: Literal["ardupilot", "px4"]
@@ -45,7 +46,7 @@ class SimSpec(msgspec.Struct, frozen=True):
     accessories: tuple[Literal["gimbal", "adsb", "camera", "remote_id"], ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise ValueError for values that no vehicle can have."""
+        """Raise ValueError for impossible values."""
         if self.vehicle not in VEHICLES[self.flavour]:
             raise ValueError(f"there is no simulated {self.vehicle} on {self.flavour}")
         if "remote_id" in self.accessories and self.flavour != "ardupilot":
@@ -65,7 +66,7 @@ class SimSpec(msgspec.Struct, frozen=True):
     def parse(cls, link: str, *, system_id: int = 1) -> SimSpec:
         """Return the spec of ``sim:px4?home=47.39,8.54,488,0&ready=3&speed=1&fault=loss:0.01``.
 
-        ``ready=real`` takes as long as the real autopilot. Raises ValueError saying what is wrong.
+        ``ready=real`` takes as long as the real autopilot. Raises ValueError with the reason.
         """
         scheme, _, rest = link.partition(":")
         flavour, _, query = rest.partition("?")
@@ -104,7 +105,7 @@ def _spec(values: dict[str, object], given: dict[str, str]) -> SimSpec:
 
 
 def spec_of(values: object) -> SimSpec:
-    """Return the spec in plain values (JSON); raises ValueError saying what is wrong."""
+    """Return the spec from plain values (JSON); raises ValueError with the reason."""
     try:
         return convert_strictly(values, SimSpec)
     except msgspec.ValidationError as error:

@@ -1,4 +1,4 @@
-"""How fast each autopilot flies, by its parameters; metres per second, read anew at every use."""
+"""Speeds of each autopilot, by its parameters; m/s, read at every use."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fleet_mavlink.sim.params import Params
 
 
 class FlightSpeeds(ABC):
-    """The speeds of one autopilot; ``asked`` is what DO_CHANGE_SPEED asked for."""
+    """Speeds of one autopilot; ``asked``: speed of the last DO_CHANGE_SPEED."""
 
     def __init__(self, params: Params) -> None:
         self.asked: float | None = None
@@ -17,41 +17,41 @@ class FlightSpeeds(ABC):
     @property
     @abstractmethod
     def cruise(self) -> float:
-        """Towards a place."""
+        """Speed towards a position."""
 
     @property
     @abstractmethod
     def top(self) -> float:
-        """What a velocity setpoint is cut to."""
+        """Limit of a velocity setpoint."""
 
     @property
     @abstractmethod
     def climb(self) -> float:
-        """Fastest climb."""
+        """Maximum climb rate."""
 
     @property
     @abstractmethod
     def sink(self) -> float:
-        """Fastest descent."""
+        """Maximum descent rate."""
 
     @property
     @abstractmethod
     def takeoff(self) -> float:
-        """Climb during a take-off."""
+        """Climb rate during a take-off."""
 
     @property
     @abstractmethod
     def landing(self) -> tuple[float, float, float]:
-        """Landing high up, landing low down, and the height (m) between the two."""
+        """Descent rate of a landing high up, near the ground, and the height (m) between the two."""
 
     @property
     @abstractmethod
     def nose_follows(self) -> bool:
-        """True when the nose turns into the direction of travel."""
+        """True if the nose turns into the direction of travel."""
 
 
 class ArduPilotSpeeds(FlightSpeeds):
-    """WPNAV_* and LAND_SPEED are centimetres per second; a speed that was asked for stays in force."""
+    """Speeds by WPNAV_* and LAND_SPEED, cm/s; a requested speed stays in force."""
 
     @property
     def cruise(self) -> float:
@@ -60,7 +60,7 @@ class ArduPilotSpeeds(FlightSpeeds):
 
     @property
     def top(self) -> float:
-        """The same limit holds for velocities."""
+        """The same limit as towards a position."""
         return self.cruise
 
     @property
@@ -75,7 +75,7 @@ class ArduPilotSpeeds(FlightSpeeds):
 
     @property
     def takeoff(self) -> float:
-        """As fast as any climb."""
+        """The usual climb rate."""
         return self.climb
 
     @property
@@ -85,12 +85,12 @@ class ArduPilotSpeeds(FlightSpeeds):
 
     @property
     def nose_follows(self) -> bool:
-        """WP_YAW_BEHAVIOR other than 0."""
+        """True for a WP_YAW_BEHAVIOR other than 0."""
         return self._params["WP_YAW_BEHAVIOR"] != 0
 
 
 class Px4Speeds(FlightSpeeds):
-    """MPC_*."""
+    """Speeds by MPC_*."""
 
     @property
     def cruise(self) -> float:
@@ -124,5 +124,5 @@ class Px4Speeds(FlightSpeeds):
 
     @property
     def nose_follows(self) -> bool:
-        """MPC_YAW_MODE toward the target: 0, 4 (the nose first) and 3 (along the way)."""
+        """True for an MPC_YAW_MODE along the way: 0, 4 (nose first) and 3."""
         return int(self._params["MPC_YAW_MODE"]) in {0, 3, 4}

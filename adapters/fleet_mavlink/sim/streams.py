@@ -1,4 +1,4 @@
-"""What the vehicle tells by itself: one builder for each message, and the rates that were asked for."""
+"""Messages that the vehicle sends by itself: one builder for each, and the requested rates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fleet_mavlink.sim.physics import GRAVITY
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
-Builder = Callable[["Autopilot"], Any]  # returns the message, or None while there is nothing to tell
+Builder = Callable[["Autopilot"], Any]  # returns the message, or None without data
 
 
 def _heading_cdeg(pilot: Autopilot) -> int:
@@ -21,7 +21,7 @@ def _heading_cdeg(pilot: Autopilot) -> int:
 
 
 def heartbeat(pilot: Autopilot) -> object:
-    """HEARTBEAT: mode, armed, and how the system is."""
+    """HEARTBEAT: mode, armed, and system status."""
     base = pilot.mode.base | (mav.MAV_MODE_FLAG_SAFETY_ARMED if pilot.armed else 0)
     return mav.MAVLink_heartbeat_message(
         pilot.vehicle_type, pilot.autopilot_id, base, pilot.mode.custom, pilot.system_status(), 3
@@ -45,22 +45,22 @@ def sys_status(pilot: Autopilot) -> object:
 
 
 def gps_raw_int(pilot: Autopilot) -> object:
-    """GPS_RAW_INT: what the receiver measures, with noise."""
-    lost, loss = pilot.without_gps, pilot.loss
+    """GPS_RAW_INT: measurement of the receiver, with noise."""
+    lost, loss = pilot.gps.lost_for, pilot.loss
     if lost is not None and lost >= loss.shown:
         place = tuple(int(each * scale) for each, scale in zip(pilot.geo(), (1e7, 1e7, 1e3), strict=True))
         return mav.MAVLink_gps_raw_int_message(
-            pilot.boot_us, loss.fix, *place, loss.error, loss.error, 0, 65535, loss.count
+            pilot.uptime.us, loss.fix, *place, loss.error, loss.error, 0, 65535, loss.count
         )
-    if not pilot.gps_fix and lost is None:
+    if not pilot.gps.fix and lost is None:
         unknown = 65535
         return mav.MAVLink_gps_raw_int_message(
-            pilot.boot_us, 1 if pilot.initialised else 0, 0, 0, 0, unknown, unknown, unknown, unknown, 0
+            pilot.uptime.us, 1 if pilot.initialised else 0, 0, 0, 0, unknown, unknown, unknown, unknown, 0
         )
     latitude, longitude, altitude = pilot.geo()
     noise = pilot.random.gauss(0.0, 1.0)
     return mav.MAVLink_gps_raw_int_message(
-        pilot.boot_us,
+        pilot.uptime.us,
         pilot.fix_type,
         int(latitude * 1e7 + noise),
         int(longitude * 1e7 - noise),
@@ -78,38 +78,38 @@ def gps_raw_int(pilot: Autopilot) -> object:
 
 
 def global_position_int(pilot: Autopilot) -> object:
-    """GLOBAL_POSITION_INT: the estimate; ArduPilot says 0/0 before it has an origin."""
+    """GLOBAL_POSITION_INT: the estimate; ArduPilot sends 0/0 before it has an origin."""
     if not pilot.origin_set:
         return mav.MAVLink_global_position_int_message(
-            pilot.boot_ms, 0, 0, 0, 0, 0, 0, 0, _heading_cdeg(pilot)
+            pilot.uptime.ms, 0, 0, 0, 0, 0, 0, 0, _heading_cdeg(pilot)
         )
-    latitude, longitude, altitude = pilot.geo(pilot.drift.east)
+    latitude, longitude, altitude = pilot.geo(pilot.gps.drift.east)
     body = pilot.body
     return mav.MAVLink_global_position_int_message(
-        pilot.boot_ms,
+        pilot.uptime.ms,
         int(latitude * 1e7),
         int(longitude * 1e7),
         int(altitude * 1000),
         int(pilot.height_over_home() * 1000),
         int(body.vn * 100),
-        int((body.ve + pilot.drift.speed) * 100),
+        int((body.ve + pilot.gps.drift.speed) * 100),
         int(body.vd * 100),
         _heading_cdeg(pilot),
     )
 
 
 def local_position_ned(pilot: Autopilot) -> object:
-    """LOCAL_POSITION_NED: metres from the estimator's origin; nothing before there is one.
+    """LOCAL_POSITION_NED: metres from the estimator's origin; None before there is one.
 
-    ArduPilot falls silent when its estimator gives up, PX4 runs away.
+    Without satellites, ArduPilot stops sending it, PX4 drifts away.
     """
-    gave_up = pilot.autopilot_id == mav.MAV_AUTOPILOT_ARDUPILOTMEGA and pilot.drift.speed
+    gave_up = pilot.autopilot_id == mav.MAV_AUTOPILOT_ARDUPILOTMEGA and pilot.gps.drift.speed
     if not pilot.origin_set or gave_up:
         return None
-    body, drift = pilot.body, pilot.drift
+    body, drift = pilot.body, pilot.gps.drift
     place = (body.north, body.east + drift.east, body.down)
     return mav.MAVLink_local_position_ned_message(
-        pilot.boot_ms, *place, body.vn, body.ve + drift.speed, body.vd
+        pilot.uptime.ms, *place, body.vn, body.ve + drift.speed, body.vd
     )
 
 
@@ -122,7 +122,7 @@ def attitude(pilot: Autopilot) -> object:
     """ATTITUDE: roll, pitch, yaw in radians."""
     body = pilot.body
     return mav.MAVLink_attitude_message(
-        pilot.boot_ms, body.roll, body.pitch, _signed(body.heading), 0.0, 0.0, body.turn_rate
+        pilot.uptime.ms, body.roll, body.pitch, _signed(body.heading), 0.0, 0.0, body.turn_rate
     )
 
 
@@ -133,7 +133,7 @@ def attitude_quaternion(pilot: Autopilot) -> object:
     cp, sp = math.cos(body.pitch / 2), math.sin(body.pitch / 2)
     cy, sy = math.cos(_signed(body.heading) / 2), math.sin(_signed(body.heading) / 2)
     return mav.MAVLink_attitude_quaternion_message(
-        pilot.boot_ms,
+        pilot.uptime.ms,
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
         cr * sp * cy + sr * cp * sy,
@@ -158,7 +158,7 @@ def vfr_hud(pilot: Autopilot) -> object:
 
 
 def battery_status(pilot: Autopilot) -> object:
-    """BATTERY_STATUS: volts of the pack in the first cell, percent left, and how long that lasts."""
+    """BATTERY_STATUS: volts of the pack in the first cell, remaining percent and seconds."""
     battery = pilot.battery
     volts = [int(battery.volts * 1000)] + [65535] * 9
     return mav.MAVLink_battery_status_message(
@@ -177,12 +177,12 @@ def battery_status(pilot: Autopilot) -> object:
 
 
 def extended_sys_state(pilot: Autopilot) -> object:
-    """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
+    """EXTENDED_SYS_STATE: VTOL state; on the ground, taking off, in the air, landing."""
     return mav.MAVLink_extended_sys_state_message(pilot.vtol_state(), pilot.landed_state())
 
 
 def home_position(pilot: Autopilot) -> object:
-    """HOME_POSITION: nothing before home is known."""
+    """HOME_POSITION: None before home is known."""
     if pilot.home is None:
         return None
     north, east, down = pilot.home_ned()
@@ -198,12 +198,12 @@ def home_position(pilot: Autopilot) -> object:
         0.0,
         0.0,
         0.0,
-        pilot.boot_us,
+        pilot.uptime.us,
     )
 
 
 def mission_current(pilot: Autopilot) -> object:
-    """MISSION_CURRENT: where the mission stands."""
+    """MISSION_CURRENT: progress of the mission."""
     missions = pilot.missions
     return mav.MAVLink_mission_current_message(
         missions.current, missions.total, missions.state, 1 if pilot.runs_mission else 2
@@ -214,7 +214,7 @@ def ekf_status_report(pilot: Autopilot) -> object:
     """EKF_STATUS_REPORT (ArduPilot only): 0x33f with a position, 0xa7 without."""
     if pilot.autopilot_id != mav.MAV_AUTOPILOT_ARDUPILOTMEGA:
         return None
-    flags = pilot.drift.flags(pilot.without_gps, usable=pilot.has_position)
+    flags = pilot.gps.drift.flags(pilot.gps.lost_for, usable=pilot.has_position)
     return mav.MAVLink_ekf_status_report_message(flags, 0.01, 0.01, 0.01, 0.01, 0.0)
 
 
@@ -222,14 +222,16 @@ def estimator_status(pilot: Autopilot) -> object:
     """ESTIMATOR_STATUS (PX4 only)."""
     if pilot.autopilot_id != mav.MAV_AUTOPILOT_PX4:
         return None
-    flags = pilot.drift.flags(pilot.without_gps, usable=pilot.has_position)
-    return mav.MAVLink_estimator_status_message(pilot.boot_us, flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.3)
+    flags = pilot.gps.drift.flags(pilot.gps.lost_for, usable=pilot.has_position)
+    return mav.MAVLink_estimator_status_message(
+        pilot.uptime.us, flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.3
+    )
 
 
 def system_time(pilot: Autopilot) -> object:
-    """SYSTEM_TIME: Unix time is 0 before satellites tell it."""
-    unix = int(pilot.unix_time * 1e6) if pilot.gps_fix else 0
-    return mav.MAVLink_system_time_message(unix, pilot.boot_ms)
+    """SYSTEM_TIME: Unix time is 0 before satellites provide it."""
+    unix = int(pilot.uptime.unix * 1e6) if pilot.gps.fix else 0
+    return mav.MAVLink_system_time_message(unix, pilot.uptime.ms)
 
 
 def autopilot_version(pilot: Autopilot) -> object:
@@ -241,25 +243,25 @@ def autopilot_version(pilot: Autopilot) -> object:
 
 
 def gps_global_origin(pilot: Autopilot) -> object:
-    """GPS_GLOBAL_ORIGIN: where LOCAL_POSITION_NED counts from; nothing before there is one."""
+    """GPS_GLOBAL_ORIGIN: origin of LOCAL_POSITION_NED; None before there is one."""
     if not pilot.origin_set:
         return None
     latitude, longitude, altitude = pilot.place
     return mav.MAVLink_gps_global_origin_message(
-        int(latitude * 1e7), int(longitude * 1e7), int(altitude * 1000), pilot.boot_us
+        int(latitude * 1e7), int(longitude * 1e7), int(altitude * 1000), pilot.uptime.us
     )
 
 
 def _thrust(pilot: Autopilot) -> float:
-    """Return what the accelerometer measures upwards, m/s2: the ground or the motors hold it."""
+    """Return the upward reading of the accelerometer, m/s2: ground or motors carry the vehicle."""
     body = pilot.body
     return GRAVITY / (math.cos(body.roll) * math.cos(body.pitch))
 
 
 def raw_imu(pilot: Autopilot) -> object:
-    """RAW_IMU as ArduPilot fills it (thousandths of g and of rad/s); PX4 is not asked for it."""
+    """RAW_IMU in ArduPilot's units (thousandths of g and of rad/s); PX4 is not asked for it."""
     accel, turn = round(-1000 * _thrust(pilot) / GRAVITY), round(1000 * pilot.body.turn_rate)
-    return mav.MAVLink_raw_imu_message(pilot.boot_us, 0, 0, accel, 0, 0, turn, 224, 80, -528)
+    return mav.MAVLink_raw_imu_message(pilot.uptime.us, 0, 0, accel, 0, 0, turn, 224, 80, -528)
 
 
 def highres_imu(pilot: Autopilot) -> object:
@@ -268,12 +270,12 @@ def highres_imu(pilot: Autopilot) -> object:
         return None
     motion = (0.0, 0.0, -_thrust(pilot), 0.0, 0.0, pilot.body.turn_rate)
     return mav.MAVLink_highres_imu_message(
-        pilot.boot_us, *motion, 0.2, 0.1, -0.5, 956.0, 0.0, 488.0, 25.0, 0x1FFF
+        pilot.uptime.us, *motion, 0.2, 0.1, -0.5, 956.0, 0.0, 488.0, 25.0, 0x1FFF
     )
 
 
 def esc_telemetry(pilot: Autopilot) -> object:
-    """ESC_TELEMETRY_1_TO_4 (ArduPilot only): the motors stand, idle, or carry it."""
+    """ESC_TELEMETRY_1_TO_4 (ArduPilot only): the motors stand, idle, or carry the vehicle."""
     if pilot.autopilot_id != mav.MAV_AUTOPILOT_ARDUPILOTMEGA:
         return None
     rpm = (5200 if pilot.flying else 1200) if pilot.armed else 0
@@ -284,13 +286,13 @@ def esc_telemetry(pilot: Autopilot) -> object:
 
 
 def position_target(pilot: Autopilot) -> object:
-    """POSITION_TARGET_GLOBAL_INT: the place that the vehicle flies to, None while it flies to none."""
+    """POSITION_TARGET_GLOBAL_INT: target position of the vehicle, None without one."""
     target = pilot.target()
     if target is None:
         return None
     latitude, longitude, altitude = target
     return mav.MAVLink_position_target_global_int_message(
-        pilot.boot_ms, 0, 0xFDF8, int(latitude * 1e7), int(longitude * 1e7), altitude, *([0.0] * 8)
+        pilot.uptime.ms, 0, 0xFDF8, int(latitude * 1e7), int(longitude * 1e7), altitude, *([0.0] * 8)
     )
 
 
@@ -317,7 +319,7 @@ BUILDERS: Mapping[int, Builder] = {
     mav.MAVLINK_MSG_ID_HOME_POSITION: home_position,
     mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: extended_sys_state,
 }
-# REQUEST_DATA_STREAM (ArduPilot): what one stream id switches
+# REQUEST_DATA_STREAM (ArduPilot): messages of each stream id
 DATA_STREAMS: Mapping[int, tuple[int, ...]] = {
     2: (1, 24, 42, 74, 193),  # extended status
     6: (32, 33),  # position
@@ -329,7 +331,7 @@ ALL_STREAMS = tuple(sorted({message for group in DATA_STREAMS.values() for messa
 
 
 class SimStreams:
-    """Which messages are sent by themselves, and when the next of each is due."""
+    """Rates of the messages that are sent periodically, with the due time of each."""
 
     def __init__(self, rates: Mapping[int, float], now: float) -> None:
         self._defaults = dict(rates)
@@ -339,7 +341,7 @@ class SimStreams:
             self.set(message_id, 1.0 / rate, now)
 
     def set(self, message_id: int, every: float, now: float) -> None:
-        """Send a message every so many seconds from now on; 0 or less: not by itself."""
+        """Send a message every ``every`` seconds from now on; 0 or less: not periodically."""
         self._due.pop(message_id, None)
         self._every.pop(message_id, None)
         if every > 0.0:
@@ -347,16 +349,16 @@ class SimStreams:
             self._due[message_id] = now
 
     def reset(self, message_id: int, now: float) -> None:
-        """Go back to the default rate of a message."""
+        """Restore the default rate of a message."""
         rate = self._defaults.get(message_id, 0.0)
         self.set(message_id, 1.0 / rate if rate else 0.0, now)
 
     def every(self, message_id: int) -> float:
-        """Return the seconds between two of a message; 0: it is not sent by itself."""
+        """Return the period of a message, s; 0: it is not sent periodically."""
         return self._every.get(message_id, 0.0)
 
     def due(self, pilot: Autopilot, now: float) -> Iterable[object]:
-        """Yield the messages whose time has come."""
+        """Yield the messages that are due."""
         for message_id, due in self._due.items():
             if due > now:
                 continue

@@ -62,20 +62,20 @@ _PARAMS: Mapping[tuple[Flavour, VehicleName], Callable[[int], Values]] = {
     ("px4", "vtol"): px4_plane_params,
 }
 ARDUPILOT_GREETING = b"\n\nInit ArduCopter V4.6.3 (92b0cd78)\n\nFree RAM: 131072\nInit Gyro***"
-_STEP = 0.05  # longest step of the physics, s
-_DARK = 1.0  # seconds without power of a reboot
-_DRIFT = 0.05  # share of the wind that the position control does not hold
-_HELD = 12.0  # m/s of wind that it can lean against; what is more carries the vehicle away
+_STEP = 0.05  # s, longest step of the physics
+_DARK = 1.0  # s of silence during a reboot
+_DRIFT = 0.05  # share of the wind that the position control does not compensate
+_HELD = 12.0  # m/s of wind that it can compensate; the excess carries the vehicle away
 _COMPONENT = 1
 
 
 class SimVehicle:
-    """One vehicle with its autopilot, from being switched on.
+    """One vehicle with its autopilot, from power-on.
 
-    ``vehicle`` is one that the ``flavour`` has in ``_VEHICLES``; KeyError for another.
-    ``home`` is latitude, longitude (degrees), altitude (m above sea level), heading (degrees).
+    ``vehicle``: one that the ``flavour`` has in ``_VEHICLES``; KeyError for others.
+    ``home``: latitude, longitude (degrees), altitude (m above sea level), heading (degrees).
     ``ready_after``: seconds until it can be armed; None: as long as the real one takes.
-    ``epoch`` is the Unix time at time 0. All times are seconds of the simulation and only grow.
+    ``epoch``: Unix time at time 0. All times are seconds of the simulation and only grow.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class SimVehicle:
         self.time = now
         self._place = (home[0], home[1], home[2])
         self._ready_after = ready_after
-        self._random = Random(seed * 1009 + system_id)  # noqa: S311 - the same run again, no secret
+        self._random = Random(seed * 1009 + system_id)  # noqa: S311 - reproducible, not secret
         self._epoch = epoch
         ardupilot = flavour == "ardupilot"
         self._battery = SimBattery(12.6, 9.6, int) if ardupilot else SimBattery(16.2, 13.2, math.ceil)
@@ -114,7 +114,7 @@ class SimVehicle:
             self.set_fault(name, value)
 
     def _boot(self, now: float) -> Autopilot:
-        """Start an autopilot in the body as it is."""
+        """Start an autopilot with the body as it is."""
         boot = Boot(
             system_id=self.system_id,
             place=self._place,
@@ -132,7 +132,7 @@ class SimVehicle:
         return self._made(boot)
 
     def reboot(self, now: float) -> None:
-        """Restart the autopilot: dark for a second, rates forgotten, parameters and mission kept."""
+        """Restart the autopilot: silent for a second, rates lost, parameters and mission kept."""
         self._params.reboot()
         self._missions.reboot()
         self.equipment.reboot()
@@ -140,7 +140,7 @@ class SimVehicle:
         self.pilot = self._boot(self._dark_until)
 
     def set_fault(self, name: str, value: float | None) -> None:
-        """Begin a fault, or end it with None; raises ValueError for one that does not exist."""
+        """Activate a fault, or clear it with None; raises ValueError for an unknown one."""
         if value is None:
             check_fault(name, 1.0, FAULTS)
             self.faults.pop(name, None)
@@ -153,7 +153,7 @@ class SimVehicle:
             self.faults[name] = value
 
     def handle(self, message: Any, now: float) -> list[object]:
-        """Take one message of a station; return what is answered at once."""
+        """Process one message of a station; return the immediate answers."""
         if self.time < self._dark_until:
             return []
         handler = _HANDLERS.get(message.get_type())
@@ -163,7 +163,7 @@ class SimVehicle:
         return self._drain(answers or (), now)
 
     def step(self, now: float) -> list[object]:
-        """Move on to ``now``; return what the vehicle tells by itself."""
+        """Advance to ``now``; return the periodic messages of the vehicle."""
         told: list[object] = []
         while self.time < now:
             self.time = min(now, self.time + _STEP)
@@ -174,7 +174,7 @@ class SimVehicle:
         return told
 
     def _drain(self, answers: Iterable[object], now: float) -> list[object]:
-        """Return what was put out, and what a handler answered; reboot when that was asked."""
+        """Return the output, and a handler's answers; reboot if requested."""
         told = [*self.pilot.out, *answers]
         self.pilot.out.clear()
         if self.pilot.reboot_asked:
@@ -182,7 +182,7 @@ class SimVehicle:
         return told
 
     def _wind(self) -> tuple[float, float]:
-        """Return what the wind adds to the motion, m/s north and east: a share in gusts, and its excess."""
+        """Return the effect of the wind, m/s north and east: a share as gusts, and the excess."""
         wind = self.faults.get("wind", 0.0)
         if not wind:
             return 0.0, 0.0
@@ -191,7 +191,7 @@ class SimVehicle:
         return 0.3 * _DRIFT * wind * self._gust, sensors + _DRIFT * wind * (1.0 + self._gust)
 
     def _is_for_us(self, message: Any) -> bool:
-        """Return True when a message is addressed to this vehicle, or to nobody in particular."""
+        """Return True if a message is addressed to this vehicle, or is a broadcast."""
         system = getattr(message, "target_system", None)
         if system is None or message.get_type() in {"TIMESYNC", "PING"}:
             return True
@@ -227,7 +227,7 @@ def _command(pilot: Any, message: object) -> None:
 
 
 def _data_stream(pilot: Autopilot, message: Any) -> None:
-    """REQUEST_DATA_STREAM: only ArduPilot knows it; stream 0 is all."""
+    """REQUEST_DATA_STREAM: ArduPilot only; stream 0 is all."""
     if not isinstance(pilot, ArduPilot):
         return
     wanted = ALL_STREAMS if message.req_stream_id == 0 else DATA_STREAMS.get(message.req_stream_id, ())
@@ -238,11 +238,11 @@ def _data_stream(pilot: Autopilot, message: Any) -> None:
 
 def _timesync(pilot: Autopilot, message: Any) -> Iterable[object]:
     """Answer a request (tc1 = 0) with the time since boot in nanoseconds."""
-    return [] if message.tc1 else [mav.MAVLink_timesync_message(pilot.boot_us * 1000, message.ts1)]
+    return [] if message.tc1 else [mav.MAVLink_timesync_message(pilot.uptime.us * 1000, message.ts1)]
 
 
 def _ping(_pilot: Autopilot, message: Any) -> Iterable[object]:
-    """Answer a ping that asks all, to who asked."""
+    """Answer a broadcast ping to its sender."""
     if message.target_system or message.target_component:
         return []
     asker = message.get_srcSystem(), message.get_srcComponent()
@@ -262,18 +262,18 @@ def _set_current(pilot: Autopilot, message: Any) -> Iterable[object]:
 
 
 def _files(pilot: Autopilot, message: object) -> Iterable[object]:
-    """Answer a file transfer: PX4 serves the list of its events."""
+    """Answer a file transfer: PX4 serves its event metadata."""
     return answer(message, FILES if isinstance(pilot, SimPx4) else {})
 
 
 def _remote_id(pilot: Autopilot, message: object) -> None:
-    """Open Drone ID: only an autopilot with a transmitter takes it."""
+    """Open Drone ID: processed only by an autopilot with a transmitter."""
     if pilot.equipment.remote_id is not None:
         pilot.equipment.remote_id.take(message, pilot.time)
 
 
 def _list_logs(pilot: Autopilot, message: object) -> Iterable[object]:
-    """LOG_REQUEST_LIST: ArduPilot tells its logs on the ground only."""
+    """LOG_REQUEST_LIST: ArduPilot lists its logs on the ground only."""
     if pilot.armed and isinstance(pilot, ArduPilot):
         pilot.say_once(3, "Disarm for log download")
         return []

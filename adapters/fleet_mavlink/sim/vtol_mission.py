@@ -1,4 +1,4 @@
-"""A mission as VTOLs fly it: as planes do, but that NAV_VTOL_LAND ends it with the rotors."""
+"""Missions of VTOLs: like planes, but NAV_VTOL_LAND lands with the rotors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class _LandByRotors(Manoeuvre):
-    """Fly near the place on its wings, hover over to it at the same height, and come down."""
+    """Fly near the position on its wings, hover to it at the same height, and descend."""
 
     def __init__(self, pilot: Autopilot, item: Item) -> None:
         north, east, _ = place_of_item(pilot, item)
@@ -27,7 +27,7 @@ class _LandByRotors(Manoeuvre):
         self._above = GoTo(north, east, pilot.body.down)
 
     def aim(self, pilot: Autopilot) -> Aim:
-        """Return the aim of the leg that is being flown."""
+        """Return the motion of the present leg."""
         if self._leg.done and isinstance(self._leg, Pass):
             self._leg = self._above
             pilot.hover()  # type: ignore[attr-defined]
@@ -49,7 +49,7 @@ class VtolMission(WingedMission):
 
 
 class HoverMission(FlyMission):
-    """Fly the items from the current one on, in its hover."""
+    """Fly the items from the current one on, in hover."""
 
     manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = {
         **FlyMission.manoeuvres,

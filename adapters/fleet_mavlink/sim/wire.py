@@ -14,7 +14,7 @@ from fleet_mavlink.sim.vehicle import ARDUPILOT_GREETING, SimVehicle
 
 
 class Wire:
-    """One vehicle, and the components beside it, speaking MAVLink 2 frames."""
+    """One vehicle, and its other components, speaking MAVLink 2 frames."""
 
     def __init__(self, vehicle: SimVehicle, accessories: Iterable[str] = ()) -> None:
         self.vehicle = vehicle
@@ -25,19 +25,19 @@ class Wire:
         self._outbound = BadWire(vehicle.faults, Random(vehicle.system_id + 1000))  # noqa: S311
 
     def greeting(self) -> list[bytes]:
-        """Return what a stream link begins with: ArduPilot writes plain text before its frames."""
+        """Return the start of a stream link: ArduPilot writes plain text before its frames."""
         self._parser = _parser()
         return [ARDUPILOT_GREETING] if self.vehicle.flavour == "ardupilot" else []
 
     def receive(self, data: bytes, now: float) -> list[bytes]:
-        """Take bytes from a station; return the frames that answer at once."""
+        """Process bytes from a station; return the immediate answers."""
         frames: list[bytes] = []
         for piece in self._inbound.carry([data], now):
             frames.extend(self._handle(piece, now))
         return self._outbound.carry(frames, now)
 
     def step(self, now: float) -> list[bytes]:
-        """Move the vehicle on to ``now``; return the frames that are due."""
+        """Advance the vehicle to ``now``; return the due frames."""
         frames: list[bytes] = []
         for piece in self._inbound.carry((), now):
             frames.extend(self._handle(piece, now))
@@ -48,7 +48,7 @@ class Wire:
         return frames
 
     def _handle(self, data: bytes, now: float) -> list[bytes]:
-        """Return the frames that answer what came, the autopilot's and its neighbours'."""
+        """Return the frames that answer the received data, from the autopilot and the other components."""
         frames: list[bytes] = []
         for message in self._parser.parse_buffer(data) or ():
             if message.get_type() == "BAD_DATA":
@@ -64,7 +64,7 @@ class Wire:
         return frames
 
     def _sign(self, message: Any) -> None:
-        """Take a key, as ArduPilot does while it is disarmed; PX4 has no signing. Never answered."""
+        """Set a key, as ArduPilot does while it is disarmed; PX4 has no signing. Never acknowledged."""
         meant = message.target_system == self.vehicle.system_id
         if self.vehicle.flavour != "ardupilot" or self.vehicle.pilot.armed or not meant:
             return
@@ -76,7 +76,7 @@ class Wire:
 
 
 def _parser() -> Any:
-    """Return a fresh parser that resynchronises after garbage."""
+    """Return a new parser that resynchronises after garbage."""
     parser = mav.MAVLink(None)
     parser.robust_parsing = True
     return parser

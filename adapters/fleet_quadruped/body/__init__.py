@@ -1,1 +1,1 @@
-"""The body: kinematics, gait, odometry, postures; functions of measured values and dt, no I/O."""
+"""The body: kinematics, gait, odometry, postures; functions of measured values and dt, without I/O."""

@@ -1,8 +1,8 @@
-"""Where the body is over its feet, so that what it presses on stays amid those that stand.
+"""Position of the body over its feet, so that the centre of pressure stays between the standing feet.
 
-A body on legs is a pendulum upside down: at height h it falls away from the point on which it presses, and at
-each acceleration a it presses h/g a behind its centre. Both are known beforehand, because the gait and the
-wanted velocity are.
+A body on legs is an inverted pendulum: at height h it falls away from its centre of pressure, and an
+acceleration a moves the centre of pressure behind the body's centre by a h/g. Both are known in advance,
+because the gait and the requested velocity are.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from collections.abc import Sequence
 from fleet_quadruped.body.legs import Point
 
 GRAVITY = 9.81  # m/s2
-_LEAN_TIME = 0.1  # s in which the body leans into an acceleration
-_SHIFT_TIME = 0.04  # s in which the weight goes from foot to foot
-_MARGIN, _AMID = (
-    0.045,
-    0.35,
-)  # m from the line between two feet to where it presses, or of the way to the third
-_SHORT = 0.01  # m: feet so near each other have no line between them
-_THIN = 1e-4  # m2: feet in a line bear nothing beside it
-_MOST = 0.05  # m that it leans
+_LEAN_TIME = 0.1  # s: time constant of leaning into an acceleration
+_SHIFT_TIME = 0.04  # s: time constant of shifting the weight from foot to foot
+# Distance (m) that the centre of pressure keeps from the line between two feet, and its largest share of the
+# distance from that line to the third foot.
+_MARGIN, _AMID = 0.045, 0.35
+_SHORT = 0.01  # m: feet this close do not define a line
+_THIN = 1e-4  # m2: collinear feet carry no load beside their line
+_MOST = 0.05  # m: largest lean
 
-Place = tuple[float, float]  # m ahead and to the left
+Place = tuple[float, float]  # m forward and to the left
 
 
 class Balance:
-    """``x``, ``y``: how far (m) the body's centre is ahead and to the left of its place over the feet.
+    """Inverted-pendulum model of the body over its feet.
 
-    ``speed``: how fast (m/s) this changes. ``place``: where it presses on the ground.
+    ``x``, ``y``: offset (m) of the body's centre forward and to the left. ``speed``: its rate of change, m/s.
+    ``place``: centre of pressure on the ground.
     """
 
     def __init__(self) -> None:
@@ -38,14 +38,14 @@ class Balance:
         self._sway = self._lean = (0.0, 0.0)
 
     def push(self, height: float) -> Place:
-        """Return how the ground pushes it, ahead and to the left, as shares of its weight."""
+        """Return the ground's push forward and to the left, as shares of the body's weight."""
         return (self._sway[0] - self.place[0]) / height, (self._sway[1] - self.place[1]) / height
 
     def step(self, dt: float, height: float, place: Place, goal: Place, *, left: float, pull: Place) -> None:
-        """Move on by ``dt`` seconds.
+        """Advance by ``dt`` seconds.
 
-        The body presses on ``place`` for ``left`` seconds more, and is to move then as if it were to come to
-        rest at ``goal``. ``pull``: its acceleration, m/s2.
+        The centre of pressure is at ``place`` for another ``left`` seconds; after that the body is to move as
+        if it came to rest at ``goal``. ``pull``: acceleration of the body, m/s2.
         """
         rate, reach = math.sqrt(GRAVITY / height), height / GRAVITY
         (sway_x, sway_y), (lean_x, lean_y), (on_x, on_y) = self._sway, self._lean, self.place
@@ -64,7 +64,7 @@ class Balance:
 
 
 def inside(place: Place, start: Point, end: Point, third: Point) -> Place:
-    """Return the place, or the nearest one that is well on the third foot's side of a line between two."""
+    """Return the place, moved to the third foot's side of the line between two if needed, with a margin."""
     line_x, line_y = end[0] - start[0], end[1] - start[1]
     long = math.hypot(line_x, line_y)
     if long < _SHORT:
@@ -79,7 +79,7 @@ def inside(place: Place, start: Point, end: Point, third: Point) -> Place:
 
 
 def loads(feet: Sequence[Point], stance: Sequence[bool], place: Place) -> list[float]:
-    """Return the share of the weight on each foot so that together they press on a place; 0 in the air."""
+    """Return the share of the weight on each foot for this centre of pressure; 0 for feet in the air."""
     count, mean_x, mean_y, xx, yy, xy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     for (x, y, _), stands in zip(feet, stance, strict=True):
         if stands:

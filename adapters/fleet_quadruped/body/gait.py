@@ -1,9 +1,9 @@
-"""Trot and walk: where the feet are to be, from a velocity, step by step of time.
+"""Trot and walk: positions of the feet for a velocity, advanced in time steps.
 
-Feet are in the body frame (m). In the trot diagonal legs swing together. In the walk one leg swings at a
-time, each side's rear leg before its front leg, and the body sways to the other side first, so that it
-presses on the ground amid the feet that stand. Zero velocity ends either where a half of a cycle does, when
-each foot has been lifted once more and all are in their neutral places.
+Feet are in the body frame (m). In the trot, diagonal legs swing together. In the walk one leg swings at a
+time, the rear leg of each side before its front leg; the body sways to the other side first, so that the
+centre of pressure lies between the standing feet. Zero velocity ends either gait at the end of a half cycle,
+once each foot has been lifted once more and all are in their neutral positions.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from fleet_quadruped.body.legs import Leg, Point
 from fleet_quadruped.body.pattern import Pattern, trot
 from fleet_quadruped.robot.parts import Gait
 
-_FEEDBACK = 0.08  # s: how far a step reaches out against a wrong speed
-_STUMBLE = 0.12  # rad of tilt at which a standing dog steps
-_REST_CYCLES = 0.5  # without a velocity, before the last half of a cycle: each foot is lifted once more
+_FEEDBACK = 0.08  # s: correction of a step per m/s of velocity error
+_STUMBLE = 0.12  # rad: tilt at which a standing robot takes steps
+_REST_CYCLES = 0.5  # cycles at zero velocity before the last half cycle: each foot is lifted once more
 _MIDDLE = (0.0, 0.0)
 
 
@@ -36,14 +36,14 @@ class Twist(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def zero(self) -> bool:
-        """True when nothing is to move."""
+        """True if the velocity is practically zero."""
         return abs(self.x) < 1e-4 and abs(self.y) < 1e-4 and abs(self.turn) < 1e-4
 
 
 class Steps:
-    """The feet of a walking or standing dog, and how its body is over them.
+    """Feet of a walking or standing robot, and the position of its body over them.
 
-    ``loads``: the share of the weight that each foot bears.
+    ``loads``: share of the weight on each foot.
     """
 
     def __init__(self, gait: Gait, legs: Sequence[Leg], foot_radius: float) -> None:
@@ -52,9 +52,9 @@ class Steps:
         self._radius = foot_radius
         self._pattern = trot(gait)
         self._phase = 0.0
-        self._rest = 0.0  # cycles since it had a velocity
+        self._rest = 0.0  # cycles since the last non-zero velocity
         self._lifts = False  # feet leave the ground
-        self._last = False  # this half of a cycle is its last one
+        self._last = False  # the gait ends after this half cycle
         self.walking = False
         self.balance = Balance()
         self.feet: list[Point] = [(x, y, 0.0) for x, y in self._neutral]
@@ -63,22 +63,22 @@ class Steps:
         self.loads = [0.25] * 4
 
     def choose(self, pattern: Pattern) -> bool:
-        """Take a pattern from now on; False while the feet still move in another: stand first."""
+        """Switch to a pattern; return False while the feet still move in another one: stand first."""
         if self.walking and pattern != self._pattern:
             return False
         self._pattern = pattern
         return True
 
     def stand(self) -> None:
-        """Put all feet in their neutral places at once (the dog has just stood up)."""
+        """Put all feet in their neutral positions at once, after standing up."""
         self.feet = [(x, y, 0.0) for x, y in self._neutral]
         self._phase, self.walking, self.stance = 0.0, False, [True] * 4
         self.balance = Balance()
 
     def bearable(self, wanted: Twist) -> Twist:
-        """Return a velocity in the same direction that leaves no standing foot too far behind.
+        """Return the largest velocity in this direction that leaves no standing foot too far behind.
 
-        A foot that was put down for another velocity cannot follow before it is lifted again.
+        A foot that was placed for another velocity cannot correct its position before its next lift.
         """
         if self._pattern.reach is None or not self.walking:
             return wanted
@@ -97,7 +97,7 @@ class Steps:
         return Twist(wanted.x * share, wanted.y * share, wanted.turn * share)
 
     def _left(self, phase: float) -> float:
-        """Return the seconds for which a foot with this phase stays on the ground, 0 for one in the air."""
+        """Return the time (s) that a foot with this phase stays on the ground, 0 for one in the air."""
         left = self._pattern.duty - (self._phase + phase) % 1.0
         if not self._lifts and left < 0.5 - self._phase % 0.5:
             left += 1.0
@@ -115,8 +115,8 @@ class Steps:
     ) -> list[Point]:
         """Return the feet after ``dt`` seconds.
 
-        ``error`` is measured less wanted velocity; ``tilt`` is (roll, pitch), rad; ``pull`` the acceleration
-        that is wanted, m/s2.
+        ``error``: measured minus requested velocity; ``tilt``: (roll, pitch), rad; ``pull``: requested
+        acceleration, m/s2.
         """
         roll, pitch = tilt
         moving = not wanted.zero or max(abs(roll), abs(pitch)) > _STUMBLE
@@ -140,7 +140,7 @@ class Steps:
         self.walking = True
 
     def _advance(self, share: float) -> None:
-        """Move on by a share of a cycle; where a half of it ends, all feet are down, and it may stand."""
+        """Advance by a share of a cycle; at the end of a half cycle the gait may end, with all feet down."""
         half = self._phase < 0.5
         self._phase = (self._phase + share) % 1.0
         if (self._phase < 0.5) is half:
@@ -150,7 +150,7 @@ class Steps:
         self._last = self._rest >= _REST_CYCLES
 
     def _sway(self, dt: float, height: float, pull: tuple[float, float]) -> None:
-        """Bring the body over the feet that stand in this half of a cycle, and on its way to the others."""
+        """Move the body over the standing feet of this half cycle, and towards those of the next."""
         pattern, place, goal = self._pattern, _MIDDLE, _MIDDLE
         if self.walking and pattern.sway:
             side = 1 if self._phase < 0.5 else 0
@@ -160,9 +160,9 @@ class Steps:
         self.balance.step(dt, height, place, goal, left=left, pull=pull)
 
     def _amid(self, side: int, *, rear: bool) -> Place:
-        """Return where the body presses to stand on the feet of a side (0 left) and one of the other.
+        """Return the centre of pressure for standing on both feet of a side (0 left) and one of the other.
 
-        ``rear``: its rear foot is the one that is lifted, else its front foot.
+        ``rear``: the other side's rear foot is lifted, else its front foot.
         """
         front, back, away = self.feet[side], self.feet[side + 2], self.feet[(1 if rear else 3) - side]
         neutral = self._neutral[side][1]
@@ -171,7 +171,7 @@ class Steps:
         return inside(place, back, away, front) if rear else inside(place, front, away, back)
 
     def _settle(self, dt: float) -> None:
-        """Stand: let the feet creep to their neutral places while all of them are down."""
+        """Stand: let the feet slip slowly to their neutral positions, with all of them down."""
         share = min(1.0, dt / 0.3)
         for number, (goal_x, goal_y) in enumerate(self._neutral):
             x, y, _ = self.feet[number]
@@ -179,9 +179,9 @@ class Steps:
         self.stance = [True] * 4
 
     def _move(self, number: int, dt: float, wanted: Twist, error: Twist) -> None:
-        """Move one foot: with the ground, or through the air to its next place.
+        """Move one foot: with the ground, or through the air to its next position.
 
-        It leaves the ground and meets it again as fast as the ground moves.
+        At lift-off and touch-down its horizontal speed equals that of the ground.
         """
         phase = (self._phase + self._pattern.phases[number]) % 1.0
         x, y, _ = self.feet[number]
@@ -209,7 +209,7 @@ class Steps:
         )
 
     def _goal(self, number: int, wanted: Twist, error: Twist) -> tuple[float, float]:
-        """Return where a foot is to come down: half a stance ahead of its neutral place."""
+        """Return the touch-down position of a foot: half a stance ahead of its neutral position."""
         x, y = self._neutral[number]
         half = self._pattern.period * self._pattern.duty / 2
         ahead_x = (wanted.x - wanted.turn * y) * half + _FEEDBACK * error.x
@@ -219,7 +219,7 @@ class Steps:
         return x + ahead_x * share, y + ahead_y * share
 
     def _levelled(self, height: float, roll: float, pitch: float) -> list[Point]:
-        """Return the feet at their height; those on the ground also level the body."""
+        """Return the feet relative to the body at its height; feet on the ground also level the body."""
         posture, ground, ahead, aside = (
             self._gait.posture,
             self._radius - height,
@@ -234,7 +234,7 @@ class Steps:
 
 
 def _until(at_x: float, at_y: float, go_x: float, go_y: float) -> float:
-    """Return the share of a way after which a point is 1 from the middle, 0 for none of it."""
+    """Return the share of a step that takes a point to the unit circle; 0 if it never gets there."""
     square, along = go_x * go_x + go_y * go_y, at_x * go_x + at_y * go_y
     under = along * along - square * (at_x * at_x + at_y * at_y - 1.0)
     return max(0.0, (math.sqrt(under) - along) / square) if under > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""How high a dog stands, from its joints and its tilt: nobody measures it, but its lowest foot is down."""
+"""Standing height, estimated from joints and tilt: the lowest foot is on the ground."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from fleet_quadruped.robot.names import Twelve
 
 
 def height_of(legs: Sequence[Leg], foot_radius: float, posture: Twelve, turn: Quaternion) -> float:
-    """Return the metres from the middle of the hip axes down to the lowest foot, at least 0.
+    """Return the height (m) of the centre of the hip axes above the ground at the lowest foot, at least 0.
 
-    ``turn``: from the body to the world. Of a dog that lies on its side or its back it says little.
+    ``turn``: rotation from body to world. Not meaningful for a robot on its side or back.
     """
     ahead, aside, up = _down(turn)
     lowest = 0.0
@@ -24,6 +24,6 @@ def height_of(legs: Sequence[Leg], foot_radius: float, posture: Twelve, turn: Qu
 
 
 def _down(turn: Quaternion) -> tuple[float, float, float]:
-    """Return the last row of the rotation: how much each axis of the body points up."""
+    """Return the last row of the rotation matrix: the upward component of each body axis."""
     w, x, y, z = turn.w, turn.x, turn.y, turn.z
     return 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)

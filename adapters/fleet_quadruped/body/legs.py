@@ -1,4 +1,4 @@
-"""One leg: abduction about x, hip and knee about y; at zero it hangs straight down.
+"""Kinematics of one leg: abduction about x, hip and knee about y; at zero it hangs straight down.
 
 Feet are in the frame of the leg: origin on the abduction axis, x forward, y left, z up, metres.
 """
@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 Point = tuple[float, float, float]
 Angles = tuple[float, float, float]
-Reached = tuple[Point, tuple[Point, Point, Point]]  # a foot, and its jacobian
-_NEARLY = 0.999  # of the leg's length: a straight leg has no way back
+Reached = tuple[Point, tuple[Point, Point, Point]]  # position of a foot, and its Jacobian by columns
+_NEARLY = 0.999  # of the leg's full length: keeps the leg off its singularity
 
 
 class Leg(NamedTuple):
-    """Lengths in metres; ``x``, ``y`` is the origin in the body, ``side`` +1 left, ``knee`` -1 backward."""
+    """Lengths in metres; ``x``, ``y``: origin in the body; ``side``: +1 left; ``knee``: -1 backward."""
 
     x: float
     y: float
@@ -26,11 +26,11 @@ class Leg(NamedTuple):
     calf: float
 
     def foot(self, angles: Angles) -> Point:
-        """Return where the centre of the foot is."""
+        """Return the centre of the foot."""
         return self.reach(angles)[0]
 
     def angles(self, foot: Point) -> Angles:
-        """Return the angles that put the foot there, or as near as the leg reaches in that direction."""
+        """Return the angles for this foot position, or for the nearest reachable one in its direction."""
         x, y, z = foot
         _, _, side, back, offset, thigh, calf = self
         out = side * offset
@@ -46,7 +46,7 @@ class Leg(NamedTuple):
         return abad, math.atan2(-x, down) - back * lean, back * (math.pi - bend)
 
     def reach(self, angles: Angles) -> Reached:
-        """Return where the centre of the foot is, and its velocity for 1 rad/s of each joint."""
+        """Return the centre of the foot, and its velocity for 1 rad/s of each joint."""
         abad, hip, knee = angles
         _, _, side, _, offset, thigh, calf = self
         cos, sin = math.cos(abad), math.sin(abad)
@@ -57,5 +57,5 @@ class Leg(NamedTuple):
         return (x, y, z), ((0.0, -z, y), (-down, x * sin, -x * cos), (-low, low_x * sin, -low_x * cos))
 
     def reaches(self, foot: Point) -> bool:
-        """Return True when the leg can put its foot there."""
+        """Return True if the leg can reach this position."""
         return math.dist(self.foot(self.angles(foot)), foot) < 1e-3

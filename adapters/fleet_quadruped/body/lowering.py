@@ -1,7 +1,7 @@
-"""The way down of a dog that is stopped hard: its legs fold from where they are, then the torque goes off.
+"""Lowering of a robot in a hard stop: the legs fold from their present posture, then the torque goes off.
 
-Drives that damp by themselves need no targets; the others are led down by them. A drive that brakes on its
-own, or one on a silent bus, holds its leg stiff: until it obeys the others wait, or the dog tips over.
+Drives that damp by themselves need no targets; the targets fold the others. A drive that brakes on its own,
+or one on a silent bus, holds its leg stiff: the other legs wait for it, or the robot would tip over.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from fleet_quadruped.body.motion import PostureMotion, Segment
 from fleet_quadruped.robot.description import DogDescription, leg_angles
 from fleet_quadruped.robot.names import Twelve
 
-_SHARE = 0.6  # of the time until the torque goes off, in which the legs fold
-_TOUCH = 0.15  # s in which lifted feet come down: on two legs it would fall onto the others
-_PATIENCE = 1.0  # s in which a drive that brakes must go on
+_SHARE = 0.6  # share of the time until torque-off in which the legs fold
+_TOUCH = 0.15  # s in which lifted feet come down: on two legs the robot would fall sideways
+_PATIENCE = 1.0  # s that the legs wait for a drive that brakes
 
 
 def level(dog: DogDescription, posture: Twelve) -> Twelve:
-    """Return the angles with all feet as deep as the deepest one."""
+    """Return the angles with all feet as low as the lowest one."""
     feet = [leg.foot(leg_angles(posture, number)) for number, leg in enumerate(dog.legs)]
     deepest = min(z for _, _, z in feet)
     angles = [leg.angles((x, y, deepest)) for leg, (x, y, _) in zip(dog.legs, feet, strict=True)]
@@ -25,7 +25,7 @@ def level(dog: DogDescription, posture: Twelve) -> Twelve:
 
 
 class Lowering:
-    """One way down. ``done``: the torque may go off; ``stuck``: a drive brakes on and cannot be moved."""
+    """One lowering. ``done``: the torque may go off; ``stuck``: a drive keeps braking and cannot be moved."""
 
     def __init__(self, dog: DogDescription, start: Twelve, *, upright: bool) -> None:
         self._until = dog.safety.damp_time
@@ -37,16 +37,16 @@ class Lowering:
 
     @property
     def done(self) -> bool:
-        """True when the legs are folded and have had time to settle."""
+        """True once the legs are folded and have had time to settle."""
         return self._moved > self._until
 
     @property
     def stuck(self) -> bool:
-        """True when it has waited for too long."""
+        """True after waiting too long."""
         return self._waited > _PATIENCE
 
     def step(self, dt: float, *, braked: bool) -> Targets:
-        """Return the targets after ``dt`` seconds; while ``braked`` all joints are held where they are."""
+        """Return the targets after ``dt`` seconds; while ``braked``, all joints hold their positions."""
         if braked:
             self._waited += dt
             self._targets = Targets(self._targets.angles, ZEROS, ZEROS)

@@ -1,4 +1,4 @@
-"""The body as a state machine: what it is doing, what it may be asked, and what its joints are to do."""
+"""State machine of the body: its mode, the accepted requests, and the targets of the joints."""
 
 from __future__ import annotations
 
@@ -30,39 +30,39 @@ from fleet_quadruped.safety.stages import POSED, UPRIGHT, Mode, Stage, Trip, for
 
 _ENABLE_TIME = 1.0  # s
 _SETTLE_TIME = 0.5  # s
-_LEANS_POSED = 0.25  # rad at which its joints are led no further: it holds, and leans no more
-_LEANS = 0.35  # rad at which a check ends: it is sent to half of that
+_LEANS_POSED = 0.25  # rad: tilt at which joint moves end and the posture is held
+_LEANS = 0.35  # rad: tilt at which a check ends; its moves tilt the trunk half as far
 _NOT_WALKED = POSED | {Mode.RISING}
-_LIES = frozenset({Mode.ENABLING, Mode.SETTLING})  # nothing is to be lowered, so nothing moves
+_LIES = frozenset({Mode.ENABLING, Mode.SETTLING})  # the legs carry no weight: a hard stop needs no targets
 
 
-class Wish(enum.Enum):
-    """What the drives are to do in a cycle."""
+class DriveAction(enum.Enum):
+    """State that the drives should have in a cycle."""
 
     REST = "rest"  # off
     ENABLE = "enable"
-    HOLD = "hold"  # go to the targets
-    DAMP = "damp"  # brake, or give way: a dog that lies
-    LOWER = "lower"  # give way slowly; the targets lead down drives that do not damp
+    HOLD = "hold"  # follow the targets
+    DAMP = "damp"  # brake or damp: a robot that lies
+    LOWER = "lower"  # lower the robot slowly; the targets move drives that cannot damp
     RESET = "reset"
 
 
-class Wanted(msgspec.Struct, frozen=True, gc=False):
-    """The outcome of one cycle."""
+class BodyOutput(msgspec.Struct, frozen=True, gc=False):
+    """Result of one cycle."""
 
-    wish: Wish
+    action: DriveAction
     targets: Targets
 
 
 class BodyStateMachine:
-    """One dog's body. ``fault`` is the latched cause of the last hard stop, empty without one."""
+    """Body of one robot. ``fault``: latched cause of the last trip or failed start, empty without one."""
 
     def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
         self.walker = Walker(dog)
         self.mode = Mode.OFF
         self.fault = ""
-        self._before = Mode.OFF  # the mode before this one
+        self._before = Mode.OFF  # previous mode
         self._after = Mode.RISING
         self._since = 0.0  # s in this mode
         self._motion: PostureMotion | None = None
@@ -70,12 +70,12 @@ class BodyStateMachine:
         self.recovery = Recovery(dog)
         self._reset = False
         self.posing: Posing | None = None  # in POSING and HELD
-        self.goal: Goal = ()  # where its joints are led now
+        self.goal: Goal = ()  # present joint targets
 
-    # -- being asked ---------------------------------------------------------------------------------
+    # -- requests -------------------------------------------------------------------------------------
 
     def ask(self, ask: BodyRequest, value: float, sense: Sense) -> str:
-        """Take something that is asked; return why not, empty when it is being done (or was already)."""
+        """Accept a request; return the reason of a refusal, empty if it is accepted or already met."""
         if self.mode in ALREADY.get(ask, ()):
             return ""
         if (ask, self.mode) in ENTERED:
@@ -96,7 +96,7 @@ class BodyStateMachine:
         return refused
 
     def trip(self, trip: Trip) -> None:
-        """Stop as hard as the trip says; a hard one is latched."""
+        """Apply a trip: enter the mode of its stage and latch its cause."""
         mode = forced(trip.stage, self.mode)
         if trip.stage is Stage.DAMP and (mode is not self.mode or not self.fault):
             self.fault = trip.cause
@@ -105,22 +105,22 @@ class BodyStateMachine:
             self._enter(mode)
 
     def halt(self) -> None:
-        """Hold the posture that it has; its joints are led no more until somebody asks for it."""
+        """Hold the present posture; joint moves are refused until they are requested again."""
         if self.mode is Mode.POSING:
             self.mode = Mode.HELD
-        if self.mode is Mode.ENABLING and self._after is Mode.POSING:  # it lies, and holds nothing yet
+        if self.mode is Mode.ENABLING and self._after is Mode.POSING:  # it lies, its drives are still off
             self._enter(Mode.OFF)
         if self.posing is not None:
             self.posing.leaves = False
 
     def lower(self) -> None:
-        """Let a dog down that was found held by its drives, and take the torque off."""
+        """Lower a robot that was found held by its drives, and take the torque off."""
         self._enter(Mode.DAMPED)
 
     def _change_posture(self, ask: BodyRequest) -> bool:
-        """Lead the joints of a dog that stands, or stand again as before, slowly; False in another mode.
+        """Start joint moves of a standing robot, or return to standing, slowly; False in another mode.
 
-        One whose joints were led while it lay stands up instead.
+        A robot whose joints were moved while it lay stands up instead.
         """
         if ask is BodyRequest.POSE and self.mode is Mode.STANDING:
             self._enter(Mode.POSING)
@@ -140,7 +140,7 @@ class BodyStateMachine:
         return ask is BodyRequest.POSE or posing is not None
 
     def _reset_faults(self) -> str:
-        if self._lowering is not None and self._lowering.stuck:  # a person holds the dog, and it lets go
+        if self._lowering is not None and self._lowering.stuck:  # a person holds the robot
             self._enter(Mode.OFF)
         if self.mode is not Mode.OFF:
             return f"it is {self.mode.value}; faults are reset when it is off"
@@ -150,8 +150,8 @@ class BodyStateMachine:
 
     # -- one cycle -----------------------------------------------------------------------------------
 
-    def step(self, dt: float, sense: Sense, twist: Twist, waiting: str) -> Wanted:
-        """Return what the joints are to do; ``waiting`` names a drive that is not enabled, empty without."""
+    def step(self, dt: float, sense: Sense, twist: Twist, waiting: str) -> BodyOutput:
+        """Return the targets of a cycle; ``waiting`` names a drive that is not enabled, empty without one."""
         self._since += dt
         return self._STEPS[self.mode](self, dt, sense, twist, waiting)
 
@@ -160,35 +160,35 @@ class BodyStateMachine:
         self.mode, self._since, self._motion, self._lowering = mode, 0.0, None, None
         self.posing = None
 
-    def _off(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        wish, self._reset = (Wish.RESET if self._reset else Wish.REST), False
-        return _nothing(wish)
+    def _off(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+        action, self._reset = (DriveAction.RESET if self._reset else DriveAction.REST), False
+        return _nothing(action)
 
-    def _enabling(self, _dt: float, sense: Sense, _twist: Twist, waiting: str) -> Wanted:
+    def _enabling(self, _dt: float, sense: Sense, _twist: Twist, waiting: str) -> BodyOutput:
         if not waiting:
             self._enter(self._after)
-            return Wanted(Wish.HOLD, Targets(sense.angles, ZEROS, ZEROS))
+            return BodyOutput(DriveAction.HOLD, Targets(sense.angles, ZEROS, ZEROS))
         if self._since > _ENABLE_TIME:
             self._enter(Mode.OFF)
             self.fault = f"{waiting}; all joints were disabled again"
-            return _nothing(Wish.REST)
-        return _nothing(Wish.ENABLE)
+            return _nothing(DriveAction.REST)
+        return _nothing(DriveAction.ENABLE)
 
-    def _rising(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+    def _rising(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         self._motion = self._motion or rising(self._dog, sense.angles, self._dog.gait.height)
         targets = self._motion.step(dt)
         if self._motion.done:
             self.walker.stand(self._dog.gait.height)
             self._enter(Mode.STANDING)
-        return Wanted(Wish.HOLD, targets)
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    def _upright(self, dt: float, sense: Sense, twist: Twist, _waiting: str) -> Wanted:
+    def _upright(self, dt: float, sense: Sense, twist: Twist, _waiting: str) -> BodyOutput:
         targets = self.walker.step(dt, twist, sense)
         self.mode = Mode.WALKING if self.walker.walking else Mode.STANDING
-        return Wanted(Wish.HOLD, targets)
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    def _posed(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        """Hold a posture; it is led on while it is told where to."""
+    def _posed(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+        """Hold a posture; move joints towards their targets while there are any."""
         posing = self.posing = self.posing or Posing(self._dog, sense.angles, stands=False)
         base = Targets(posing.start, ZEROS, ZEROS)
         if posing.stands:
@@ -198,69 +198,70 @@ class BodyStateMachine:
         targets = posing.step(dt, self.goal if self.mode is Mode.POSING else (), base)
         if posing.leaves and posing.is_back:
             self._enter(Mode.STANDING)
-        return Wanted(Wish.HOLD, targets)
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    def _sitting(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        if self._motion is None and self._before in _NOT_WALKED:  # the walker does not stand on these feet
+    def _sitting(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+        if self._motion is None and self._before in _NOT_WALKED:  # the walker has no foot positions here
             self._motion = folding(self._dog, sense.angles, self._dog.poses.sit_time)
         if self._motion is None and self.walker.walking and self._since < self.walker.time_to_stand:
-            return Wanted(Wish.HOLD, self.walker.step(dt, Twist(), sense))
+            return BodyOutput(DriveAction.HOLD, self.walker.step(dt, Twist(), sense))
         self._motion = self._motion or sitting(self._dog, sense.angles, self.walker.height)
         targets = self._motion.step(dt)
         if self._motion.done:
             self._enter(Mode.SETTLING)
-        return Wanted(Wish.HOLD, targets)
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    def _settling(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+    def _settling(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         if self._since > _SETTLE_TIME:
             self._enter(Mode.OFF)
-        return _nothing(Wish.DAMP)
+        return _nothing(DriveAction.DAMP)
 
-    def _damped(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        """Let the dog down; one that lay when it was stopped is only let go."""
+    def _damped(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+        """Lower the robot; one that lay on the ground at the stop is only damped."""
         if self._before in _LIES:
             if self._since > self._dog.safety.damp_time:
                 self._enter(Mode.OFF)
-            return _nothing(Wish.DAMP)
+            return _nothing(DriveAction.DAMP)
         self._lowering = way = self._lowering or Lowering(
             self._dog, sense.angles, upright=self._before in UPRIGHT
         )
         targets = way.step(dt, braked=bool(sense.braked))
         if way.stuck:
             self.fault = (
-                f"{sense.braked}: it is held and cannot be lowered; hold the dog: reset_faults lets go"
+                f"{sense.braked}: it is held and cannot be lowered; "
+                "hold the dog: reset_faults switches torque off"
             )
         if way.done:
             self._enter(Mode.OFF)
-        return Wanted(Wish.LOWER, targets)
+        return BodyOutput(DriveAction.LOWER, targets)
 
-    def _recovering(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        """Rise when upright; else roll."""
+    def _recovering(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
+        """Rise if upright; else roll over."""
         motion = self._motion = self._motion or self.recovery.begin(sense.angles)
         targets = motion.step(dt)
         if not motion.done or sense.imu is None:
-            return Wanted(Wish.HOLD, targets)
+            return BodyOutput(DriveAction.HOLD, targets)
         if sense.imu.up >= UPRIGHT_FROM:
             self._enter(Mode.RISING)
-            return Wanted(Wish.HOLD, targets)
+            return BodyOutput(DriveAction.HOLD, targets)
         self._motion = self.recovery.roll(sense.imu.roll, targets.angles)
         if self._motion is None:
             tries = self.recovery.tries
             cause = f"recovery: still not upright after {tries} tries; its IMU may be mounted wrongly"
             self.trip(Trip(Stage.DAMP, cause))
-        return Wanted(Wish.HOLD, targets)
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    def _checking(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+    def _checking(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         self._motion = self._motion or probing(self._dog, sense.angles)
         targets = self._motion.step(dt)
         if self._motion.done:
             self._enter(Mode.SITTING)
             self._motion = folding(self._dog, sense.angles, self._dog.poses.sit_time)
         elif sense.imu is not None and sense.imu.tilt > _LEANS:
-            self.trip(Trip(Stage.DAMP, f"check: leans by {sense.imu.tilt:.2f} rad, where it is not sent"))
-        return Wanted(Wish.HOLD, targets)
+            self.trip(Trip(Stage.DAMP, f"check: leans by {sense.imu.tilt:.2f} rad without a command"))
+        return BodyOutput(DriveAction.HOLD, targets)
 
-    _STEPS: ClassVar[Mapping[Mode, Callable[[BodyStateMachine, float, Sense, Twist, str], Wanted]]] = {
+    _STEPS: ClassVar[Mapping[Mode, Callable[[BodyStateMachine, float, Sense, Twist, str], BodyOutput]]] = {
         Mode.OFF: _off,
         Mode.ENABLING: _enabling,
         Mode.RISING: _rising,
@@ -276,5 +277,5 @@ class BodyStateMachine:
     }
 
 
-def _nothing(wish: Wish) -> Wanted:
-    return Wanted(wish, Targets(ZEROS, ZEROS, ZEROS))
+def _nothing(action: DriveAction) -> BodyOutput:
+    return BodyOutput(action, Targets(ZEROS, ZEROS, ZEROS))

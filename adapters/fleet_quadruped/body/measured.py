@@ -1,4 +1,4 @@
-"""What the body knows of itself in one cycle, and what it wants of its joints."""
+"""Measurements of the body in one cycle, and the targets of its joints."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ class Imu(NamedTuple):
 
     @property
     def up(self) -> float:
-        """How much of the body's z axis points up: 1 upright, -1 on its back."""
+        """Upward component of the body's z axis: 1 upright, -1 on its back."""
         return 1 - 2 * (self.rotation.x**2 + self.rotation.y**2)
 
     @property
     def tilt(self) -> float:
-        """Radians between the body's z axis and straight up."""
+        """Angle between the body's z axis and the vertical, rad."""
         return math.acos(max(-1.0, min(1.0, self.up)))
 
 
 class Sense(msgspec.Struct, frozen=True, gc=False):
-    """Joint angles (rad), speeds (rad/s), and the IMU where there is one that is fresh.
+    """Joint angles (rad), speeds (rad/s), and a fresh measurement of the IMU if there is one.
 
-    ``braked``: why the dog cannot be lowered now, a drive that brakes on its own or a silent bus; else empty.
+    ``braked``: why the robot cannot be lowered now (a drive brakes on its own, a bus is silent); else empty.
     """
 
     angles: Twelve
@@ -54,7 +54,7 @@ class Sense(msgspec.Struct, frozen=True, gc=False):
 
 
 class Targets(NamedTuple):
-    """What each joint is to do: angle (rad), speed (rad/s) and torque besides (N m)."""
+    """Targets of the joints: angle (rad), speed (rad/s) and feed-forward torque (N m)."""
 
     angles: Twelve
     speeds: Twelve

@@ -1,4 +1,4 @@
-"""Getting from posture to posture: standing up, sitting down, rolling over, as timed segments."""
+"""Motions between postures as timed segments: standing up, sitting down, rolling over."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ Path = Callable[[float], Twelve]
 _FOLD_TIME = 0.8  # s
 _TRAPPED = 1.3  # rad between a hip and its folded angle: the leg may lie under the body
 _STRETCH, _STRETCH_TIME = 0.9, 0.6  # rad at the knee, s
-_ROLL_TIME, _ROLL_HOLD = 0.7, 0.8  # s: soft joints (MIT) take time to push a dog over
+_ROLL_TIME, _ROLL_HOLD = 0.7, 0.8  # s: compliant joints (MIT) need time to roll the robot over
 
 
 class Segment(NamedTuple):
-    """``seconds`` along a path (argument 0 to 1); without one, a straight way to ``goal``."""
+    """``seconds`` along a path (argument 0 to 1); without a path, straight to ``goal`` in joint space."""
 
     seconds: float
     goal: Twelve
@@ -26,7 +26,7 @@ class Segment(NamedTuple):
 
 
 class PostureMotion:
-    """Segments one after the other, each begun where the last one ended."""
+    """A sequence of segments, each starting where the last one ended."""
 
     def __init__(self, start: Twelve, segments: Sequence[Segment]) -> None:
         self._start = self._now = start
@@ -35,7 +35,7 @@ class PostureMotion:
 
     @property
     def done(self) -> bool:
-        """True when the last posture is reached."""
+        """True once the last posture is reached."""
         return not self._segments
 
     def step(self, dt: float) -> Targets:
@@ -61,7 +61,7 @@ class PostureMotion:
 
 
 def _smooth(share: float) -> float:
-    """Return a share that begins and ends at rest, also in its acceleration."""
+    """Return a share with zero speed and acceleration at both ends (minimum jerk)."""
     return share**3 * (share * (6 * share - 15) + 10)
 
 
@@ -71,10 +71,10 @@ def folding(dog: DogDescription, start: Twelve, seconds: float = _FOLD_TIME) -> 
 
 
 def freeing(dog: DogDescription, start: Twelve) -> PostureMotion:
-    """Stretch all knees first where a leg lies across the body, then fold.
+    """Straighten all knees first if a leg lies across the body, then fold.
 
     A leg whose hip is far from its folded angle lies under or across the body. Folding it at once pulls the
-    foot against the body, where soft joints (MIT) stay stuck.
+    foot against the body, where compliant joints (MIT) get stuck.
     """
     fold = dog.posture(dog.poses.fold)
     hips = range(1, 12, 3)
@@ -88,7 +88,7 @@ def freeing(dog: DogDescription, start: Twelve) -> PostureMotion:
 
 
 def _straighter(angle: float, joint: Joint) -> float:
-    """Return a knee's angle nearer to the straight leg (0 rad), however it points, within its limits."""
+    """Return a knee angle nearer to the straight leg (0 rad), for either knee direction, within limits."""
     wanted = angle - math.copysign(min(_STRETCH, abs(angle)), angle)
     return min(max(wanted, min(joint.low, angle)), max(joint.high, angle))
 
@@ -111,7 +111,7 @@ def rising(dog: DogDescription, start: Twelve, height: float) -> PostureMotion:
 
 
 def sitting(dog: DogDescription, start: Twelve, height: float) -> PostureMotion:
-    """Lower the body from where it stands, and fold."""
+    """Lower the body from standing, and fold."""
     low = dog.gait.lowest
     return PostureMotion(
         start,
@@ -128,7 +128,7 @@ def sitting(dog: DogDescription, start: Twelve, height: float) -> PostureMotion:
 
 
 def rolling(dog: DogDescription, start: Twelve, *, to_left: bool) -> PostureMotion:
-    """Roll over towards one side and fold again; only with roll poses in the description."""
+    """Roll over to one side and fold again; raises ValueError without roll poses in the description."""
     near, far = dog.poses.roll_near, dog.poses.roll_far
     if near is None or far is None:
         raise ValueError(f"{dog.robot.name} has no roll poses")

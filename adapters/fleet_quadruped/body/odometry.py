@@ -1,6 +1,6 @@
-"""Leg odometry: how the body moves, seen from the feet that stand.
+"""Leg odometry: motion of the body, computed from the standing feet.
 
-A standing foot rolls, so the radius of the foot counts: without it the speed reads 7 % low.
+A standing foot rolls on the ground, so its radius counts: ignoring it makes the speed 7 % too low.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from fleet_quadruped.body.legs import Leg, Reached
 from fleet_quadruped.body.measured import Sense
 from fleet_quadruped.robot.description import leg_angles
 
-Planar = tuple[float, float, float, float]  # foot place x, y (m) and its velocity x, y (m/s), body frame
+Planar = tuple[float, float, float, float]  # foot position x, y (m) and velocity x, y (m/s), body frame
 
 
 class LegOdometry:
-    """Place since the start (m), heading (rad) and velocity; ``twist`` is smoothed over ``smooth`` s.
+    """Position since the start (m), heading (rad) and velocity from the standing feet.
 
-    The heading is the IMU's own, so that the way it goes and the way it faces are told in one frame.
-
-    ``reached``: by their numbers the feet that bore weight in this cycle, and their jacobians.
+    ``twist`` is low-pass filtered over ``smooth`` s. The heading is that of the IMU, so that position and
+    orientation are in one frame. ``reached``: foot position and Jacobian of the feet that carried weight in
+    this cycle, by leg number.
     """
 
     def __init__(self, legs: Sequence[Leg], foot_radius: float, smooth: float = 0.1) -> None:
@@ -36,9 +36,9 @@ class LegOdometry:
     def update(
         self, dt: float, sense: Sense, loads: Sequence[float], sway: tuple[float, float] = (0.0, 0.0)
     ) -> None:
-        """Move on by what the standing feet say: each counts as much of the weight as it bears.
+        """Advance by the motion of the standing feet, each weighted by its load.
 
-        ``sway``: how fast (m/s) the body moves over its feet of its own, which is no part of its twist.
+        ``sway``: speed (m/s) of the body over its feet within the gait, which is not part of its twist.
         """
         gyro = sense.imu.gyro if sense.imu else None
         self.reached.clear()
@@ -59,12 +59,12 @@ class LegOdometry:
         self.y += (sin * seen.x + cos * seen.y) * dt
 
     def _turn(self, dt: float, sense: Sense, rate: float) -> None:
-        """Take the heading from the IMU; else integrate."""
+        """Take the heading from the IMU; without one, integrate the rate."""
         imu = sense.imu
         self.yaw = wrap_angle(self.yaw + rate * dt) if imu is None else imu.rotation.yaw
 
     def _motion(self, number: int, sense: Sense, gyro: Vector3 | None) -> Planar:
-        """Return a foot's place and the velocity of its contact point, as the joints move it."""
+        """Return the position of a foot, and the velocity of its contact point caused by the joints."""
         leg = self._legs[number]
         angles = leg_angles(sense.angles, number)
         out, swing, bend = leg_angles(sense.speeds, number)
@@ -81,9 +81,10 @@ class LegOdometry:
 
 
 def body_twist(feet: Sequence[Planar], turn: float | None, loads: Sequence[float] = ()) -> Twist:
-    """Return the body's velocity for which all standing feet rest; least squares without a known turn.
+    """Return the body's velocity that keeps all standing feet at rest.
 
-    A foot counts as much as it bears; without ``loads`` all count alike.
+    Without a known turn rate it is fitted by least squares. Feet are weighted by their loads; without
+    ``loads`` they count equally.
     """
     if turn is None:
         turn = _turn_of(feet)
@@ -96,7 +97,7 @@ def body_twist(feet: Sequence[Planar], turn: float | None, loads: Sequence[float
 
 
 def _turn_of(feet: Sequence[Planar]) -> float:
-    """Return the turning speed that fits the feet best; 0 for a single one."""
+    """Return the turn rate that fits the feet best; 0 for a single foot."""
     count = len(feet)
     mean = [sum(foot[axis] for foot in feet) / count for axis in range(4)]
     across = spread = 0.0

@@ -1,4 +1,4 @@
-"""When feet are lifted: the patterns of the trot and the walk."""
+"""Gait patterns: timing of the foot lifts in trot and walk."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from typing import NamedTuple
 from fleet_quadruped.body.legs import Leg
 from fleet_quadruped.robot.parts import Gait
 
-_WALK_DUTY = 0.84  # 0.16 for each of four feet, and the rest to sway
-_WALK_START = 0.75  # of a cycle: the body is aside before the first foot leaves the ground
+_WALK_DUTY = 0.84  # 0.16 in the air for each of four feet, the rest for swaying
+_WALK_START = 0.75  # of a cycle: the body has swayed before the first foot leaves the ground
 _WALK_REACH = 1.3  # times half of the longest step
 
 
 class Pattern(NamedTuple):
-    """When the feet of FL, FR, RL, RR are lifted: each at the share ``duty`` of its own cycle.
+    """Timing of FL, FR, RL, RR: each foot is lifted at the share ``duty`` of its own cycle.
 
-    ``start``: where in the cycle it begins. ``sway``: how far it presses towards the standing feet of a side,
-    as a share of the way to them: right in the first half of a cycle. With a sway no foot is lifted before a
-    whole half begins. ``reach``: how far (m) ahead and aside of its neutral place a foot may be left behind.
+    ``start``: phase at which the gait begins. ``sway``: how far the centre of pressure moves towards the
+    standing feet of a side, as a share of the distance: to the right in the first half of a cycle. With a
+    sway, no foot is lifted before a whole half cycle begins. ``reach``: how far (m) forward and sideways of
+    its neutral position a foot may be left behind.
     """
 
     period: float

@@ -1,7 +1,7 @@
-"""A dog whose joints are led one by one: slowly, and never far from the posture in which that began.
+"""Joint mode: single joints move slowly, within a small window around the posture at its start.
 
-A dog that stands keeps standing: what is led is added to how it stands, feet on the ground, weight carried.
-So small a reach moves no foot from under it. A dog that lies, or is held by a person, is held as it is found.
+A standing robot keeps standing: joint moves are added to its stance, which carries the weight. The window is
+so small that no foot slips. A robot that lies, or is held by a person, keeps its present posture.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import Twelve
 
 Goal = Sequence[float | None]
-"""Where each joint is to go, rad, in the order of ``JOINTS``; None, or empty: it stays."""
+"""Target of each joint, rad, in the order of ``JOINTS``; None, or an empty sequence: no target."""
 
 
 def window(dog: DogDescription, start: Twelve) -> tuple[tuple[float, float], ...]:
-    """Return how far each joint may be led from a posture: its reach, within its limits; rad."""
+    """Return the range of each joint around a posture, within its limits; rad."""
     reach, margin = dog.safety.joint_reach, dog.safety.margin
     return tuple(
         (min(at, max(joint.low + margin, at - reach)), max(at, min(joint.high - margin, at + reach)))
@@ -26,23 +26,23 @@ def window(dog: DogDescription, start: Twelve) -> tuple[tuple[float, float], ...
 
 
 class Posing:
-    """``start``: the posture in which it began. ``stands``: it stood then, so it is to be stood upon."""
+    """Joint mode. ``start``: posture at its start. ``stands``: the robot stood then, and keeps standing."""
 
     def __init__(self, dog: DogDescription, start: Twelve, *, stands: bool) -> None:
         self.start = start
         self.stands = stands
-        self.leaves = False  # it goes back to how it began
+        self.leaves = False  # return to the start
         self._speed = dog.safety.joint_speed
         self._window = window(dog, start)
         self._added = ZEROS
 
     @property
     def is_back(self) -> bool:
-        """True when every joint is where it began."""
+        """True when every joint is back at the start."""
         return self._added == ZEROS
 
     def step(self, dt: float, goal: Goal, base: Targets) -> Targets:
-        """Return the targets after ``dt`` seconds; ``base`` is what it does without being led."""
+        """Return the targets after ``dt`` seconds; ``base``: targets without the joint moves."""
         if self.leaves:
             goal = self.start
         most, added = self._speed * dt, list(self._added)

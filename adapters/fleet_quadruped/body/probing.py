@@ -1,6 +1,6 @@
-"""The small moves of ``fleet can check --move``: the trunk shifts and tilts over feet that stay in place.
+"""Small moves of ``fleet can check --move``: the trunk shifts and tilts while the feet stay in place.
 
-Whoever compares where the feet then are with what the IMU says knows each joint's sign and offset.
+The feet's positions compared with the IMU give the sign and offset of each joint.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import Twelve
 
 FOLD_TIME, RISE_TIME, MOVE_TIME, HOLD_TIME = 1.5, 2.0, 0.8, 0.4  # s
-_SHIFT = 0.11  # of the length of a leg
+_SHIFT = 0.11  # of the leg's length
 _TILT, _TURN = 0.18, 0.22  # rad
 
 
 class Lean(NamedTuple):
-    """Where the trunk is, over where it crouches: m and rad; ``up`` is the height of the hips."""
+    """Position of the trunk relative to its crouch: m and rad; ``up`` is the height of the hips."""
 
     up: float
     x: float = 0.0
@@ -31,7 +31,7 @@ class Lean(NamedTuple):
 
 
 def leans(dog: DogDescription) -> tuple[Lean, ...]:
-    """Return the places of the trunk at which the joints are looked at, the lowest first."""
+    """Return the trunk positions of the check, the lowest first."""
     gait, shift = dog.gait, _SHIFT * (dog.geometry.thigh + dog.geometry.calf)
     low = gait.lowest
     middle = (low + gait.height) / 2
@@ -46,13 +46,13 @@ def leans(dog: DogDescription) -> tuple[Lean, ...]:
 
 
 def look_times(dog: DogDescription) -> tuple[float, ...]:
-    """Return when the trunk has come to rest at each of ``leans``, seconds from the beginning."""
+    """Return the times (s from the start) at which the trunk has come to rest at each of ``leans``."""
     first = FOLD_TIME + RISE_TIME + HOLD_TIME
     return tuple(first + number * (MOVE_TIME + HOLD_TIME) for number in range(len(leans(dog))))
 
 
 def probing(dog: DogDescription, start: Twelve) -> PostureMotion:
-    """Fold slowly, crouch, and take the trunk to each of ``leans``."""
+    """Fold slowly, crouch, and move the trunk to each of ``leans``."""
     fold = dog.posture(dog.poses.fold)
     first, *others = leans(dog)
     segments = [
@@ -68,7 +68,7 @@ def probing(dog: DogDescription, start: Twelve) -> PostureMotion:
 
 
 def _move(dog: DogDescription, before: Lean, after: Lean) -> Segment:
-    """Return the way of the trunk from one place to another."""
+    """Return the path of the trunk from one position to another."""
 
     def path(share: float) -> Twelve:
         return leaning(dog, Lean(*(a + (b - a) * share for a, b in zip(before, after, strict=True))))
@@ -77,7 +77,7 @@ def _move(dog: DogDescription, before: Lean, after: Lean) -> Segment:
 
 
 def leaning(dog: DogDescription, lean: Lean) -> Twelve:
-    """Return the angles with the trunk there and the feet below the hips of a level trunk."""
+    """Return the joint angles for a trunk position, with the feet below the hips of a level trunk."""
     rotation = quaternion_from_euler(lean.roll, lean.pitch, lean.yaw)
     angles: list[float] = []
     for leg in dog.legs:

@@ -1,4 +1,4 @@
-"""Getting up from whatever side it lies on: the legs are folded, and it rolls until it is upright."""
+"""Recovery from any position: fold the legs, then roll until upright."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ _TRIES = 5
 
 
 class Recovery:
-    """The motions of one recovery after another. ``tries``: how often it has rolled in this one."""
+    """Motions of a recovery. ``tries``: number of rolls in the present one."""
 
     def __init__(self, dog: DogDescription) -> None:
         self.tries = 0
         self._dog = dog
 
     def begin(self, angles: Twelve) -> PostureMotion:
-        """Begin a recovery: fold the legs, a trapped one after it is stretched."""
+        """Begin a recovery: fold the legs, after straightening a trapped one."""
         self.tries = 0
         return freeing(self._dog, angles)
 
     def roll(self, lean: float, angles: Twelve) -> PostureMotion | None:
-        """Return the next roll of a dog that leans (rad), to the other side at every second try.
+        """Return the next roll for a robot with this roll angle (rad); every second try goes the other way.
 
-        None when it has rolled often enough, or cannot roll.
+        None after the last try, or without roll poses.
         """
         if self.tries >= _TRIES or self._dog.poses.roll_near is None:
             return None

@@ -1,4 +1,4 @@
-"""What the body can be asked, and when: tables, and the reasons for which it refuses to get up."""
+"""Requests to the body: tables of the modes that accept them, and reasons for refusals."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from types import MappingProxyType
 from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.safety.stages import Mode
 
-UPRIGHT_FROM = 0.85  # of the body's z axis that must point up before it rises
-_LEVEL = 0.15  # rad that a dog may be tilted where it is checked
+UPRIGHT_FROM = 0.85  # upward component of the body's z axis that rising needs
+_LEVEL = 0.15  # rad: largest tilt at the start of a check
 
 
 class BodyRequest(enum.StrEnum):
-    """What the body can be asked."""
+    """Requests to the body."""
 
     STAND = "stand"
     SIT = "sit"
@@ -33,17 +33,17 @@ ALREADY: Mapping[BodyRequest, frozenset[Mode]] = MappingProxyType(
         BodyRequest.SIT: frozenset({Mode.OFF, Mode.SITTING, Mode.SETTLING}),
     }
 )
-"""Modes in which what is asked is done, or being done."""
+"""Modes that already meet a request, or are about to."""
 ENTERED: Mapping[tuple[BodyRequest, Mode], Mode] = MappingProxyType(
     {
-        (BodyRequest.SIT, Mode.RECOVERING): Mode.SETTLING,  # it lies already, and gives way as it does
+        (BodyRequest.SIT, Mode.RECOVERING): Mode.SETTLING,  # it lies already: damp it in this posture
         (BodyRequest.SIT, Mode.STANDING): Mode.SITTING,
         (BodyRequest.SIT, Mode.WALKING): Mode.SITTING,
         (BodyRequest.SIT, Mode.POSING): Mode.SITTING,
         (BodyRequest.SIT, Mode.HELD): Mode.SITTING,
     }
 )
-"""Requests that a mode answers with another mode."""
+"""Requests that change the mode directly."""
 STARTED: Mapping[BodyRequest, Mode] = MappingProxyType(
     {
         BodyRequest.STAND: Mode.RISING,
@@ -52,13 +52,13 @@ STARTED: Mapping[BodyRequest, Mode] = MappingProxyType(
         BodyRequest.CHECK: Mode.CHECKING,
     }
 )
-"""Requests that enable the drives of a dog that is off, and the mode that follows."""
+"""Requests that enable the drives of a robot that is off, and the mode that follows."""
 
 
 def refusal(ask: BodyRequest, mode: Mode, fault: str, imu: Imu | None, *, can_roll: bool) -> str:
-    """Return why the drives are not enabled for a request; empty when they are.
+    """Return the reason against enabling the drives for a request; empty if there is none.
 
-    ``fault`` is the one that is latched, ``can_roll``: its description has roll poses.
+    ``fault``: the latched fault; ``can_roll``: the description has roll poses.
     """
     if mode is not Mode.OFF or ask not in STARTED:
         return f"it is {mode.value}; stop it first" if ask is BodyRequest.POSE else f"it is {mode.value}"
@@ -68,23 +68,23 @@ def refusal(ask: BodyRequest, mode: Mode, fault: str, imu: Imu | None, *, can_ro
 
 
 def _not_upright(hint: str) -> Callable[[Imu | None, bool], str]:
-    def why(imu: Imu | None, _can_roll: bool) -> str:  # noqa: FBT001 - one of a table
+    def why(imu: Imu | None, _can_roll: bool) -> str:  # noqa: FBT001 - table signature
         return f"it is not upright; {hint}" if imu is not None and imu.up < UPRIGHT_FROM else ""
 
     return why
 
 
-def _cannot_recover(imu: Imu | None, can_roll: bool) -> str:  # noqa: FBT001 - one of a table
+def _cannot_recover(imu: Imu | None, can_roll: bool) -> str:  # noqa: FBT001 - table signature
     if imu is None:
-        return "without an IMU nobody knows how it lies"
+        return "its attitude is unknown without an IMU"
     if imu.up < UPRIGHT_FROM and not can_roll:
         return "it is not upright and its description has no roll poses; put it on its feet"
     return ""
 
 
-def _cannot_be_checked(imu: Imu | None, _can_roll: bool) -> str:  # noqa: FBT001 - one of a table
+def _cannot_be_checked(imu: Imu | None, _can_roll: bool) -> str:  # noqa: FBT001 - table signature
     if imu is None:
-        return "without an IMU nobody knows how it lies"
+        return "its attitude is unknown without an IMU"
     if imu.tilt > _LEVEL:
         return f"it lies tilted by {imu.tilt:.2f} rad; put it on a level floor, on its belly"
     return ""

@@ -1,4 +1,4 @@
-"""Turning vectors between the frames of the body and of the world."""
+"""Rotation of vectors between body and world frame."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from fleet_quadruped.body.legs import Point
 
 
 def to_world(rotation: Quaternion, vector: Point) -> Point:
-    """Turn a vector of the body frame into the world frame; ``rotation`` is body to world."""
+    """Rotate a vector from the body frame into the world frame; ``rotation`` is body to world."""
     w, x, y, z = rotation.w, rotation.x, rotation.y, rotation.z
     a, b, c = vector
     tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
@@ -15,5 +15,5 @@ def to_world(rotation: Quaternion, vector: Point) -> Point:
 
 
 def to_body(rotation: Quaternion, vector: Point) -> Point:
-    """Turn a vector of the world frame into the body frame; ``rotation`` is body to world."""
+    """Rotate a vector from the world frame into the body frame; ``rotation`` is body to world."""
     return to_world(Quaternion(rotation.w, -rotation.x, -rotation.y, -rotation.z), vector)

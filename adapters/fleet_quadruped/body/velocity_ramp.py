@@ -1,4 +1,4 @@
-"""From a wanted velocity to one that the machine can hold, no more suddenly than it may; pure."""
+"""Limits of velocity and acceleration for a requested velocity; pure."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from fleet_quadruped.robot.parts import Pace
 
 
 def within(value: float, limit: float) -> float:
-    """Return a value no farther from zero than the limit."""
-    return -limit if value < -limit else limit if value > limit else value  # noqa: FURB136 - quicker than max, min
+    """Clamp a value to plus or minus the limit."""
+    return -limit if value < -limit else limit if value > limit else value  # noqa: FURB136 - faster than min
 
 
 def limited(wanted: Twist, pace: Pace, share: float = 1.0) -> Twist:
-    """Return a velocity that can be held, in the same direction; ``share`` of all limits is used.
+    """Return a velocity within the limits, in the same direction; ``share`` scales all limits.
 
-    Zero for what is no velocity.
+    Zero for a velocity that is not finite.
     """
     if not math.isfinite(wanted.x + wanted.y + wanted.turn):
         return Twist()
@@ -26,7 +26,7 @@ def limited(wanted: Twist, pace: Pace, share: float = 1.0) -> Twist:
 
 
 def ramped(now: Twist, goal: Twist, pace: Pace, dt: float) -> Twist:
-    """Return the velocity after ``dt`` seconds on the way to a goal."""
+    """Return the velocity after ``dt`` seconds of acceleration towards a goal."""
     if now == goal:
         return goal
     most = pace.acceleration * dt

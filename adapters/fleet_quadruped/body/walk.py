@@ -1,4 +1,4 @@
-"""Standing and walking: from a wanted velocity to joint targets."""
+"""Standing and walking: joint targets for a requested velocity."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from fleet_quadruped.body.velocity_ramp import limited, ramped, within
 from fleet_quadruped.robot.description import DogDescription, leg_angles
 from fleet_quadruped.robot.names import GaitName, Twelve
 
-_INTEGRAL = 0.8  # 1/s: how fast the velocity loop takes up what the legs give way
-_CORRECTION = 0.25  # m/s, and half of it in rad/s: the most that the loop adds
-_START_SHARE = 0.5  # of a change of speed that it leans into
+_INTEGRAL = 0.8  # 1/s: integral gain of the velocity loop, which compensates the legs' compliance
+_CORRECTION = 0.25  # m/s and rad/s: largest correction by the velocity loop
+_START_SHARE = 0.5  # share of an acceleration that the body leans into
 _HEIGHT_SPEED = 0.1  # m/s
 
 
 class Walker:
-    """The gait with its velocity loop; ``speed_share`` below 1 slows a warm dog down.
+    """The gait with its velocity loop.
 
-    ``gait`` is trot or walk.
+    ``speed_share`` below 1 slows a robot with hot drives down. ``gait``: requested gait, trot or walk.
     """
 
     def __init__(self, dog: DogDescription) -> None:
@@ -36,7 +36,7 @@ class Walker:
         self.wanted_height = dog.gait.height
         self.speed_share = 1.0
         self.gait: GaitName = "trot"
-        self._taken: GaitName = "trot"  # that of the steps it makes
+        self._taken: GaitName = "trot"  # gait of the present steps
         self._last: Twelve | None = None
         self._patterns = {
             "trot": (trot(dog.gait), dog.gait),
@@ -45,31 +45,31 @@ class Walker:
 
     @property
     def walking(self) -> bool:
-        """True while feet are lifted or a velocity is being held."""
+        """True while the gait is active."""
         return self._steps.walking
 
     def stand(self, height: float) -> None:
-        """Begin anew, standing at this height."""
+        """Reset, standing at this height."""
         self._steps.stand()
         self._ramped = self._added = Twist()
         self.height = self.wanted_height = height
         self._last = None
 
     def change_height(self, change: float) -> str:
-        """Go higher by ``change`` (m), within the gait's heights; return why not, empty when it does."""
+        """Change the height by ``change`` (m), within the gait's limits; return why not, or ""."""
         if not math.isfinite(change):
-            return f"{change} is no height"
+            return f"{change} is not a height"
         gait = self._dog.gait
         self.wanted_height = max(gait.lowest, min(gait.highest, self.wanted_height + change))
         return ""
 
     @property
     def time_to_stand(self) -> float:
-        """Seconds after which it stands with all feet in place; those of the gait that it is in."""
+        """Longest time (s) until it stands with all feet in place, in its present gait."""
         return self._dog.time_to_stand(self._taken)
 
     def step(self, dt: float, wanted: Twist, sense: Sense) -> Targets:
-        """Return the joint targets after ``dt`` seconds; another gait than before begins from standing."""
+        """Return the joint targets after ``dt`` seconds; a change of gait waits until the robot stands."""
         pattern, pace = self._patterns[self.gait]
         if self._steps.choose(pattern):
             self._taken = self.gait
@@ -90,7 +90,7 @@ class Walker:
         return self._targets(dt, feet, sense)
 
     def _correct(self, dt: float) -> None:
-        """Integrate what is missing of the velocity while it walks; forget it when it stops."""
+        """Integrate the velocity error while walking; reset when it stops."""
         if self._ramped.zero:
             self._added = Twist()
             return
@@ -102,7 +102,7 @@ class Walker:
         )
 
     def _targets(self, dt: float, feet: list[Point], sense: Sense) -> Targets:
-        """Return the joints for the feet: angles, their speeds, and the torque that carries the weight."""
+        """Return the joint targets for the feet: angles, speeds, and torques that carry the weight."""
         angles: list[float] = []
         for leg, (x, y, z) in zip(self._dog.legs, feet, strict=True):
             angles += leg.angles((x - leg.x, y - leg.y, z))
@@ -113,7 +113,7 @@ class Walker:
         return Targets(posture, speeds, self._carrying(sense))
 
     def _carrying(self, sense: Sense) -> Twelve:
-        """Return the torques that hold the weight on the standing feet, and move the body over them."""
+        """Return the torques that carry the weight on the standing feet and push the body over them."""
         weight = self._dog.robot.mass * GRAVITY
         ahead, aside = self._steps.balance.push(self.height)
         torques: list[float] = []
@@ -133,9 +133,9 @@ class Walker:
 
 
 def _pull(dt: float, before: Twist, now: Twist) -> tuple[float, float]:
-    """Return the acceleration (m/s2, ahead and to the left) that the body leans into.
+    """Return the acceleration (m/s2, forward and to the left) that the body leans into.
 
-    A turn pulls for as long as it lasts; a change of speed is over too soon for a whole lean.
+    Turning accelerates it all the time; a change of speed is over too soon for a full lean.
     """
     share = _START_SHARE / dt
     ahead, aside = (now.x - before.x) * share, (now.y - before.y) * share

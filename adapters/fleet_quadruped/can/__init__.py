@@ -1,1 +1,1 @@
-"""What is done with CAN buses: whether somebody else speaks, and what was on them before a fault."""
+"""CAN bus utilities: detection of other controllers, capture of the frames before a fault."""

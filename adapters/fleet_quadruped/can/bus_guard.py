@@ -1,4 +1,4 @@
-"""Whether nobody else speaks to a dog's drives: two controllers at once make it fall."""
+"""Guard against a second controller on the bus: two controllers at once make the robot fall."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from collections.abc import Collection, Mapping
 
 from fleet import CanBus, Clock, LinkLost
 
-LISTEN = 0.25  # s: the slowest controller speaks 10 times a second
+LISTEN = 0.25  # s: the slowest controller sends 10 frames a second
 Address = tuple[str, int]
-"""A bus by its name, and the identifier of a frame."""
+"""Name of a bus, and identifier of a frame."""
 
 
 def require_sole_controller(buses: Mapping[str, CanBus], ours: Collection[Address], clock: Clock) -> None:
-    """Listen before the first frame is sent; raises LinkLost when one of ``ours`` comes from somebody else.
+    """Listen before the first frame is sent; raises LinkLost if another node sends one of ``ours``.
 
-    That may be a second program, or the former controller, which still sits the dog down.
+    The sender may be a second program, or the former controller, which is still sitting the robot down.
     """
     until = clock.monotonic() + LISTEN
     while clock.monotonic() < until:
@@ -22,6 +22,6 @@ def require_sole_controller(buses: Mapping[str, CanBus], ours: Collection[Addres
             for frame in bus.receive(0.02):
                 if (name, frame.id) in ours:
                     raise LinkLost(
-                        f"bus {name!r}: another controller speaks to the drives (frame {frame.id:03X}h); "
+                        f"bus {name!r}: another controller commands the drives (frame {frame.id:03X}h); "
                         "only one may: end the other, or wait until it has sat the dog down"
                     )

@@ -1,6 +1,6 @@
-"""The last seconds of a dog's buses, written to a file when a fault latches.
+"""Ring buffer of the last seconds on a robot's buses, written to a file when a fault latches.
 
-A line for each frame, as ``candump -L`` writes them, with R for what we received and T for what we sent:
+One line per frame, in the format of ``candump -L``, with R for received and T for transmitted frames:
 
     (1795000000.123456) a 188#371210A4000006FF R
     (1795000000.123456) a 021#R T                       a remote frame
@@ -21,13 +21,13 @@ from fleet import CanBus, CanFrame, Clock, ConfigError
 
 log = logging.getLogger(__name__)
 
-FRAMES = 20_000  # about 5 s of a dog at 100 cycles a second
-FILES = 5  # of one dog; the oldest goes
+FRAMES = 20_000  # about 5 s at 100 cycles a second
+FILES = 5  # files kept per robot; the oldest is deleted
 _LINE = re.compile(r"\((\d+\.\d+)\) (\S+) ([0-9A-F]{3,8})#(R|#1|)((?:[0-9A-F]{2}){0,64}) ([RT])", re.ASCII)
 
 
 class Captured(NamedTuple):
-    """One frame; ``time`` in Unix seconds, ``sent`` by us."""
+    """One frame; ``time`` in Unix seconds, ``sent`` if we transmitted it."""
 
     time: float
     bus: str
@@ -36,7 +36,7 @@ class Captured(NamedTuple):
 
 
 class CapturedBus:
-    """A bus whose frames are noted in a ring as they come and go."""
+    """A bus that appends each frame to a ring buffer."""
 
     def __init__(
         self, bus: CanBus, ring: deque[Captured], clock: Clock, also: Callable[[Captured], None]
@@ -49,7 +49,7 @@ class CapturedBus:
 
     @property
     def dropped(self) -> int:
-        """Frames that could not be sent."""
+        """Number of frames that could not be sent."""
         return getattr(self._bus, "dropped", 0)
 
     def send(self, frame: CanFrame) -> None:
@@ -58,7 +58,7 @@ class CapturedBus:
         self._bus.send(frame)
 
     def receive(self, wait: float) -> list[CanFrame]:
-        """Return what has arrived; raises LinkLost."""
+        """Return the received frames; raises LinkLost."""
         frames = self._bus.receive(wait)
         now = self._clock.time() if frames else 0.0
         for frame in frames:
@@ -66,7 +66,7 @@ class CapturedBus:
         return frames
 
     def _note(self, captured: Captured) -> None:
-        """Note a frame."""
+        """Append a frame to the ring and pass it to the other consumer."""
         self._ring.append(captured)
         self._also(captured)
 
@@ -76,9 +76,9 @@ class CapturedBus:
 
 
 class Capture:
-    """Notes what is on all buses of a dog. ``buses`` are to be used instead of those that are given.
+    """Captures the frames of all buses of a robot. Use ``buses`` instead of the given ones.
 
-    ``also`` is given each frame as well.
+    Each frame is also passed to ``also``.
     """
 
     def __init__(
@@ -99,9 +99,9 @@ class Capture:
         self.path = ""
 
     def look(self, fault: str, *, resting: bool) -> str:
-        """Note the dog's fault; once it has come to rest, write the file. Return the fault's file, or "".
+        """Follow the latched fault; write the file once the robot is at rest. Return its path, or "" so far.
 
-        Writing waits for the rest, and is done on a thread: a dog that gives way has no time for a disk.
+        Writing waits for the rest and runs on a thread: disk access must not delay the cycles of a hard stop.
         """
         if not fault:
             self._fault = self.path = ""
@@ -111,7 +111,7 @@ class Capture:
         return self.path
 
     def finish(self) -> None:
-        """Wait until what is being written is on the disk."""
+        """Wait until the current file is written."""
         if self._saving is not None:
             self._saving.join()
 
@@ -124,18 +124,18 @@ class Capture:
 
 
 def _save(path: Path, frames: list[Captured]) -> None:
-    """Write a file, and take away those that are too many."""
+    """Write a file and delete the oldest ones beyond the limit."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("w", encoding="ascii") as file:
             file.writelines(map(_line, frames))
         others = sorted(other for other in path.parent.glob("*.log") if other != path)
-        for old in others[: 1 - FILES]:  # never the new one, whatever the clock said before
+        for old in others[: 1 - FILES]:  # never the new one, even if the clock was set back
             old.unlink()
     except OSError as error:
-        log.warning("what was on the buses before the fault could not be written: %s", error)
+        log.warning("the bus traffic before the fault could not be written: %s", error)
         return
-    log.warning("what was on the buses before the fault is in %s", path)
+    log.warning("the bus traffic before the fault is in %s", path)
 
 
 def _line(captured: Captured) -> str:
@@ -148,17 +148,17 @@ def _line(captured: Captured) -> str:
 
 
 def read_capture(path: Path) -> Iterator[Captured]:
-    """Yield the frames of a file; raises ConfigError naming the line that is none."""
+    """Yield the frames of a file; raises ConfigError with the number of an invalid line."""
     try:
         lines = path.read_text(encoding="ascii").splitlines()
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise ConfigError(f"{path}: is no candump log") from None
+        raise ConfigError(f"{path}: is not a candump log") from None
     for number, line in enumerate(lines, start=1):
         match = _LINE.fullmatch(line)
         if match is None:
-            raise ConfigError(f"{path}:{number}: is no line of a candump log: {line[:60]!r}")
+            raise ConfigError(f"{path}:{number}: is not a line of a candump log: {line[:60]!r}")
         time, bus, identifier, mark, data, way = match.groups()
         frame = CanFrame(int(identifier, 16), bytes.fromhex(data), mark == "#1", mark == "R")
         yield Captured(float(time), bus, frame, way == "T")

@@ -1,7 +1,7 @@
-"""The frames of the body controller's buses on their way to a recorder, by the adapter's process.
+"""Relay of CAN frames from the body controller to a recorder, through the adapter's process.
 
-The body controller writes the frames of a cycle as one message, only while they are wanted, and never waits:
-what does not fit into the socket is dropped and counted.
+The body controller writes the frames of a cycle as one message, only while they are wanted, and never blocks:
+messages that do not fit into the socket are dropped and counted.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import msgspec
 from fleet import LinkTap, msgpack_decoder, tap_of
 from fleet_quadruped.can.capture import Captured
 
-_LARGEST = 256 * 1024  # bytes of a message; a cycle has some kilobytes
+_LARGEST = 256 * 1024  # bytes of a message; a cycle has a few kilobytes
 _BATCH = 8  # messages read per wake-up
 
 
 class RelayedFrame(msgspec.Struct, frozen=True, array_like=True):
-    """One frame: Unix s, bus, whether we sent it, and its bytes as on a ``can:`` link."""
+    """One frame: Unix s, bus, True if we sent it, and its bytes in the format of a ``can:`` link."""
 
     time: float
     bus: str
@@ -30,20 +30,20 @@ class RelayedFrame(msgspec.Struct, frozen=True, array_like=True):
     data: bytes
 
 
-class Relayed(msgspec.Struct, frozen=True, array_like=True):
-    """The frames of one cycle, and how many were dropped since the start."""
+class RelayedFrames(msgspec.Struct, frozen=True, array_like=True):
+    """The frames of one cycle, and the number dropped since the start."""
 
     frames: list[RelayedFrame]
     dropped: int
 
 
-_DECODER = msgpack_decoder(Relayed)
+_DECODER = msgpack_decoder(RelayedFrames)
 
 
-class FrameSender:
-    """The body controller's end; what is said before the first cycle is taken in any case.
+class RelaySender:
+    """Sending end, in the body controller; it always takes the frames before the first cycle.
 
-    ``dropped``: frames that did not fit since the start.
+    ``dropped``: number of frames that did not fit, since the start.
     """
 
     def __init__(self, end: socket.socket) -> None:
@@ -53,25 +53,25 @@ class FrameSender:
         self.dropped = 0
 
     def take(self, captured: Captured) -> None:
-        """Take a frame, where it is wanted."""
+        """Add a frame to the cycle, if frames are wanted."""
         if self._wanted:
             data = captured.frame.packed()
             self._cycle.append(RelayedFrame(captured.time, captured.bus, captured.sent, data))
 
     def end_cycle(self, *, wanted: bool) -> None:
-        """Write the frames of a cycle; ``wanted``: those of the next one are to be taken, too."""
+        """Write the frames of a cycle; ``wanted``: take those of the next cycle as well."""
         self._wanted = wanted
         if not self._cycle:
             return
         frames, self._cycle = self._cycle, []
         try:
-            self._end.send(msgspec.msgpack.encode(Relayed(frames, self.dropped)))
-        except OSError:  # the adapter is behind, or gone
+            self._end.send(msgspec.msgpack.encode(RelayedFrames(frames, self.dropped)))
+        except OSError:  # the adapter is slow, or has ended
             self.dropped += len(frames)
 
 
-class FrameReceiver:
-    """The adapter's end: leaves the frames with the taps of the buses."""
+class RelayReceiver:
+    """Receiving end, in the adapter: passes frames to the taps of the buses."""
 
     def __init__(
         self, end: socket.socket, relay: socket.socket, buses: Iterable[str], log: logging.Logger
@@ -83,11 +83,11 @@ class FrameReceiver:
         self._log = log
 
     def wanted(self) -> bool:
-        """Return whether somebody records; from any thread."""
+        """Return True while a recorder wants frames; from any thread."""
         return any(tap.note is not None for tap in self._taps.values())
 
     def read(self) -> None:
-        """Read what has come."""
+        """Read the messages that have arrived."""
         for _ in range(_BATCH):
             try:
                 data = self._end.recv(_LARGEST)
@@ -98,8 +98,8 @@ class FrameReceiver:
                 return
             self._pass_on(_DECODER.decode(data))
 
-    def _pass_on(self, relayed: Relayed) -> None:
-        """Leave the frames of one cycle."""
+    def _pass_on(self, relayed: RelayedFrames) -> None:
+        """Pass the frames of one cycle to the taps."""
         if relayed.dropped > self._dropped:
             self._log.warning("%d frames were not recorded", relayed.dropped - self._dropped)
             self._dropped = relayed.dropped
@@ -110,13 +110,13 @@ class FrameReceiver:
 
 
 @contextlib.asynccontextmanager
-async def received(buses: Iterable[str], log: logging.Logger) -> AsyncIterator[FrameReceiver]:
-    """Make a relay and read it for the time of a block; ``relay`` is the body controller's end."""
+async def received(buses: Iterable[str], log: logging.Logger) -> AsyncIterator[RelayReceiver]:
+    """Create a relay and read it for the duration of a block; its ``relay`` is the body controller's end."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
         for end in (ours, theirs):
             end.setblocking(False)
-        receiver = FrameReceiver(ours, theirs, buses, log)
+        receiver = RelayReceiver(ours, theirs, buses, log)
         loop = asyncio.get_running_loop()
         loop.add_reader(ours, receiver.read)
         try:

@@ -1,1 +1,1 @@
-"""The body controller: one loop at a fixed rate, in a process of its own."""
+"""The body controller: a fixed-rate loop in a process of its own."""

@@ -1,4 +1,4 @@
-"""``python -m fleet_quadruped.control PLAN``: the body controller as a process. Started by the adapter."""
+"""``python -m fleet_quadruped.control PLAN``: the body controller process, started by the adapter."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from fleet import (
 from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.can.bus_guard import require_sole_controller
 from fleet_quadruped.can.capture import Capture, Captured
-from fleet_quadruped.can.relay import FrameSender
+from fleet_quadruped.can.relay import RelaySender
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.exchange import SharedValue
 from fleet_quadruped.control.loop import Loop
 from fleet_quadruped.control.orders import DogState, Order
-from fleet_quadruped.control.plan import ControlPlan, Word
+from fleet_quadruped.control.plan import ControlPlan, StatusMessage
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.sim.simulated_machine import SimulatedMachine, on_buses
 
 _FOR_THE_PARENT = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
-"""What ends or freezes all of a terminal or a service: the parent tells us to leave, or its end does."""
+"""Signals sent to a whole terminal or service; this process ends when its parent dismisses it or dies."""
 
 
 class Memory:
-    """The shared memory as an exchange."""
+    """Exchange through the shared memory of the plan."""
 
     def __init__(self, plan: ControlPlan) -> None:
         self._orders = SharedValue(plan.order, Order)
@@ -52,12 +52,12 @@ class Memory:
         return self._orders.get()
 
     def put(self, state: DogState) -> None:
-        """Make this the newest state."""
+        """Publish a new state."""
         self._states.put(state)
 
 
 def main(arguments: list[str]) -> int:
-    """Run until told to leave; return the exit status."""
+    """Run until dismissed; return the exit status."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     logging.getLogger("canopen").setLevel(logging.WARNING)
     logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)  # it warns of each split read
@@ -67,13 +67,17 @@ def main(arguments: list[str]) -> int:
     try:
         _run(plan, SystemClock())
     except (LinkError, ConfigError) as error:
-        _say(Word(lost=str(error)) if isinstance(error, LinkLost) else Word(refused=str(error)))
+        _send(
+            StatusMessage(lost=str(error))
+            if isinstance(error, LinkLost)
+            else StatusMessage(refused=str(error))
+        )
         return 1
     return 0
 
 
 def _run(plan: ControlPlan, clock: Clock) -> None:
-    """Open the buses, configure the drives, say that it is ready, and run the cycles to their end."""
+    """Open the buses, configure the drives, announce readiness, and run the cycles to the end."""
     body = load_body(Path(plan.body))
     with contextlib.ExitStack() as stack:
         machine: SimulatedMachine | None = None
@@ -86,7 +90,7 @@ def _run(plan: ControlPlan, clock: Clock) -> None:
                 name: stack.enter_context(_opened(name, url, body, clock)) for name, url in plan.buses.items()
             }
         relay = _relay(plan.relay, stack)
-        capture = Capture(buses, Path(plan.captures), clock, relay.take if relay else _nobody)
+        capture = Capture(buses, Path(plan.captures), clock, relay.take if relay else _discard)
         stack.callback(capture.finish)
         buses = capture.buses
         controller = (
@@ -95,7 +99,7 @@ def _run(plan: ControlPlan, clock: Clock) -> None:
         if machine is None:
             require_sole_controller(buses, controller.addresses, clock)
         controller.configure()
-        _say(Word(ready=True))
+        _send(StatusMessage(ready=True))
         moved = machine.advance if machine else None
         owner = sys.stdin.fileno()
         Loop(
@@ -103,19 +107,19 @@ def _run(plan: ControlPlan, clock: Clock) -> None:
         ).run()
 
 
-def _relay(descriptor: int, stack: contextlib.ExitStack) -> FrameSender | None:
-    """Return what passes frames on to a recorder; None without a descriptor (-1)."""
+def _relay(descriptor: int, stack: contextlib.ExitStack) -> RelaySender | None:
+    """Return the sender of frames to a recorder; None without a descriptor (-1)."""
     if descriptor < 0:
         return None
-    return FrameSender(stack.enter_context(socket.socket(fileno=descriptor)))
+    return RelaySender(stack.enter_context(socket.socket(fileno=descriptor)))
 
 
-def _nobody(_captured: Captured) -> None:
-    """Take a frame that is passed on to nobody."""
+def _discard(_captured: Captured) -> None:
+    """Discard a frame: there is no relay."""
 
 
 def _begin(machine: SimulatedMachine, faults: dict[str, float]) -> None:
-    """Begin the faults of a simulated dog; raises LinkRefused for one that it does not have."""
+    """Activate the faults of a simulated robot; raises LinkRefused for an unknown one."""
     for name, value in faults.items():
         try:
             machine.fault(name, value)
@@ -125,7 +129,7 @@ def _begin(machine: SimulatedMachine, faults: dict[str, float]) -> None:
 
 @contextlib.contextmanager
 def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[OpenCanBus]:
-    """Open a bus for the time of a block."""
+    """Open a bus for the duration of a block."""
     described = body.buses[name]
     bus = OpenCanBus(name, url, described.bitrate, clock, described.data_bitrate)
     try:
@@ -134,8 +138,8 @@ def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[OpenCa
         bus.close()
 
 
-def _say(word: Word) -> None:
-    sys.stdout.buffer.write(msgspec.json.encode(word) + b"\n")
+def _send(message: StatusMessage) -> None:
+    sys.stdout.buffer.write(msgspec.json.encode(message) + b"\n")
     sys.stdout.buffer.flush()
 
 

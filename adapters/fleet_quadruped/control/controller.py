@@ -1,4 +1,4 @@
-"""One cycle of a dog: read, check, think, limit, write. No clock and no waiting of its own."""
+"""Control cycle of a robot: receive, check, decide, limit, write. It has no clock and never waits."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.monitor import Monitor, Observed
 from fleet_quadruped.safety.stages import Mode, Trip
 
-_GONE = 1.0  # s of silence after which the drives of a dog at rest are configured again
+_GONE = 1.0  # s of silence after which the drives of a robot at rest are configured again
 log = logging.getLogger(__name__)
 
 
 class Controller:
-    """A dog under control. ``begin`` asks the drives, ``take`` hears them, ``finish`` answers."""
+    """Controller of one robot: ``begin`` polls the drives, ``take`` receives, ``finish`` decides."""
 
     def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus]) -> None:
         self.dog = dog
@@ -45,14 +45,14 @@ class Controller:
         self._lamp = Lamp(dog.led, buses)
         self._loads = dog.loads
         self._joints = Joints.of([JointFeedback()] * 12)
-        self._looked = 0.0  # when the joints were looked at
+        self._looked = 0.0  # monotonic s of the last feedback evaluation
         self._begun: float | None = None
-        self._met = False  # it is known whether the drives hold the dog
+        self._feedback_complete = False  # False until all drives have reported whether they hold the robot
         self._trip: Trip | None = None
 
     @property
     def addresses(self) -> frozenset[Address]:
-        """The frames that only one controller may send."""
+        """Identifiers that only one controller may send."""
         return self.drives.addresses
 
     def configure(self) -> None:
@@ -61,41 +61,41 @@ class Controller:
 
     @property
     def dt(self) -> float:
-        """Seconds of one cycle."""
+        """Control cycle in s."""
         return self.dog.dt
 
     @property
     def targets(self) -> Twelve:
-        """The angles that were written last, rad."""
+        """The last written angles, rad."""
         return self._writer.last
 
     @property
     def clamped(self) -> int:
-        """How many targets the limits changed."""
+        """Number of targets changed by the limits."""
         return self._writer.clamped
 
     @property
     def resting(self) -> bool:
-        """True when it may be left alone: every drive has said that its torque is off, or is silent."""
-        return self._met and self.body.mode is Mode.OFF and self._off.over
+        """True when the process may end: every drive has reported that its torque is off, or is silent."""
+        return self._feedback_complete and self.body.mode is Mode.OFF and self._off.over
 
     def complete(self) -> bool:
-        """Return True when all drives have answered since ``begin``."""
+        """Return True once all drives have answered since ``begin``."""
         return self.drives.complete()
 
     def begin(self, now: float) -> None:
-        """Begin a cycle: the drives are asked where they are."""
+        """Begin a cycle: poll the drives."""
         self.drives.begin_cycle(now)
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
-        """Take a received frame."""
+        """Process a received frame."""
         if not self._sensors.take(bus, frame, now):
             self.drives.take(bus, frame, now)
 
     def finish(self, now: float, dt: float, order: Order) -> None:
-        """End a cycle: decide by what was heard, and write to the drives.
+        """End a cycle: decide from the received feedback, and write to the drives.
 
-        Raises LinkLost for a dog that is off and has a drive that must be configured again.
+        Raises LinkLost for a robot that is off and has a drive that must be configured again.
         """
         self._joints, self._looked = self.drives.feedback(now), now
         self._check_link(now)
@@ -112,7 +112,7 @@ class Controller:
         heard = now - order.alive < self.dog.safety.deadman
         moving = now < order.until and heard
         self.body.goal = order.joints if now < order.joints_until and heard else ()
-        if not self._meet():
+        if not self._await_feedback():
             return
         waiting = not_enabled(self.dog.all_joints, self._joints)
         wanted = self.body.step(dt, sense, order.twist if moving else Twist(), waiting)
@@ -120,17 +120,18 @@ class Controller:
         self._lamp.show(order.lamp)
 
     def abandon(self) -> None:
-        """Have the drives that can still be reached brake and hold, or give way: nobody follows.
+        """Make the reachable drives brake and hold, or damp, before this controller ends without a successor.
 
-        Those of a dog that is off stay so; of one that was not met nobody knows what they hold.
+        The drives of a robot that is off stay off. Before all drives have reported nothing is sent: it is not
+        known what they hold.
         """
-        if not self._met:
+        if not self._feedback_complete:
             return
         if self.body.mode is Mode.OFF:
             self.drives.disable()
         else:
             self.drives.damp(self.dog.safety.kd)
-        self.drives.begin_cycle(0.0)  # with the SYNC on which they obey
+        self.drives.begin_cycle(0.0)  # sends the SYNC at which they apply it
 
     def state(self, now: float, timing: Timing) -> DogState:
         """Return the newest state."""
@@ -172,32 +173,32 @@ class Controller:
         return max(self._joints.ages)
 
     def _braked(self) -> str:
-        """Return why the legs cannot be lowered together now; empty when they can."""
+        """Return why the legs cannot be lowered together now; empty if they can."""
         bus = silent_bus(self.dog.all_joints, self._joints.ages, self._stale)
         if bus:
             return f"bus {bus!r}: its drives are silent"
         name = self.drives.braking()
-        return f"{name}: its drive does not go on from its quick stop" if name else ""
+        return f"{name}: its drive does not leave quick stop" if name else ""
 
-    def _meet(self) -> bool:
-        """Return True once all drives have told whether they hold the dog; nothing is written before.
+    def _await_feedback(self) -> bool:
+        """Return True once all drives have reported whether they hold the robot; nothing is written before.
 
-        A dog that is held, by drives that stopped alone or by a controller that died, is let down.
+        A robot that is held, by drives that stopped alone or by a controller that died, is lowered.
         """
-        if self._met:
+        if self._feedback_complete:
             return True
         if max(self._joints.ages) > self._stale:
             self.drives.probe(self.dog.safety.kd)
             return False
-        self._met, self._writer.last = True, self._joints.angles
+        self._feedback_complete, self._writer.last = True, self._joints.angles
         held = holding(self.dog.all_joints, self._joints)
         if held:
-            log.warning("%s: the dog may be held by its drives, and is let down", held)
+            log.warning("%s: the dog may be held by its drives, and is lowered", held)
             self.body.lower()
         return True
 
     def _observed(self, now: float, dt: float) -> Observed:
-        """Return what the monitor judges in this cycle; a battery that is silent tells nothing."""
+        """Return the monitor's input for this cycle; values of a silent battery are left out."""
         battery = self._sensors.fresh_battery(now)
         return Observed(
             mode=self.body.mode,
@@ -211,7 +212,7 @@ class Controller:
         )
 
     def _unfit(self) -> str:
-        """Return why the drives cannot be powered now, naming one; empty when they can."""
+        """Return why the drives cannot be enabled now, naming one; empty if they can."""
         fault = failed(self.dog.all_joints, self._joints)
         if fault:
             return f"{fault}; look at the dog, then send reset_faults"
@@ -220,9 +221,10 @@ class Controller:
         return silent_joint(self.dog.all_joints, self._joints.ages, self._stale)
 
     def _check_link(self, now: float) -> None:
-        """Give up the link of a dog at rest whose drives went away or forgot how they were configured.
+        """Raise LinkLost for a robot at rest whose drives are silent or have lost their configuration.
 
-        While it moves that is the monitor's matter, and a latched fault first waits for its reset.
+        While it moves, the monitor handles silent drives; a latched fault waits for its reset first. While it
+        is being lowered, only a bus with all drives silent ends the link.
         """
         self._begun = now if self._begun is None else self._begun
         told = self._joints
@@ -230,7 +232,7 @@ class Controller:
             bus = silent_bus(self.dog.all_joints, told.ages, _GONE)
             if bus:
                 raise LinkLost(f"bus {bus!r}: all its drives are silent; their own stop holds them, or none")
-        if self._met and (self.body.mode is not Mode.OFF or self.body.fault):
+        if self._feedback_complete and (self.body.mode is not Mode.OFF or self.body.fault):
             return
         for number, joint in enumerate(self.dog.all_joints):
             if told.restarted[number]:
@@ -239,9 +241,9 @@ class Controller:
                 raise LinkLost(f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check its power")
 
     def _warning(self, now: float) -> str:
-        """Return what a person should know, empty when all is well."""
+        """Return the warning for the operator, empty without one."""
         if self.body.mode is Mode.DAMPED and not self.body.fault:
-            return "it may have been held by its drives, and is let down"
+            return "it may have been held by its drives, and is lowered"
         share = self.body.walker.speed_share
         if share < 1.0:
             return f"joints are warm: speed is held to {share:.0%}"

@@ -1,7 +1,7 @@
-"""The newest value of something, shared between two processes: one writes, the other reads, nobody waits.
+"""The newest value, shared between two processes: one writes, the other reads, neither waits.
 
-A slot is shared memory with a sequence number, a length and a checksum before the value. A reader that meets
-half a value sees a wrong checksum, and takes the value it had.
+The shared memory has a sequence number, a length and a checksum before the value. A torn read has a wrong
+checksum; the reader then keeps the previous value.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _TRIES = 3
 
 
 def new_memory() -> int:
-    """Return the descriptor of fresh shared memory of one slot; the caller closes it."""
+    """Return the descriptor of new shared memory for one value; the caller closes it."""
     descriptor = os.memfd_create("fleet-quadruped", 0)
     os.truncate(descriptor, SIZE)
     return descriptor
 
 
 class SharedValue(Generic[ValueT]):
-    """One slot; ``sequence`` is the number of the value that was read or written last."""
+    """One shared value; ``sequence`` is the number of the value last read or written."""
 
     def __init__(self, descriptor: int, kind: type[ValueT]) -> None:
         self._memory = mmap.mmap(descriptor, SIZE)
@@ -43,7 +43,7 @@ class SharedValue(Generic[ValueT]):
         self.sequence = 0
 
     def put(self, value: ValueT) -> None:
-        """Make this the newest value; from any thread. Raises ValueError for one that is too long."""
+        """Publish a new value; from any thread. Raises ValueError if it is too long."""
         data = self._encoder.encode(value)
         if len(data) > SIZE - _HEAD.size:
             raise ValueError(f"a value of {len(data)} bytes does not fit into {SIZE - _HEAD.size}")
@@ -53,7 +53,7 @@ class SharedValue(Generic[ValueT]):
             self._memory[: _HEAD.size] = _HEAD.pack(self.sequence, len(data), zlib.crc32(data))
 
     def get(self) -> ValueT:
-        """Return the newest whole value; the kind's defaults before the first."""
+        """Return the newest complete value; the type's defaults before the first."""
         for _ in range(_TRIES):
             sequence, length, check = _HEAD.unpack_from(self._memory)
             if sequence == self.sequence:
@@ -65,5 +65,5 @@ class SharedValue(Generic[ValueT]):
         return self._newest
 
     def close(self) -> None:
-        """Let go of the memory."""
+        """Unmap the memory."""
         self._memory.close()

@@ -1,4 +1,4 @@
-"""What drives say, in words: which may carry the dog, failed, or are not enabled; which buses are silent."""
+"""Summaries of drive feedback as text: drives that hold, have failed or are not enabled; silent buses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _OFF = frozenset({Power.DISABLED, Power.FAULT})
 
 
 def holding(joints: Sequence[Joint], told: Joints) -> str:
-    """Return which drive may hold the dog, and how; empty when none does."""
+    """Describe the first drive that may hold the robot; empty if there is none."""
     for joint, power in zip(joints, told.powers, strict=True):
         if power in HOLDING:
             return f"{joint.name}: the drive is {power.value}"
@@ -19,12 +19,12 @@ def holding(joints: Sequence[Joint], told: Joints) -> str:
 
 
 def all_off(told: Joints, most: float) -> bool:
-    """Return True when every drive has said within ``most`` s that its torque is off."""
+    """Return True if every drive has reported within ``most`` s that its torque is off."""
     return max(told.ages) <= most and _OFF.issuperset(told.powers)
 
 
 def silent_bus(joints: Sequence[Joint], ages: Sequence[float], most: float) -> str:
-    """Return the bus of which every drive has been silent for more than ``most`` s; empty without one."""
+    """Return a bus on which every drive has been silent for more than ``most`` s; empty without one."""
     buses = dict.fromkeys(joint.bus for joint in joints)
     for joint, age in zip(joints, ages, strict=True):
         if age <= most:
@@ -33,7 +33,7 @@ def silent_bus(joints: Sequence[Joint], ages: Sequence[float], most: float) -> s
 
 
 def failed(joints: Sequence[Joint], told: Joints) -> str:
-    """Return which drive has a fault, empty when none has."""
+    """Describe the first drive with a fault; empty if there is none."""
     if Power.FAULT not in told.powers:
         return ""
     number = told.powers.index(Power.FAULT)
@@ -41,7 +41,7 @@ def failed(joints: Sequence[Joint], told: Joints) -> str:
 
 
 def not_enabled(joints: Sequence[Joint], told: Joints) -> str:
-    """Return which drive is not enabled yet, and why; empty when all are."""
+    """Describe the first drive that is not enabled, with the reason; empty if all are."""
     if told.all_enabled:
         return ""
     number = next(number for number, power in enumerate(told.powers) if power is not Power.ENABLED)
@@ -50,7 +50,7 @@ def not_enabled(joints: Sequence[Joint], told: Joints) -> str:
 
 
 def silent_joint(joints: Sequence[Joint], ages: Sequence[float], most: float) -> str:
-    """Return the drive that has been silent for more than ``most`` s; empty without one."""
+    """Describe the first drive that has been silent for more than ``most`` s; empty without one."""
     for joint, age in zip(joints, ages, strict=True):
         if age > most:
             return f"{joint.name}: no feedback from id {joint.id} on bus {joint.bus}"

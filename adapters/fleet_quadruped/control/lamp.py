@@ -1,4 +1,4 @@
-"""The lamp of a dog: two frames, sent when the wish changes."""
+"""Lamp of a robot: two frames, sent when the requested state changes."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from fleet_quadruped.robot.parts import Switch
 
 
 class Lamp:
-    """A lamp that may not be there."""
+    """A lamp; without one in the description it does nothing."""
 
     def __init__(self, led: Switch | None, buses: Mapping[str, CanBus]) -> None:
         self._led = led
         self._buses = buses
         self._shown: bool | None = None
 
-    def show(self, lamp: bool | None) -> None:  # noqa: FBT001 - three values, as it crosses the process
-        """Turn the lamp on or off when that is new; None leaves it alone."""
+    def show(self, lamp: bool | None) -> None:  # noqa: FBT001 - three values, as in Order
+        """Turn the lamp on or off if the request is new; None leaves it unchanged."""
         led = self._led
         if led is None or lamp is None or lamp == self._shown:
             return

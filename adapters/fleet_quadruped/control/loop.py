@@ -1,4 +1,4 @@
-"""The loop at a fixed rate: absolute deadlines, no asyncio, no collector, real-time where permitted."""
+"""Fixed-rate loop: absolute deadlines, no asyncio, no garbage collector, real-time priority if permitted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import msgspec
 
 from fleet import CanBus, CanFrame, Clock, interpreter_settings
 from fleet_quadruped.can.capture import Capture
-from fleet_quadruped.can.relay import FrameSender
+from fleet_quadruped.can.relay import RelaySender
 from fleet_quadruped.control.orders import DogState, Order, Timing
 from fleet_quadruped.safety.stages import MEANT
 
@@ -22,38 +22,38 @@ log = logging.getLogger(__name__)
 
 PRIORITY = 40
 _GATHER = 0.6  # share of a cycle in which the drives may answer
-_LATE = 0.5  # share of a cycle after which one counts as an overrun
+_LATE = 0.5  # share of a cycle; a later start counts as an overrun
 _ALL_MEMORY = 3  # MCL_CURRENT | MCL_FUTURE
-_WAIT = 0.002  # s on one bus before the next is looked at
+_WAIT = 0.002  # s of waiting on one bus before the next
 
 
 class Controlled(Protocol):
-    """One cycle of a dog: one that moves its legs by our drives, or one that walks by itself."""
+    """Controller of a robot with our drives, or of a self-walking machine."""
 
     @property
     def clamped(self) -> int:
-        """How many targets the limits changed."""
+        """Number of targets changed by the limits."""
 
     @property
     def dt(self) -> float:
-        """Seconds of one cycle."""
+        """Control cycle in s."""
 
     @property
     def resting(self) -> bool:
-        """True when it may be left alone."""
+        """True when the process may end."""
 
     @property
     def oldest(self) -> float:
         """Age of the oldest feedback, s."""
 
     def begin(self, now: float) -> None:
-        """Ask for feedback."""
+        """Begin a cycle: request feedback."""
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
-        """Take a received frame."""
+        """Process a received frame."""
 
     def complete(self) -> bool:
-        """Return True when nothing more is waited for in this cycle."""
+        """Return True when all feedback of this cycle has arrived."""
 
     def finish(self, now: float, dt: float, order: Order) -> None:
         """Decide, and write."""
@@ -62,21 +62,21 @@ class Controlled(Protocol):
         """Return the newest state."""
 
     def abandon(self) -> None:
-        """Have what can still be reached give way: nobody follows."""
+        """Make the robot as safe as it can still be: this controller ends without a successor."""
 
 
 class Exchange(Protocol):
-    """Where orders come from and states go."""
+    """Source of orders and sink of states."""
 
     def order(self) -> Order:
         """Return the newest order."""
 
     def put(self, state: DogState) -> None:
-        """Make this the newest state."""
+        """Publish a new state."""
 
 
 def realtime() -> bool:
-    """Ask for a real-time priority and for memory that stays; return whether the priority was given."""
+    """Request a real-time priority and locked memory; return whether the priority was granted."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).mlockall(_ALL_MEMORY)
     try:
@@ -88,11 +88,11 @@ def realtime() -> bool:
 
 
 class Loop:
-    """Runs a controller on open buses until it is told to leave and the dog is off.
+    """Runs a controller on open buses until it is dismissed and the robot is off.
 
-    ``moved`` is called with the cycle's seconds after each cycle: a simulated dog in this process moves then.
-    ``capture`` writes down what was on the buses when a fault latches, ``relay`` passes it to a recorder.
-    ``owner`` is a descriptor whose end of file ends the loop. Bytes before it say that the end is meant;
+    ``moved`` is called with the cycle time (s) after each cycle, to advance a robot simulated in this
+    process. ``capture`` writes the frames before a latched fault to a file, ``relay`` passes all frames to a
+    recorder. ``owner`` is a descriptor whose end of file ends the loop. Bytes before it mean an orderly end;
     without any, the adapter's process has died.
     """
 
@@ -106,7 +106,7 @@ class Loop:
         owner: int | None = None,
         moved: Callable[[float], None] | None = None,
         capture: Capture | None = None,
-        relay: FrameSender | None = None,
+        relay: RelaySender | None = None,
     ) -> None:
         self._controller = controller
         self._buses = buses
@@ -119,25 +119,24 @@ class Loop:
         self._orphan = self._dismissed = False
         self._priority = False
         self._cycles = self._overruns = self._incomplete = 0
-        self._window = (0.0, 0, 0.0)  # since when, cycles, longest
+        self._window = (0.0, 0, 0.0)  # start (s), number of cycles, longest cycle (s)
         self._rate = self._worst = 0.0
 
     def run(self) -> None:
-        """Run; raises LinkLost when a bus dies."""
+        """Run the loop; raises LinkLost if a bus fails."""
         self._priority = realtime()
         with interpreter_settings(collect=False):
             try:
                 self._cycle_on()
-            except (
-                Exception
-            ) as error:  # with one bus dead, drives on another would go on to their last targets
+            except Exception as error:
+                # With one bus dead, the drives on another one would go on to their last targets.
                 self._controller.abandon()
                 if self._capture is not None and not self._controller.resting:
                     self._capture.look(str(error), resting=True)
                 raise
 
     def _cycle_on(self) -> None:
-        """Run cycles at absolute deadlines until the dog rests after it was told to leave."""
+        """Run cycles at absolute deadlines until the robot is at rest after its dismissal."""
         dt = self._controller.dt
         deadline = last = self._clock.monotonic()
         while True:
@@ -154,7 +153,7 @@ class Loop:
             self._pause(max(0.0, rest))
 
     def _cycle(self, now: float, dt: float) -> Order:
-        """Run one cycle and return the order that it obeyed."""
+        """Run one cycle and return the order that it followed."""
         controller = self._controller
         controller.begin(now)
         self._gather(now + _GATHER * controller.dt)
@@ -173,14 +172,14 @@ class Loop:
         return order
 
     def _captured(self, state: DogState) -> DogState:
-        """Return the state, with the file that its fault was written to."""
+        """Return the state, with the path of the capture file of its fault."""
         if self._capture is None or state.fault in MEANT:
             return state
         path = self._capture.look(state.fault, resting=self._controller.resting)
         return msgspec.structs.replace(state, capture=path) if path else state
 
     def _gather(self, until: float) -> None:
-        """Read all buses until every drive has answered, or it is too late."""
+        """Receive from all buses until every drive has answered, or the time is up."""
         controller = self._controller
         while True:
             for name, bus in self._buses.items():
@@ -191,7 +190,7 @@ class Loop:
                 return
 
     def _pause(self, seconds: float) -> None:
-        """Wait; the adapter may end this loop, or its process may die, meanwhile."""
+        """Wait for the next cycle; notice a dismissal, or the death of the adapter's process."""
         watched = [] if self._owner is None or self._orphan else [self._owner]
         ready, _, _ = select.select(watched, [], [], seconds)
         if not ready or self._owner is None:
@@ -200,11 +199,11 @@ class Loop:
             self._dismissed = True
             return
         if not self._dismissed:
-            log.warning("the process that gives orders is gone: the dog sits down")
+            log.warning("the process that sends orders is gone: the dog sits down")
         self._orphan = True
 
     def _count(self, now: float, took: float) -> None:
-        """Keep the figures of the last second."""
+        """Update the statistics of the last second."""
         self._cycles += 1
         since, cycles, worst = self._window
         self._window = (since or now, cycles + 1, max(worst, took))
@@ -214,7 +213,7 @@ class Loop:
             self._window = (now, 0, 0.0)
 
     def _timing(self) -> Timing:
-        """Return how well the cycles keep their time."""
+        """Return the timing statistics."""
         return Timing(
             realtime=self._priority,
             rate=self._rate,

@@ -1,4 +1,4 @@
-"""Confirmation that the torque is off: only the drives can say so."""
+"""Confirmation of torque-off by the drives' own feedback."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from fleet_quadruped.control.holding import all_off, holding
 from fleet_quadruped.drives.base import Joints
 from fleet_quadruped.robot.description import Joint
 
-_SEEN_OFF = 1.0  # s in which drives must say that their torque is off
+_SEEN_OFF = 1.0  # s within which the drives must report that their torque is off
 
 
 class OffWatch:
-    """Whether the drives of a dog that is to be off confirm it. ``stale``: s after which one is silent."""
+    """Tracks whether the drives of a robot that is off confirm it. ``stale``: s after which one is silent."""
 
     def __init__(self, joints: Sequence[Joint], stale: float) -> None:
         self._joints = joints
@@ -21,17 +21,17 @@ class OffWatch:
         self._off_for = 0.0  # s
 
     def look(self, told: Joints, dt: float, *, off: bool) -> None:
-        """Look at the drives in a cycle; ``off``: the dog is to be off."""
+        """Evaluate the feedback of a cycle; ``off``: the drives should be off."""
         self._confirmed = all_off(told, self._stale)
         self._off_for = self._off_for + dt if off else 0.0
 
     @property
     def over(self) -> bool:
-        """True when every drive has confirmed, or had time enough and did not: see ``still_on``."""
+        """True when every drive has confirmed, or the time for it is over: see ``still_on``."""
         return self._confirmed or self._off_for > _SEEN_OFF
 
     def still_on(self, told: Joints) -> str:
-        """Return which drive keeps its torque although the dog is off; empty when none does."""
+        """Describe the drive whose torque is still on although it should be off; empty if there is none."""
         if self._off_for <= _SEEN_OFF or self._confirmed:
             return ""
         held = holding(self._joints, told)

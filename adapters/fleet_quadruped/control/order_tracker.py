@@ -1,4 +1,4 @@
-"""Orders, each activity and each stop of which is carried out once."""
+"""Execution of orders: each activity and each stop exactly once."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ _POWERS = frozenset({BodyRequest.STAND, BodyRequest.RECOVER, BodyRequest.CHECK, 
 
 
 class OrderTracker:
-    """Carries orders out on a body. ``answered`` and ``stopped``: number of the last activity, and stop.
+    """Executes orders on a body. ``answered`` and ``stopped``: number of the last activity, and stop.
 
-    ``refusal``: why the last activity was refused, empty when it was taken.
+    ``refusal``: why the last activity was refused, empty if it was accepted.
     """
 
     def __init__(self, body: BodyStateMachine, abandoned: float) -> None:
         self.answered = self.stopped = 0
         self.refusal = ""
         self._body = body
-        self._abandoned = abandoned  # s of silence of the host after which the dog sits down
+        self._abandoned = abandoned  # s of silence of the host after which the robot sits down
         self._halts = 0
 
     def obey(self, order: Order, now: float, sense: Sense, unfit: Callable[[], str]) -> None:
-        """Take what is asked, then stops, which so have the last word, then the absence of whoever asks.
+        """Execute the activity, then halt and stop, which so take precedence, then sit down without a host.
 
-        ``unfit`` returns why the drives cannot be powered now; empty when they can.
+        ``unfit`` returns why the drives cannot be enabled now; empty if they can.
         """
         body, activity = self._body, order.activity
         if activity.number > self.answered:
@@ -48,14 +48,14 @@ class OrderTracker:
                 body.fault = body.fault or _STOP_TRIP.cause
         silent = now - order.alive
         if order.leave or silent > self._abandoned:
-            why = TOLD_TO_LEAVE if order.leave else f"nothing heard from its host for {silent:.0f} s"
+            why = TOLD_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s"
             body.trip(Trip(Stage.SIT, why))
 
     def _release(self, ask: BodyRequest) -> None:
-        """End an emergency stop, which the host has released, by a new command to get up; no other fault."""
+        """Clear the fault of an emergency stop, which the host has released, on a request to get up."""
         if ask in {BodyRequest.STAND, BodyRequest.RECOVER} and self._body.fault == EMERGENCY_STOP:
             self._body.fault = ""
 
     def _powers_up(self, ask: BodyRequest) -> bool:
-        """Return True for what needs the drives; with a fault the body has its own words for a refusal."""
+        """Return True if the request enables the drives; a latched fault is refused by the body itself."""
         return ask in _POWERS and self._body.mode is Mode.OFF and not self._body.fault

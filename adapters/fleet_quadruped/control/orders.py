@@ -1,4 +1,4 @@
-"""What crosses between the adapter and the body controller: the newest order in, the newest state out."""
+"""Messages between adapter and body controller: the newest order in, the newest state out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fleet_quadruped.body.requests import BodyRequest
 
 
 class Activity(msgspec.Struct, frozen=True):
-    """Something discrete that is asked; each has its own number, so that it is done once."""
+    """A discrete request; its number makes it execute exactly once."""
 
     number: int = 0
     ask: BodyRequest = BodyRequest.STAND
@@ -20,11 +20,11 @@ class Activity(msgspec.Struct, frozen=True):
 
 
 class Order(msgspec.Struct, frozen=True):
-    """The newest wish of the adapter. ``until`` is the monotonic time at which the velocity ends.
+    """Newest request of the adapter. ``until``: monotonic time (s) at which the velocity ends.
 
-    ``joints``: where each is led, rad, in the order of ``JOINTS``, None or left out where it is not; until
-    ``joints_until``. ``stop`` counts emergency stops, ``halts`` all stops: a higher number than before is
-    one. ``lamp``: None leaves it alone. ``frames``: somebody records what is on the buses.
+    ``joints``: targets, rad, in the order of ``JOINTS``, valid until ``joints_until``; None, or left out, for
+    joints without one. ``stop`` counts emergency stops, ``halts`` all stops: a higher number than before is a
+    new one. ``lamp``: None leaves it unchanged. ``frames``: a recorder wants the frames of the buses.
     """
 
     x: float = 0.0
@@ -32,7 +32,7 @@ class Order(msgspec.Struct, frozen=True):
     turn: float = 0.0
     gait: Literal["trot", "walk"] = "trot"
     until: float = 0.0
-    alive: float = 0.0  # monotonic time at which the adapter wrote this
+    alive: float = 0.0  # monotonic time of writing
     activity: Activity = Activity()
     joints: tuple[float | None, ...] = ()
     joints_until: float = 0.0
@@ -44,42 +44,42 @@ class Order(msgspec.Struct, frozen=True):
 
     @property
     def twist(self) -> Twist:
-        """The velocity."""
+        """Requested velocity."""
         return Twist(self.x, self.y, self.turn)
 
 
 class Timing(msgspec.Struct, frozen=True):
-    """Real-time quality since the start; times in seconds."""
+    """Timing statistics since the start; times in seconds."""
 
-    realtime: bool = False  # the scheduler gave us a real-time priority
+    realtime: bool = False  # the scheduler granted a real-time priority
     rate: float = 0.0  # cycles a second, over the last second
     cycles: int = 0
     overruns: int = 0  # cycles that began late by more than half a cycle
     incomplete: int = 0  # cycles in which a drive did not answer in time
     worst: float = 0.0  # longest cycle (read, body, write) of the last second
-    age: float = 0.0  # oldest feedback of any joint
-    clamped: int = 0  # targets that the limits changed
+    age: float = 0.0  # age of the oldest joint feedback
+    clamped: int = 0  # targets changed by the limits
     dropped: int = 0  # frames that could not be sent
 
 
 class DogState(msgspec.Struct, frozen=True):
-    """The newest state of the dog. Angles in the order of ``JOINTS``; ``stamp`` is monotonic.
+    """Newest state of the robot. Angles in the order of ``JOINTS``; ``stamp`` is monotonic.
 
-    ``measured``, ``posed`` and ``felt`` are the monotonic times at which each joint, the oldest of what the
-    pose is made of, and the IMU were measured; -inf before the first time.
+    ``measured``, ``posed`` and ``felt`` are the monotonic times of measurement of each joint, of the oldest
+    part of the pose, and of the IMU; -inf before the first measurement.
     """
 
     stamp: float = 0.0
     mode: str = "off"
     fault: str = ""
     warning: str = ""
-    answered: int = 0  # number of the last errand
-    refusal: str = ""  # why it was refused, empty when it was taken
-    stopped: int = 0  # number of the last emergency stop that was obeyed
+    answered: int = 0  # number of the last activity
+    refusal: str = ""  # reason of its refusal, empty if it was accepted
+    stopped: int = 0  # number of the last executed emergency stop
     measured: tuple[float, ...] = ()
     posed: float = -math.inf
     felt: float = -math.inf
-    posture: tuple[float, ...] = ()  # near which its joints are led, rad; empty when they are not
+    posture: tuple[float, ...] = ()  # rad: reference of joint moves; empty outside joint mode
     angles: tuple[float, ...] = ()
     speeds: tuple[float, ...] = ()
     torques: tuple[float, ...] = ()
@@ -95,4 +95,4 @@ class DogState(msgspec.Struct, frozen=True):
     battery_age: float | None = None
     loads: dict[str, float] = {}
     timing: Timing = Timing()
-    capture: str = ""  # the file with what was on the buses before the fault
+    capture: str = ""  # path of the capture file of the fault

@@ -1,4 +1,4 @@
-"""What a body-controller process is started with."""
+"""Start parameters of the body controller process."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import msgspec
 
 
 class ControlPlan(msgspec.Struct, frozen=True):
-    """The dog, its buses by name (URLs) or its simulated world, and the shared memory's descriptors.
+    """Description file, buses by name (URLs) or simulated world, and descriptors of the shared memory.
 
-    ``relay`` is the descriptor by which frames go to a recorder. ``captures`` is the folder for what was on
-    the buses before a fault.
+    ``relay``: descriptor for frames to a recorder. ``captures``: folder for the frames before faults.
     """
 
     body: str
@@ -22,8 +21,8 @@ class ControlPlan(msgspec.Struct, frozen=True):
     relay: int
 
 
-class Word(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What the process says on its standard output, a line each: it is ready, or why it ends."""
+class StatusMessage(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Message of the process on standard output, one line each: ready, or the reason of its end."""
 
     ready: bool = False
     lost: str = ""

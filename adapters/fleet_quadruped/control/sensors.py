@@ -1,4 +1,4 @@
-"""The sensors that are not in the joints: IMU and battery, from CAN frames by map."""
+"""Sensors besides the drives: IMU and battery, from mapped CAN frames."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _POSSIBLE = dict.fromkeys(EULER, 7.0) | {
     "gy": 100.0,
     "gz": 100.0,
 }
-"""What an IMU can say at most, rad/s for its rates; one number beyond would be in the odometry for ever."""
+"""Largest plausible values (rad/s for rates): an implausible one would stay in the odometry for ever."""
 
 
-class Values:
-    """The newest values of one sensor, by name; a value that is told to be invalid is not known any more.
+class SensorValues:
+    """Newest values of one sensor, by name; a value marked invalid is dropped.
 
-    ``whole``: a frame with an invalid value, or with one that no IMU can say, does not count at all.
+    ``whole``: a frame with an invalid or implausible value is ignored entirely.
     """
 
     def __init__(self, sensor: Sensor, *, whole: bool = False) -> None:
@@ -45,7 +45,7 @@ class Values:
         self.values: dict[str, float] = {}
 
     def take(self, frame: CanFrame, now: float) -> None:
-        """Take one of ``frames`` (bus, id) that was received at ``now``."""
+        """Process one of ``frames`` (bus, id), received at ``now``."""
         found = self._decoder.decode(frame.id, frame.data)
         if not found or not self._is_possible(frame.id, found):
             return
@@ -58,29 +58,29 @@ class Values:
         self._times[frame.id] = now
 
     def _is_possible(self, identifier: int, found: dict[str, float]) -> bool:
-        """Return False for a frame in which a value is beyond what there is."""
+        """Return False for a frame with an implausible value."""
         doubtful = self._doubtful.get(identifier)
         return not doubtful or all(abs(found.get(name, 0.0)) <= _POSSIBLE[name] for name in doubtful)
 
     def age(self, now: float) -> float:
-        """Return the age of the oldest frame; infinite while one has never come."""
+        """Return the age of the oldest frame; infinite until all have arrived."""
         if len(self._times) < len(self.frames):
             return math.inf
         return now - min(self._times.values())
 
 
 class BodySensors:
-    """IMU and battery of a dog, where it has them. ``imu``: what it says while that is fresh.
+    """IMU and battery of a robot, if it has them. ``imu``: its measurement while it is fresh.
 
-    ``imu_age``: s; 0 without an IMU. ``battery``: the newest values by name.
+    ``imu_age``: s; 0 without an IMU. ``battery``: newest values by name.
     """
 
     def __init__(self, dog: DogDescription) -> None:
         self.imu: Imu | None = None
         self.imu_age = 0.0
-        self._imu = Values(dog.imu, whole=True) if dog.imu else None
+        self._imu = SensorValues(dog.imu, whole=True) if dog.imu else None
         self._imu_timeout = dog.imu.timeout if dog.imu else 0.0
-        self._battery = Values(dog.battery) if dog.battery else None
+        self._battery = SensorValues(dog.battery) if dog.battery else None
         self._described = dog.battery
         self._by_frame = {
             place: sensor
@@ -90,39 +90,39 @@ class BodySensors:
         }
 
     def take(self, bus: str, frame: CanFrame, now: float) -> bool:
-        """Take a received frame; False for one that is of no sensor."""
+        """Process a received frame; False if it is not from a sensor."""
         sensor = self._by_frame.get((bus, frame.id))
         if sensor is not None:
             sensor.take(frame, now)
         return sensor is not None
 
     def look(self, now: float) -> None:
-        """Look at the IMU in a cycle."""
+        """Evaluate the IMU in a cycle."""
         if self._imu is not None:
             self.imu_age = self._imu.age(now)
             self.imu = imu_of(self._imu.values) if self.imu_age <= self._imu_timeout else None
 
     @property
     def battery(self) -> dict[str, float]:
-        """What the battery said last, by name."""
+        """Last values of the battery, by name."""
         return self._battery.values if self._battery else {}
 
     def battery_age(self, now: float) -> float | None:
-        """Return the age of what the battery said, s; None while it has said nothing."""
+        """Return the age of the battery's values, s; None before the first."""
         return self._battery.age(now) if self._battery and self._battery.values else None
 
     def fresh_battery(self, now: float) -> dict[str, float]:
-        """Return what the battery says; a battery that is silent tells nothing."""
+        """Return the battery's values; empty while it is silent."""
         told, described = self._battery, self._described
         return told.values if told and described and told.age(now) < described.timeout else {}
 
     def battery_warning(self, now: float, begun: float) -> str:
-        """Return what a person should know of the battery; ``begun``: when we began to listen."""
+        """Return the battery warning for the operator, or ""; ``begun``: monotonic time (s) of the start."""
         told, described = self._battery, self._described
         if told is None or described is None:
             return ""
         if min(told.age(now), now - begun) > described.timeout:
-            return f"battery: silent on bus {described.bus}; nobody sees it run empty: check its frames"
+            return f"battery: silent on bus {described.bus}; it may run empty unnoticed: check its frames"
         percent = told.values.get("percent")
         if percent is not None and percent <= described.warn:
             return f"battery at {percent:.0f} %"
@@ -130,9 +130,9 @@ class BodySensors:
 
 
 def imu_of(values: dict[str, float]) -> Imu | None:
-    """Return the IMU from its values; None when one is missing or the rotation is none.
+    """Return the IMU measurement from its values; None if one is missing or the quaternion is invalid.
 
-    Its attitude is a quaternion, or roll, pitch and yaw (rad, about x, then y, then z of the body).
+    The attitude is a quaternion, or roll, pitch and yaw (rad, about x, then y, then z of the body).
     """
     try:
         if "qw" not in values:

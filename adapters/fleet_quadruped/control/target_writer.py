@@ -1,8 +1,8 @@
-"""What the body wants, written to the drives within the limits."""
+"""Output of the body, written to the drives within the limits."""
 
 from __future__ import annotations
 
-from fleet_quadruped.body.machine import Wanted, Wish
+from fleet_quadruped.body.machine import BodyOutput, DriveAction
 from fleet_quadruped.body.measured import ZEROS, Targets
 from fleet_quadruped.drives.base import JointDrive, Joints
 from fleet_quadruped.robot.description import DogDescription
@@ -11,9 +11,9 @@ from fleet_quadruped.safety.limits import JointLimits
 
 
 class TargetWriter:
-    """Writes to the drives of a dog.
+    """Writes targets to the drives.
 
-    ``last``: the angles that were written last, rad. ``clamped``: how many targets the limits changed.
+    ``last``: the last written angles, rad. ``clamped``: number of targets changed by the limits.
     """
 
     def __init__(self, dog: DogDescription, drives: JointDrive) -> None:
@@ -24,22 +24,22 @@ class TargetWriter:
         self._stale = dog.safety.stale_cycles * dog.dt
         self._limits = JointLimits(dog.all_joints, dog.safety)
 
-    def write(self, wanted: Wanted, joints: Joints, dt: float) -> None:
-        """Do what the body wants of the drives."""
-        match wanted.wish:
-            case Wish.HOLD:
+    def write(self, wanted: BodyOutput, joints: Joints, dt: float) -> None:
+        """Write the output of one cycle to the drives."""
+        match wanted.action:
+            case DriveAction.HOLD:
                 self._drives.write(self._limited(wanted.targets, joints.angles, dt))
                 return
-            case Wish.LOWER:
+            case DriveAction.LOWER:
                 self._drives.lower(self._limited(wanted.targets, self._known(joints), dt), self._kd)
                 return
-            case Wish.ENABLE:
+            case DriveAction.ENABLE:
                 self._drives.enable()
-            case Wish.DAMP:
+            case DriveAction.DAMP:
                 self._drives.damp(self._kd)
-            case Wish.RESET:
+            case DriveAction.RESET:
                 self._drives.reset_fault()
-            case Wish.REST:
+            case DriveAction.REST:
                 self._drives.disable()
         self.last = joints.angles
 
@@ -51,6 +51,6 @@ class TargetWriter:
         return safe.targets
 
     def _known(self, joints: Joints) -> Twelve:
-        """Return where the joints are; one that is silent counts as where it was sent."""
+        """Return the joint angles; a silent joint counts as being at its last target."""
         told = zip(joints.angles, joints.ages, self.last, strict=True)
         return tuple([last if age > self._stale else angle for angle, age, last in told])

@@ -1,6 +1,6 @@
-"""Joint drives: one interface over the protocols that they speak. A protocol is an entry point of a package.
+"""Joint drives: one interface over their protocols. A protocol is an entry point of a package.
 
-Group ``fleet.quadruped_drives``: its name, as ``drive.protocol`` has it, and a class like ``Kind``.
+Group ``fleet.quadruped_drives``: the name in ``drive.protocol``, and a class like ``Kind``.
 Group ``fleet.quadruped_simulated_drives``: the same name, and a class like ``sim.drive.AnyDrive``.
 """
 
@@ -19,11 +19,11 @@ from fleet_quadruped.robot.parts import Bus, Drive
 DRIVES = "fleet.quadruped_drives"
 SIMULATED_DRIVES = "fleet.quadruped_simulated_drives"
 _ASKED = ("problems", "load", "shared", "identifiers", "farthest")
-"""What is asked of the class before there is a bus."""
+"""Static methods of the class, needed before a bus is open."""
 
 
 class Kind(Protocol):
-    """A class of drives."""
+    """A class of drives for one protocol."""
 
     def __call__(
         self, dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint], /
@@ -31,37 +31,37 @@ class Kind(Protocol):
         """Return the drives of these joints."""
 
     def problems(self, dog: DogDescription, /) -> list[str]:
-        """Return what in a description these drives cannot do; everything, each with its place."""
+        """Return all settings in a description that these drives do not support, each with its place."""
 
     def load(self, drive: Drive, joints: int, bus: Bus, /) -> float:
-        """Return the share of a bus that so many joints take."""
+        """Return the load of a bus with this number of joints, as a share."""
 
     def shared(self, dog: DogDescription, /) -> tuple[int, ...]:
-        """Return the frames that are for all drives."""
+        """Return the identifiers shared by all drives."""
 
     def identifiers(self, drive: Drive, joint: Joint, /) -> tuple[int, ...]:
-        """Return the frames that one drive says and hears."""
+        """Return the identifiers that one drive sends and receives."""
 
     def farthest(self, joint: Joint, drive: Drive, /) -> float:
-        """Return the greatest angle that its frames can say, rad of the motor."""
+        """Return the largest angle that its frames can represent, rad of the motor."""
 
 
 @functools.cache
 def drive_kind(protocol: str) -> Kind:
-    """Return the drives that speak a protocol; raises ConfigError with those there are."""
+    """Return the drives for a protocol; raises ConfigError with the known protocols."""
     kind = load_entry(DRIVES, protocol)
     missing = [name for name in _ASKED if not callable(getattr(kind, name, None))]
     if missing or not callable(kind):
-        raise ConfigError(f"{protocol!r} is no class of joint drives: it has no {', '.join(missing)}")
+        raise ConfigError(f"{protocol!r} is not a class of joint drives: it has no {', '.join(missing)}")
     return cast("Kind", kind)
 
 
 def load_entry(group: str, name: str) -> Any:
-    """Return what packages have under a name; raises ConfigError for none, two, and one that fails."""
+    """Return the object of an entry point; raises ConfigError if it is missing, ambiguous or broken."""
     points = entry_points(group=group)
     found = points.select(name=name)
     if not found:
-        known = ", ".join(sorted(points.names)) or "none; install zenoh-fleet anew"
+        known = ", ".join(sorted(points.names)) or "none; reinstall zenoh-fleet"
         raise ConfigError(f"there is no {name!r}; there are {known}")
     if len({point.value for point in found}) > 1:
         places = ", ".join(sorted(point.value for point in found))
@@ -76,5 +76,5 @@ def load_entry(group: str, name: str) -> Any:
 def drives_of(
     dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint] | None = None
 ) -> JointDrive:
-    """Return the drives of a dog, or of some of its joints, not yet configured."""
+    """Return the drives of a robot, or of some of its joints, not configured yet."""
     return drive_kind(dog.drive.protocol)(dog, buses, dog.all_joints if joints is None else joints)

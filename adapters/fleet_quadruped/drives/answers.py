@@ -1,14 +1,14 @@
-"""What one drive has answered in a cycle, and whether there are two drives with its id."""
+"""Answers of one drive in a cycle, and detection of two drives with the same id."""
 
 from __future__ import annotations
 
-_CERTAIN = 5  # cycles in a row with two answers: late and repeated frames do not do that
+_CERTAIN = 5  # consecutive cycles with two answers: late and repeated frames cannot explain them
 
 
 class Answers:
-    """The answers to one id. Two that differ, cycle after cycle, come from two drives.
+    """Answers from one id. Two different answers in cycle after cycle come from two drives.
 
-    ``doubled``: it is certain that two drives have this id; for good.
+    ``doubled``: two drives certainly share this id; never reset.
     """
 
     __slots__ = ("_cycles", "_data", "_differ", "complete", "doubled")
@@ -26,7 +26,7 @@ class Answers:
         self.complete = self._differ = False
 
     def take(self, data: bytes) -> None:
-        """Take an answer."""
+        """Process an answer."""
         if self.complete and data != self._data:
             self._differ = True
         self.complete, self._data = True, data

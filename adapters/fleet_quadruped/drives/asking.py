@@ -1,4 +1,4 @@
-"""Asking drives while they are set up: again for those that do not answer, and no longer than needed."""
+"""Requests to drives during configuration: repeated without an answer, and no longer than needed."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from typing import Protocol, TypeVar
 from fleet import CanBus, CanFrame, LinkLost
 from fleet_quadruped.robot.description import Joint
 
-_TRIES, _LISTENS, _WAIT = 5, 20, 0.02  # rounds of questions, looks for answers in each, s of a look
+_TRIES, _LISTENS, _WAIT = 5, 20, 0.02  # rounds of requests, receptions per round, s per reception
 
 
-class Asked(Protocol):
-    """One drive that can be asked."""
+class Requestable(Protocol):
+    """A drive that answers requests."""
 
     @property
     def joint(self) -> Joint:
-        """The joint it moves."""
+        """Joint of the drive."""
 
     @property
     def bus(self) -> CanBus:
-        """The bus it is on."""
+        """Bus of the drive."""
 
 
-AskedT = TypeVar("AskedT", bound=Asked)
+RequestableT = TypeVar("RequestableT", bound=Requestable)
 
 
 class Requester:
-    """Asks drives on the buses by their names; ``take`` is called with each frame that arrives meanwhile."""
+    """Sends requests to drives; ``take`` is called with each frame received in the meantime."""
 
     def __init__(self, buses: Mapping[str, CanBus], take: Callable[[str, CanFrame, float], None]) -> None:
         self._buses = buses
@@ -35,11 +35,11 @@ class Requester:
 
     def ask(
         self,
-        drives: Sequence[AskedT],
-        question: Callable[[AskedT], CanFrame],
-        answered: Callable[[AskedT], bool],
+        drives: Sequence[RequestableT],
+        question: Callable[[RequestableT], CanFrame],
+        answered: Callable[[RequestableT], bool],
     ) -> None:
-        """Ask every drive until it has answered; raises LinkLost naming the first that does not."""
+        """Send requests to the drives until each has answered; raises LinkLost with the first silent one."""
         for _ in range(_TRIES):
             for drive in drives:
                 if not answered(drive):
@@ -55,7 +55,7 @@ class Requester:
                 )
 
     def _listen(self) -> bool:
-        """Take what arrives; return False when all buses are quiet. Others may speak all the time."""
+        """Process received frames; return False when all buses are quiet. Other nodes may never be."""
         heard = False
         for name, bus in self._buses.items():
             for frame in bus.receive(_WAIT):

@@ -1,6 +1,6 @@
-"""What the body controller asks of twelve joint drives, whatever their protocol.
+"""Interface of the body controller to the joint drives, independent of their protocol.
 
-Adding a protocol is one module with a class like this and an entry point; see ``fleet_quadruped.drives``.
+A new protocol is one module with a class like this and an entry point; see ``fleet_quadruped.drives``.
 """
 
 from __future__ import annotations
@@ -17,30 +17,29 @@ from fleet_quadruped.robot.description import Joint
 
 
 class Power(enum.StrEnum):
-    """What a drive says of itself."""
+    """State of a drive, as reported."""
 
     ABSENT = "absent"  # never heard
     DISABLED = "disabled"  # no torque
-    STARTING = "starting"  # on the way to enabled
-    ENABLED = "enabled"  # obeys targets
-    STOPPING = "stopping"  # brakes, holds or damps, obeys no targets
+    STARTING = "starting"  # on its way to enabled
+    ENABLED = "enabled"  # follows targets
+    STOPPING = "stopping"  # brakes, holds or damps, ignores targets
     FAULT = "fault"
 
 
 HOLDING = frozenset({Power.ENABLED, Power.STOPPING})
-"""What a drive says whose joint may carry the dog: taking the torque off would drop it."""
+"""States in which a drive may carry the robot: taking the torque off would drop it."""
 
 
 NEVER = -math.inf
-"""When a drive was heard that was not heard yet (monotonic s): ages of it are infinite."""
+"""Time stamp (monotonic s) of a drive that has never answered: its age is infinite."""
 
 
 class JointFeedback(NamedTuple):
-    """One joint as its drive last told: rad, rad/s, N m of the joint; ``age`` in seconds.
+    """Last feedback of one joint: rad, rad/s, N m of the joint; ``age`` in seconds.
 
-    ``fault`` names the object and what it says, empty without a fault. Temperature in degrees C.
-    ``voltage``: V on the drive's own supply, where it tells it.
-    ``restarted``: the drive has forgotten how it was configured.
+    ``fault`` names the object and its content, empty without a fault. Temperature in degrees C. ``voltage``:
+    V of the drive's supply, if it reports it. ``restarted``: the drive has lost its configuration.
     """
 
     angle: float = 0.0
@@ -55,7 +54,7 @@ class JointFeedback(NamedTuple):
 
 
 class Joints(NamedTuple):
-    """What all joints of a dog tell, value by value; see ``JointFeedback``."""
+    """Feedback of all joints, value by value; see ``JointFeedback``."""
 
     angles: tuple[float, ...]
     speeds: tuple[float, ...]
@@ -69,80 +68,81 @@ class Joints(NamedTuple):
 
     @classmethod
     def of(cls, told: Sequence[JointFeedback]) -> Joints:
-        """Return what these joints tell."""
+        """Return the feedback of these joints."""
         return cls(*zip(*told, strict=True))
 
     @property
     def all_enabled(self) -> bool:
-        """True when all obey targets."""
+        """True if all drives follow targets."""
         return self.powers.count(Power.ENABLED) == len(self.powers)
 
     def each(self) -> tuple[JointFeedback, ...]:
-        """Return the same joint by joint."""
+        """Return the feedback joint by joint."""
         return tuple(map(JointFeedback._make, zip(*self, strict=True)))
 
 
 class JointDrive(Protocol):
-    """Drives of one dog, mostly all twelve, on one or more buses.
+    """Drives of one robot, usually all twelve, on one or more buses.
 
-    What their class is asked before there is a bus is in ``fleet_quadruped.drives.Kind``. No method blocks
-    but ``configure`` and ``limit_torque``, and neither takes the torque off drives that hold a dog.
-    ``enable``, ``lower``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are
-    called in each cycle until ``feedback`` says that all drives did it.
+    The static methods of the class are in ``fleet_quadruped.drives.Kind``. Only ``configure`` and
+    ``limit_torque`` block, and neither takes the torque off drives that hold a robot. ``enable``, ``lower``,
+    ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are called in each cycle until
+    ``feedback`` shows that all drives did it.
     """
 
     @property
     def addresses(self) -> frozenset[Address]:
-        """The frames that tell these drives where to go; only one controller may send them."""
+        """Identifiers of the frames with targets for these drives; only one controller may send them."""
 
     def configure(self) -> None:
-        """Bring every drive into the state that the description wants and verify it by reading back.
+        """Bring every drive into the state of the description, and verify it by reading back.
 
-        May be repeated. Raises LinkLost for a drive that does not answer, LinkRefused naming joint, object,
-        wanted and actual for one that is wrong.
+        May be repeated. Raises LinkLost for a drive that does not answer, LinkRefused with joint, object,
+        expected and actual value for a wrong one.
         """
 
     def limit_torque(self, torque: float | None) -> None:
-        """Let no joint push harder than this (N m of the joint); None: as before. While the drives are off.
+        """Limit the torque of every joint (N m of the joint); None: as before. For drives that are off.
 
-        Raises LinkRefused for a drive that cannot be limited.
+        Raises LinkRefused for a drive without such a limit.
         """
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
-        """Take a frame that was received at ``now`` (monotonic s); frames of others are ignored."""
+        """Process a frame received at ``now`` (monotonic s); frames of others are ignored."""
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
-        """Return which joint a frame of ours sends where (rad); None for any other frame."""
+        """Return joint and target (rad) of a frame that we sent; None for a frame without a target."""
 
     def begin_cycle(self, now: float) -> None:
-        """Begin a cycle: ask for feedback (SYNC) and keep the drives' watchdogs fed."""
+        """Begin a cycle: request feedback (SYNC) and feed the drives' watchdogs."""
 
     def complete(self) -> bool:
-        """Return True when all drives have answered since ``begin_cycle``."""
+        """Return True once all drives have answered since ``begin_cycle``."""
 
     def feedback(self, now: float) -> Joints:
-        """Return what is known of the joints."""
+        """Return the last feedback of the joints."""
 
     def enable(self) -> None:
-        """Go one step towards enabled, at the measured place, without force."""
+        """Take one step towards enabled, at the measured position, without force."""
 
     def write(self, targets: Targets) -> None:
         """Send targets to all drives."""
 
     def braking(self) -> str:
-        """Return which joint is stopped by its drive's own means, and obeys no targets; empty without one."""
+        """Return a joint stopped by its drive's own means, which ignores targets; empty without one."""
 
     def probe(self, kd: float) -> bool:
-        """Make drives speak that only answer; what holds a dog goes on, or gives way slowly (N m s/rad).
+        """Make drives report that only answer commands, without dropping a robot that they hold.
 
-        Returns True for drives that give way by it.
+        A drive that holds the robot goes on, or damps it down slowly (N m s/rad). Returns True for drives
+        that damp.
         """
 
     def lower(self, targets: Targets, kd: float) -> None:
-        """Let the dog down: all joints give way slowly (N m s/rad), or go to the targets if they cannot."""
+        """Lower the robot: damp all joints (N m s/rad), or follow the targets if the drives cannot damp."""
 
     def damp(self, kd: float) -> None:
-        """Let all joints give way slowly (N m s/rad), or brake and hold them if they cannot."""
+        """Damp all joints (N m s/rad); drives that cannot damp brake and hold."""
 
     def quick_stop(self) -> None:
         """Brake all joints by the drives' own means."""
@@ -151,4 +151,4 @@ class JointDrive(Protocol):
         """Take the torque off."""
 
     def reset_fault(self) -> None:
-        """Acknowledge faults; only when a person asked."""
+        """Acknowledge faults; only at the request of a person."""

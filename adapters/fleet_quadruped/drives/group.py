@@ -1,4 +1,4 @@
-"""What the drives of every protocol have in common: one drive as last heard, and all drives of a dog."""
+"""Shared part of all protocols: the last feedback of one drive, and all drives of a robot."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from fleet_quadruped.robot.description import DogDescription, Joint
 
 
 @dataclass(slots=True)
-class HeardDrive(ABC):
-    """One drive as it was last heard: rad, rad/s, N m of the joint; degrees C; V; times in monotonic seconds.
+class ReportingDrive(ABC):
+    """Last feedback of one drive: rad, rad/s, N m of the joint; degrees C; V; times in monotonic s.
 
-    ``restarted``: it has forgotten how it was configured, and is not trusted until it is configured again.
+    ``restarted``: it has lost its configuration, and is in fault until it is configured again.
     """
 
     joint: Joint
@@ -28,53 +28,55 @@ class HeardDrive(ABC):
     torque: float = 0.0
     temperature: float | None = None
     voltage: float | None = None
-    told_at: float = NEVER
+    reported_at: float = NEVER
     answers: Answers = field(default_factory=Answers)
     restarted: bool = False
 
     @abstractmethod
     def power(self, now: float) -> tuple[Power, str]:
-        """Return what the drive is doing, and its fault; empty without one."""
+        """Return the state of the drive, and its fault; empty without one."""
 
     @property
     def two_with_its_id(self) -> str:
-        """The fault of two drives that have one id."""
+        """Fault text for two drives with the same id."""
         return f"two drives answer as id {self.joint.id} on bus {self.joint.bus}: give each its own"
 
 
-HeardT = TypeVar("HeardT", bound=HeardDrive)
-_VALUES = attrgetter("angle", "speed", "torque", "told_at", "temperature", "voltage", "restarted")
+ReportingT = TypeVar("ReportingT", bound=ReportingDrive)
+_VALUES = attrgetter("angle", "speed", "torque", "reported_at", "temperature", "voltage", "restarted")
 
 
-class DriveGroup(Generic[HeardT]):
-    """Drives of one dog, on the buses by their names; a protocol adds the rest of ``JointDrive``."""
+class DriveGroup(Generic[ReportingT]):
+    """Drives of one robot; ``buses`` by name. A protocol adds the rest of ``JointDrive``."""
 
-    def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], drives: Sequence[HeardT]) -> None:
+    def __init__(
+        self, dog: DogDescription, buses: Mapping[str, CanBus], drives: Sequence[ReportingT]
+    ) -> None:
         self._dog = dog
         self._buses = buses
         self._drives = drives
 
     @staticmethod
-    def problems(dog: DogDescription) -> list[str]:  # noqa: ARG004 - each key is checked by itself already
-        """Return that nothing is wrong."""
+    def problems(dog: DogDescription) -> list[str]:  # noqa: ARG004 - pydantic checks each key
+        """Return no problems."""
         return []
 
     @staticmethod
     def shared(dog: DogDescription) -> tuple[int, ...]:  # noqa: ARG004 - some protocols need it
-        """Return none: each drive has its own identifiers."""
+        """Return no identifiers: each drive has its own."""
         return ()
 
-    def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - every cycle is alike
-        """Begin a cycle; the commands of the last one were its questions."""
+    def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - not needed here
+        """Begin a cycle; the last cycle's commands already requested feedback."""
         for drive in self._drives:
             drive.answers.begin()
 
     def complete(self) -> bool:
-        """Return True when each drive has answered."""
+        """Return True once each drive has answered."""
         return all(drive.answers.complete for drive in self._drives)
 
     def feedback(self, now: float) -> Joints:
-        """Return what is known of the joints."""
+        """Return the last feedback of the joints."""
         angles, speeds, torques, told, temperatures, voltages, restarted = zip(
             *map(_VALUES, self._drives), strict=True
         )

@@ -1,4 +1,4 @@
-"""Between a joint and a motor that counts its own angle in rad: sign, offset and ratio."""
+"""Conversion between a joint and a motor that reports its own angle in rad: sign, offset and ratio."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from fleet_quadruped.robot.description import Joint
 
 
 class Units:
-    """Between a joint and its motor."""
+    """Conversion between a joint and its motor."""
 
     __slots__ = ("_ratio", "_zero")
 
@@ -16,18 +16,18 @@ class Units:
         self._ratio = joint.sign * ratio
 
     def motor(self, angle: float, speed: float, torque: float) -> tuple[float, float, float]:
-        """Return angle, speed and torque of the motor for those of its joint."""
+        """Return angle, speed and torque of the motor from those of its joint."""
         ratio = self._ratio
         return ratio * angle + self._zero, ratio * speed, torque / ratio
 
     def joint(self, angle: float, speed: float, torque: float) -> tuple[float, float, float]:
-        """Return angle, speed and torque of the joint for those of its motor."""
+        """Return angle, speed and torque of the joint from those of its motor."""
         ratio = self._ratio
         return (angle - self._zero) / ratio, speed / ratio, torque * ratio
 
 
 def near(joint: Joint, here: float, target: float, most: float | None) -> float:
-    """Return a target (rad) that pushes no harder than ``most`` (N m) by the joint's stiffness."""
+    """Return the target (rad) moved so close that the joint's stiffness exerts at most ``most`` N m."""
     if most is None or joint.kind.kp == 0:
         return target
     reach = most / joint.kind.kp

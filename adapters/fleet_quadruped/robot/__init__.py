@@ -1,1 +1,1 @@
-"""What a dog is made of: its description in YAML, checked when it is read."""
+"""Description of a quadruped: a YAML file, validated when it is read."""

@@ -1,4 +1,4 @@
-"""How full a CAN bus is, from its frames: worst-case bit stuffing, frame spacing included."""
+"""Load of a CAN bus, computed from its frames: worst-case bit stuffing and interframe spacing included."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from collections.abc import Mapping
 from fleet import STANDARD_ID
 from fleet_quadruped.robot.parts import Battery, Bus, Drive, Sensor
 
-HIGHEST = 0.6  # share of a bus beyond which frames come late
-SLOW_EVERY = 10  # cycles between two frames with velocity and voltage (TPDO2)
+HIGHEST = 0.6  # share of a bus; beyond it, frames are late
+SLOW_EVERY = 10  # control cycles per frame with velocity and voltage (TPDO2)
 _BATTERY_HZ = 1.0
 
 
 def frame_bits(length: int, *, extended: bool = False) -> int:
-    """Return the most bits that a data frame of ``length`` bytes takes on the wire."""
+    """Return the largest number of bits of a data frame with ``length`` bytes on the wire."""
     header = 54 if extended else 34
     stuffed = header + 8 * length
     return stuffed + (stuffed - 1) // 4 + 13
 
 
 def fd_frame_seconds(length: int, bus: Bus) -> float:
-    """Return the longest time (s) that an extended frame of CAN FD takes on a bus.
+    """Return the longest time (s) of an extended CAN FD frame on a bus.
 
-    ISO 11898-1: at the bit rate of the bus the identifier and the end (48 bits), at that of the data the
-    length, the data, and a checksum of 17 bits, or 21 beyond 16 bytes, each with its fixed stuffing.
+    ISO 11898-1: identifier and end of frame (48 bits) are sent at the nominal bit rate; length, data and a
+    checksum of 17 bits (21 beyond 16 bytes) at the data bit rate, each with its fixed stuff bits.
     """
     check = (17 if length <= 16 else 21) + 4
     data = 5 + 8 * length + check
@@ -35,8 +35,8 @@ def fd_frame_seconds(length: int, bus: Bus) -> float:
 def bus_loads(
     drive: Drive, joints: Counter[str], sensors: list[Sensor], buses: Mapping[str, Bus]
 ) -> dict[str, float]:
-    """Return each bus's load as a share; ``joints`` counts the drives on each bus."""
-    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - they know the description
+    """Return the load of each bus as a share; ``joints``: number of drives on each bus."""
+    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - import cycle
 
     load = drive_kind(drive.protocol).load
     loads = {name: load(drive, joints[name], bus) if joints[name] else 0.0 for name, bus in buses.items()}

@@ -1,4 +1,4 @@
-"""A dog's description: the YAML file as a checked value."""
+"""Description of a quadruped: the YAML file as a validated value."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ EXAMPLE = Path(__file__).parents[1] / "robots" / "example.yaml"
 
 
 class Joint(NamedTuple):
-    """One joint with its drive, as the control loop uses it."""
+    """One joint with its drive, in the form that the control loop uses."""
 
     name: str
     bus: str
@@ -58,16 +58,16 @@ class Joint(NamedTuple):
     kind: Actuator
 
     def motor(self, angle: float) -> float:
-        """Return the motor's angle for an angle of the joint, rad."""
+        """Return the motor angle for a joint angle, rad."""
         return (self.sign * angle + self.offset) * self.kind.ratio
 
     def angle(self, motor: float) -> float:
-        """Return the joint's angle for an angle of the motor, rad."""
+        """Return the joint angle for a motor angle, rad."""
         return self.sign * (motor / self.kind.ratio - self.offset)
 
 
 class DogDescription(Section):
-    """Everything that is known of one dog."""
+    """Complete description of one quadruped."""
 
     robot: Machine
     geometry: Geometry
@@ -84,7 +84,7 @@ class DogDescription(Section):
 
     @model_validator(mode="after")
     def _whole(self) -> DogDescription:
-        """Refuse what cannot be walked with; every problem at once."""
+        """Refuse a description that the robot cannot walk with; the error has all problems."""
         problems = _protocol(self) or _missing(self) or _drives(self)
         problems = problems or [*_addresses(self), *_ranges(self), *_poses(self), *_loads(self), *_imu(self)]
         if problems:
@@ -103,42 +103,42 @@ class DogDescription(Section):
 
     @property
     def dt(self) -> float:
-        """Seconds of one control cycle."""
+        """Control cycle in s."""
         return 1.0 / self.drive.cycle_hz
 
     @property
     def battery_timeout(self) -> float | None:
-        """Seconds for which a word of its battery counts; None when it has none."""
+        """Age (s) at which a battery measurement is stale; None without a battery."""
         return self.battery.timeout if self.battery else None
 
     def time_to_stand(self, gait: GaitName) -> float:
-        """Return the seconds after which it stands with all feet in place, told to at its highest speed."""
+        """Return the longest time (s) from a stop command to standing with all feet in place."""
         pace = self.gait if gait == "trot" else self.gait.walk
         return 2 * pace.period + pace.speed / pace.acceleration + 0.5
 
     @property
     def leave_time(self) -> float:
-        """Seconds from any walk, or from a hard stop, until it is seen to be off, with some to spare."""
+        """Longest time (s) from any gait, or a hard stop, until the drives are off, with a reserve."""
         slowest = max(self.time_to_stand("trot"), self.time_to_stand("walk"))
         return max(self.safety.damp_time, slowest + self.poses.sit_time) + 2.5
 
     @property
     def loads(self) -> dict[str, float]:
-        """How full each bus is, as a share."""
+        """Load of each bus, as a share."""
         sensors = [sensor for sensor in (self.imu, self.battery) if sensor is not None]
         return bus_loads(
             self.drive, Counter(wiring.bus for wiring in self.joints.values()), sensors, self.buses
         )
 
     def posture(self, left: Pose, right: Pose | None = None) -> Twelve:
-        """Return the angles of all joints for a pose of the left legs (and another of the right)."""
+        """Return the angles of all joints for a pose of the left legs; ``right``: one for the right legs."""
         mirror = right or left
         one = (left.abad, left.hip, left.knee)
         two = (-mirror.abad, mirror.hip, mirror.knee)
         return tuple(angle for leg in LEGS for angle in (one if leg[1] == "L" else two))
 
     def stance(self, height: float) -> Twelve:
-        """Return the angles that stand with the hips ``height`` metres above flat ground."""
+        """Return the joint angles for standing with the hips ``height`` metres above flat ground."""
         down = -(height - self.geometry.foot_radius)
         return tuple(angle for leg in self.legs for angle in leg.angles((0.0, leg.side * leg.offset, down)))
 
@@ -167,13 +167,13 @@ class DogDescription(Section):
 
 
 def leg_angles(posture: Twelve, leg: int) -> Angles:
-    """Return the three angles of one leg out of twelve."""
+    """Return the three angles of one leg from all twelve."""
     return posture[3 * leg], posture[3 * leg + 1], posture[3 * leg + 2]
 
 
 def _protocol(dog: DogDescription) -> list[str]:
-    """Return that nobody speaks the drives' protocol."""
-    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - they know the description
+    """Return a problem if no drive kind implements the protocol."""
+    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - import cycle
 
     try:
         drive_kind(dog.drive.protocol)
@@ -183,26 +183,26 @@ def _protocol(dog: DogDescription) -> list[str]:
 
 
 def _drives(dog: DogDescription) -> list[str]:
-    """Return what the drives cannot do."""
-    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - they know the description
+    """Return the settings that the drives do not support."""
+    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - import cycle
 
     return drive_kind(dog.drive.protocol).problems(dog)
 
 
 def _imu(dog: DogDescription) -> list[str]:
-    """Return what an IMU does not tell: without it no frame of it would ever count."""
+    """Return the values that the IMU's frames lack: an incomplete measurement would never be used."""
     if dog.imu is None:
         return []
     told = {name for frame in dog.imu.frames for name in frame.fields}
     wanted = (EULER if told & EULER and not told & QUATERNION else QUATERNION) | RATES
     problems = [f"imu: {name} is in none of its frames" for name in sorted(wanted - told)]
     if told & EULER and told & QUATERNION:
-        problems.append("imu: it tells its attitude twice, as qw to qz and as roll, pitch, yaw; keep one")
+        problems.append("imu: it reports its attitude twice, as qw to qz and as roll, pitch, yaw; keep one")
     return problems
 
 
 def _missing(dog: DogDescription) -> list[str]:
-    """Return what is not there at all."""
+    """Return the joints, actuators and buses that are missing or unknown."""
     problems = [f"joints: {name} is missing" for name in JOINTS if name not in dog.joints]
     problems += [f"joints: there is no joint {name!r}" for name in dog.joints if name not in JOINTS]
     problems += [f"actuators: {part} is missing" for part in PARTS if part not in dog.actuators]
@@ -215,7 +215,7 @@ def _missing(dog: DogDescription) -> list[str]:
 
 
 def _addresses(dog: DogDescription) -> list[str]:
-    """Return who would say or hear the frames of somebody else."""
+    """Return pairs of devices that use the same identifier on the same bus."""
     taken: dict[tuple[str, int], str] = {}
     problems: dict[tuple[str, str], str] = {}
     for name, bus, identifiers in _users(dog):
@@ -228,8 +228,8 @@ def _addresses(dog: DogDescription) -> list[str]:
 
 
 def _users(dog: DogDescription) -> Iterator[tuple[str, str, tuple[int, ...]]]:
-    """Yield by name, on which bus, the frames of drives, of their protocol, of sensors and lamp."""
-    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - they know the description
+    """Yield name, bus and identifiers of the drive protocol, each drive, the sensors and the lamp."""
+    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - import cycle
 
     kind = drive_kind(dog.drive.protocol)
     for bus in dict.fromkeys(joint.bus for joint in dog.all_joints):
@@ -244,8 +244,8 @@ def _users(dog: DogDescription) -> Iterator[tuple[str, str, tuple[int, ...]]]:
 
 
 def _ranges(dog: DogDescription) -> list[str]:
-    """Return the joints that can be where their drives' frames cannot say: there they stay at the end."""
-    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - they know the description
+    """Return the joints whose limits exceed the range of their drives' frames, which would saturate."""
+    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - import cycle
 
     problems, kind = [], drive_kind(dog.drive.protocol)
     for joint in dog.all_joints:
@@ -260,7 +260,7 @@ def _ranges(dog: DogDescription) -> list[str]:
 
 
 def _poses(dog: DogDescription) -> list[str]:
-    """Return the postures that the legs cannot take."""
+    """Return the configured heights and poses that the legs cannot reach."""
     gait, poses = dog.gait, dog.poses
     problems = []
     if not gait.lowest <= gait.height <= gait.highest:
@@ -280,7 +280,7 @@ def _poses(dog: DogDescription) -> list[str]:
 
 
 def _outside(dog: DogDescription, what: str, posture: Twelve) -> list[str]:
-    """Return the joints that a posture would take beyond their limits."""
+    """Return the joints that a posture would move beyond their limits."""
     margin = dog.safety.margin
     return [
         f"{what}: {joint.name} at {angle:.2f} rad is outside {joint.low:g} to {joint.high:g} less {margin:g}"
@@ -290,7 +290,7 @@ def _outside(dog: DogDescription, what: str, posture: Twelve) -> list[str]:
 
 
 def _loads(dog: DogDescription) -> list[str]:
-    """Return the buses that would be too full."""
+    """Return the buses with too high a load."""
     return [
         f"buses: {bus} would be {load:.0%} full, more than {HIGHEST:.0%}; "
         f"lower drive.cycle_hz or spread the joints over more buses"
@@ -300,5 +300,5 @@ def _loads(dog: DogDescription) -> list[str]:
 
 
 def load_description(path: Path) -> DogDescription:
-    """Read a dog's YAML file; raises ConfigError with every problem."""
+    """Load the YAML file of a quadruped; raises ConfigError with all problems."""
     return checked(path, read_tree(path), DogDescription)

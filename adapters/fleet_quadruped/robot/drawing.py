@@ -1,4 +1,4 @@
-"""A dog's body as parts for drawings, from the geometry of its description."""
+"""Parts of a quadruped for drawings, from the geometry of its description."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import LEGS
 
 _X, _Y = Vector3(1.0), Vector3(0.0, 1.0)  # axes
-_HIGH, _HEAD = 0.09, 0.08  # m: the trunk and the head, of which descriptions say nothing
+_HIGH, _HEAD = 0.09, 0.08  # m: assumed sizes of trunk and head; descriptions do not have them
 
 
 def body_parts(dog: DogDescription) -> tuple[BodyPart, ...]:
-    """Return trunk, head and legs; angles are those of the joints, which at zero hang straight down."""
+    """Return trunk, head and legs; angles are joint angles, and legs hang straight down at zero."""
     shape = dog.geometry
     trunk = Vector3(2 * shape.hip_x, 2 * shape.hip_y, _HIGH)
     head = Vector3(shape.hip_x + _HEAD, 0.0, _HIGH / 2)

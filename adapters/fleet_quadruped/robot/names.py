@@ -1,4 +1,4 @@
-"""The order of legs and joints that every tuple of twelve in this package has."""
+"""Names and order of legs and joints; every tuple of twelve in this package has this order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ JOINTS: tuple[str, ...] = tuple(f"{leg}_{part}" for leg in LEGS for part in PART
 QUATERNION = frozenset({"qw", "qx", "qy", "qz"})
 EULER = frozenset({"roll", "pitch", "yaw"})
 RATES = frozenset({"gx", "gy", "gz"})
-"""What frames call an IMU's attitude, in one of two ways (angles in rad), and its rates, rad/s."""
+"""Names in frames: attitude of the IMU (a quaternion, or angles in rad) and angular rates, rad/s."""
 
 Twelve = tuple[float, ...]
-"""One number a joint, in the order of ``JOINTS``."""
+"""One number per joint, in the order of ``JOINTS``."""

@@ -1,4 +1,4 @@
-"""Reading a YAML file into a checked section; every problem names the file and the place."""
+"""Reading of a YAML file into a validated section; errors name the file and the place."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ SectionT = TypeVar("SectionT", bound=Section)
 
 
 class _Strict(yaml.SafeLoader):
-    """Refuses a key that is there twice: the second would take the place of the first without a word."""
+    """YAML loader that refuses duplicate keys, where SafeLoader would silently keep the last one."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[object, object]:  # noqa: FBT001, FBT002 - as it is called
-        """Return a mapping."""
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[object, object]:  # noqa: FBT001, FBT002 - signature of the base class
+        """Return a mapping; raises ConstructorError for a duplicate key."""
         seen: set[str] = set()
         for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
             if key.value in seen:
@@ -31,9 +31,9 @@ class _Strict(yaml.SafeLoader):
 
 
 def read_tree(path: Path) -> object:
-    """Return what is in a YAML file; raises ConfigError."""
+    """Return the content of a YAML file; raises ConfigError."""
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), _Strict)  # noqa: S506 - a safe loader
+        return yaml.load(path.read_text(encoding="utf-8"), _Strict)  # noqa: S506 - derived from SafeLoader
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -43,7 +43,7 @@ def read_tree(path: Path) -> object:
 
 
 def checked(path: Path, tree: object, kind: type[SectionT]) -> SectionT:
-    """Return a tree as a section; raises ConfigError with every problem and its place."""
+    """Return a tree as a section; raises ConfigError with all problems and their places."""
     try:
         return kind.model_validate(tree)
     except ValidationError as error:
@@ -53,7 +53,7 @@ def checked(path: Path, tree: object, kind: type[SectionT]) -> SectionT:
 
 
 def _told(problem: ErrorDetails, known: frozenset[str]) -> str:
-    """Return where a problem is, what is wrong and what was written there."""
+    """Format a problem: its place, the error, and the given value."""
     place = ".".join(map(str, problem["loc"]))
     if problem["type"] == "extra_forbidden":
         near = difflib.get_close_matches(str(problem["loc"][-1]), known, n=1)
@@ -66,7 +66,7 @@ def _told(problem: ErrorDetails, known: frozenset[str]) -> str:
 
 
 def _names(kind: type[Section]) -> frozenset[str]:
-    """Return all keys that a section and those in it may have."""
+    """Return all keys of a section and the sections in it."""
     schema = kind.model_json_schema()
     sections = [schema, *schema.get("$defs", {}).values()]
     return frozenset(name for section in sections for name in section.get("properties", {}))

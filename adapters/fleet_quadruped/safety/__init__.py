@@ -1,1 +1,1 @@
-"""Safety of a dog: pure tables and functions; the loop asks them in every cycle."""
+"""Safety rules of the body: pure tables and functions, evaluated in every cycle."""

@@ -1,4 +1,4 @@
-"""What may be written to the drives, in every cycle, whatever the body wants."""
+"""Limits of the targets written to the drives, applied in every cycle."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _SAME = 1e-9  # rad
 
 
 class Limited(msgspec.Struct, frozen=True, gc=False):
-    """Targets that are safe to write, and how many numbers had to be changed."""
+    """Targets that are safe to write, and the number of clamped values."""
 
     targets: Targets
     clamped: int
 
 
 class JointLimits:
-    """The bounds of a dog's joints: positions less the margin, speeds, torques."""
+    """Limits of the joints: positions minus the margin, speeds, torques."""
 
     def __init__(self, joints: Sequence[Joint], safety: Safety) -> None:
         self._safety = safety
@@ -36,7 +36,7 @@ class JointLimits:
     def limit(self, wanted: Targets, last: Twelve, measured: Twelve, dt: float) -> Limited:
         """Return targets within limits: position, step, speed, distance to the measured angle, torque.
 
-        Not-a-number keeps the last target. The limits of position are applied last and always hold.
+        NaN keeps the last target. The position limits are applied last and always hold.
         """
         clamped, longest, following = 0, self._safety.step, self._safety.following
         angles: list[float] = []
@@ -47,7 +47,7 @@ class JointLimits:
             step = longest if longest < step else step  # noqa: FURB136 - quicker than min
             near = -step <= angle - before <= step and -following <= angle - actual <= following
             if near and low <= angle <= high:
-                angles.append(angle)  # as it nearly always is
+                angles.append(angle)  # the common case
                 continue
             safe = angle if math.isfinite(angle) else before
             safe = _between(safe, before - step, before + step)
@@ -60,12 +60,12 @@ class JointLimits:
 
 
 def _between(value: float, low: float, high: float) -> float:
-    """Return the value, or the bound that it is beyond; bounds that are no numbers bound nothing."""
-    return low if value < low else high if value > high else value  # noqa: FURB136 - not so with min, max
+    """Clamp a value; NaN bounds have no effect."""
+    return low if value < low else high if value > high else value  # noqa: FURB136 - NaN bounds
 
 
 def _within(values: Twelve, limits: Sequence[float]) -> Twelve:
-    """Return finite values no farther from zero than their limits; 0 for what is no number."""
+    """Clamp values to plus or minus their limits; 0 for values that are not finite."""
     return tuple(
         [
             value if -most <= value <= most else _between(value, -most, most) if math.isfinite(value) else 0.0

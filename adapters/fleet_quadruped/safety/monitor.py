@@ -1,4 +1,4 @@
-"""Looks at every cycle for reasons to stop: drives, feedback, following, tilt, heat, battery."""
+"""Checks of every cycle that can stop the robot: drives, feedback, following, tilt, heat, battery."""
 
 from __future__ import annotations
 
@@ -14,18 +14,17 @@ from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.stages import POSITIONED, UPRIGHT, Mode, Stage, Trip
 
-_ALONE = 3  # times the limit that a joint of one leg only may be silent
-_FASTER = (
-    2.0  # times the highest speed that an angle may seem to change: after lost frames a joint catches up
-)
-_BEYOND = 0.1  # rad a joint may be measured outside its limits
-_STUCK = 0.2  # rad that a joint is sent about while its angle does not change by a single count
-_FROZEN = 0.3  # s in which an IMU on a walking dog cannot say the same, to the bit
-_LASTS = 1.5  # s that a supply must be low: one odd value, or a moment under load, is not
+_ALONE = 3  # times the limit for which the joints of a single leg may be silent
+# Times the maximum speed for the apparent change of an angle: a joint catches up after lost frames.
+_FASTER = 2.0
+_BEYOND = 0.1  # rad: tolerance of measured angles beyond the limits
+_STUCK = 0.2  # rad: range of targets in which a joint may not move by a single count
+_FROZEN = 0.3  # s for which the IMU of a walking robot may repeat a measurement bit for bit
+_LASTS = 1.5  # s of low supply before it counts: a single odd value, or a moment under load, does not
 
 
 class Observed(msgspec.Struct, frozen=True, gc=False):
-    """One cycle: ``targets`` are the angles last written, ages in seconds, ``voltage`` is the battery's."""
+    """One cycle: ``targets`` are the last written angles, ages are in s, ``voltage`` is the battery's."""
 
     mode: Mode
     joints: Joints
@@ -38,26 +37,26 @@ class Observed(msgspec.Struct, frozen=True, gc=False):
 
 
 class Monitor:
-    """Remembers how long each joint has been far from its target, and how long a supply has been low."""
+    """Safety monitor of one robot; keeps the duration of following errors and low supplies."""
 
     def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
         self._joints = joints = dog.all_joints
-        self._far: dict[int, float] = {}  # s that joints have been far from their targets
+        self._far: dict[int, float] = {}  # s for which joints have been far from their targets
         self._angles = [0.0] * len(joints)
-        self._quiet = [math.inf] * len(joints)  # s since the angle was told
-        self._sent: dict[int, tuple[float, float]] = {}  # where joints were sent since their angle changed
+        self._quiet = [math.inf] * len(joints)  # s since the last measured angle
+        self._sent: dict[int, tuple[float, float]] = {}  # range of targets since the last change of angle
         self._fastest = [_FASTER * joint.kind.velocity for joint in joints]
         self._lowest = [joint.low - _BEYOND for joint in joints]
         self._highest = [joint.high + _BEYOND for joint in joints]
-        self._cool: tuple[float | None, ...] = ()  # the last temperatures of which none is of interest
+        self._cool: tuple[float | None, ...] = ()  # the last temperatures, if none was near a limit
         self._stale = dog.safety.stale_cycles * dog.dt
         self._empty = self._sagging = 0.0  # s
         self._imu: Imu | None = None
-        self._same = 0.0  # s that the IMU has said the same
+        self._same = 0.0  # s for which the IMU has repeated its measurement
 
     def check(self, seen: Observed) -> Trip | None:
-        """Return the hardest reason to stop; None when there is none."""
+        """Return the trip with the hardest stage; None without one."""
         hardest: Trip | None = None
         for rule in _RULES:
             for trip in rule(self, seen):
@@ -66,7 +65,7 @@ class Monitor:
         return hardest
 
     def speed_share(self, joints: Joints) -> float:
-        """Return how much of its speed a warm dog may use: 1 when cool, 0.3 near its limit."""
+        """Return the share of the speed that the temperatures permit: 1 when cool, 0.3 near the limit."""
         share = 1.0
         for joint, told in self._warm(joints.temperatures):
             warn, most = joint.kind.temperature_warn, joint.kind.temperature_max
@@ -75,7 +74,7 @@ class Monitor:
         return share
 
     def _warm(self, temperatures: tuple[float | None, ...]) -> list[tuple[Joint, float]]:
-        """Return the joints that may be too warm; temperatures seldom change, so cool ones are remembered."""
+        """Return the joints near a limit; temperatures seldom change, so harmless ones are cached."""
         if temperatures == self._cool:
             return []
         warm = [
@@ -88,7 +87,7 @@ class Monitor:
         return warm
 
     def drives(self, seen: Observed) -> Iterator[Trip]:
-        """Stop for a fault of a drive, or one that no longer obeys."""
+        """Stop for a drive with a fault, or one that is not enabled."""
         told = seen.joints
         if seen.mode is Mode.OFF or told.all_enabled:
             return
@@ -100,7 +99,7 @@ class Monitor:
                 yield Trip(Stage.DAMP, f"{joint.name}: {why}")
 
     def feedback(self, seen: Observed) -> Iterator[Trip]:
-        """Stop when joints of two legs are silent, or one for longer."""
+        """Stop if joints of two legs are silent, or one leg for longer."""
         most = self._stale
         if seen.mode is Mode.OFF or max(seen.joints.ages) <= most:
             return
@@ -116,9 +115,9 @@ class Monitor:
                 )
 
     def following(self, seen: Observed) -> Iterator[Trip]:
-        """Stop for a joint that does not go where it is sent."""
+        """Stop for a joint that does not follow its target."""
         safety, before = self._dog.safety, self._far
-        most = safety.following * 0.98  # targets are kept within it
+        most = safety.following * 0.98  # targets are clamped to the full distance
         places = zip(seen.targets, seen.joints.angles, strict=True)
         self._far = {
             number: before.get(number, 0.0) + seen.dt
@@ -135,7 +134,7 @@ class Monitor:
                 )
 
     def encoders(self, seen: Observed) -> Iterator[Trip]:
-        """Stop for an angle that changes faster than the joint can turn, or not at all."""
+        """Stop for an angle that changes faster than the joint can move, or not at all."""
         positioned, dt, told, sent = seen.mode in POSITIONED, seen.dt, seen.joints, self._sent
         known = zip(told.angles, told.ages, self._angles, self._quiet, self._fastest, strict=True)
         for number, (angle, age, before, quiet, fastest) in enumerate(known):
@@ -153,7 +152,7 @@ class Monitor:
                 yield Trip(Stage.DAMP, f"{name}: its encoder jumped from {before:.2f} to {angle:.2f} rad")
 
     def _stuck(self, number: int, target: float) -> Iterator[Trip]:
-        """Stop for a joint that is sent about while its angle stays the same to the last count."""
+        """Stop for a joint whose targets move while its angle stays the same to the last count."""
         low, high = self._sent.get(number, (target, target))
         low, high = self._sent[number] = min(low, target), max(high, target)
         if high - low > _STUCK:
@@ -165,7 +164,7 @@ class Monitor:
             )
 
     def places(self, seen: Observed) -> Iterator[Trip]:
-        """Stop for a joint that is measured where it cannot be."""
+        """Stop for a joint that is measured outside its limits."""
         if seen.mode not in POSITIONED and seen.mode is not Mode.ENABLING:
             return
         told = seen.joints
@@ -180,7 +179,7 @@ class Monitor:
                 )
 
     def tilt(self, seen: Observed) -> Iterator[Trip]:
-        """Stop for a dog that falls, or no longer knows whether it does."""
+        """Stop for a robot that tips over, or has lost its IMU."""
         if self._dog.imu is None or seen.mode not in POSITIONED:
             return
         if seen.imu is None or seen.imu_age > self._dog.imu.timeout:
@@ -197,7 +196,7 @@ class Monitor:
             yield Trip(Stage.DAMP, f"imu: tilted {tilt:.2f} rad, more than {most:g}")
 
     def heat(self, seen: Observed) -> Iterator[Trip]:
-        """Sit down for a hot joint."""
+        """Sit down for an overheated joint."""
         for joint, told in self._warm(seen.joints.temperatures):
             most = joint.kind.temperature_max
             if told >= most:
@@ -214,7 +213,7 @@ class Monitor:
             yield Trip(Stage.SIT, f"battery: {seen.battery:.0f} %, it sits down at {battery.sit_at:g} %")
 
     def supply(self, seen: Observed) -> Iterator[Trip]:
-        """Sit down before the drives give up for want of voltage."""
+        """Sit down before the drives fail from undervoltage."""
         lowest = self._dog.safety.lowest_voltage
         if lowest is None:
             return

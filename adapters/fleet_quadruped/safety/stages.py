@@ -1,6 +1,6 @@
-"""The stages of a stop, and what each does to a dog that is in some mode.
+"""Stages of a stop, and the mode that each leads to.
 
-Hardware (a button, the drives' own watchdog) is the stage beyond these: ours to arm, not to run.
+The stage beyond these is hardware (a button, the drives' watchdogs): armed here, executed there.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from typing import NamedTuple
 
 
 class Stage(enum.IntEnum):
-    """Ordered: a later one is harder."""
+    """Ordered: higher is harder."""
 
     NONE = 0
     SLOW = 1  # velocity to zero, stand
     SIT = 2  # finish the step, stand, lower, damp, off
-    DAMP = 3  # give way slowly with damping at once, then off; latched
+    DAMP = 3  # damp and lower at once, then off; latched
 
 
 class Mode(enum.StrEnum):
-    """What the body is doing."""
+    """Mode of the body."""
 
     OFF = "off"
     ENABLING = "enabling"
@@ -29,26 +29,26 @@ class Mode(enum.StrEnum):
     STANDING = "standing"
     WALKING = "walking"
     SITTING = "sitting"
-    SETTLING = "settling"  # folded, giving way, about to be off
+    SETTLING = "settling"  # folded, damped, about to be off
     RECOVERING = "recovering"
-    CHECKING = "checking"  # small moves of the trunk by which signs and offsets are seen
-    POSING = "posing"  # its joints are led, near the posture in which that began
-    HELD = "held"  # it holds the posture to which its joints were led
-    DAMPED = "damped"  # stopped hard; off follows
+    CHECKING = "checking"  # small moves of the trunk that show signs and offsets
+    POSING = "posing"  # single joints move, near the posture at the start
+    HELD = "held"  # holds the posture after joint moves
+    DAMPED = "damped"  # hard stop; off follows
 
 
 EMERGENCY_STOP = "emergency stop"
-"""The cause of the one latched stop that a new command to get up ends, once the host has released it."""
+"""Cause of the only latched stop that a new request to get up clears, once the host has released it."""
 
 TOLD_TO_LEAVE = "told to leave"
-"""The cause with which a dog sits down at the end of its controller."""
+"""Cause of the stop when the controller is dismissed."""
 
 MEANT = frozenset({EMERGENCY_STOP, TOLD_TO_LEAVE})
-"""Causes that somebody meant: no fault that would have to be understood."""
+"""Causes that are intended: no fault that a person has to inspect."""
 
 
 class Trip(NamedTuple):
-    """Why the dog is to be stopped, and how hard; the cause names joint, object, wanted and actual."""
+    """Stage and cause of a stop; the cause names joint, object, target and actual value."""
 
     stage: Stage
     cause: str
@@ -73,13 +73,13 @@ FORCED: Mapping[Stage, Mapping[Mode, Mode]] = MappingProxyType(
         ),
     }
 )
-"""Where a trip takes the body; a mode that is not named stays."""
+"""Mode after a trip; other modes stay."""
 
 POSED = frozenset({Mode.POSING, Mode.HELD})
-"""Modes in which it holds a posture of its own."""
+"""Modes that hold a posture independent of the gait."""
 
 UPRIGHT = POSED | {Mode.RISING, Mode.STANDING, Mode.WALKING, Mode.SITTING, Mode.CHECKING}
-"""Modes in which tilting means falling."""
+"""Modes in which a tilt means that the robot is falling."""
 
 POSITIONED = UPRIGHT | {Mode.RECOVERING}
 """Modes in which the drives hold positions."""

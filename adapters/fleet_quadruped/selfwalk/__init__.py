@@ -1,1 +1,1 @@
-"""Machines that walk by themselves: a body velocity goes in, their state comes out, the gait is theirs."""
+"""Self-walking machines: they receive a velocity, report their state, and have a gait of their own."""

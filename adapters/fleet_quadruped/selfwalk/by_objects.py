@@ -1,7 +1,7 @@
-"""A CANopen machine: the section ``objects`` of its description.
+"""Self-walking CANopen machine: the section ``objects`` of its description.
 
-Velocity and state are mapped to PDOs, so that they cost one frame a cycle; a command is one object that is
-written (SDO). CiA 301.
+Velocity and state are mapped to PDOs, so that they take one frame each per cycle; a command is a write of one
+object (SDO). CiA 301.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fleet_quadruped.robot.parts import Section
 from fleet_quadruped.selfwalk.wire import AXES, COMMANDS, Wire
 
 SDO_ABORT = 0x80
-RPDO, TPDO = 0x200, 0x180  # of the first; each further one is 100h on
+RPDO, TPDO = 0x200, 0x180  # COB-ID of the first PDO; each further one adds 100h
 _MOST_PDOS = 4
 _AT_ONCE, _AT_SYNC = 255, 1  # transmission types
 _SIZES: Mapping[str, int] = {"u8": 1, "i8": 1, "u16": 2, "i16": 2, "u32": 4, "i32": 4, "f32": 4}
@@ -35,24 +35,24 @@ class Entry(Number):
 
     @property
     def mapping(self) -> int:
-        """The object as a PDO mapping names it."""
+        """Entry in a PDO mapping."""
         return self.index << 16 | self.sub << 8 | 8 * _SIZES[self.type]
 
     def at(self, place: int) -> FieldMap:
-        """Return where it is in a frame."""
+        """Return the field at a byte position in a frame."""
         return FieldMap(at=place, **self.model_dump(include=set(Number.model_fields)))
 
 
 class Setting(Section):
-    """A number that is written into the object dictionary."""
+    """A constant to be written into the object dictionary."""
 
     index: int = Field(ge=0x1000, le=0xFFFF, description="Index of the object.")
     sub: int = Field(0, ge=0, le=255, description="Subindex of the object.")
-    type: Literal["u8", "u16", "u32"] = Field(description="How it is stored.")
-    value: int = Field(ge=0, le=0xFFFFFFFF, description="What is written.")
+    type: Literal["u8", "u16", "u32"] = Field(description="Data type.")
+    value: int = Field(ge=0, le=0xFFFFFFFF, description="Value to write.")
 
     def object(self, what: str) -> Object:
-        """Return it as an object to be written."""
+        """Return the object to be written."""
         return Object(self.index, self.sub, _SIZES[self.type], self.value, what)
 
 
@@ -69,25 +69,25 @@ def _fit(entries: dict[str, Entry]) -> dict[str, Entry]:
 
 
 class Objects(Section):
-    """Which object means what. The machine's own heartbeat consumer (1016h) is armed with ``silence``."""
+    """Objects by meaning. The machine's heartbeat consumer (1016h) is armed with ``silence``."""
 
-    node: int = Field(ge=1, le=126, description="Its node id.")
-    setup: tuple[Setting, ...] = Field((), description="Written when the bus has been opened, and read back.")
+    node: int = Field(ge=1, le=126, description="Node ID.")
+    setup: tuple[Setting, ...] = Field((), description="Written after the bus is opened, and read back.")
     velocity: Annotated[dict[str, Entry], AfterValidator(_axes), AfterValidator(_fit)] = Field(
-        description="Its velocity: x, y, turn."
+        description="Velocity: x, y, turn."
     )
     stand_up: Setting
     sit_down: Setting
-    emergency_stop: Setting = Field(description="Its firmest stop that lets it down slowly.")
+    emergency_stop: Setting = Field(description="Fastest stop that lowers the machine gently.")
     recovery_stand: Setting | None = None
     reset_faults: Setting | None = None
     height: Entry | None = Field(None, description="Standing height.")
-    state: Annotated[dict[str, Entry], AfterValidator(_fit)] = Field(description="What it tells every cycle.")
-    slow: dict[str, Entry] = Field({}, description="What it tells now and then: percent, voltage, current.")
+    state: Annotated[dict[str, Entry], AfterValidator(_fit)] = Field(description="State sent in every cycle.")
+    slow: dict[str, Entry] = Field({}, description="Values sent at a lower rate: percent, voltage, current.")
 
 
 def wire_of(objects: Objects, silence: float) -> Wire:
-    """Return what goes over the wire; raises ValueError when there are too many PDOs."""
+    """Return the messages of the machine; raises ValueError if they need too many PDOs."""
     node, height = objects.node, objects.height
     velocity = _pdos(objects.velocity, RPDO + node, _AT_ONCE)
     state = _pdos(objects.state, TPDO + node, _AT_SYNC)
@@ -111,7 +111,7 @@ def wire_of(objects: Objects, silence: float) -> Wire:
 
 
 class _Pdo(NamedTuple):
-    """One PDO: its COB-ID, its transmission type, and the entries that are mapped to it."""
+    """One PDO: COB-ID, transmission type and mapped entries."""
 
     cob: int
     kind: int
@@ -119,13 +119,13 @@ class _Pdo(NamedTuple):
 
 
 def _pdos(entries: Mapping[str, Entry], cob: int, kind: int, first: int = 0) -> list[_Pdo]:
-    """Return the PDOs that carry the entries; ``first`` is how many of the same direction are taken."""
+    """Return the PDOs that carry the entries; ``first``: number of PDOs already used in this direction."""
     groups = enumerate(_groups(entries), first)
     return [_Pdo(cob + 0x100 * number, kind, group) for number, group in groups]
 
 
 def _mapped(pdos: Sequence[_Pdo], parameters: int, mapping: int) -> list[Object]:
-    """Return what is written to set PDOs up; the two are the objects of the first PDO."""
+    """Return the objects that configure PDOs; the arguments are the indices for the first PDO."""
     setup: list[Object] = []
     for number, pdo in enumerate(pdos):
         entries = tuple(entry.mapping for entry in pdo.entries.values())
@@ -134,7 +134,7 @@ def _mapped(pdos: Sequence[_Pdo], parameters: int, mapping: int) -> list[Object]
 
 
 def _commands(objects: Objects) -> dict[str, CanFrame]:
-    """Return the frame of each command that the machine has."""
+    """Return the frame of each command that the machine supports."""
     given: dict[str, Setting | None] = {name: getattr(objects, name) for name in COMMANDS}
     return {
         name: _written(objects.node, one.object(name), one.value.to_bytes(_SIZES[one.type], "little"))
@@ -144,7 +144,7 @@ def _commands(objects: Objects) -> dict[str, CanFrame]:
 
 
 def _groups(entries: Mapping[str, Entry]) -> Iterator[dict[str, Entry]]:
-    """Yield the entries in groups that fit into a PDO each, in their order."""
+    """Yield the entries in groups, each small enough for a PDO, in their order."""
     group: dict[str, Entry] = {}
     for name, entry in entries.items():
         if sum(_SIZES[one.type] for one in group.values()) + _SIZES[entry.type] > 8:
@@ -165,7 +165,7 @@ def _frame(identifier: int, group: Mapping[str, Entry]) -> FrameMap:
 
 
 def _raised(node: int, entry: Entry, metres: float) -> CanFrame:
-    """Return the frame that writes a height."""
+    """Return the frame that writes the height (m)."""
     data = encode(FrameMap(id=0, fields={"height": entry.at(0)}), {"height": metres})
     return _written(node, Object(entry.index, entry.sub, len(data), 0, "height"), data)
 

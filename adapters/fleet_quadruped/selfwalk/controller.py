@@ -1,4 +1,4 @@
-"""One cycle of a machine that walks by itself: read, check, limit, send a velocity. No clock of its own."""
+"""Control cycle of a self-walking machine: receive, check, limit, send a velocity. It has no clock."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, Mode
 from fleet_quadruped.selfwalk.by_objects import SDO_ABORT
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.height import StandingHeight
-from fleet_quadruped.selfwalk.obedience import Obedience
 from fleet_quadruped.selfwalk.requests import NAMES, TAKEN, RequestTracker
 from fleet_quadruped.selfwalk.sender import FrameSender
 from fleet_quadruped.selfwalk.stop_repeat import StopRepeat
 from fleet_quadruped.selfwalk.telemetry import Telemetry
+from fleet_quadruped.selfwalk.velocity_check import VelocityCheck
 
 _STANDS = frozenset({Mode.STANDING, Mode.WALKING})
 _LOOSE = frozenset({Mode.OFF, Mode.DAMPED})
-_GONE = 2.0  # s of silence after which the link counts as lost
+_GONE = 2.0  # s of silence after which the link is lost
 _SIT_EVERY = 0.2  # s between two commands to sit down
 _STILL = Twist()
 
 
 class SelfWalkController:
-    """A machine under control: ``begin`` greets it, ``take`` hears it, ``finish`` tells it how to walk."""
+    """Controller of a self-walking machine: ``begin`` polls, ``take`` receives, ``finish`` decides."""
 
     def __init__(self, walker: SelfWalker, buses: Mapping[str, CanBus]) -> None:
         self.walker = walker
@@ -45,8 +45,8 @@ class SelfWalkController:
         self._sender = FrameSender(self._bus, self._wire)
         self._lamp = Lamp(walker.led, buses)
         self._asks = RequestTracker()
-        self._obedience = Obedience()
-        self._errand = self._stops = 0
+        self._velocity_check = VelocityCheck()
+        self._activity = self._stops = 0
         self._stop_repeat = StopRepeat()
         self._sit_at = -math.inf
         self._since: float | None = None
@@ -56,13 +56,13 @@ class SelfWalkController:
 
     @property
     def addresses(self) -> frozenset[Address]:
-        """The frames of the velocity, which only one controller may send."""
+        """Identifiers of the velocity, which only one controller may send."""
         return frozenset((self.walker.bus, frame.id) for frame in self._wire.velocity)
 
     def configure(self) -> None:
-        """Write and read back what a CANopen machine needs, and send what starts any other.
+        """Write and verify the objects of a CANopen machine; send the start frames of any other.
 
-        Raises LinkLost for one that does not answer, LinkRefused naming object, wanted and actual.
+        Raises LinkLost if it does not answer, LinkRefused with object, expected and actual value.
         """
         if self._wire.node is not None:
             who = NodeName(self.walker.robot.name, self.walker.bus, self._wire.node)
@@ -72,7 +72,7 @@ class SelfWalkController:
 
     @property
     def resting(self) -> bool:
-        """True when it may be left alone."""
+        """True when the process may end."""
         return self._told.mode in _LOOSE and not self._told.unnamed
 
     @property
@@ -81,17 +81,17 @@ class SelfWalkController:
         return self._told.age(self._told.now)
 
     def begin(self, now: float) -> None:
-        """Begin a cycle: a CANopen machine is told that we live, and asked for its state."""
+        """Begin a cycle: send heartbeat and SYNC to a CANopen machine."""
         self._began = now
         for frame in self._wire.alive:
             self._bus.send(frame)
 
     def complete(self) -> bool:
-        """Return True when nothing more is waited for; a machine that speaks when it likes is not."""
+        """Return True when all feedback of this cycle has arrived; an unpolled machine owes none."""
         return not self._wire.alive or self._told.age(self._began) <= 0.0
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
-        """Take a received frame."""
+        """Process a received frame."""
         self._told.take(bus, frame, now)
         node = self._wire.node
         if node is not None and frame.id == SDO_RESPONSE + node and frame.data[:1] == bytes([SDO_ABORT]):
@@ -99,9 +99,10 @@ class SelfWalkController:
             self._asks.end(f"the machine refuses the object (SDO abort {code:08X}h)")
 
     def finish(self, now: float, dt: float, order: Order) -> None:
-        """End a cycle; raises LinkLost when the machine is silent for too long."""
+        """End a cycle; raises LinkLost if the machine is silent for too long."""
         self._since = self._began if self._since is None else self._since
-        # What came later was read: our own stall is not the machine's silence.
+        # Evaluate at the start of the cycle: frames that arrived later were read, so a stall of this process
+        # does not count as silence of the machine.
         self._told.look(self._began, dt)
         self._check(self._began)
         self._judge(dt)
@@ -115,7 +116,7 @@ class SelfWalkController:
         self._lamp.show(order.lamp)
 
     def abandon(self) -> None:
-        """Have it stand still, if it can still be reached: nobody follows."""
+        """Make it stand still, if it can still be reached: this controller ends without a successor."""
         self._sender.send(_STILL)
 
     def state(self, now: float, timing: Timing) -> DogState:
@@ -146,10 +147,10 @@ class SelfWalkController:
             timing=timing,
         )
 
-    # -- what is seen --------------------------------------------------------------------------------
+    # -- inputs --------------------------------------------------------------------------------------
 
     def _check(self, now: float) -> None:
-        """Latch faults; raises LinkLost for a machine that is gone."""
+        """Latch faults; raises LinkLost for a machine that is silent."""
         age = min(self._told.age(now), now - (self._since or 0.0))
         if age > _GONE:
             raise LinkLost(f"{self.walker.robot.name} is silent on bus {self.walker.bus!r} for {age:.1f} s")
@@ -163,44 +164,46 @@ class SelfWalkController:
                 self._stop(f"imu: tilted {tilt:.2f} rad, more than {most:g}", now)
 
     def _judge(self, dt: float) -> None:
-        """Compare what it tells with what it was asked; one that walks unasked is stopped."""
+        """Compare the reported velocity with the requested one; stop a machine that moves unrequested."""
         known = self._told.mode in _STANDS and not self._told.is_stale
-        self._obedience.judge(dt, self._twist if known else _STILL, self._told.twist if known else _STILL)
-        if self._obedience.runs:
-            self._stop(f"{self.walker.robot.name}: {self._obedience.runs}", self._told.now)
+        self._velocity_check.judge(
+            dt, self._twist if known else _STILL, self._told.twist if known else _STILL
+        )
+        if self._velocity_check.runs:
+            self._stop(f"{self.walker.robot.name}: {self._velocity_check.runs}", self._told.now)
 
     def _warning(self) -> str:
-        if self._told.unnamed or self._obedience.why:
-            return self._told.unnamed or f"{self.walker.robot.name}: {self._obedience.why}"
+        if self._told.unnamed or self._velocity_check.why:
+            return self._told.unnamed or f"{self.walker.robot.name}: {self._velocity_check.why}"
         percent = self._told.percent
         return f"battery at {percent:.0f} %" if percent is not None and percent <= self.walker.warn else ""
 
-    # -- what is done --------------------------------------------------------------------------------
+    # -- outputs -------------------------------------------------------------------------------------
 
     def _obey(self, order: Order, now: float) -> None:
-        """Take what is asked, then stops, which so have the last word, then the absence of whoever asks."""
+        """Execute the activity, then the stop, which so takes precedence, then sit down without a host."""
         activity = order.activity
-        if activity.number > self._errand:
-            self._errand = activity.number
+        if activity.number > self._activity:
+            self._activity = activity.number
             self._asks.begin(activity.number, activity.ask, *self._answer(activity.ask, activity.value), now)
         if order.stop > self._stops:
             self._stops, self._stop_repeat.pending = order.stop, True
             self._stop(EMERGENCY_STOP, now)
         silent = now - order.alive
         if order.leave or silent > self.walker.safety.abandoned:
-            self._sit(TOLD_TO_LEAVE if order.leave else f"nothing heard from its host for {silent:.0f} s")
+            self._sit(TOLD_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s")
         percent = self._told.percent
         if percent is not None and percent <= self.walker.sit_at:
             self._sit(f"battery: {percent:.0f} %, it sits down at {self.walker.sit_at:g} %")
 
     def _answer(self, ask: BodyRequest, value: float) -> tuple[CanFrame | None, str]:
-        """Return the frame that carries out an ask, and why it is refused, empty when it is not."""
+        """Return the frame for a request, and the reason of a refusal, empty if it is accepted."""
         if ask is BodyRequest.HEIGHT:
             return self._height.change(value, self._told.mode)
         frame = self._wire.commands.get(NAMES[ask])
         if ask is BodyRequest.RESET:
             if self._stop_repeat.pending:
-                return None, "it has not obeyed the emergency stop yet"
+                return None, "it has not carried out the emergency stop yet"
             self.fault = ""
             return frame, ""
         if frame is None:
@@ -211,9 +214,9 @@ class SelfWalkController:
         return (None, refusal) if refusal else (frame, "")
 
     def _not_now(self, ask: BodyRequest) -> str:
-        """Return why it cannot get up now; what the host lets through ends an emergency stop."""
+        """Return why it cannot get up now; a request that the host lets through clears an emergency stop."""
         if self._told.is_stale:
-            return "the machine tells no state"
+            return "the machine reports no state"
         if self._told.mode is not Mode.OFF and self._told.mode not in TAKEN[ask]:
             return f"it is {self._told.mode.value}"
         if self.fault == EMERGENCY_STOP:
@@ -221,13 +224,13 @@ class SelfWalkController:
         return self.fault and f"a fault is latched: {self.fault}; look at the machine, then send reset_faults"
 
     def _stop(self, cause: str, now: float) -> None:
-        """Stop as hard as the machine can, and latch why; what was latched before needs its reset still."""
+        """Send the machine's emergency stop, and latch the cause; an older fault stays latched."""
         self.fault = self.fault or cause
         self._stop_repeat.begin(now)
         self._asks.end(cause)
 
     def _sit(self, cause: str) -> None:
-        """Sit down while it stands; the command is repeated until it does."""
+        """Sit down while it stands; the command is repeated until the mode changes."""
         if self._told.mode in _STANDS or self._told.mode is Mode.RISING:
             self.fault = self.fault or cause
             if self._told.now >= self._sit_at:
@@ -235,7 +238,7 @@ class SelfWalkController:
                 self._sender.put(self._wire.commands["sit_down"])
 
     def _next(self, now: float, dt: float, order: Order) -> Twist:
-        """Return the velocity of this cycle."""
+        """Return the velocity to send in this cycle."""
         if (
             self.fault
             or self._told.mode not in _STANDS

@@ -1,4 +1,4 @@
-"""The description of a machine that walks by itself, checked when it is read."""
+"""Description of a self-walking machine, validated when it is read."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _MUST_BE = (Mode.OFF, Mode.STANDING)
 
 
 def _word(mode: object) -> object:
-    """Return a mode as it was meant: YAML reads a bare ``off`` as false."""
+    """Return a mode from YAML, where a bare ``off`` is read as false."""
     return "off" if mode is False else mode
 
 
 class SelfWalker(Section):
-    """Everything that is known of a machine that walks by itself."""
+    """Complete description of a self-walking machine."""
 
     robot: Machine
     buses: dict[str, Bus] = Field(min_length=1, max_length=1)
-    cycle_hz: int = Field(50, ge=10, le=200, description="Velocities a second.")
+    cycle_hz: int = Field(50, ge=10, le=200, description="Velocities sent per second.")
     silence: float = Field(
         ge=0.05,
         le=1.0,
@@ -42,27 +42,29 @@ class SelfWalker(Section):
     timeout: float = Field(0.2, gt=0, le=2, description="Silence after which its state is stale, s.")
     slow_timeout: Positive = Field(5.0, description="Silence after which its slow values are stale, s.")
     pace: Pace = Pace()
-    height: Positive = Field(0.27, description="Height at which it stands up, m.")
+    height: Positive = Field(0.27, description="Standing height after standing up, m.")
     lowest: Positive = Field(0.15, description="Lowest standing height, m.")
     highest: Positive = Field(0.32, description="Highest standing height, m.")
     modes: dict[int, Annotated[Mode, BeforeValidator(_word)]] = Field(
-        description="What the numbers of its mode mean."
+        description="Meaning of its mode numbers."
     )
-    errors: dict[int, str] = Field({}, description="What the numbers of its error mean; 0 is none.")
-    frames: Frames | None = Field(None, description="It speaks frames of its own.")
-    objects: Objects | None = Field(None, description="It has a CANopen object dictionary.")
-    warn: float = Field(25, ge=0, le=100, description="Percent of battery from which health is degraded.")
-    sit_at: float = Field(10, ge=0, le=100, description="Percent of battery at which it sits down.")
+    errors: dict[int, str] = Field({}, description="Meaning of its error numbers; 0 is no error.")
+    frames: Frames | None = Field(None, description="Messages of a machine with proprietary frames.")
+    objects: Objects | None = Field(
+        None, description="Messages of a machine with a CANopen object dictionary."
+    )
+    warn: float = Field(25, ge=0, le=100, description="Battery percentage at which health becomes degraded.")
+    sit_at: float = Field(10, ge=0, le=100, description="Battery percentage at which it sits down.")
     led: Switch | None = None
     safety: Watch = Watch()
 
     @model_validator(mode="after")
     def _whole(self) -> SelfWalker:
-        """Refuse what cannot be walked with; every problem at once."""
+        """Refuse a description that the machine cannot walk with; the error has all problems."""
         if (self.frames is None) == (self.objects is None):
             raise ValueError("give either frames or objects")
         told = names_of(self.wire.state)
-        problems = [f"state: it must tell {name}" for name in _MUST_TELL if name not in told]
+        problems = [f"state: it must report {name}" for name in _MUST_TELL if name not in told]
         problems += [
             f"modes: no number means {mode.value}" for mode in _MUST_BE if mode not in self.modes.values()
         ]
@@ -80,27 +82,27 @@ class SelfWalker(Section):
 
     @property
     def bus(self) -> str:
-        """The name of its bus."""
+        """Name of its bus."""
         return next(iter(self.buses))
 
     @property
     def dt(self) -> float:
-        """Seconds of one cycle."""
+        """Control cycle in s."""
         return 1.0 / self.cycle_hz
 
     @property
     def battery_timeout(self) -> float | None:
-        """Seconds for which a word of its battery counts; None when it has none."""
+        """Age (s) at which a battery measurement is stale; None without a battery."""
         return self.slow_timeout if "percent" in names_of(self.wire.slow) else None
 
     @property
     def leave_time(self) -> float:
-        """Seconds that it is given to sit down."""
+        """Time (s) for sitting down."""
         return _LEAVE
 
     @cached_property
     def wire(self) -> Wire:
-        """The frames that go to it and come from it."""
+        """Frames to and from the machine."""
         if self.objects is not None:
             return by_objects.wire_of(self.objects, self.silence)
         assert self.frames is not None
@@ -108,7 +110,7 @@ class SelfWalker(Section):
 
     @property
     def loads(self) -> dict[str, float]:
-        """How full its bus is, as a share."""
+        """Load of its bus, as a share."""
         wire = self.wire
         bits = sum(
             frame_bits(frame.length, extended=frame.id > STANDARD_ID)
@@ -118,7 +120,7 @@ class SelfWalker(Section):
         return {self.bus: bits * self.cycle_hz / self.buses[self.bus].bitrate}
 
     def sensors(self) -> tuple[Sensor, Sensor | None]:
-        """Return what it tells in every cycle, and what it tells now and then."""
+        """Return the fast values (each cycle) and the slow ones, if any."""
         state = Sensor(bus=self.bus, frames=self.wire.state, timeout=self.timeout)
         if not self.wire.slow:
             return state, None
@@ -126,5 +128,5 @@ class SelfWalker(Section):
 
 
 def names_of(frames: tuple[FrameMap, ...]) -> frozenset[str]:
-    """Return the values that frames tell."""
+    """Return the names of the values in these frames."""
     return frozenset(name for frame in frames for name in frame.fields)

@@ -1,4 +1,4 @@
-"""The height at which a machine that walks by itself is asked to stand."""
+"""Requested standing height of a self-walking machine."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _STANDS = frozenset({Mode.STANDING, Mode.WALKING})
 
 
 class StandingHeight:
-    """The height that was asked for last (``value``, m)."""
+    """The last requested standing height (``value``, m)."""
 
     def __init__(self, walker: SelfWalker) -> None:
         self.value = walker.height
@@ -18,7 +18,7 @@ class StandingHeight:
         self._frame = walker.wire.height
 
     def change(self, change: float, mode: Mode) -> tuple[CanFrame | None, str]:
-        """Return the frame for a height that is so much greater (m), and why not; empty when it is done."""
+        """Return the frame that changes the height by ``change`` (m), and why not; empty if accepted."""
         if self._frame is None:
             return None, "this machine's description has no height"
         if mode not in _STANDS:

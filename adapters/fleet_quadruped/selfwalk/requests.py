@@ -1,4 +1,4 @@
-"""What is asked of a machine that walks by itself: repeated until its state shows that it was taken."""
+"""Requests to a self-walking machine: repeated until its state shows that they were accepted."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ TAKEN: Mapping[BodyRequest, frozenset[Mode]] = MappingProxyType(
         ),
     }
 )
-"""The modes that show that an ask was taken; the others are taken when the machine has no error."""
+"""Modes that show that a request was accepted; other requests are accepted when there is no error."""
 
 EVERY = 0.1  # s between two repeats
-WITHIN = 1.0  # s in which the state must show it
+WITHIN = 1.0  # s within which the state must show it
 _HEIGHT_REPEATS = 3
 
 
 class PendingRequest(NamedTuple):
-    """One ask under way."""
+    """One request in progress."""
 
     number: int
     ask: BodyRequest
@@ -44,7 +44,7 @@ class PendingRequest(NamedTuple):
 
 
 class RequestTracker:
-    """The one ask under way. ``answered`` is the number of the last that ended, ``refusal`` why it failed."""
+    """The request in progress. ``answered``: number of the last finished one, ``refusal``: why it failed."""
 
     def __init__(self) -> None:
         self.answered = 0
@@ -53,7 +53,7 @@ class RequestTracker:
         self._next = 0.0
 
     def begin(self, number: int, ask: BodyRequest, frame: CanFrame | None, refusal: str, now: float) -> None:
-        """Begin an ask, or answer it at once: with a refusal, or without a frame as done."""
+        """Begin a request, or answer it at once: refused, or done if there is no frame to send."""
         self.end("another command came first")
         self._next = now
         self._pending = None
@@ -63,12 +63,12 @@ class RequestTracker:
         self._pending = PendingRequest(number, ask, frame, now)
 
     def end(self, refusal: str = "") -> None:
-        """Answer what is under way."""
+        """Answer the request in progress."""
         if self._pending is not None:
             self.answered, self.refusal, self._pending = self._pending.number, refusal, None
 
     def step(self, now: float, mode: Mode, error: str) -> CanFrame | None:
-        """Return the frame to be sent now, None without; ends an ask that was taken, or was not in time."""
+        """Return the frame to send now, or None; ends a request that was accepted, or has timed out."""
         pending = self._pending
         if pending is None:
             return None
@@ -87,7 +87,7 @@ class RequestTracker:
 
 
 def _is_taken(pending: PendingRequest, mode: Mode, error: str, now: float) -> bool:
-    """Return True when the state shows it; a height is not told and is sent a few times."""
+    """Return True if the state shows it; a height is not reported, so it is sent a few times."""
     if pending.ask is BodyRequest.HEIGHT:
         return now - pending.since > _HEIGHT_REPEATS * EVERY
     if pending.ask is BodyRequest.RESET:

@@ -1,26 +1,28 @@
-"""Frames to a machine that walks by itself, with the counters and checksums that it wants."""
+"""Sender of frames to a self-walking machine, with the required counters and checksums."""
 
 from __future__ import annotations
 
 from fleet import CanBus, CanFrame
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.frame_integrity import Seal
+from fleet_quadruped.frame_integrity import FrameIntegrity
 from fleet_quadruped.frames import FrameEncoder
 from fleet_quadruped.selfwalk.wire import AXES, Wire
 
 
 class FrameSender:
-    """Sends frames of a machine on its bus."""
+    """Sends frames to a machine on its bus."""
 
     def __init__(self, bus: CanBus, wire: Wire) -> None:
         self._bus = bus
-        self._seals = {number: Seal(number, sealed) for number, sealed in wire.seals.items()}
+        self._integrity = {
+            number: FrameIntegrity(number, protected) for number, protected in wire.protected.items()
+        }
         self._velocities = [(frame.id, FrameEncoder(frame)) for frame in wire.velocity]
 
     def put(self, frame: CanFrame) -> None:
-        """Put a frame on the bus, with its counter and checksum."""
-        seal = self._seals.get(frame.id)
-        self._bus.send(CanFrame(frame.id, seal.put(frame.data)) if seal else frame)
+        """Send a frame, with its counter and checksum."""
+        integrity = self._integrity.get(frame.id)
+        self._bus.send(CanFrame(frame.id, integrity.put(frame.data)) if integrity else frame)
 
     def send(self, twist: Twist) -> None:
         """Send a velocity."""

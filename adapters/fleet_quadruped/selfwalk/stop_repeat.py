@@ -1,14 +1,14 @@
-"""How long a stop is repeated to a machine that walks by itself."""
+"""Duration for which a stop is repeated to a self-walking machine."""
 
 from __future__ import annotations
 
 import math
 
-_AT_LEAST = 0.2  # s for which a stop is repeated
+_AT_LEAST = 0.2  # s for which any stop is repeated
 
 
 class StopRepeat:
-    """A stop is sent for a moment; an emergency stop until the machine has obeyed it (``pending``)."""
+    """Repeats a stop for a moment, an emergency stop until the machine has executed it (``pending``)."""
 
     def __init__(self) -> None:
         self.pending = False
@@ -19,7 +19,7 @@ class StopRepeat:
         self._until = max(self._until, now + _AT_LEAST)
 
     def active(self, now: float, *, resting: bool) -> bool:
-        """Return True while the stop is sent; ``resting``: the machine shows that it obeyed."""
+        """Return True while the stop must be sent; ``resting``: the machine's state shows its effect."""
         if now < self._until:
             return True
         self.pending = self.pending and not resting

@@ -1,4 +1,4 @@
-"""What a machine that walks by itself tells: its mode, velocity, attitude, battery, and where it has gone."""
+"""Telemetry of a self-walking machine: mode, velocity, attitude, battery, and odometry."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import math
 from fleet import CanFrame, Quaternion, quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.measured import Imu
-from fleet_quadruped.control.sensors import Values, imu_of
+from fleet_quadruped.control.sensors import SensorValues, imu_of
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.wire import AXES
 
 
 class Telemetry:
-    """The newest state of a machine. ``now`` is the monotonic time of the last look.
+    """Newest state of a machine. ``now``: monotonic time of the last update.
 
-    ``error``: what it says is wrong with it, ``unnamed``: a mode that its description does not name; empty
-    without. ``x``, ``y`` (m) and ``yaw`` (rad) are its odometry.
+    ``error``: its reported error; ``unnamed``: a mode missing from its description; both empty if there is
+    none. ``x``, ``y`` (m) and ``yaw`` (rad) are its odometry.
     """
 
     def __init__(self, walker: SelfWalker) -> None:
@@ -28,17 +28,17 @@ class Telemetry:
         self.now = 0.0
         self._walker = walker
         state, slow = walker.sensors()
-        self._state = Values(state)
-        self._slow = Values(slow) if slow else None
+        self._state = SensorValues(state)
+        self._slow = SensorValues(slow) if slow else None
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
-        """Take a received frame; others are ignored."""
+        """Process a received frame; frames of others are ignored."""
         for told in (self._state, self._slow):
             if told is not None and (bus, frame.id) in told.frames:
                 told.take(frame, now)
 
     def look(self, now: float, dt: float) -> None:
-        """Take over what the machine has told; what is stale changes nothing."""
+        """Update from the received values; stale ones change nothing."""
         self.now = now
         values = self._state.values
         if self.is_stale:
@@ -46,7 +46,7 @@ class Telemetry:
         number = round(values.get("mode", -1))
         self.mode = self._walker.modes.get(number, Mode.OFF)
         known = number in self._walker.modes
-        self.unnamed = "" if known else f"it says mode {number}, which modes does not name"
+        self.unnamed = "" if known else f"it reports mode {number}, which is not in modes"
         error = round(values.get("error", 0))
         self.error = f"{self._walker.errors.get(error, 'error')} (error {error})" if error else ""
         self.imu = imu_of(values)
@@ -62,35 +62,35 @@ class Telemetry:
 
     @property
     def is_stale(self) -> bool:
-        """True when its state was too old at the last look."""
+        """True if its state was too old at the last update."""
         return self._state.age(self.now) > self._walker.timeout
 
     @property
     def twist(self) -> Twist:
-        """The velocity that it tells."""
+        """Reported velocity."""
         return Twist(*(self._state.values.get(name, 0.0) for name in AXES))
 
     @property
     def rotation(self) -> Quaternion:
-        """How it is turned."""
+        """Attitude, body to world."""
         return self.imu.rotation if self.imu else quaternion_from_yaw(self.yaw)
 
     @property
     def height(self) -> float | None:
-        """Height of its body, m; None where it tells none."""
+        """Height of its body, m; None if it does not report one."""
         return self._state.values.get("height")
 
     @property
     def battery(self) -> dict[str, float]:
-        """What its battery said last, by name."""
+        """Last values of its battery, by name."""
         return dict(self._slow.values) if self._slow else {}
 
     def battery_age(self, now: float) -> float | None:
-        """Return the age of what its battery said, s; None while it has said nothing."""
+        """Return the age of the battery's values, s; None before the first."""
         return self._slow.age(now) if self._slow and self._slow.values else None
 
     @property
     def percent(self) -> float | None:
-        """The battery's percent while it is fresh."""
+        """Battery level in percent while it is fresh."""
         slow, most = self._slow, self._walker.slow_timeout
         return slow.values.get("percent") if slow and slow.age(self.now) < most else None

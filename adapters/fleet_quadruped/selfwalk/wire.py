@@ -1,4 +1,4 @@
-"""What goes over the wire to a machine that walks by itself, however it was described."""
+"""Messages to and from a self-walking machine, for either kind of description."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import NamedTuple
 
 from fleet import CanFrame
 from fleet_quadruped.drives.cia402.setup import Object
-from fleet_quadruped.frame_integrity import Sealed
+from fleet_quadruped.frame_integrity import ProtectedFrame
 from fleet_quadruped.frames import FrameMap
 
 AXES = ("x", "y", "turn")
 """A velocity: m/s forward, m/s left, rad/s counter-clockwise."""
 
 COMMANDS = ("stand_up", "sit_down", "emergency_stop", "recovery_stand", "reset_faults")
-"""What a machine is told with a frame that is always the same; the last two may be missing."""
+"""Commands with a constant frame; the last two are optional."""
 
 
 class Wire(NamedTuple):
-    """Frames out and in. ``alive`` goes before each velocity; ``node`` is a CANopen machine's id.
+    """Frames out and in. ``alive`` is sent before each velocity; ``node``: node id of a CANopen machine.
 
-    ``seals``: by the identifiers of frames that go out, the counters and checksums that they need.
+    ``protected``: counters and checksums of outgoing frames, by identifier.
     """
 
     velocity: tuple[FrameMap, ...]
@@ -33,4 +33,4 @@ class Wire(NamedTuple):
     alive: tuple[CanFrame, ...] = ()
     node: int | None = None
     setup: tuple[Object, ...] = ()
-    seals: Mapping[int, Sealed] = MappingProxyType({})
+    protected: Mapping[int, ProtectedFrame] = MappingProxyType({})

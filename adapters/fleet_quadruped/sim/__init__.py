@@ -1,1 +1,1 @@
-"""A simulated dog: twelve drives that speak the real frames, on a body with physics."""
+"""Simulated quadruped: twelve drives with their real frames, on a body with physics."""

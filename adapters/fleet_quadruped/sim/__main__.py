@@ -1,8 +1,9 @@
-"""``python -m fleet_quadruped.sim``: a simulated dog on real python-can buses, in real time.
+"""``python -m fleet_quadruped.sim``: a simulated robot on real python-can buses, in real time.
 
     python -m fleet_quadruped.sim --bus a=can:udp_multicast:239.74.163.2?port=43113
 
-The controller runs elsewhere and finds twelve drives, an IMU and a battery. Ends with its standard input.
+The controller runs in another process and sees twelve drives, an IMU and a battery. Ends with the standard
+input.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ from fleet_quadruped.sim.worlds import WORLDS
 
 log = logging.getLogger(__name__)
 
-_STEP = 0.002  # s: the drives' own loop
-_LATEST = 0.1  # s behind real time after which the rest is let go
+_STEP = 0.002  # s: control period inside the drives
+_LATEST = 0.1  # s of delay to real time beyond which it is dropped
 
 
 def main(arguments: list[str]) -> int:
@@ -38,7 +39,7 @@ def main(arguments: list[str]) -> int:
     )
     parser.add_argument("--body", type=Path, default=EXAMPLE, help="the dog's description")
     parser.add_argument(
-        "--bus", action="append", required=True, metavar="NAME=URL", help="a bus and where it is"
+        "--bus", action="append", required=True, metavar="NAME=URL", help="name and URL of a bus"
     )
     parser.add_argument("--world", choices=sorted(WORLDS), default="auto")
     parser.add_argument("--faults", default="", help=", ".join(ALL_FAULTS))
@@ -67,7 +68,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _serve(sim: SimulatedMachine, buses: Mapping[str, OpenCanBus], clock: Clock, sense_every: float) -> None:
-    """Keep the dog in step with real time."""
+    """Keep the simulation in step with real time."""
     begun, sensed = clock.monotonic() - sim.time, sim.time
     while True:
         for name, bus in buses.items():

@@ -1,7 +1,7 @@
-"""How a simulated CiA 402 drive stops: the option codes 605Ah, 605Ch and 605Eh, as tables, and the braking.
+"""Stops of a simulated CiA 402 drive: the option codes 605Ah, 605Ch and 605Eh as tables, and the braking.
 
-A quick stop is no damper. The drive slows its motor down on a ramp, and then holds it where it is, with all
-of its stiffness, or takes the torque off: that is what 605Ah says.
+A quick stop does not damp. The drive slows its motor down on a ramp; then it either holds the position with
+its full stiffness, or takes the torque off, as 605Ah says.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from fleet_quadruped.sim.world import Motor
 
 QUICK_STOP_OPTION, DISABLE_OPTION, FAULT_OPTION = (0x605A, 0), (0x605C, 0), (0x605E, 0)
 STIFF, DAMPING = 150.0, 3.0  # N m/rad, N m s/rad: the drive's position loop
-_AT_ONCE, _SLOW_DOWN, _QUICK, _HARD = 0.0, 20.0, 100.0, math.inf  # rad/s2; at once: without any torque
+_AT_ONCE, _SLOW_DOWN, _QUICK, _HARD = 0.0, 20.0, 100.0, math.inf  # rad/s2; at once: without torque
 
 
 class BrakeEnd(NamedTuple):
-    """How a stop goes on: how fast the motor is slowed down (rad/s2), and whether it is held then."""
+    """One way to stop: deceleration of the motor (rad/s2), and whether it is held afterwards."""
 
     ramp: float
     holds: bool = False
@@ -37,9 +37,9 @@ QUICK_STOPS: Mapping[int, BrakeEnd] = MappingProxyType(
         7: BrakeEnd(_HARD, holds=True),
     }
 )
-"""605Ah: what a quick stop does."""
+"""605Ah: quick stop option."""
 DISABLES: Mapping[int, BrakeEnd] = MappingProxyType({0: BrakeEnd(_AT_ONCE), 1: BrakeEnd(_SLOW_DOWN)})
-"""605Ch: what "disable operation" does."""
+"""605Ch: disable operation option."""
 FAULTS: Mapping[int, BrakeEnd] = MappingProxyType(
     {
         0: BrakeEnd(_AT_ONCE),
@@ -49,11 +49,11 @@ FAULTS: Mapping[int, BrakeEnd] = MappingProxyType(
         4: BrakeEnd(_HARD),
     }
 )
-"""605Eh: what a fault does before the torque goes off."""
+"""605Eh: fault reaction option."""
 
 
 class MotorBrake:
-    """One stop of one motor, from where it is and as fast as it turns when the stop begins."""
+    """One stop of one motor, from its position and speed at the start."""
 
     def __init__(self, ending: BrakeEnd, motor: Motor) -> None:
         self.holds = ending.holds
@@ -64,7 +64,7 @@ class MotorBrake:
 
     @property
     def over(self) -> bool:
-        """True when the motor is at rest, or was let go."""
+        """True once the motor is at rest, or has no torque."""
         return self._speed == 0.0
 
     def step(self, motor: Motor, dt: float) -> None:

@@ -1,4 +1,4 @@
-"""A simulated CiA 402 drive: SDO server, state machine, PDOs, heartbeat, emergency, watchdog."""
+"""Simulated CiA 402 drive: SDO server, state machine, PDOs, heartbeat, emergency, watchdog."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ _STATUS: Mapping[DriveState, int] = MappingProxyType(
     }
 )
 _AFTER_ERROR: Mapping[int, int] = MappingProxyType({0: wire.PRE_OPERATIONAL, 2: wire.STOPPED})
-"""1029h:1: the NMT state of a node after a communication error; 1 leaves it as it is."""
+"""1029h:1: NMT state after a communication error; 1 is no change."""
 _NMT: Mapping[int, int] = MappingProxyType(
     {0x01: wire.OPERATIONAL, 0x02: wire.STOPPED, 0x80: wire.PRE_OPERATIONAL}
 )
-_SOON = 1e-6  # s beyond a time-out
+_SOON = 1e-6  # s beyond a timeout
 _CODES: Mapping[str, int] = MappingProxyType({"overcurrent": 0x2310, "hot": 0x4310})
 
 
 class SimDrive:
-    """One drive at one joint; ``send`` puts its frames on the bus."""
+    """One drive at one joint; ``send`` sends its frames."""
 
     def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:
         self.joint = joint
@@ -61,7 +61,7 @@ class SimDrive:
         self._waiting: tuple[int, float, float] | None = None  # control word, angle, torque
         self._from = self._to = motor.angle
         self._feed = 0.0
-        self._begun = 0.0  # when the way from _from to _to began
+        self._begun = 0.0  # start of the interpolation from _from to _to, s
         self._time = 0.0
         self._look_at = 0.0
         self._next_beat = math.inf
@@ -79,7 +79,7 @@ class SimDrive:
 
     @property
     def state(self) -> DriveState:
-        """Its state."""
+        """State in the CiA 402 state machine."""
         return self.power.state
 
     def boot(self) -> None:
@@ -90,34 +90,34 @@ class SimDrive:
         self._say(wire.HEARTBEAT, bytes([wire.BOOT_UP]))
 
     def fail(self, why: str) -> None:
-        """Go into fault, and say so in an emergency."""
+        """Enter the fault state, and send an emergency."""
         self._code = _CODES[why]
         self.power.fail()
         self._say(wire.EMERGENCY, struct.pack("<HB5x", self._code, 0x21))
 
     def mute(self) -> None:
-        """Say and hear nothing any more."""
+        """Send and receive nothing any more."""
         self._muted, self.hears = True, {}
 
     def cut_short(self) -> None:
-        """Fail, and say so in an emergency of two bytes."""
+        """Fail, with an emergency of only two bytes."""
         self._terse = True
         self.fail("overcurrent")
 
     def ignore(self) -> None:
-        """Ignore targets, as a drive does that has its own reasons."""
+        """Ignore targets; bit 12 of the status word shows it."""
         self._deaf = True
 
     def warm(self) -> None:
-        """Become warmer, for good."""
+        """Heat up without end."""
         self._warm_since = self._time
 
     def doze(self) -> None:
-        """Miss the first few times that it is to be enabled."""
+        """Ignore the first few commands to enable operation."""
         self.power.dozing = STUBBORN
 
     def pretend(self) -> None:
-        """Be an I/O module."""
+        """Identify as an I/O module."""
         self.sdo.pretend()
 
     def refuse(self) -> None:
@@ -125,7 +125,7 @@ class SimDrive:
         self.sdo.refuse()
 
     def control(self, dt: float) -> None:
-        """Set the motor for the next ``dt`` seconds, and look after the watchdog and the heartbeat."""
+        """Set the motor for the next ``dt`` seconds; serve watchdog and heartbeat."""
         if self._time >= self._look_at or self.sdo.changed:
             self._look()
         left = self._begun + self._config.cycle - self._time  # s of interpolation
@@ -148,7 +148,7 @@ class SimDrive:
         motor.target, motor.target_speed, motor.slope = target, slope, slope
 
     def _look(self) -> None:
-        """Look after the watchdog and the heartbeat, and what was configured."""
+        """Serve watchdog and heartbeat, and apply a changed configuration."""
         if self.sdo.changed:
             self.sdo.changed = False
             self._config = self.sdo.configuration()
@@ -162,7 +162,7 @@ class SimDrive:
         self._look_at = min(self._next_beat, silent)
 
     def _stop_alone(self) -> None:
-        """Stop by ourselves because the master's heartbeat is missing (1016h, 6007h)."""
+        """Stop because the master's heartbeat is missing (1016h, 6007h)."""
         self._master_at = self._waiting = None
         self._say(wire.EMERGENCY, struct.pack("<HB5x", wire.OUR_SILENCE, 0x11))
         self.power.lose_connection()
@@ -170,17 +170,17 @@ class SimDrive:
         self.nmt = _AFTER_ERROR.get(behaviour.value if behaviour else 0, self.nmt)
 
     def _master(self, _frame: CanFrame) -> None:
-        """Note that the master lives."""
+        """Process the master's heartbeat."""
         if self._master_at is None:
             self._look_at = self._time
         self._master_at = self._time
 
     def _target(self, frame: CanFrame) -> None:
-        """Keep a control word and a target for the next SYNC."""
+        """Store a control word and a target until the next SYNC."""
         self._waiting = self._units.unpack(frame.data) if self.nmt == wire.OPERATIONAL else None
 
     def _command(self, frame: CanFrame) -> None:
-        """Obey NMT."""
+        """Execute an NMT command."""
         data = frame.data
         if len(data) < 2 or data[1] not in {0, self.joint.id}:
             return
@@ -193,7 +193,7 @@ class SimDrive:
                 self.power.lose_connection()
 
     def _sync(self, _frame: CanFrame) -> None:
-        """Obey the target that came since the last SYNC, and tell where we are."""
+        """Apply the target received since the last SYNC, and send the feedback."""
         if self.nmt != wire.OPERATIONAL:
             return
         if self._waiting is not None:
@@ -211,7 +211,7 @@ class SimDrive:
             self._say(wire.TPDO2, wire.pack_slow(wire.SlowPdo(self.voltage, self._code, heat)))
 
     def _obey(self, told: tuple[int, float, float]) -> None:
-        """Take a control word and a target."""
+        """Apply a control word and a target."""
         control, angle, torque = told
         was = self.state
         if not self.power.obey(control):
@@ -228,7 +228,7 @@ class SimDrive:
             self._begun = self._time
 
     def _say(self, base: int, data: bytes) -> None:
-        """Send a frame of ours."""
+        """Send a frame."""
         if not self._muted:
             short = self._terse and base == wire.EMERGENCY
             self._send(CanFrame(base + self.joint.id, data[:2] if short else data))

@@ -1,4 +1,4 @@
-"""The object dictionary of a simulated CiA 402 drive, and what devices there are with another one."""
+"""Object dictionary of a simulated CiA 402 drive, with the variants of other models."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ _NO_LIMIT = 0xFFFF  # in 6072h
 
 
 class Configuration(NamedTuple):
-    """What was written: time-out of the master's heartbeat and period of its own (s, infinite for none).
+    """Written values: heartbeat timeout of the master and own heartbeat period (s, infinite for none).
 
-    ``reach``: rad that its torque limit lets a target be away. ``cycle``: s, of interpolation.
+    ``reach``: largest effective position error (rad) under the torque limit. ``cycle``: interpolation period,
+    s.
     """
 
     timeout: float = math.inf
@@ -30,7 +31,7 @@ class Configuration(NamedTuple):
 
 
 class Cia402Dictionary(SdoServer):
-    """The dictionary of the drive of one joint, answered over SDO."""
+    """Dictionary of the drive of one joint, served over SDO."""
 
     def __init__(self, joint: Joint, drive: Drive, send: Callable[[CanFrame], None]) -> None:
         super().__init__(joint.id, _objects(joint, drive), send)
@@ -38,7 +39,7 @@ class Cia402Dictionary(SdoServer):
         self.objects[MODE_DISPLAY] = self.objects[0x6060, 0]
 
     def configuration(self) -> Configuration:
-        """Return what was written."""
+        """Return the written values."""
         value = {place: entry.value for place, entry in self.objects.items()}
         limit = value.get(MAX_TORQUE, _NO_LIMIT)
         exponent = value[0x60C2, 2]
@@ -50,20 +51,20 @@ class Cia402Dictionary(SdoServer):
         )
 
     def keep_mode(self) -> None:
-        """Stay in the mode it is in."""
+        """Keep the present mode, whatever is requested."""
         self.objects[MODE_DISPLAY] = Entry(1, 1)
 
     def pretend(self) -> None:
-        """Be that of an I/O module."""
+        """Identify as an I/O module."""
         self.objects[0x1000, 0].value = 0x0003_0191
 
     def be_plain(self) -> None:
-        """Have neither torque offset (60B2h) nor torque (6077h)."""
+        """Remove torque offset (60B2h) and torque (6077h)."""
         del self.objects[0x60B2, 0], self.objects[0x6077, 0]
         self.unmappable = frozenset(OPTIONAL)
 
     def be_simple(self) -> None:
-        """Have no object for what follows a communication error (1029h): then it leaves operation."""
+        """Remove the error behaviour (1029h): the node leaves operational after a communication error."""
         del self.objects[ERROR_BEHAVIOUR]
 
     def refuse(self) -> None:
@@ -72,7 +73,7 @@ class Cia402Dictionary(SdoServer):
 
 
 def _objects(joint: Joint, drive: Drive) -> dict[tuple[int, int], tuple[int, int]]:
-    """Return the drive's objects: (index, sub) to (bytes, value)."""
+    """Return the drive's objects: (index, subindex) to (size in bytes, value)."""
     objects = {
         (0x1000, 0): (4, 0x0002_0192),
         (0x1001, 0): (1, 0),

@@ -1,4 +1,4 @@
-"""The state machine of a simulated CiA 402 drive, and its brakes."""
+"""State machine and brakes of a simulated CiA 402 drive."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _STEPS: Mapping[tuple[DriveState, int], DriveState] = MappingProxyType(
         (DriveState.ENABLED, 0x06): DriveState.READY,
     }
 )
-"""(state, low four bits of the control word) to the next state; clear bit 1 means voltage off; see _ACTS."""
+"""(state, low four bits of the control word) to the next state; bit 1 clear: voltage off; see _ACTS."""
 _CONNECTION_LOST = (0x6007, 0)
 
 
 class PowerStage:
-    """The power stage of one drive. ``objects``: its dictionary, with the options of its stops.
+    """Power stage of one drive. ``objects``: its dictionary, with the stop options.
 
-    ``dozing``: times that it does not hear that it is to be enabled.
+    ``dozing``: number of enable commands that it still ignores.
     """
 
     def __init__(self, motor: Motor, objects: Mapping[tuple[int, int], Entry]) -> None:
@@ -54,24 +54,25 @@ class PowerStage:
         self.state, self._brake = DriveState.SWITCH_ON_DISABLED, None
 
     def stay(self) -> None:
-        """Stay in quick stop, whatever it is told, until its voltage is disabled (no transition 16)."""
+        """Stay in quick stop until the voltage is disabled (no transition 16)."""
         self._stays = True
 
     def fail(self) -> None:
-        """Do what 605Eh says for a fault."""
+        """React to a fault according to 605Eh."""
         self._stop(DriveState.FAULT_REACTION, FAULTS[self._objects[FAULT_OPTION].value], DriveState.FAULT)
 
     def obey(self, control: int) -> bool:
-        """Take a control word; return False when it is not heard, and its target neither."""
+        """Process a control word; return False if it, and its target, are ignored."""
         if self.dozing and control & 0x0F == 0x0F and self.state is DriveState.SWITCHED_ON:
             self.dozing -= 1
             return False
-        if control != self._control or self.state is not DriveState.ENABLED:  # enabled, it obeys a word once
+        # When enabled, a repeated control word has no effect.
+        if control != self._control or self.state is not DriveState.ENABLED:
             self._switch(control)
         return True
 
     def _switch(self, control: int) -> None:
-        """Change the state as a control word tells; a fault is left by a rising edge of the reset bit."""
+        """Change the state; the fault state is left by a rising edge of the reset bit."""
         before, self._control = self._control, control
         act = _ACTS.get((self.state, control & 0x0F))
         if self.state is DriveState.FAULT:
@@ -87,7 +88,7 @@ class PowerStage:
             self.state = _STEPS.get((self.state, control & 0x0F), self.state)
 
     def slow_down(self, dt: float) -> bool:
-        """Go on with a stop: brake, then hold, or take the torque off. Return False without one."""
+        """Continue a stop: brake, then hold, or take the torque off. Return False without one."""
         brake = self._brake
         if brake is None:
             return False
@@ -99,7 +100,7 @@ class PowerStage:
         return True
 
     def lose_connection(self) -> None:
-        """Do what 6007h says, when the master is silent or takes the node out of operation."""
+        """React according to 6007h when the master is silent or takes the node out of operational."""
         if self.state is not DriveState.ENABLED:
             return
         option = self._objects[_CONNECTION_LOST].value
@@ -111,21 +112,21 @@ class PowerStage:
             self.stop_quickly()
 
     def stop_quickly(self) -> None:
-        """Do what 605Ah says for a quick stop."""
+        """Stop according to 605Ah (quick stop)."""
         ending = QUICK_STOPS[self._objects[QUICK_STOP_OPTION].value]
         self._stop(DriveState.QUICK_STOP, ending, DriveState.SWITCH_ON_DISABLED)
 
     def disable(self) -> None:
-        """Do what 605Ch says for "disable operation"."""
+        """Stop according to 605Ch ("disable operation")."""
         self._stop(DriveState.ENABLED, DISABLES[self._objects[DISABLE_OPTION].value], DriveState.SWITCHED_ON)
 
     def go_on(self) -> None:
-        """Go on from a quick stop that holds (605Ah is 5 to 7): transition 16."""
+        """Continue after a quick stop that holds (605Ah is 5 to 7): transition 16."""
         if self._brake is not None and self._brake.holds and not self._stays:
             self.state, self._brake = DriveState.ENABLED, None
 
     def _stop(self, state: DriveState, ending: BrakeEnd, after: DriveState) -> None:
-        """Begin to stop in ``state``; ``after`` is what follows when the torque is off."""
+        """Begin a stop in ``state``; ``after`` is the state once the torque is off."""
         self.state, self._after_brake = state, after
         self._brake = MotorBrake(ending, self._motor)
         if not self._brake.torque:
@@ -139,4 +140,4 @@ _ACTS: Mapping[tuple[DriveState, int], Callable[[PowerStage], None]] = MappingPr
         (DriveState.QUICK_STOP, 0x0F): PowerStage.go_on,
     }
 )
-"""(state, low four bits of the control word) to what takes its time, or is not always possible."""
+"""(state, low four bits of the control word) to transitions that take time, or depend on more."""

@@ -1,4 +1,4 @@
-"""The simulated dog as a whole: drives and sensors on buses, moved by a world, with faults by name."""
+"""Simulated robot: drives and sensors on buses, moved by a world, with faults by name."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from fleet_quadruped.sim.sensors import SENSOR_FAULTS, Sensors
 from fleet_quadruped.sim.wires import BadBuses
 from fleet_quadruped.sim.world import Motor, World
 
-_LOOP = 0.01  # s, about, between two looks of the drives; they interpolate between them
+_LOOP = 0.01  # s, approximate control period of the drives, which interpolate in between
 
 
 class SimDog:
-    """A dog on buses. ``heard`` takes the frames that the dog sends on a bus, by its name.
+    """A robot on buses. ``heard``: callback for the frames that it sends, by bus.
 
-    ``seed`` fixes what is lost on a bad wire.
+    ``seed`` determines the losses on bad wires.
     """
 
     def __init__(
@@ -47,11 +47,11 @@ class SimDog:
         self._listen()
 
     def fault(self, name: str, value: float = 1.0) -> None:
-        """Begin a fault; raises ValueError for one that does not exist."""
+        """Activate a fault; raises ValueError for an unknown one."""
         check_fault(name, value, ALL_FAULTS)
         if ALL_FAULTS[name].startswith("joint"):
             if not 1 <= value <= len(self.dog.all_joints):
-                raise ValueError(f"fault {name}: {value:g} is no {ALL_FAULTS[name]}")
+                raise ValueError(f"fault {name}: {value:g} is not a valid value ({ALL_FAULTS[name]})")
             self._fault_on(int(value) - 1, name)
         elif name in SENSOR_FAULTS:
             self._sensors.faults[name] = value
@@ -63,7 +63,7 @@ class SimDog:
             self._wires.faults[name] = value
 
     def _fault_on(self, joint: int, name: str) -> None:
-        """Begin a fault of one drive."""
+        """Activate a fault of one drive."""
         drive = self.drives[joint]
         if name == "twin":
             self._add(self.dog.all_joints[joint], Motor(angle=self.world.motors[joint].angle + 0.1))
@@ -78,24 +78,24 @@ class SimDog:
         self._listen()
 
     def _add(self, joint: Joint, motor: Motor) -> None:
-        """Put a drive on its bus."""
+        """Connect a drive to its bus."""
         drive = self._make(joint, motor, self._senders[joint.bus], self.dog.drive)
         self.drives.append(drive)
 
     def _listen(self) -> None:
-        """Note who hears which frames."""
+        """Rebuild the table of receivers by identifier."""
         self._listeners = {bus: {} for bus in self.dog.buses}
         for drive in self.drives:
             for identifier, hears in drive.hears.items():
                 self._listeners[drive.joint.bus].setdefault(identifier, []).append(hears)
 
     def clear(self, name: str) -> None:
-        """End a fault of the wire, or of a sensor."""
+        """Clear a fault of the wire, or of a sensor."""
         self._wires.faults.pop(name, None)
         self._sensors.faults.pop(name, None)
 
     def take(self, bus: str, frame: CanFrame) -> None:
-        """Take a frame that was sent to the dog."""
+        """Process a frame sent to the robot."""
         if not self._wires.faults:
             self._deliver(bus, frame)
             return
@@ -103,7 +103,7 @@ class SimDog:
             self._deliver(bus, arrived)
 
     def advance(self, dt: float, *, sense: bool = True) -> None:
-        """Let ``dt`` seconds pass; with ``sense``, tell what the sensors see at their end."""
+        """Advance by ``dt`` seconds; with ``sense``, send the sensor values at the end."""
         steps = max(1, round(dt / _LOOP))
         part = dt / steps
         for _ in range(steps):
@@ -121,7 +121,7 @@ class SimDog:
             self._hand_over()
 
     def _hand_over(self) -> None:
-        """Hand over what a bad wire has kept until now."""
+        """Deliver the delayed frames of bad wires."""
         for bus in self.dog.buses:
             for frame in self._wires.to_dog(bus, (), self.time):
                 self._deliver(bus, frame)
@@ -133,7 +133,7 @@ class SimDog:
             hears(frame)
 
     def _sender(self, bus: str) -> Callable[[CanFrame], None]:
-        """Return what puts a frame of the dog on a bus."""
+        """Return the function that sends a frame of the robot on a bus."""
         heard, wires = self._heard[bus], self._wires
 
         def send(frame: CanFrame) -> None:

@@ -1,4 +1,4 @@
-"""What the simulated dog asks of a simulated drive, whatever its protocol."""
+"""Interface of a simulated drive, independent of its protocol."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from fleet_quadruped.sim.brakes import let_go
 from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
 
-STUBBORN = 3  # times that a lazy drive does not hear that it is to be enabled
-COOL, WARMING = 40.0, 10.0  # degrees C, and by the second
+STUBBORN = 3  # number of enable commands that a lazy drive ignores
+COOL, WARMING = 40.0, 10.0  # degrees C, degrees C per s
 
 Hears = Callable[[CanFrame], None]
 
 
 class SimEncoder:
-    """What a drive believes of where its motor is; ``off`` is by how much it errs, rad."""
+    """Encoder of a motor; ``off`` is its error, rad."""
 
     def __init__(self, motor: Motor) -> None:
         self.off = 0.0
         self._motor = motor
-        self._stuck: float | None = None  # rad that it says for ever
+        self._stuck: float | None = None  # rad that it reports for ever
 
     @property
     def angle(self) -> float:
-        """What it says, rad."""
+        """Reported angle, rad."""
         return self._motor.angle + self.off if self._stuck is None else self._stuck
 
     def shift(self, angle: float) -> None:
-        """Be off by an angle more, rad."""
+        """Add an error, rad."""
         self.off += angle
 
     def stick(self) -> None:
-        """Say the same for ever."""
+        """Freeze at the present angle."""
         self._stuck = self.angle
 
     def follow(self) -> None:
-        """Note how far the motor has gone on from where a stuck one says that it is."""
+        """Update the error of a stuck encoder."""
         if self._stuck is not None:
             self.off = self._stuck - self._motor.angle
 
 
 class AnyDrive(Protocol):
-    """One simulated drive; ``voltage`` is what its supply has, V."""
+    """One simulated drive; ``voltage``: V of its supply."""
 
     joint: Joint
     encoder: SimEncoder
@@ -54,38 +54,38 @@ class AnyDrive(Protocol):
 
     @property
     def hears(self) -> Mapping[int, Hears]:
-        """What takes the frames that the drive understands, by their identifiers; none when it is mute."""
+        """Receivers of the frames that the drive understands, by identifier; empty when it is mute."""
 
     def control(self, dt: float) -> None:
-        """Set the motor for the next ``dt`` seconds, at most a hundredth or so."""
+        """Set the motor for the next ``dt`` seconds, about 10 ms at most."""
 
     def mute(self) -> None:
-        """Say nothing any more."""
+        """Send nothing any more."""
 
     def boot(self) -> None:
         """Start as after power-on."""
 
     def fail(self, why: str) -> None:
-        """Go into fault: ``overcurrent`` or ``hot``."""
+        """Enter fault: ``overcurrent`` or ``hot``."""
 
     def cut_short(self) -> None:
         """Send frames that are too short."""
 
     def warm(self) -> None:
-        """Become warmer, for good."""
+        """Heat up without end."""
 
     def doze(self) -> None:
-        """Miss the first few times that it is to be enabled."""
+        """Ignore the first few commands to enable it."""
 
     def pretend(self) -> None:
-        """Be another device."""
+        """Identify as another device."""
 
     def refuse(self) -> None:
-        """Refuse to be configured."""
+        """Refuse the configuration."""
 
 
 class SimDampingDrive:
-    """What the simulated drives share that damp by themselves; ``send`` puts their frames on the bus."""
+    """Shared part of simulated drives that damp by themselves; ``send`` sends their frames."""
 
     def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None]) -> None:
         self.joint = joint
@@ -98,30 +98,30 @@ class SimDampingDrive:
         self._square = joint.kind.ratio**2
         self._temperature, self._warming = COOL, 0.0
         self._terse = self._refusing = False
-        self._dozing = 0  # times that it does not hear that it is to be enabled
+        self._dozing = 0  # number of enable commands that it still ignores
 
     def mute(self) -> None:
-        """Say and hear nothing any more."""
+        """Send and receive nothing any more."""
         self.hears = {}
 
     def cut_short(self) -> None:
-        """Send no whole frame any more."""
+        """Send only incomplete frames any more."""
         self._terse = True
 
     def warm(self) -> None:
-        """Become warmer, for good."""
+        """Heat up without end."""
         self._warming = WARMING
 
     def doze(self) -> None:
-        """Miss the first few times that it is to be enabled."""
+        """Ignore the first few commands to enable it."""
         self._dozing = STUBBORN
 
     def refuse(self) -> None:
-        """Keep its configuration as it is."""
+        """Ignore writes of its configuration."""
         self._refusing = True
 
     def control(self, dt: float) -> None:
-        """Let the motor turn freely, and become warmer; a protocol adds what it is told to do."""
+        """Leave the motor without torque, and update the temperature; a protocol adds its commands."""
         self._temperature += self._warming * dt
         self.encoder.follow()
         let_go(self.motor)

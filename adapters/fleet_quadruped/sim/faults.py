@@ -1,4 +1,4 @@
-"""Faults of a simulated dog by name; a joint is told by its place in ``JOINTS``, 1 to 12."""
+"""Faults of a simulated robot by name; a joint is given by its number in ``JOINTS``, 1 to 12."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ DOG_FAULTS: Mapping[str, str] = MappingProxyType(
         "mode": "joint 1 to 12 whose drive (CiA 402) does not take its mode",
         "twin": "joint 1 to 12 at whose id there is a second drive",
         "jump": "joint 1 to 12 whose encoder jumps by 0.5 rad",
-        "stuck": "joint 1 to 12 whose encoder says the same for ever",
-        "weak": "joint 1 to 12 whose motor has no force any more",
-        "lazy": "joint 1 to 12 whose drive misses the first times that it is to be enabled",
+        "stuck": "joint 1 to 12 whose encoder is frozen",
+        "weak": "joint 1 to 12 whose motor produces no torque",
+        "lazy": "joint 1 to 12 whose drive ignores the first commands to enable it",
         "stranger": "joint 1 to 12 at whose id another device is",
         "abort": "joint 1 to 12 whose drive refuses its PDO mapping",
         "volts": "voltage of the supply",
@@ -35,15 +35,15 @@ DOG_FAULTS: Mapping[str, str] = MappingProxyType(
 WALKER_FAULTS: Mapping[str, str] = MappingProxyType(
     {
         **WIRE_FAULTS,
-        "mute": "any number: it says nothing any more",
-        "battery": "percent that the battery has",
-        "error": "number of its error",
-        "tip": "rad that it is tilted",
-        "idle": "any number: it stands still whatever velocity it is asked",
-        "runs": "any number: it walks at 0.5 m/s whatever it is asked",
+        "mute": "any number: it is silent",
+        "battery": "battery percentage",
+        "error": "error number",
+        "tip": "tilt, rad",
+        "idle": "any number: it ignores velocities and stands still",
+        "runs": "any number: it ignores velocities and walks at 0.5 m/s",
     }
 )
-"""Faults of a machine that walks by itself."""
+"""Faults of a self-walking machine."""
 
 ALL_FAULTS: Mapping[str, str] = MappingProxyType({**WIRE_FAULTS, **DOG_FAULTS})
 
@@ -62,7 +62,7 @@ ON_DRIVE: Mapping[str, Callable[[AnyDrive], None]] = MappingProxyType(
         "abort": lambda drive: drive.refuse(),
     }
 )
-"""What a fault does to one drive, whatever its protocol."""
+"""Effect of a fault on one drive of any protocol."""
 
 ON_CIA402: Mapping[str, Callable[[SimDrive], None]] = MappingProxyType(
     {
@@ -71,4 +71,4 @@ ON_CIA402: Mapping[str, Callable[[SimDrive], None]] = MappingProxyType(
         "mode": lambda drive: drive.sdo.keep_mode(),
     }
 )
-"""What a fault does to one CiA 402 drive."""
+"""Effect of a fault on one CiA 402 drive."""

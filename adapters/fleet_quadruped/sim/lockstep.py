@@ -1,4 +1,4 @@
-"""A simulated dog and its controller in one thread and one time: deterministic, faster than real time."""
+"""A simulated robot and its controller in one thread and one time: deterministic, faster than real time."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from fleet_quadruped.sim.dog import SimDog
 from fleet_quadruped.sim.world import KinematicWorld, World
 
 
-class Takes(Protocol):
-    """A machine that takes frames."""
+class FrameSink(Protocol):
+    """A machine that receives frames."""
 
     def take(self, bus: str, frame: CanFrame) -> None:
-        """Take a frame that was sent to it."""
+        """Process a frame sent to the machine."""
 
 
 class SimBus:
-    """One bus of a simulated dog, in this process. ``cut`` makes it fail as an unplugged one does."""
+    """One bus of a simulated robot, in this process. ``cut`` makes it fail like an unplugged one."""
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.cut = False
         self.sent: deque[CanFrame] = deque(maxlen=64)
-        self._dog: Takes | None = None
+        self._dog: FrameSink | None = None
         self._arrived: deque[CanFrame] = deque()
-        self._news: threading.Event | None = None  # while somebody waits
+        self._news: threading.Event | None = None  # while a receiver waits
 
-    def connect(self, dog: Takes) -> None:
-        """Join the dog."""
+    def connect(self, dog: FrameSink) -> None:
+        """Connect the robot."""
         self._dog = dog
 
     def arrive(self, frame: CanFrame) -> None:
-        """Take a frame from the dog."""
+        """Receive a frame from the robot."""
         if not self.cut:
             self._arrived.append(frame)
             news = self._news
@@ -43,14 +43,14 @@ class SimBus:
                 news.set()
 
     def send(self, frame: CanFrame) -> None:
-        """Hand a frame to the dog."""
+        """Deliver a frame to the robot."""
         if self.cut or self._dog is None:
             return
         self.sent.append(frame)
         self._dog.take(self.name, frame)
 
     def receive(self, wait: float) -> list[CanFrame]:
-        """Return what the dog has sent, waiting for what another thread asks it; raises LinkLost if cut."""
+        """Return the frames of the robot; waits for replies to another thread. Raises LinkLost if cut."""
         if wait > 0:
             self._wait(wait)
         if self.cut:
@@ -61,21 +61,21 @@ class SimBus:
         return frames
 
     def _wait(self, seconds: float) -> None:
-        """Wait for a frame that another thread's asking brings."""
+        """Wait for a frame that answers another thread's request."""
         self._news = news = threading.Event()
         if not self._arrived:
             news.wait(seconds)
         self._news = None
 
     def close(self) -> None:
-        """Leave the dog."""
+        """Disconnect the robot."""
         self._dog = None
 
 
 def lockstep(
     dog: DogDescription, world: World | None = None, *, real: DogDescription | None = None, seed: int = 1
 ) -> tuple[SimDog, dict[str, SimBus]]:
-    """Return a simulated dog and its buses; ``real`` is how it is built when ``dog`` is wrong."""
+    """Return a simulated robot and its buses; ``real``: its actual build if ``dog`` is wrong."""
     buses = {name: SimBus(name) for name in dog.buses}
     built = real or dog
     heard = {name: bus.arrive for name, bus in buses.items()}

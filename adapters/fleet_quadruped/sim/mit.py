@@ -1,4 +1,4 @@
-"""A simulated MIT motor: special frames, commands, replies, Damiao registers and watchdog."""
+"""Simulated MIT motor: special frames, commands, replies, Damiao registers and watchdog."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LOST = 0xD
 
 
 class SimMitDrive(SimDampingDrive):
-    """One motor at one joint; ``send`` puts its frames on the bus."""
+    """One motor at one joint; ``send`` sends its frames."""
 
     def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:
         super().__init__(joint, motor, send)
@@ -36,20 +36,20 @@ class SimMitDrive(SimDampingDrive):
         self.status = 0
         self._command: Command = MitCommand()
         self._silence = 0.0
-        self._timeout = math.inf  # s of silence after which it lets go
-        self._place = (wire.MASTER + joint.id) if self._profile.damiao else 0  # where it answers
+        self._timeout = math.inf  # s of silence after which it takes the torque off
+        self._place = (wire.MASTER + joint.id) if self._profile.damiao else 0  # identifier of its replies
         self.hears = {joint.id: self._obey}
         if self._profile.damiao:
             self.hears = {**self.hears, wire.REGISTERS: self._register}
 
     def boot(self) -> None:
-        """Start as after power-on: disabled, registers as they were stored."""
+        """Start as after power-on: disabled, with the stored registers."""
         self.status = 0
         self._registers[wire.TIMEOUT_REGISTER] = bytes(4)
         self._timeout = math.inf
 
     def fail(self, why: str) -> None:
-        """Go into fault; it is told in the next reply."""
+        """Enter fault; the next reply reports it."""
         self.status = _STATUS[why]
 
     def pretend(self) -> None:
@@ -57,7 +57,7 @@ class SimMitDrive(SimDampingDrive):
         self._registers[wire.RANGE_REGISTERS[0]] = struct.pack("<f", self._profile.angle * 2)
 
     def control(self, dt: float) -> None:
-        """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
+        """Set the motor for the next ``dt`` seconds, and check the watchdog."""
         super().control(dt)
         self._silence += dt
         if self.status == wire.ENABLED and self._silence > self._timeout:
@@ -71,7 +71,7 @@ class SimMitDrive(SimDampingDrive):
         motor.target = target - self.encoder.off
 
     def _obey(self, frame: CanFrame) -> None:
-        """Take a special frame or a command, and answer."""
+        """Execute a special frame or a command, and reply."""
         data = frame.data
         if len(data) != 8:
             return
@@ -91,7 +91,7 @@ class SimMitDrive(SimDampingDrive):
         self._reply()
 
     def _reply(self) -> None:
-        """Tell where the motor is."""
+        """Send the feedback."""
         motor = self.motor
         angle, speed, torque = self._units.motor(self.encoder.angle, motor.speed, motor.torque)
         reply = (self.joint.id, angle, speed, torque, self.status, self._temperature)
@@ -99,7 +99,7 @@ class SimMitDrive(SimDampingDrive):
         self._send(CanFrame(self._place, data[:2] if self._terse else data))
 
     def _register(self, frame: CanFrame) -> None:
-        """Answer a question for a register, or a change of one."""
+        """Answer a read or write of a register."""
         data = frame.data
         told = wire.unpack_register(data)
         if told is None or told[0] != self.joint.id or told[1] not in self._registers:
@@ -113,6 +113,6 @@ class SimMitDrive(SimDampingDrive):
 
 
 def _timeout(register: bytes) -> float:
-    """Return the seconds of silence after which a motor lets go."""
+    """Return the watchdog timeout in s; infinite without one."""
     (ticks,) = struct.unpack("<I", register)
     return ticks * 50e-6 or math.inf

@@ -1,7 +1,7 @@
-"""A simulated moteus: registers, modes, the watchdog of each command, diagnostics.
+"""Simulated moteus: registers, modes, watchdog of each command, diagnostics.
 
-As the real one: it takes every frame whose low byte is its id, answers only when asked to, limits its damping
-to the share of its stiffness, and leaves a time-out or a fault only by being stopped.
+Like the real one it accepts every frame whose low byte is its id, answers only on request, limits its damping
+to the share of its stiffness, and leaves a timeout or a fault only by a stop.
 """
 
 from __future__ import annotations
@@ -11,25 +11,25 @@ from collections.abc import Callable, Mapping
 
 from fleet import CanFrame
 from fleet_quadruped.drives.moteus import frames as wire
-from fleet_quadruped.drives.moteus.frames import Part
+from fleet_quadruped.drives.moteus.frames import Subframe
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.drive import SimDampingDrive
 from fleet_quadruped.sim.world import Motor
 
 _FAULTS = {"overcurrent": 33, "hot": 38}
-_KP, _KD = 120.0, 5.0  # N m/rad, N m s/rad of the joint, that it is configured with
+_KP, _KD = 120.0, 5.0  # N m/rad, N m s/rad of the joint: configured gains
 _DEFAULTS: Mapping[int, float] = {0x23: 1.0, 0x24: 1.0, 0x25: math.nan, 0x26: math.nan}
-"""Of the registers of a command, where it is not zero."""
+"""Default values of the command registers, if not zero."""
 _WRITABLE = frozenset({wire.STOPPED, wire.OBEYS, wire.DAMPS, wire.BRAKES})
-_STARTING = 2  # the first of the modes on the way to position mode
+_STARTING = 2  # first of the modes on the way to position mode
 _LATCHED = frozenset({wire.FAILED, wire.TIMED_OUT})
 
 
 class SimMoteus(SimDampingDrive):
-    """One servo at one joint; ``send`` puts its frames on the bus."""
+    """One servo at one joint; ``send`` sends its frames."""
 
-    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:  # noqa: ARG002 - as it left its maker
+    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:  # noqa: ARG002 - factory settings
         super().__init__(joint, motor, send)
         self.home = wire.REFERS_TO_OUTPUT
         self.stored = {
@@ -43,26 +43,26 @@ class SimMoteus(SimDampingDrive):
         self.boot()
 
     def boot(self) -> None:
-        """Start as after power-on: stopped, everything as it was stored."""
+        """Start as after power-on: stopped, with the stored configuration."""
         self.mode, self._code = wire.STOPPED, 0
         self.config = dict(self.stored)
         self._command: dict[int, float] = {}
-        self._left = math.inf  # s that the command is valid
-        self._starts = False  # it is on the way to position mode
+        self._left = math.inf  # s for which the command is still valid
+        self._starts = False  # on its way to position mode
         self._line = b""
         self._text = b""
-        self._target = 0.0  # turns: where it is to be, which moves on with the velocity
+        self._target = 0.0  # turns: target position, which moves with the velocity
 
     def fail(self, why: str) -> None:
-        """Go into fault; it is told in the next answer."""
+        """Enter fault; the next answer reports it."""
         self.mode, self._code = wire.FAILED, _FAULTS[why]
 
     def pretend(self) -> None:
-        """Be one that is configured for a softer robot."""
+        """Be configured for a softer robot."""
         self.config["servo.pid_position.kp"] /= 10
 
     def control(self, dt: float) -> None:
-        """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
+        """Set the motor for the next ``dt`` seconds, and check the watchdog."""
         super().control(dt)
         if self._starts:
             self.mode, self._starts = wire.OBEYS, False
@@ -80,7 +80,7 @@ class SimMoteus(SimDampingDrive):
             self.motor.kd = self._gain("servo.pid_position.kd") * min(1.0, share)
 
     def _obey(self, dt: float) -> None:
-        """Follow the command: its position moves on with its velocity."""
+        """Follow the command: its position moves with its velocity."""
         motor = self.motor
         self._target += self._value(0x21) * dt
         angle, speed, torque = self._units.joint(
@@ -99,7 +99,7 @@ class SimMoteus(SimDampingDrive):
         return self._command.get(register, _DEFAULTS.get(register, 0.0))
 
     def _hear(self, frame: CanFrame) -> None:
-        """Do what the sub-frames say, and answer when that was asked for."""
+        """Execute the sub-frames, and answer if requested."""
         parts = wire.unpack(frame.data) if frame.fd else None
         if parts is None:
             return
@@ -119,7 +119,7 @@ class SimMoteus(SimDampingDrive):
             self._answer(parts)
 
     def _change(self, mode: int, written: dict[int, float]) -> None:
-        """Take a mode, if it leads there from where it is."""
+        """Change to a mode, if it is reachable from the present one."""
         if mode == wire.STOPPED:
             self.mode, self._code, self._starts = wire.STOPPED, 0, False
             return
@@ -139,11 +139,11 @@ class SimMoteus(SimDampingDrive):
         self._left = math.inf if math.isnan(self._left) else self._left
 
     def _position(self) -> float:
-        """Return where it believes that it is, turns."""
+        """Return the measured position, turns."""
         return self._units.motor(self.encoder.angle, 0.0, 0.0)[0] / wire.TURN
 
     def _diagnose(self) -> None:
-        """Answer whole lines: ``conf get NAME``, ``conf set NAME VALUE``."""
+        """Answer complete lines: ``conf get NAME``, ``conf set NAME VALUE``."""
         while b"\n" in self._line:
             line, self._line = self._line.split(b"\n", 1)
             match line.decode("ascii", "replace").split():
@@ -156,8 +156,8 @@ class SimMoteus(SimDampingDrive):
                 case _:
                     self._text += b"ERR unknown\r\n"
 
-    def _answer(self, parts: list[Part]) -> None:
-        """Tell the registers and the text that were asked for."""
+    def _answer(self, parts: list[Subframe]) -> None:
+        """Send the requested registers and text."""
         _, speed, torque = self._units.motor(0.0, self.motor.speed, self.motor.torque)
         registers = {
             wire.MODE: float(self.mode),

@@ -1,4 +1,4 @@
-"""The dog in MuJoCo (extra ``sim``): the model is made from the dog's own description."""
+"""The robot in MuJoCo (extra ``sim``), with a model generated from its description."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import LEGS
 from fleet_quadruped.sim.world import Motor
 
-STEP = 0.0025  # s; divides the cycles of 50, 100, 200 and 400 Hz
-_TRUNK = 0.55  # share of the mass
+STEP = 0.0025  # s; divides the cycle times of 50, 100, 200 and 400 Hz
+_TRUNK = 0.55  # share of the total mass
 _BODY_HALF_HEIGHT = 0.05  # m
 
 
 def model_of(dog: DogDescription, friction: float = 0.8) -> str:
-    """Return the MuJoCo model (MJCF) of a dog on flat ground.
+    """Return the MuJoCo model (MJCF) of a robot on flat ground.
 
-    The rubber of the end stops fills the margin that targets keep, so that its give ends at the limits.
-    A motor's load is the state of its actuator and moves by the control, so that one call does many steps.
-    Everything collides with everything but its neighbour across a joint: legs with legs, and with the trunk.
-    Of so few bodies and contacts the search for near pairs and for islands costs more than it saves.
+    The compliance of the end stops fills the margin that targets keep, so that it ends at the limits. A
+    motor's load is the state of its actuator and moves with the control, so that one call can do many steps.
+    All bodies collide except neighbours across a joint: legs with legs, and with the trunk. With so few
+    bodies and contacts, midphase and island detection cost more than they save.
     """
     mass = dog.robot.mass
     shape = dog.geometry
@@ -84,7 +84,7 @@ def _leg(dog: DogDescription, name: str, leg: Leg, mass: float) -> str:
 
 
 class MujocoWorld:
-    """Rigid bodies, contacts and friction."""
+    """World with rigid bodies, contacts and friction."""
 
     def __init__(self, dog: DogDescription, *, friction: float = 0.8) -> None:
         self._model: Any = mujoco.MjModel.from_xml_string(model_of(dog, friction))
@@ -102,24 +102,24 @@ class MujocoWorld:
             self.data.qpos[address] = angle
         self._rest = 0.0
         self._gains: list[tuple[float, float]] = []
-        self._imu: Imu | None = None  # of this moment
+        self._imu: Imu | None = None  # cached until the next step
         for _ in range(250):
             self.step(STEP)
         self.measure()
 
     def put(self, rotation: Quaternion, height: float) -> None:
-        """Put the body somewhere above the ground, turned, at rest."""
+        """Place the body at a height above the ground, rotated, at rest."""
         self.data.qpos[2] = height
         self.data.qpos[3:7] = (rotation.w, rotation.x, rotation.y, rotation.z)
         self.data.qvel[:] = 0
         self._imu = None
 
     def push(self, force: tuple[float, float, float]) -> None:
-        """Push the trunk with a force (N, world) until the next push."""
+        """Push the trunk with a force (N, world frame) until the next push."""
         self.data.xfrc_applied[1, :3] = force
 
     def step(self, dt: float) -> None:
-        """Let ``dt`` seconds pass in steps of the engine; what is left over counts for the next call."""
+        """Advance by ``dt`` seconds in steps of the engine; the remainder is kept for the next call."""
         self._rest += dt
         steps = int((self._rest + 1e-9) / STEP)
         if steps:
@@ -129,7 +129,7 @@ class MujocoWorld:
             self._imu = None
 
     def _take_loads(self) -> None:
-        """Take the motors' targets, how they move in a second, and gains where they have changed."""
+        """Apply the motors' loads and their rates, and the gains if changed."""
         loads: list[float] = []
         slopes: list[float] = []
         gains: list[tuple[float, float]] = []
@@ -146,14 +146,14 @@ class MujocoWorld:
             self._model.actuator_biasprm[:, 1:3] = gains
 
     def measure(self) -> None:
-        """Take the measured joints out of the engine."""
+        """Read the joint measurements from the engine."""
         angles, speeds = self.data.qpos.tolist(), self.data.qvel.tolist()
         forces = self.data.actuator_force.tolist()
         for motor, at, moved, force in zip(self.motors, self._addresses, self._speeds, forces, strict=True):
             motor.angle, motor.speed, motor.torque = angles[at], speeds[moved], force
 
     def imu(self) -> Imu:
-        """Return orientation, rates and the acceleration that an IMU feels."""
+        """Return orientation, rates and acceleration as an ideal IMU measures them."""
         if self._imu is None:
             rotation = Quaternion(*self._turn.tolist())
             ax, ay, az = self._felt.tolist()
@@ -162,7 +162,7 @@ class MujocoWorld:
         return self._imu
 
     def place(self) -> Point:
-        """Return where the trunk is."""
+        """Return the position of the trunk."""
         x, y, z = self.data.qpos[0:3].tolist()
         return x, y, z
 

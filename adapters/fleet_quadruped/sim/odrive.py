@@ -1,7 +1,7 @@
-"""A simulated ODrive: remote frames, heartbeat, axis states, gains, parameters, watchdog.
+"""Simulated ODrive: remote frames, heartbeat, axis states, gains, parameters, watchdog.
 
-As the real one: it speaks of where it is only when asked, its commands have no answer, only positions feed
-its watchdog, and a watchdog that expires disarms it, which is limp, until its errors are cleared.
+Like the real one it reports its position only on request, does not acknowledge commands, and feeds its
+watchdog with positions only. An expired watchdog disarms it, without torque, until its errors are cleared.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.drive import SimDampingDrive
 from fleet_quadruped.sim.world import Motor
 
-_BEAT = 0.1  # s between two heartbeats
+_BEAT = 0.1  # s, heartbeat period
 _ERRORS = {"overcurrent": 1 << 10, "hot": 1 << 13}
-_POSITION_GAIN, _VELOCITY_GAIN = 20.0, 1 / 6  # 1/s, N m s/turn: as it leaves its maker
+_POSITION_GAIN, _VELOCITY_GAIN = 20.0, 1 / 6  # 1/s, N m s/turn: factory settings
 _SERIALS = itertools.count(1)
 _OFF, _ON = b"\x00", b"\x01"
 
 
 class SimOdrive(SimDampingDrive):
-    """One drive at one joint; ``send`` puts its frames on the bus."""
+    """One drive at one joint; ``send`` sends its frames."""
 
     def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:
         self._serial = next(_SERIALS).to_bytes(6, "little")
         super().__init__(joint, motor, send)
         self._endpoints = drive.endpoints
-        self._stored = math.inf if drive.endpoints else drive.timeout  # s: as odrivetool has set it
+        self._stored = math.inf if drive.endpoints else drive.timeout  # s: as set in odrivetool
         self._version = wire.OLDEST
         self._beat_in = _BEAT
         self._commands: Mapping[int, Callable[[bytes], None]] = {
@@ -58,7 +58,7 @@ class SimOdrive(SimDampingDrive):
         self.boot()
 
     def boot(self) -> None:
-        """Start as after power-on: disarmed, everything as it was stored."""
+        """Start as after power-on: disarmed, with the stored configuration."""
         self.state, self.errors = int(State.IDLE), 0
         self._parameters: dict[int, bytes] = {}
         if self._endpoints is not None:
@@ -72,21 +72,21 @@ class SimOdrive(SimDampingDrive):
         self._unfed = 0.0
 
     def mute(self) -> None:
-        """Say and hear nothing any more."""
+        """Send and receive nothing any more."""
         super().mute()
         self._beat_in = math.inf
 
     def fail(self, why: str) -> None:
-        """Disarm with an error; it is told in the next heartbeat."""
+        """Disarm with an error; the next heartbeat reports it."""
         self.errors, self.state = _ERRORS[why], State.IDLE
 
     def pretend(self) -> None:
-        """Be one with an old firmware."""
+        """Have an old firmware."""
         self._version = (0, 5)
 
     @property
     def watchdog(self) -> float:
-        """Seconds without a position after which it disarms."""
+        """Time without a position until it disarms, s."""
         ends = self._endpoints
         if ends is None:
             return self._stored
@@ -94,7 +94,7 @@ class SimOdrive(SimDampingDrive):
         return float(seconds) if self._parameters[ends.enable_watchdog] == _ON else math.inf
 
     def control(self, dt: float) -> None:
-        """Set the motor for the next ``dt`` seconds, and look after watchdog and heartbeat."""
+        """Set the motor for the next ``dt`` seconds; serve watchdog and heartbeat."""
         super().control(dt)
         self._beat_in -= dt
         if self._beat_in <= 0:
@@ -113,7 +113,7 @@ class SimOdrive(SimDampingDrive):
         motor.target = target - self.encoder.off
 
     def _hear(self, frame: CanFrame) -> None:
-        """Answer a remote frame, or obey a command."""
+        """Answer a remote frame, or execute a command."""
         _, command = wire.split(frame.id)
         if frame.remote:
             self._say(command)
@@ -128,7 +128,7 @@ class SimOdrive(SimDampingDrive):
             )
 
     def _request(self, data: bytes) -> None:
-        """Take a state that is asked for; closed loop begins where the motor is, and not with an error."""
+        """Enter a requested state; closed loop starts at the present position, and not with an error."""
         if len(data) < 4:
             return
         (state,) = struct.unpack_from("<I", data)
@@ -163,7 +163,7 @@ class SimOdrive(SimDampingDrive):
         self.errors = 0
 
     def _parameter(self, data: bytes) -> None:
-        """Set a parameter, or tell it; one that is not there is not answered."""
+        """Set or report a parameter; an unknown one is not answered."""
         told = wire.unpack_parameter(data)
         if told is None or told[1] not in self._parameters:
             return

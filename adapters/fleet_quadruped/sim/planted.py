@@ -1,4 +1,4 @@
-"""Dogs that are built a little differently from their description, and wrong descriptions of them.
+"""Robots built slightly differently from their description, and wrong descriptions of them.
 
 For tests and measurements of ``fleet can check --move``.
 """
@@ -10,32 +10,32 @@ import random
 from fleet import Quaternion, quaternion_from_euler
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.measured import Imu
-from fleet_quadruped.check_moves import Moves
+from fleet_quadruped.check_moves import CheckMoves
 from fleet_quadruped.commissioning import at_rest, problems
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 
-_OFFSET, _LENGTH, _MASS, _MOUNT = 0.02, 0.01, 0.05, 0.015  # rad; shares; rad
+_OFFSET, _LENGTH, _MASS, _MOUNT = 0.02, 0.01, 0.05, 0.015  # largest errors: rad; shares; rad
 _FRICTION = (0.6, 1.0)
 _LONGEST = 40.0  # s of a check
 
 
 class BuiltWorld(MujocoWorld):
-    """A dog in physics whose IMU is mounted a little askew."""
+    """A world with physics whose IMU is mounted slightly tilted."""
 
     mount = Quaternion()
 
     def imu(self) -> Imu:
-        """Return what this IMU measures."""
+        """Return the measurement of this IMU."""
         true = super().imu()
         return true._replace(rotation=_product(true.rotation, self.mount))
 
 
 def as_built(dog: DogDescription, seed: int) -> tuple[DogDescription, BuiltWorld]:
-    """Return a dog with the small errors of manufacturing, and its world with some friction."""
-    chance = random.Random(seed)  # noqa: S311 - must be the same on every run
+    """Return a robot with small manufacturing errors, and its world with a random friction."""
+    chance = random.Random(seed)  # noqa: S311 - reproducible
     joints = {
         name: wiring.model_copy(update={"offset": wiring.offset + chance.uniform(-_OFFSET, _OFFSET)})
         for name, wiring in dog.joints.items()
@@ -55,7 +55,7 @@ def as_built(dog: DogDescription, seed: int) -> tuple[DogDescription, BuiltWorld
 
 
 def with_offset(dog: DogDescription, name: str, offset: float) -> DogDescription:
-    """Return the description with one joint's offset wrong by so much, rad."""
+    """Return the description with an error in one joint's offset, rad."""
     wiring = dog.joints[name]
     return _changed(
         dog, joints={**dog.joints, name: wiring.model_copy(update={"offset": wiring.offset + offset})}
@@ -63,7 +63,7 @@ def with_offset(dog: DogDescription, name: str, offset: float) -> DogDescription
 
 
 def with_sign(dog: DogDescription, name: str, *, calibrated: bool) -> DogDescription:
-    """Return the description with a wrong sign; ``calibrated``: in the fold, with that sign, or not."""
+    """Return the description with a wrong sign; ``calibrated``: its offset was measured with that sign."""
     wiring = dog.joints[name]
     fold = dog.posture(dog.poses.fold)[JOINTS.index(name)]
     offset = wiring.offset + (2 * wiring.sign * fold if calibrated else 0.0)
@@ -72,14 +72,14 @@ def with_sign(dog: DogDescription, name: str, *, calibrated: bool) -> DogDescrip
 
 
 def checked(dog: DogDescription, built: DogDescription, world: MujocoWorld) -> list[str]:
-    """Return what a check with moves finds when a dog is described as ``dog`` and is as ``built``."""
+    """Return the result of a check with moves of a robot described as ``dog`` and built as ``built``."""
     rig = Rig(dog, world, real=built)
     rig.go(0.1)
     found = at_rest(dog, rig.state().angles)
     if found:
         return found
     clock = ManualClock()
-    moves = Moves(dog, clock, lambda: False)
+    moves = CheckMoves(dog, clock, lambda: False)
     while not rig.order.leave and rig.sim.time < _LONGEST:
         rig.order = moves.order()
         rig.cycle()
@@ -89,7 +89,7 @@ def checked(dog: DogDescription, built: DogDescription, world: MujocoWorld) -> l
 
 
 def _changed(dog: DogDescription, **sections: object) -> DogDescription:
-    """Return a description with other sections, checked anew."""
+    """Return a description with some sections replaced, validated again."""
     return DogDescription.model_validate(dog.model_copy(update=sections).model_dump())
 
 

@@ -1,4 +1,4 @@
-"""A dog in lock-step with its controller: for tests, measurements and tuning; time passes only in ``go``."""
+"""A robot in lock-step with its controller, for tests and tuning; time passes in ``go`` only."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.lockstep import lockstep
 from fleet_quadruped.sim.world import World
 
-_NEAR = 0.1  # rad: what a joint that is lowered is sent on in a cycle, at the most
+_NEAR = 0.1  # rad: largest change of a lowered joint's target in a cycle
 
 
 class Rig:
-    """A simulated dog that is configured and off. ``order`` is what its host says, kept fresh."""
+    """A simulated robot, configured and off. ``order``: the host's order, kept fresh."""
 
     def __init__(
         self,
@@ -35,13 +35,13 @@ class Rig:
         self.controller = Controller(dog, self.buses)
         self.controller.drives.configure()
         self.alive = True
-        self.skew = 0.0  # s by which the controller's clock has jumped
-        self.tilt = 0.0  # greatest since the last ``go`` began, rad
+        self.skew = 0.0  # s: offset of the controller's clock
+        self.tilt = 0.0  # rad: largest since the start of the last ``go``
         self.watch: Callable[[], None] = lambda: None
 
     @property
     def mode(self) -> Mode:
-        """What the body is doing."""
+        """Mode of the body."""
         return self.controller.body.mode
 
     @property
@@ -50,7 +50,7 @@ class Rig:
         return self.controller.body.fault
 
     def state(self) -> DogState:
-        """Return what the controller tells."""
+        """Return the controller's state."""
         return self.controller.state(self.sim.time + self.skew, Timing())
 
     def cycle(self) -> None:
@@ -68,7 +68,7 @@ class Rig:
         self.watch()
 
     def gives_way(self, joints: Iterable[int] = range(12)) -> bool:
-        """Return True when joints (by their places) damp, or already go where they are lowered to."""
+        """Return True if joints (by number) damp, or are near the targets of the lowering."""
         targets = self.controller.targets
         motors = ((self.sim.world.motors[number], targets[number]) for number in joints)
         return self.mode is Mode.DAMPED and all(
@@ -77,20 +77,20 @@ class Rig:
         )
 
     def reconnect(self) -> None:
-        """Begin anew with the same dog, as after a lost link."""
+        """Start a new controller for the same robot, as after a lost link."""
         self.order = Order()
         self.controller = Controller(self.dog, self.buses)
         self.controller.drives.configure()
 
-    def go(self, seconds: float, twist: Twist = Twist()) -> None:  # noqa: B008 - a tuple does not change
-        """Let time pass with a velocity."""
+    def go(self, seconds: float, twist: Twist = Twist()) -> None:  # noqa: B008 - immutable
+        """Advance with a velocity."""
         self.order = msgspec.structs.replace(self.order, x=twist.x, y=twist.y, turn=twist.turn)
         self.tilt = 0.0
         for _ in range(round(seconds / self.dog.dt)):
             self.cycle()
 
     def ask(self, ask: BodyRequest, value: float = 0.0) -> str:
-        """Ask the body for something; return why it refuses, empty when it does it."""
+        """Send a request to the body; return the reason of a refusal, empty if it is accepted."""
         self.order = msgspec.structs.replace(
             self.order, activity=Activity(self.order.activity.number + 1, ask, value)
         )
@@ -98,11 +98,11 @@ class Rig:
         return self.state().refusal
 
     def emergency(self) -> None:
-        """Ask for an emergency stop; it is obeyed in the next cycle."""
+        """Order an emergency stop; it takes effect in the next cycle."""
         self.order = msgspec.structs.replace(self.order, stop=self.order.stop + 1)
 
     def settle(self) -> None:
-        """Let a dog come to rest that is met, and may be held by its drives."""
+        """Advance until the robot is at rest: at the start its drives may be holding it."""
         self.go(0.1)
         while self.mode is Mode.DAMPED:
             self.cycle()

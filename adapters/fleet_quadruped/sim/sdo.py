@@ -1,4 +1,4 @@
-"""A small SDO server: expedited transfers of objects up to four bytes, and aborts."""
+"""Minimal SDO server: expedited transfers of objects up to four bytes, and aborts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Entry:
 
 
 class SdoServer:
-    """Answers SDO requests. ``refusals`` maps an object to the abort code with which a write is refused."""
+    """Answers SDO requests. ``refusals``: objects whose writes are aborted, with the abort code."""
 
     def __init__(
         self, node: int, objects: Mapping[tuple[int, int], tuple[int, int]], send: Callable[[CanFrame], None]
@@ -32,11 +32,11 @@ class SdoServer:
         self._send = send
         self.objects = {place: Entry(size, value) for place, (size, value) in objects.items()}
         self.refusals: dict[tuple[int, int], int] = {}
-        self.unmappable: frozenset[int] = frozenset()  # values that a mapping must not have
-        self.changed = True  # since the owner looked last
+        self.unmappable: frozenset[int] = frozenset()  # values that no mapping may have
+        self.changed = True  # since the owner last looked
 
     def take(self, frame: CanFrame) -> None:
-        """Take a frame; anything but a request to this node is ignored."""
+        """Process a frame; all but requests to this node are ignored."""
         if frame.id != SDO_REQUEST + self._node or len(frame.data) != 8:
             return
         command = frame.data[0]
@@ -58,7 +58,7 @@ class SdoServer:
         self._answer(command, place, entry.value.to_bytes(entry.size, "little"))
 
     def _download(self, place: tuple[int, int], data: bytes) -> None:
-        """Write an object as a master asks, or abort with the reason."""
+        """Write an object, or abort with the reason."""
         entry = self.objects.get(place)
         size = 4 - (data[0] >> 2 & 3) if data[0] & 1 else 4
         problem = NO_OBJECT if entry is None else self._refusal(place, entry, size)
@@ -72,7 +72,7 @@ class SdoServer:
         self._answer(0x60, place, b"")
 
     def _refusal(self, place: tuple[int, int], entry: Entry, size: int) -> int:
-        """Return why an object may not be written now, 0 when it may."""
+        """Return the abort code for a write, 0 if it is permitted now."""
         if place in self.refusals:
             return self.refusals[place]
         if size != entry.size:

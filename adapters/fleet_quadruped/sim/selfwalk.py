@@ -1,4 +1,4 @@
-"""A simulated machine that walks by itself, on its own frames or as a CANopen node; no physics."""
+"""Simulated self-walking machine, with proprietary frames or as a CANopen node; without physics."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fleet.sim.faults import check_fault
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, OPERATIONAL, SDO_REQUEST, SYNC
 from fleet_quadruped.drives.cia402.setup import final_values
-from fleet_quadruped.frame_integrity import Seal
+from fleet_quadruped.frame_integrity import FrameIntegrity
 from fleet_quadruped.frames import FrameDecoder, FrameMap, encode
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.selfwalk.description import SelfWalker
@@ -22,15 +22,15 @@ from fleet_quadruped.sim.sdo import SdoServer
 from fleet_quadruped.sim.wires import BadBuses
 
 GRAVITY = 9.81  # m/s2
-_LAG = 0.1  # s in which it takes up a velocity
-_SLOW = 1.0  # s between two words of the battery
+_LAG = 0.1  # s: time constant of the velocity
+_SLOW = 1.0  # s between two battery messages
 _BOOT, _PRE_OPERATIONAL = 0x00, 0x7F
 _NOTHING = CanFrame(0x7FF, b"")
 _RUNAWAY = Twist(0.5)
 
 
 class _Step(NamedTuple):
-    """What a mode becomes by itself, and after how many seconds."""
+    """Automatic transition of a mode: delay in seconds, next mode."""
 
     after: float
     then: Mode
@@ -56,11 +56,11 @@ _ON_COMMAND: Mapping[str, Mapping[Mode, Mode]] = MappingProxyType(
 _ALIKE: Mapping[Mode, Mode] = MappingProxyType(
     {Mode.RISING: Mode.OFF, Mode.WALKING: Mode.STANDING, Mode.SITTING: Mode.STANDING}
 )
-"""What is told of a mode that the machine has no number for; off, where it is not named."""
+"""Mode to report if the machine has no number for the present one; off by default."""
 
 
 class SimWalker:
-    """The machine. ``heard`` takes the frames that it sends on a bus, by its name."""
+    """The machine. ``heard``: callback for the frames that it sends, by bus."""
 
     def __init__(
         self, walker: SelfWalker, heard: Mapping[str, Callable[[CanFrame], None]], seed: int = 1
@@ -78,8 +78,12 @@ class SimWalker:
         self._velocity = FrameDecoder(self._wire.velocity)
         self._lengths = {frame.id: frame.length for frame in self._wire.velocity}
         told = (*self._wire.state, *self._wire.slow)
-        self._seals = {frame.id: Seal(frame.id, frame) for frame in told if frame.seal_bytes}
-        self._checks = {number: Seal(number, sealed) for number, sealed in self._wire.seals.items()}
+        self._integrity = {
+            frame.id: FrameIntegrity(frame.id, frame) for frame in told if frame.integrity_bytes
+        }
+        self._checks = {
+            number: FrameIntegrity(number, protected) for number, protected in self._wire.protected.items()
+        }
         self._idle = self._runs_away = False
         self._asked: dict[str, float] = {}
         self._asked_at = -math.inf
@@ -94,7 +98,7 @@ class SimWalker:
             self._say(CanFrame(HEARTBEAT + self._wire.node, bytes([_BOOT])))
 
     def fault(self, name: str, value: float = 1.0) -> None:
-        """Begin a fault; raises ValueError for one that such a machine does not have."""
+        """Activate a fault; raises ValueError for an unknown one."""
         check_fault(name, value, WALKER_FAULTS)
         if name == "battery":
             self.percent = value
@@ -112,12 +116,12 @@ class SimWalker:
             self._wires.faults[name] = value
 
     def take(self, bus: str, frame: CanFrame) -> None:
-        """Take a frame that was sent to it."""
+        """Process a frame sent to the machine."""
         for arrived in self._wires.to_dog(bus, [frame], self.time):
             self._deliver(arrived)
 
     def advance(self, dt: float, *, sense: bool = True) -> None:
-        """Let ``dt`` seconds pass; with ``sense``, tell the state where nobody asks for it."""
+        """Advance by ``dt`` seconds; with ``sense``, send the state, unless it is polled."""
         self.time += dt
         for frame in self._wires.to_dog(self.walker.bus, (), self.time):
             self._deliver(frame)
@@ -132,7 +136,7 @@ class SimWalker:
             self._heard(frame)
 
     def _deliver(self, frame: CanFrame) -> None:
-        """Obey a frame."""
+        """Execute a frame."""
         if self._muted:
             return
         if self.sdo is not None:
@@ -153,7 +157,7 @@ class SimWalker:
             )
 
     def _take_velocity(self, frame: CanFrame) -> None:
-        """Take a velocity, if it is just as long as it must be, and sealed."""
+        """Process a velocity with correct length, counter and checksum."""
         right = len(frame.data) == self._lengths[frame.id] and self._runs()
         found = self._velocity.decode(frame.id, frame.data) if right else None
         if found is not None:
@@ -161,7 +165,7 @@ class SimWalker:
             self._asked_at = self.time
 
     def _command(self, name: str) -> None:
-        """Obey a command."""
+        """Execute a command."""
         if name == "reset_faults":
             self._error = 0
         self._enter(_ON_COMMAND[name].get(self.mode, self.mode))
@@ -171,7 +175,7 @@ class SimWalker:
             self.mode, self._since = mode, self.time
 
     def _move(self, dt: float) -> None:
-        """Go on, and on our own stand still when nobody tells a velocity any more."""
+        """Advance the motion; stand still when velocities are missing."""
         step = _NEXT.get(self.mode)
         if step is not None and self.time - self._since >= step.after:
             self._enter(step.then)
@@ -199,11 +203,11 @@ class SimWalker:
     def _tell(self, frames: tuple[FrameMap, ...]) -> None:
         values = self._values()
         for frame in frames:
-            data, seal = encode(frame, values), self._seals.get(frame.id)
-            self._say(CanFrame(frame.id, seal.put(data) if seal else data))
+            data, integrity = encode(frame, values), self._integrity.get(frame.id)
+            self._say(CanFrame(frame.id, integrity.put(data) if integrity else data))
 
     def _values(self) -> dict[str, float]:
-        """Return all that such a machine may tell."""
+        """Return all values that such a machine can report."""
         alike = self.mode if self.mode in self._numbers else _ALIKE.get(self.mode, Mode.OFF)
         yaw = self.place[2]
         lean = Quaternion(math.cos(self._tilt / 2), math.sin(self._tilt / 2), 0.0, 0.0)
@@ -230,14 +234,14 @@ class SimWalker:
         }
 
     def _say(self, frame: CanFrame) -> None:
-        """Put a frame on the bus."""
+        """Send a frame."""
         for arrived in () if self._muted else self._wires.from_dog(self.walker.bus, [frame], self.time):
             self._heard(arrived)
 
     # -- as a CANopen node ---------------------------------------------------------------------------
 
     def _server(self) -> SdoServer | None:
-        """Return the object dictionary, with everything that the description names."""
+        """Return the object dictionary with all objects of the description; None for other machines."""
         objects = self.walker.objects
         if objects is None:
             return None
@@ -251,11 +255,11 @@ class SimWalker:
         return SdoServer(objects.node, places, self._say)
 
     def _runs(self) -> bool:
-        """Return True when velocities are obeyed: a CANopen node has been configured and started."""
+        """Return True if velocities are accepted: a CANopen node must be configured and started."""
         return self.sdo is None or self._nmt == OPERATIONAL
 
     def _serve(self, frame: CanFrame) -> None:
-        """Be a node: SDO, NMT, SYNC."""
+        """Act as a node: SDO, NMT, SYNC."""
         assert self.sdo is not None
         objects, node = self.walker.objects, self._wire.node
         if frame.id == SYNC and self._runs():
@@ -274,7 +278,7 @@ class SimWalker:
                 self.height = raw * entry.scale + entry.offset if raw else self.height
 
     def _is_mapped(self) -> bool:
-        """Return True when its PDOs are mapped as the description says."""
+        """Return True if its PDOs are mapped as in the description."""
         assert self.sdo is not None
         entries = self.sdo.objects
         return all(

@@ -1,4 +1,4 @@
-"""The simulated IMU and battery of a dog: their frames, and their faults by name."""
+"""Simulated IMU and battery: their frames, and their faults by name."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from fleet_quadruped.sim.world import World
 SENSOR_FAULTS: Mapping[str, str] = MappingProxyType(
     {
         "imu": "the IMU is silent",
-        "frozen": "the IMU says the same for ever",
+        "frozen": "the IMU's values are frozen",
         "upside": "the IMU is mounted upside down",
         "bms": "the battery is silent",
-        "battery": "percent that the battery has",
+        "battery": "battery percentage",
     }
 )
 _BATTERY_EVERY = 1.0  # s
-_NOISE = 0.02  # m/s2: no IMU says the same twice
+_NOISE = 0.02  # m/s2: a real IMU never repeats a value
 FULL, _PERCENT = 48.0, 80.0  # V; of the battery
 
 
 class Sensors:
-    """What the sensors on a dog say. ``faults`` holds those that have begun, with their numbers."""
+    """Sensors of a robot. ``faults``: the active faults, with their values."""
 
     def __init__(self, dog: DogDescription, world: World) -> None:
         self.faults: dict[str, float] = {}
@@ -38,10 +38,10 @@ class Sensors:
         self._next_battery = 0.0
         self._imu_frames, self._battery_frames = _encoders(dog.imu), _encoders(dog.battery)
         self._frozen: Imu | None = None
-        self._chance = random.Random(1)  # noqa: S311 - a simulation must be the same on every run
+        self._chance = random.Random(1)  # noqa: S311 - reproducible
 
     def frames(self, now: float) -> Iterator[tuple[str, CanFrame]]:
-        """Yield (bus, frame) for what is said at ``now``."""
+        """Yield (bus, frame) for the values due at ``now``."""
         if self._imu_frames and "imu" not in self.faults:
             values = self._imu()
             for bus, number, encoder in self._imu_frames:
@@ -54,7 +54,7 @@ class Sensors:
                 yield bus, CanFrame(number, encoder.encode(told))
 
     def _imu(self) -> dict[str, float]:
-        """Return the IMU's values by the names that frame maps use."""
+        """Return the IMU's values by their names in frame maps."""
         imu = self._world.imu()
         if "frozen" in self.faults:
             imu = self._frozen = self._frozen or imu

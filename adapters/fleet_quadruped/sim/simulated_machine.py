@@ -1,4 +1,4 @@
-"""The simulated machine for a description of either kind."""
+"""Factory of the simulated machine for either kind of description."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ class SimulatedMachine(Protocol):
     time: float
 
     def fault(self, name: str, value: float = 1.0) -> None:
-        """Begin a fault."""
+        """Activate a fault."""
 
     def take(self, bus: str, frame: CanFrame) -> None:
-        """Take a frame that was sent to it."""
+        """Process a frame sent to the machine."""
 
     def advance(self, dt: float, *, sense: bool = True) -> None:
-        """Let time pass."""
+        """Advance by ``dt`` seconds."""
 
 
 def simulated(body: AnyBody, world: str, heard: Mapping[str, Callable[[CanFrame], None]]) -> SimulatedMachine:
-    """Return the machine; one that walks by itself has no physics, whatever the world."""
+    """Return the machine; a self-walking machine has no physics in any world."""
     if isinstance(body, DogDescription):
         return SimDog(body, make_world(world, body), heard)
     return SimWalker(body, heard)
 
 
 def on_buses(body: AnyBody, world: str) -> tuple[SimulatedMachine, dict[str, SimBus]]:
-    """Return the machine and its buses in this process."""
+    """Return the machine and its buses, all in this process."""
     buses = {name: SimBus(name) for name in body.buses}
     machine = simulated(body, world, {name: bus.arrive for name, bus in buses.items()})
     for bus in buses.values():

@@ -1,8 +1,8 @@
-"""Finds the poses with which a dog rolls onto its feet, by random search in MuJoCo.
+"""Random search in MuJoCo for the poses with which a robot rolls onto its feet.
 
     python -m fleet_quadruped.sim.tune robots/rex.yaml
 
-They belong to one geometry; the result is printed as YAML for the description.
+The poses are specific to one geometry; they are printed as YAML for the description.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 
 _STEP = 0.01  # s
-_HEARD = 0.1  # s until all drives have been heard
+_HEARD = 0.1  # s until all drives have sent feedback
 _ON_THE_WAY = frozenset({Mode.ENABLING, Mode.RECOVERING, Mode.RISING})
 
 
 def random_turn(chance: random.Random) -> Quaternion:
-    """Return one of all orientations, each as likely."""
+    """Return a uniformly distributed random orientation."""
     return Quaternion(*(chance.gauss(0, 1) for _ in range(4))).normalized()
 
 
 def drop(world: MujocoWorld, turn: Quaternion, seconds: float = 1.0) -> None:
-    """Let the limp dog fall from half a metre and come to rest."""
+    """Drop the limp robot from half a metre and let it come to rest."""
     for motor in world.motors:
         motor.kp, motor.kd = 0.0, 1.0
     world.put(turn, 0.5)
@@ -43,9 +43,9 @@ def drop(world: MujocoWorld, turn: Quaternion, seconds: float = 1.0) -> None:
 
 
 def tries_needed(dog: DogDescription, turn: Quaternion, most: int = 3) -> int | None:
-    """Return how many rolls bring a dropped dog to stand; None when ``most`` do not.
+    """Return the number of rolls until a dropped robot stands; None if more than ``most`` would be needed.
 
-    By the controller itself over its simulated drives: with its monitor, its limits, and legs that collide.
+    The real controller does it over simulated drives, with its monitor, its limits, and colliding legs.
     """
     world = MujocoWorld(dog)
     drop(world, turn)
@@ -60,7 +60,7 @@ def tries_needed(dog: DogDescription, turn: Quaternion, most: int = 3) -> int | 
 
 
 def with_roll(dog: DogDescription, near: Pose, far: Pose) -> DogDescription:
-    """Return the dog with these roll poses."""
+    """Return the description with these roll poses."""
     return dog.model_copy(update={"poses": dog.poses.model_copy(update={"roll_near": near, "roll_far": far})})
 
 
@@ -72,8 +72,8 @@ def _random_pose(dog: DogDescription, chance: random.Random) -> Pose:
 
 
 def search(dog: DogDescription, rounds: int, seed: int = 1) -> tuple[Pose, Pose, int]:
-    """Return the best roll poses of ``rounds`` tries and how many of the trial orientations they master."""
-    chance = random.Random(seed)  # noqa: S311 - the search must be the same on every run
+    """Return the best roll poses of ``rounds`` tries, and the number of trial orientations they master."""
+    chance = random.Random(seed)  # noqa: S311 - reproducible
     trials = [quaternion_from_euler(roll, 0.0, 0.0) for roll in (math.pi, 1.6, -1.6, 2.5, -2.6)]
     trials += [random_turn(chance) for _ in range(7)]
     best: tuple[Pose, Pose, int] | None = None
@@ -89,7 +89,7 @@ def search(dog: DogDescription, rounds: int, seed: int = 1) -> tuple[Pose, Pose,
 
 
 def _score(dog: DogDescription, trials: Sequence[Quaternion], enough: int) -> int:
-    """Count the orientations that are mastered, giving up when the best so far cannot be beaten."""
+    """Count the mastered orientations; stop early if the best so far cannot be beaten."""
     mastered = 0
     for number, turn in enumerate(trials):
         mastered += tries_needed(dog, turn, most=2) is not None

@@ -1,4 +1,4 @@
-"""A simulated dog that is sent about at random: no command that is allowed may make it fall."""
+"""Random walk of a simulated robot: no permitted command may make it fall."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.robot.parts import Pace
 from fleet_quadruped.sim.rig import Rig
 
-_SHORTEST, _LONGEST = 0.3, 5.0  # s of one velocity
+_SHORTEST, _LONGEST = 0.3, 5.0  # s: duration of one velocity
 
 
 def velocities(pace: Pace, chance: random.Random) -> Iterator[Twist]:
-    """Yield velocities without end: anywhere within a pace, in its corners, the reverse of the last, none."""
+    """Yield an endless series of velocities: random ones, limits, reversals of the last one, zero."""
     last = Twist()
     while True:
         kind = chance.choice(("any", "any", "corner", "reverse", "stop"))
@@ -33,9 +33,9 @@ def velocities(pace: Pace, chance: random.Random) -> Iterator[Twist]:
 
 
 def wander(rig: Rig, gait: Literal["trot", "walk"], chance: random.Random, seconds: float) -> float:
-    """Switch a standing dog from velocity to velocity, in mid-stride; return its greatest tilt, rad.
+    """Change the velocity of a standing robot at random, in mid-stride; return its largest tilt, rad.
 
-    Ends early with a dog that has stopped itself.
+    Ends early if the robot has stopped itself.
     """
     rig.order = msgspec.structs.replace(rig.order, gait=gait)
     pace = rig.dog.gait.walk if gait == "walk" else rig.dog.gait

@@ -1,4 +1,4 @@
-"""The buses of a simulated dog as bad wires, each way for itself."""
+"""Buses of a simulated robot as bad wires, independent in each direction."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ _HEAD = struct.Struct("<I??")
 
 
 class BadBuses:
-    """Carries frames from and to a dog; without ``faults`` at once. ``seed`` fixes what is lost."""
+    """Carries frames from and to a robot; without ``faults`` immediately. ``seed`` determines the losses."""
 
     def __init__(self, buses: Iterable[str], seed: int) -> None:
         self.faults: dict[str, float] = {}
-        chance = random.Random(seed)  # noqa: S311 - faults must be the same on every run
+        chance = random.Random(seed)  # noqa: S311 - reproducible
         names = list(buses)
         self._in = {bus: BadWire(self.faults, chance) for bus in names}
         self._out = {bus: BadWire(self.faults, chance) for bus in names}
 
     def to_dog(self, bus: str, frames: Sequence[CanFrame], now: float) -> Sequence[CanFrame]:
-        """Return what arrives at the dog now."""
+        """Return the frames that arrive at the robot now."""
         return self._carried(self._in[bus], frames, now)
 
     def from_dog(self, bus: str, frames: Sequence[CanFrame], now: float) -> Sequence[CanFrame]:
-        """Return what arrives from the dog now."""
+        """Return the frames that arrive from the robot now."""
         return self._carried(self._out[bus], frames, now)
 
     def _carried(self, wire: BadWire, frames: Sequence[CanFrame], now: float) -> Sequence[CanFrame]:

@@ -1,4 +1,4 @@
-"""What the simulated drives and the physics share, and the kinematic world that needs no engine.
+"""Interface between simulated drives and physics, and the kinematic world, which needs no engine.
 
 The kinematic body stands on its lowest feet and never falls: for tests and for computers without MuJoCo.
 """
@@ -17,8 +17,8 @@ from fleet_quadruped.body.odometry import body_twist
 from fleet_quadruped.robot.description import DogDescription, leg_angles
 
 GRAVITY = 9.81  # m/s2
-_LAG = 0.01  # s: how far a joint is behind its target
-_GROUNDED = 0.008  # m above the lowest foot that still counts as standing
+_LAG = 0.01  # s: lag of a joint behind its target
+_GROUNDED = 0.008  # m above the lowest foot that counts as standing
 
 
 @dataclass(slots=True)
@@ -26,7 +26,7 @@ class Motor:
     """One joint between its drive and the world: rad, rad/s, N m of the joint.
 
     The drive sets the second half: torque = kp (target - angle) + kd (target_speed - speed) + feed; the
-    target itself moves by ``slope`` (rad/s), which is how a drive interpolates.
+    target moves by ``slope`` (rad/s), which is how a drive interpolates.
     """
 
     angle: float = 0.0
@@ -48,20 +48,20 @@ class World(Protocol):
         """The motors in the order of ``JOINTS``."""
 
     def step(self, dt: float) -> None:
-        """Let ``dt`` seconds pass; called more often than what it leads to is looked at."""
+        """Advance by ``dt`` seconds; called more often than ``measure``."""
 
     def measure(self) -> None:
-        """Bring the measured half of the motors, and the body, up to date."""
+        """Update the measurements of the motors, and the body."""
 
     def imu(self) -> Imu:
-        """Return what an ideal IMU in the body measures."""
+        """Return the measurement of an ideal IMU in the body."""
 
     def place(self) -> Point:
-        """Return where the body is, m."""
+        """Return the position of the body, m."""
 
 
 class KinematicWorld:
-    """Joints that follow their targets with a lag; feet that do not slip."""
+    """World of joints that follow their targets with a lag, and feet that do not slip."""
 
     def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
@@ -84,7 +84,7 @@ class KinematicWorld:
             motor.torque = motor.feed if motor.kp > 0 else 0.0
 
     def measure(self) -> None:
-        """Move the body over the feet that stood since the last time."""
+        """Move the body over the feet that stood since the last call."""
         dt, self._passed = self._passed, 0.0
         if dt == 0.0:
             return
@@ -103,12 +103,12 @@ class KinematicWorld:
         self._yaw += twist.turn * dt
 
     def imu(self) -> Imu:
-        """Return a level body that turns."""
+        """Return a level body with its turn rate."""
         rotation: Quaternion = quaternion_from_yaw(self._yaw)
         return Imu(rotation, Vector3(0.0, 0.0, self._turn), Vector3(0.0, 0.0, GRAVITY))
 
     def place(self) -> Point:
-        """Return where the body is."""
+        """Return the position of the body."""
         return self._x, self._y, self._dog.geometry.foot_radius - min(foot[2] for foot in self._feet)
 
     def _all_feet(self) -> list[Point]:

@@ -1,4 +1,4 @@
-"""The worlds a simulated dog can be in, by name."""
+"""Worlds for simulated robots, by name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fleet_quadruped.sim.world import KinematicWorld, World
 def _mujoco(dog: DogDescription) -> World:
     if importlib.util.find_spec("mujoco") is None:
         raise LinkRefused("sim:mujoco needs zenoh-fleet[sim]; or use sim:kinematic")
-    from fleet_quadruped.sim.mujoco_world import MujocoWorld  # noqa: PLC0415 - only where it is installed
+    from fleet_quadruped.sim.mujoco_world import MujocoWorld  # noqa: PLC0415 - optional dependency
 
     return MujocoWorld(dog)
 
@@ -29,7 +29,7 @@ WORLDS: Mapping[str, Callable[[DogDescription], World]] = MappingProxyType(
 
 
 def make_world(name: str, dog: DogDescription) -> World:
-    """Return a world; ``auto`` takes physics where MuJoCo is installed. Raises LinkRefused for others."""
+    """Return a world; ``auto`` has physics if MuJoCo is installed. Raises LinkRefused for others."""
     if name not in WORLDS:
         raise LinkRefused(f"there is no simulated world {name!r}; there are {', '.join(WORLDS)}")
     return WORLDS[name](dog)

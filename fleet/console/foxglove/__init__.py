@@ -1,1 +1,1 @@
-"""The live view for Foxglove: what a recorder writes, sent as it happens; read-only."""
+"""The live view for Foxglove: the messages of a recorder, sent live; read-only."""

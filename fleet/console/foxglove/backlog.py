@@ -1,4 +1,4 @@
-"""What waits for one viewer: in order, and conflated to the newest of each channel when it is slow; pure."""
+"""Queue of one viewer: in order, but conflated to the newest sample per channel if it is slow; pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ MOST_BYTES = 8 * 1024 * 1024
 
 
 class Backlog:
-    """The samples that a viewer has not taken. ``lost`` counts those that newer ones have replaced."""
+    """The samples that wait for a viewer. ``lost`` counts those replaced by newer ones."""
 
     def __init__(self) -> None:
         self.lost = 0
@@ -21,7 +21,7 @@ class Backlog:
         return bool(self._waiting)
 
     def add(self, sample: Sample, now: float) -> None:
-        """Add a sample; ``now`` in seconds of any clock that only goes forward."""
+        """Add a sample; ``now`` in seconds of any monotonic clock."""
         if not self._waiting:
             self._since = now
         elif now - self._since > LATE or self._bytes + len(sample.payload) > MOST_BYTES:
@@ -30,12 +30,12 @@ class Backlog:
         self._bytes += len(sample.payload)
 
     def take(self) -> list[Sample]:
-        """Return what waits; then nothing does."""
+        """Remove and return the waiting samples."""
         taken, self._waiting, self._bytes = self._waiting, [], 0
         return taken
 
     def _conflate(self, now: float) -> None:
-        """Keep the newest of each channel."""
+        """Keep only the newest sample of each channel."""
         newest = {sample.channel: sample for sample in self._waiting}
         kept = sorted(newest.values(), key=lambda sample: sample.received)
         self.lost += len(self._waiting) - len(kept)

@@ -1,4 +1,4 @@
-"""The channels of the live view, made from what arrives on the buses; pure."""
+"""The channels of the live view, created from the samples on the buses; pure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fleet.record.samples import SampleReader
 log = logging.getLogger(__name__)
 
 MOST = 4096  # channels; a fleet of 200 robots has half of them
-LOOK = 1.0  # s between looks at what nobody has subscribed to: its form may have changed
+LOOK = 1.0  # s between checks of unsubscribed reports, whose structure may have changed
 
 
 class Sample(msgspec.Struct, frozen=True):
@@ -27,7 +27,7 @@ class Sample(msgspec.Struct, frozen=True):
 
 
 class _Seen(msgspec.Struct, frozen=True):
-    """What a key of the bus became when it was read last, in Unix ns."""
+    """The channels of a bus key, and when it was last decoded, in Unix ns."""
 
     channels: frozenset[int]
     at: int
@@ -47,30 +47,30 @@ class Channels:
     def take(
         self, edge: str, samples: Iterable[tuple[str, bytes]], received: int, wanted: AbstractSet[int]
     ) -> list[Sample]:
-        """Return what samples on the bus of an edge are on the channels.
+        """Return the samples of an edge's bus, converted to the channels.
 
-        A report on channels that nobody has among the ``wanted`` is read once a second at most.
+        A report on channels outside ``wanted`` is decoded at most once per second.
         """
         found: list[Sample] = []
         for key, payload in samples:
             if payload and not self._is_idle(edge, key, received, wanted):
                 made = [self._sample(each, received) for each in self._reader.read(edge, key, payload)]
                 known = [each for each in made if each is not None]
-                if len(self._seen) >= MOST:  # keys of robots that are gone, or that somebody makes up
+                if len(self._seen) >= MOST:  # keys of robots that are gone, or invented by a sender
                     self._seen.clear()
                 self._seen[edge, key] = _Seen(frozenset(each.channel for each in known), received)
                 found += known
         return found
 
     def _is_idle(self, edge: str, key: str, received: int, wanted: AbstractSet[int]) -> bool:
-        """Return whether a report need not be read now."""
+        """Return True if a report need not be decoded now."""
         seen = self._seen.get((edge, key))
         if seen is None or not key.startswith("cw/") or received - seen.at >= LOOK * 1e9:
             return False
         return seen.channels.isdisjoint(wanted)
 
     def _sample(self, message: Message, received: int) -> Sample | None:
-        """Return a message as a sample on its channel, which is made if it is new; None beyond the limit."""
+        """Return a message as a sample on its channel, creating new channels; None beyond the limit."""
         name = message.topic, message.schema
         number = self._numbers.get(name)
         if number is None:
@@ -83,7 +83,7 @@ class Channels:
         return sample
 
     def _leave_out(self, topic: str) -> None:
-        """Tell, once, that there are more channels than are shown."""
+        """Log, once, that there are more channels than are shown."""
         if not self._is_full:
             self._is_full = True
             log.warning("Foxglove is shown %d topics at most; %s and later ones are left out", MOST, topic)

@@ -1,7 +1,7 @@
-"""The live view of a console: hears the buses while somebody views, and serves the viewers.
+"""The live view of a console: listens to the buses while there are viewers, and serves them.
 
-A robot's reports are published only while somebody listens, so nothing is subscribed to for nobody. The
-bytes on the links and the history of the edges are not part of it.
+A robot's reports are published only while there is a subscriber, so there is no subscription without a
+viewer. The bytes on the links and the history of the edges are not part of the view.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from fleet.record.sources import REPORTS, asked_first, published
 log = logging.getLogger(__name__)
 
 MOST_VIEWERS = 8
-LOOK = 0.25  # s between looks at which edges are joined
+LOOK = 0.25  # s between checks of the joined edges
 ANSWER_WITHIN = 2.0  # s for the first states
 TRY_AGAIN_LATER = 1013  # close code: overloaded
 
 
-class _Heard:
-    """A bus that is heard, and what ends that."""
+class _SubscribedBus:
+    """A subscribed bus, with the functions that unsubscribe."""
 
     def __init__(self, bus: Bus) -> None:
         self.bus = bus
         self.ends: list[Callable[[], None]] = []
 
     def end(self) -> None:
-        """Hear it no more; blocks."""
+        """Unsubscribe; blocks."""
         for end in self.ends:
             end()
 
 
 class Feed:
-    """``joined`` are the buses by edge, as they are joined; ``tokens`` open the view."""
+    """``joined`` are the joined buses by edge; ``tokens`` grant access to the view."""
 
     def __init__(self, joined: Mapping[str, Bus], clock: Clock) -> None:
         self.tokens = Tokens(clock)
@@ -60,7 +60,7 @@ class Feed:
         self._hearing: asyncio.Task[None] | None = None
 
     async def serve(self, socket: WebSocket, token: str) -> None:
-        """Serve a WebSocket to who shows a good token, until it is closed."""
+        """Serve a WebSocket with a valid token, until it is closed."""
         spoken = [each for each in PROTOCOLS if each in socket.scope["subprotocols"]]
         if not spoken or not self.tokens.renew(token):
             await socket.close()
@@ -80,18 +80,18 @@ class Feed:
             self._count_wanted()
 
     def _count_wanted(self) -> None:
-        """Know which channels anybody wants."""
+        """Update the set of channels with subscribers."""
         self._wanted = frozenset(channel for each in self._viewers for channel in each.wanted)
 
     async def _hear(self) -> None:
-        """Hear the buses that are joined until nobody views."""
-        heard: dict[str, _Heard] = {}
+        """Listen to the joined buses until there are no viewers."""
+        heard: dict[str, _SubscribedBus] = {}
         loop = asyncio.get_running_loop()
         try:
             while self._viewers:
-                for edge, bus in list(self._joined.items()):  # which may change while one is asked
+                for edge, bus in list(self._joined.items()):  # copied, as it may change during a query
                     if edge not in heard or heard[edge].bus is not bus:
-                        heard[edge] = _Heard(bus)
+                        heard[edge] = _SubscribedBus(bus)
                         await self._begin_guarded(edge, heard[edge], loop)
                 for token in self._viewers.values():
                     self.tokens.renew(token)
@@ -101,15 +101,15 @@ class Feed:
             live = [each for edge, each in heard.items() if self._joined.get(edge) is each.bus]
             await asyncio.gather(*(asyncio.to_thread(each.end) for each in live), return_exceptions=True)
 
-    async def _begin_guarded(self, edge: str, heard: _Heard, loop: asyncio.AbstractEventLoop) -> None:
-        """Hear the bus of an edge; what goes wrong there takes the others away from nobody."""
+    async def _begin_guarded(self, edge: str, heard: _SubscribedBus, loop: asyncio.AbstractEventLoop) -> None:
+        """Listen to the bus of an edge; an error there must not affect the other edges."""
         try:
             await asyncio.to_thread(self._begin, edge, heard, loop)
         except Exception:
             log.exception("the live view for Foxglove does not hear edge %s", edge)
 
-    def _begin(self, edge: str, heard: _Heard, loop: asyncio.AbstractEventLoop) -> None:
-        """Hear the bus of an edge, and ask for what is published rarely; blocks."""
+    def _begin(self, edge: str, heard: _SubscribedBus, loop: asyncio.AbstractEventLoop) -> None:
+        """Subscribe on the bus of an edge, and query values that are published rarely; blocks."""
         take = partial(self._take, edge, loop)
         control = heard.bus.control
         for key in asked_first(edge):
@@ -119,7 +119,7 @@ class Feed:
         heard.ends.append(heard.bus.reports.gather(REPORTS, take))
 
     def _take(self, edge: str, loop: asyncio.AbstractEventLoop, samples: Iterable[tuple[str, bytes]]) -> None:
-        """Take what arrived on the bus of an edge; on the bus's threads."""
+        """Convert the samples of an edge's bus; on the bus's threads."""
         received = round(self._clock.time() * 1e9)
         with self._lock:
             found = self._channels.take(edge, samples, received, self._wanted)
@@ -128,6 +128,6 @@ class Feed:
                 loop.call_soon_threadsafe(self._offer, found)
 
     def _offer(self, samples: Sequence[Sample]) -> None:
-        """Give samples to the viewers."""
+        """Pass samples to the viewers."""
         for viewer in self._viewers:
             viewer.offer(samples)

@@ -1,4 +1,4 @@
-"""Messages of the Foxglove WebSocket protocol, as far as a read-only server needs them; pure.
+"""Messages of the Foxglove WebSocket protocol that a read-only server needs; pure.
 
 Source: the specification in https://github.com/foxglove/ws-protocol. The protocol of Foxglove's SDK is the
 same under a newer name.
@@ -18,7 +18,7 @@ from fleet.runtime.decoding import decode_json
 from fleet.version import __version__
 
 PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
-"""Names of the protocol in the handshake, the newest first."""
+"""Names of the protocol in the handshake, newest first."""
 MOST_AT_ONCE = 1000  # subscriptions in one message
 _MESSAGE = 0x01  # opcode
 _HEAD = struct.Struct("<BIQ")  # opcode, subscription, received (Unix ns)
@@ -37,14 +37,14 @@ class Channel(msgspec.Struct, frozen=True):
 
 
 class Subscription(msgspec.Struct, frozen=True, rename="camel"):
-    """The wish to receive a channel; ``id`` is the client's number for it."""
+    """Subscription to a channel; ``id`` is the client's number for it."""
 
     id: Number
     channel_id: Number
 
 
 class Subscribe(msgspec.Struct, frozen=True, rename="camel", tag_field="op", tag="subscribe"):
-    """Asks for channels."""
+    """Subscribes to channels."""
 
     subscriptions: Annotated[tuple[Subscription, ...], msgspec.Meta(max_length=MOST_AT_ONCE)]
 
@@ -65,7 +65,7 @@ Asked = Subscribe | Unsubscribe
 
 
 def read_asked(message: str | bytes) -> Asked:
-    """Decode a message of a client; raises WireError, also for what a read-only view does not take."""
+    """Decode a message of a client; raises WireError, also for operations that a read-only view refuses."""
     if isinstance(message, bytes):
         raise WireError("this view is read-only: it takes no data")
     data = message.encode(errors="replace")
@@ -80,7 +80,7 @@ def read_asked(message: str | bytes) -> Asked:
 
 
 def server_info(session: str) -> str:
-    """Return what a client is told first: nothing but channels is offered."""
+    """Return the first message to a client; it announces no capabilities except channels."""
     told = {"op": "serverInfo", "name": f"fleet {__version__}", "capabilities": [], "sessionId": session}
     return _encode(told).decode()
 

@@ -1,6 +1,6 @@
-"""Tokens in the addresses of the live view; no I/O.
+"""Tokens in the addresses of the live view; without I/O.
 
-Foxglove connects again by the same address, so a token is good more than once: for as long as it is used.
+Foxglove reconnects by the same address, so a token can be used repeatedly, as long as it is in use.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import secrets
 
 from fleet.clock import Clock
 
-LIFE = 12 * 3600.0  # s without use after which a token is no good
-MOST = 32  # tokens; the oldest goes for a new one
+LIFE = 12 * 3600.0  # s without use after which a token expires
+MOST = 32  # tokens; a new one replaces the oldest
 _BYTES = 32  # of randomness
 
 
 class Tokens:
-    """The tokens of one console; only digests are kept."""
+    """The tokens of one console; only digests are stored."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -33,7 +33,7 @@ class Tokens:
         return token
 
     def renew(self, token: str) -> bool:
-        """Return whether a token is good; its use renews it."""
+        """Return True if a token is valid; its use renews it."""
         key, now = _digest(token), self._clock.monotonic()
         if self._until.get(key, now) <= now:
             return False
@@ -42,5 +42,5 @@ class Tokens:
 
 
 def _digest(token: str) -> bytes:
-    """Return what is kept of a token."""
+    """Return the stored digest of a token."""
     return hashlib.sha256(token.encode(errors="replace")).digest()

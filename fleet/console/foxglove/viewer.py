@@ -1,4 +1,4 @@
-"""One viewer: a WebSocket that is offered channels and sent what it has subscribed to, and sends nothing."""
+"""One viewer: a WebSocket that receives its subscribed channels and may send nothing else."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from fleet.console.foxglove.protocol import (
 )
 from fleet.errors import WireError
 
-MOST_BAD = 16  # messages that are not taken, after which a viewer is closed
-POLICY = 1008  # close code of RFC 6455: a message that the server does not take
-TELL_EVERY = 5.0  # s between two warnings of samples that were left out
+MOST_BAD = 16  # refused messages after which a viewer is closed
+POLICY = 1008  # close code of RFC 6455: policy violation
+TELL_EVERY = 5.0  # s between warnings about dropped samples
 
 
 class Viewer:
-    """Serves one WebSocket that is accepted. ``changed`` is called when its subscriptions have changed."""
+    """Serves one accepted WebSocket. ``changed`` is called when its subscriptions change."""
 
     def __init__(
         self, socket: WebSocket, channels: Channels, clock: Clock, changed: Callable[[], None]
@@ -42,15 +42,15 @@ class Viewer:
         self._backlog = Backlog()
         self._news = asyncio.Event()
         self._offered = 0
-        self._told = float("-inf")
+        self._warned_at = float("-inf")
 
     @property
     def wanted(self) -> Iterable[int]:
-        """The channels that it has subscribed to."""
+        """The subscribed channels."""
         return self._subscriptions.keys()
 
     def offer(self, samples: Iterable[Sample]) -> None:
-        """Take samples that have arrived, and the channels that are new."""
+        """Queue new samples, and announce new channels."""
         now = self._clock.monotonic()
         for sample in samples:
             if sample.channel in self._subscriptions:
@@ -70,7 +70,7 @@ class Viewer:
             await asyncio.gather(sending, return_exceptions=True)
 
     async def _send(self, session: str) -> None:
-        """Send what is new; what waits meanwhile is conflated."""
+        """Send new samples; the backlog is conflated meanwhile."""
         await self._socket.send_text(server_info(session))
         await self._socket.send_text(advertisement(self._new_channels()))
         while True:
@@ -91,15 +91,15 @@ class Viewer:
         return new
 
     async def _tell_lost(self) -> None:
-        """Warn of samples that were left out, now and then."""
+        """Warn periodically of dropped samples."""
         now = self._clock.monotonic()
-        if self._backlog.lost and now - self._told >= TELL_EVERY:
-            lost, self._backlog.lost, self._told = self._backlog.lost, 0, now
+        if self._backlog.lost and now - self._warned_at >= TELL_EVERY:
+            lost, self._backlog.lost, self._warned_at = self._backlog.lost, 0, now
             text = f"{lost} older messages were left out: this viewer reads too slowly"
             await self._socket.send_text(warning(text))
 
     async def _listen(self) -> None:
-        """Take what the viewer asks for."""
+        """Handle the requests of the viewer."""
         bad = 0
         while bad < MOST_BAD:
             message = await self._socket.receive()

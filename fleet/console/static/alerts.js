@@ -1,4 +1,4 @@
-// A sound and a notification of the browser when a robot gets a fault or is lost, where somebody wants them.
+// Sound and browser notification when a robot gets a fault or is lost, if the user enables them.
 
 import { byId } from "./dom.js";
 import { label, live, onChange, SILENT, silentFor, staleness } from "./store.js";
@@ -7,7 +7,7 @@ const KEPT = "fleet-alerts"; // in the storage of the page's origin
 const QUIET = 3000; // ms between sounds
 const TONE = [880, 0.12, 0.3]; // Hz, share of full volume, s
 let wanted = localStorage.getItem(KEPT) === "on";
-let known = null; // by robot: how it was; null before the first look
+let known = null; // health by robot; null before the first update
 let silent = false;
 let sounded = -Infinity;
 let audio = null;

@@ -1,4 +1,4 @@
-// What was asked from this page and how it was answered, the newest first.
+// The requests of this page with their answers, newest first.
 
 import { byId, element } from "./dom.js";
 import { ask, label, onChange, store } from "./store.js";
@@ -26,7 +26,7 @@ function tell(state, text, kind) {
   state.className = kind;
 }
 
-// Ask for something of robots; a line tells what, and each robot's answer in it.
+// Send a request to robots; one line shows it, with each robot's answer.
 export function order(message, what, call = () => {}) {
   const state = line(what);
   const told = new Map();

@@ -1,4 +1,4 @@
-// The page: its parts, each started once.
+// The page: starts each of its parts once.
 
 import { startAlerts } from "./alerts.js";
 import { startAnswers } from "./answers.js";

@@ -1,4 +1,4 @@
-// The map under the robots: pictures from an archive on the console's computer, placed by the site's origin.
+// The map under the robots: tiles from an archive on the console's computer, placed by the site's origin.
 // Latitudes and longitudes are in degrees, the site's x (east) and y (north) in metres.
 
 import { byId } from "./dom.js";
@@ -6,16 +6,16 @@ import { map, paint, size, toScreen, toSite, view } from "./mapview.js";
 
 const RADIUS = 6378137; // m, WGS 84
 const FLATTENED = 0.00669437999014; // first eccentricity squared, WGS 84
-const PIXELS = 256; // of a picture, each way
-const MOST_SHOWN = 400; // pictures; a view that needs more shows none
+const PIXELS = 256; // width and height of a tile
+const MOST_SHOWN = 400; // tiles; a view that needs more shows none
 const MOST_KEPT = 600;
-const AGAIN = 5000; // ms until a picture that could not be had is asked for again
-const CORRECTIONS = 3; // of the inverse, which has no closed form
+const AGAIN = 5000; // ms until a failed tile is requested again
+const CORRECTIONS = 3; // iterations of the inverse, which has no closed form
 const rad = Math.PI / 180;
 
 let site = null; // {origin, zooms, attribution}
 let shown = true;
-const pictures = new Map(); // by address: a bitmap, or null while it is fetched and where there is none
+const pictures = new Map(); // by address: a bitmap, or null while it is loading or if there is none
 
 const fromAxis = (sin, cos) => {
   const across = RADIUS / Math.sqrt(1 - FLATTENED * sin * sin);
@@ -32,7 +32,7 @@ export function siteOf(latitude, longitude) {
   return [axis * Math.sin(turn), cosHere * (equator - equatorHere) - sinHere * outward];
 }
 
-// The latitude and longitude of a point of the site; null where the site is nowhere on Earth.
+// The latitude and longitude of a point of the site; null if the site has no origin.
 export function geoOf(x, y) {
   if (!site) return null;
   let [latitude, longitude] = site.origin;
@@ -45,7 +45,7 @@ export function geoOf(x, y) {
   return [latitude, longitude];
 }
 
-// Web Mercator, in pictures of a zoom: column and row, with fractions.
+// Web Mercator in tiles of a zoom: column and row, with fractions.
 const mercator = ([latitude, longitude], zoom) => [
   ((longitude + 180) / 360) * 2 ** zoom,
   ((1 - Math.asinh(Math.tan(latitude * rad)) / Math.PI) / 2) * 2 ** zoom,
@@ -56,7 +56,7 @@ function screenOf(column, row, zoom) {
   return toScreen(...siteOf(latitude, (column / 2 ** zoom) * 360 - 180));
 }
 
-// The zoom whose pictures have about as many pixels as the screen.
+// The zoom whose tiles match the resolution of the screen.
 function zoomShown() {
   const metres = (2 * Math.PI * RADIUS * Math.cos(site.origin[0] * rad)) / PIXELS;
   const wanted = Math.round(Math.log2(metres * view.scale * (devicePixelRatio || 1)));
@@ -80,7 +80,7 @@ function pictureAt(address) {
   return pictures.get(address);
 }
 
-// Paint the pictures of what the view shows, below everything else.
+// Paint the tiles of the visible area, below everything else.
 export function paintBasemap() {
   if (!site?.zooms || !shown) return;
   const zoom = zoomShown();
@@ -100,7 +100,7 @@ export function paintBasemap() {
   paint.globalAlpha = 1;
 }
 
-// Ask the console for the map, once somebody is signed in.
+// Request the map from the console, after sign-in.
 export async function loadBasemap() {
   const answer = await fetch("/api/basemap", { headers: window.fleetPage.headers() });
   const told = answer.ok ? await answer.json() : {};
@@ -118,7 +118,7 @@ export async function loadBasemap() {
   map.dirty = true;
 }
 
-// How many pictures are there, and where a point of Earth is on the site: for programs that drive the page.
+// Number of loaded tiles, and conversion from Earth to the site: for programs that drive the page.
 window.fleetPage.basemap = {
   loaded: () => [...pictures.values()].filter(Boolean).length,
   siteOf: (latitude, longitude) => site && siteOf(latitude, longitude),

@@ -1,18 +1,18 @@
-// A robot in 3D, from the parts of its body: its joints as they are reported, now or at a moment of the past.
-// Drawn on a plain canvas; x forward, y left, z up, metres.
+// A robot in 3D, from the parts of its body and the reported joints, now or at a moment of the past. Drawn on
+// a plain canvas; x forward, y left, z up, metres.
 
 import { element } from "./dom.js";
 import { onChange, store } from "./store.js";
 
 const HEIGHT = 220; // px
-const TURN = 0.1; // rad of a key
-const view = { yaw: 0.7, pitch: 0.35 }; // from where one looks, rad; the same for every robot
+const TURN = 0.1; // rad per key press
+const view = { yaw: 0.7, pitch: 0.35 }; // direction of view, rad; the same for every robot
 let canvas = null;
-let told = null; // the words under the drawing
+let told = null; // the text under the drawing
 let shown = ""; // the robot
 let dirty = false;
 
-// -- turning: a frame is a point and three axes (the columns of its rotation) -----------------------------------
+// -- rotation: a frame is a point and three axes (the columns of its rotation) ----------------------------------
 
 const add = ([a, b, c], [d, e, f]) => [a + d, b + e, c + f];
 const apply = (axes, [x, y, z]) => [0, 1, 2].map((row) => axes[0][row] * x + axes[1][row] * y + axes[2][row] * z);
@@ -29,7 +29,7 @@ function about([x, y, z], angle) {
   return [[c + u * u * k, v * u * k + w * s, w * u * k - v * s], [u * v * k - w * s, c + v * v * k, w * v * k + u * s], [u * w * k + v * s, v * w * k - u * s, c + w * w * k]];
 }
 
-// How the robot leans: its attitude without its heading, which the map shows.
+// Attitude of the robot without its heading, which the map shows.
 function leaning(numbers) {
   const [qx, qy, qz, qw] = ["qx", "qy", "qz", "qw"].map((name) => numbers[`position.${name}`]);
   if ([qx, qy, qz, qw].some((value) => value === undefined)) return UPRIGHT;
@@ -39,12 +39,12 @@ function leaning(numbers) {
   return rolled.map((axis) => apply(pitched, axis));
 }
 
-// The frame of each part, by its name; a joint that is not reported is at zero.
+// The frame of each part, by its name; a joint without a report is at zero.
 export function framesOf(parts, numbers) {
   const frames = { "": { at: [0, 0, 0], axes: leaning(numbers) } };
   for (const part of parts) {
     const parent = frames[part.parent || ""];
-    if (!parent) continue; // it hangs on nothing that came before
+    if (!parent) continue; // its parent must come before it
     const angle = part.joint ? numbers[`joint_states.positions.${part.joint}`] || 0 : 0;
     const turned = angle ? about(vector(part.axis), angle) : UPRIGHT;
     frames[part.name] = { at: into(parent, vector(part.at)), axes: turned.map((axis) => apply(parent.axes, axis)) };
@@ -78,7 +78,8 @@ function projector(points, width) {
   return (point) => {
     const [x, y, z] = point.map((value, axis) => value - middle[axis]);
     const [ahead, aside] = [x * cy + y * sy, -x * sy + y * cy];
-    return [width / 2 + aside * scale, HEIGHT / 2 - (z * cp - ahead * sp) * scale, ahead * cp + z * sp]; // the last: how near
+    // the last value: depth
+    return [width / 2 + aside * scale, HEIGHT / 2 - (z * cp - ahead * sp) * scale, ahead * cp + z * sp];
   };
 }
 
@@ -145,7 +146,7 @@ function tell(parts, numbers) {
   if (told.textContent !== text) told.textContent = text;
 }
 
-// -- hands -------------------------------------------------------------------------------------------------------
+// -- input -------------------------------------------------------------------------------------------------------
 
 const KEYS = { ArrowLeft: [-TURN, 0], ArrowRight: [TURN, 0], ArrowUp: [0, TURN], ArrowDown: [0, -TURN] };
 
@@ -185,7 +186,7 @@ export function startBody() {
   draw();
 }
 
-// For programs that drive the page: where the ends of the parts of the robot that is shown are.
+// For programs that drive the page: the ends of the parts of the shown robot.
 window.fleetPage.partEnds = () => {
   const parts = store.descriptions[shown]?.body || [];
   const frames = framesOf(parts, store.numbers[shown] || {});

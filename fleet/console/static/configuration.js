@@ -1,9 +1,9 @@
-// What the fleet.yaml of each edge says, what is wrong with it, and what of it the edge does not run with yet.
+// The fleet.yaml of each edge, with its errors and the changes that the edge does not use yet.
 
 import { element } from "./dom.js";
 import { ask, store } from "./store.js";
 
-const told = {}; // by edge: what it said; null while it is asked
+const told = {}; // answers by edge; null while a request is pending
 let redraw = () => {};
 
 function look(edge) {

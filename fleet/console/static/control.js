@@ -1,4 +1,4 @@
-// Who has control of a robot, and asking for it: the page of who has it shows the request above all else.
+// Control of a robot, and requests for it: the page of the holder shows a request above everything else.
 
 import { byId, element, show } from "./dom.js";
 import { order } from "./answers.js";
@@ -35,7 +35,7 @@ function draw() {
   show(byId("asks"), found.map(asked));
 }
 
-// What the panel of a robot says of it.
+// The holder of a robot, for its panel.
 export function holder(robot) {
   if (robot.run) return `run ${robot.run}`;
   if (!robot.control) return "nobody";

@@ -1,4 +1,4 @@
-// Small helpers: elements without markup (a robot's name is text, whatever it holds), words for figures.
+// Small helpers: elements without markup (a robot's name is always text), formatted figures.
 
 export function element(tag, given = {}, ...children) {
   const made = document.createElement(tag);
@@ -37,7 +37,7 @@ export function timeOfDay(stamp) {
   return today ? at.toLocaleTimeString() : at.toLocaleString();
 }
 
-// Replace the children of an element, unless they would be the same.
+// Replace the children of an element, unless they are equal.
 export function show(parent, ...children) {
   parent.replaceChildren(...children.flat().filter(Boolean));
 }

@@ -1,4 +1,5 @@
-// Drawing on the map: a place, an area, a path or a fence, as YAML for fleet.yaml. Nothing takes effect here.
+// Drawing on the map: a place, an area, a path or a fence, as YAML for fleet.yaml. It changes nothing by
+// itself.
 
 import { byId, element, show } from "./dom.js";
 import { store } from "./store.js";
@@ -11,7 +12,7 @@ export const drawing = { kind: "", points: [], changed: () => {} };
 const metres = (value) => String(Math.round(value * 100) / 100);
 const listed = (points) => `[${points.map(([x, y]) => `[${metres(x)}, ${metres(y)}]`).join(", ")}]`;
 
-// A fence stands in its robot's own world; the map is the site's frame.
+// A fence is in its robot's own world frame; the map is in the site's frame.
 function inWorld(robot, [x, y]) {
   const { origin = { x: 0, y: 0 }, yaw = 0 } = robot.placement || {};
   const [dx, dy] = [x - origin.x, y - origin.y];

@@ -1,10 +1,10 @@
-// The page where people log in: name and password for a session, whose cookie no script can read.
+// The login page: name and password for a session, whose cookie is not readable by scripts.
 
 const form = document.getElementById("login");
 const words = document.getElementById("login-words");
 const name = document.getElementById("name");
 const password = document.getElementById("password");
-const WITHIN = 20000; // ms; one login is verified after the other
+const WITHIN = 20000; // ms; logins are verified one after the other
 
 async function logIn() {
   const body = JSON.stringify({ name: name.value, password: password.value });

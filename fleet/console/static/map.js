@@ -1,4 +1,4 @@
-// The map: what hands do on it. Robots are selected and sent, the view is moved, points are drawn.
+// Input on the map: select and send robots, move the view, draw points.
 
 import { geoOf, loadBasemap } from "./basemap.js";
 import { byId, counted, element, show } from "./dom.js";
@@ -8,11 +8,11 @@ import { paintMap } from "./mappaint.js";
 import { canvas, fit, map, readColors, resize, size, toScreen, toSite, view, whoIsMapped, zoom } from "./mapview.js";
 import { label, mapped, onChange, select, store } from "./store.js";
 
-const GRIP = 14; // px around a robot that are the robot
-const DRAG = 5; // px that a pointer moves before it is a drag
+const GRIP = 14; // px around a robot that select it
+const DRAG = 5; // px of movement before a press becomes a drag
 const pointers = new Map();
 
-// -- hands -----------------------------------------------------------------------------------------------
+// -- input -----------------------------------------------------------------------------------------------
 
 const place = (event) => {
   const box = canvas.getBoundingClientRect();
@@ -99,7 +99,7 @@ function turn() {
   paintMap();
 }
 
-// -- where the selected robots shall go --------------------------------------------------------------------
+// -- goals of the selected robots --------------------------------------------------------------------------
 
 function aim(point) {
   map.target = point ? { x: point[0], y: point[1] } : null;
@@ -184,7 +184,7 @@ export function startMap() {
   byId("zoom-fit").addEventListener("click", fit);
   onChange((kinds) => {
     map.dirty = true;
-    // Until somebody moves the map it shows all robots, also those that come later.
+    // Until the user moves the map, it shows all robots, also new ones.
     if (!view.touched && kinds.has("poses") && view.fitted !== whoIsMapped()) fit();
     if (kinds.has("selection") || kinds.has("past")) {
       aim(null);
@@ -196,11 +196,11 @@ export function startMap() {
     }
   });
   setInterval(() => (map.dirty = true), 1000);
-  window.fleetPage.session.then(loadBasemap).catch(() => {}); // without a session the page says why itself
+  window.fleetPage.session.then(loadBasemap).catch(() => {}); // without a session the page shows the reason itself
   turn();
 }
 
-// Where a robot, or a point of the site, is on the page, px: for programs that drive the page.
+// Position of a robot or a point of the site on the page, px: for programs that drive the page.
 window.fleetPage.whereIs = (id) => {
   const box = canvas.getBoundingClientRect();
   const [px, py] = toScreen(...store.poses[id]);

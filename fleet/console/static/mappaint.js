@@ -38,7 +38,7 @@ function drawLine(x, y, step, digits) {
   const text = Math.abs(value) < step / 1000 ? "0" : value.toFixed(digits);
   const place = x !== null ? [at + 3, size.height - 6] : [4, at - 3];
   paint.lineWidth = 3;
-  paint.strokeStyle = colors.paper; // around the figures, which a map may lie under
+  paint.strokeStyle = colors.paper; // outline of the text, which may be on a map
   paint.strokeText(text, ...place);
   paint.lineWidth = 1;
   paint.fillText(text, ...place);
@@ -80,7 +80,7 @@ function drawPlace(place) {
   paint.fillText(place.name, px, py + 4);
 }
 
-// Fences are told in each robot's own world; it is placed in the site's frame by its state.
+// A fence is in its robot's own world frame; the robot's state places it in the site's frame.
 function drawFences() {
   for (const [id, told] of Object.entries(store.descriptions)) {
     const robot = store.robots[id];
@@ -163,7 +163,7 @@ function drawRobot(robot) {
     paint.beginPath();
     paint.arc(px, py, 8, 0, 2 * Math.PI);
   } else arrow(px, py, pose[3], 15);
-  // A simulated robot is an outline; a real one is filled.
+  // A simulated robot is outlined; a real one is filled.
   paint.strokeStyle = paint.fillStyle = color;
   paint.lineWidth = 2;
   if (robot.simulated || old) {
@@ -204,7 +204,7 @@ function drawLabel(robot, pose, px, py) {
   paint.fillText(text, px, py + 36);
 }
 
-// The robots of a rehearsal: hollow, dotted and named as ghosts, so that none is taken for a robot.
+// The robots of a rehearsal: hollow, dotted and labelled as ghosts, so that none looks like a robot.
 function drawGhost({ name, way, place }) {
   const [px, py] = toScreen(place[0], place[1]);
   paint.save();
@@ -250,7 +250,7 @@ function tellFrame(there) {
   if (place.textContent !== words) place.textContent = words;
 }
 
-// Over the whole map, so that no picture of it is taken for one of now.
+// Covers the whole map, so that a picture of the past never looks like the present.
 function drawPast() {
   paint.save();
   paint.fillStyle = colors.past;

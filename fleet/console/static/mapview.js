@@ -1,4 +1,4 @@
-// What part of the site the map shows: x is east, y is north, metres; and the colours it is painted with.
+// The part of the site on the map: x is east, y is north, metres; and the colours of the map.
 
 import { byId } from "./dom.js";
 import { ghosts } from "./rehearsal.js";

@@ -1,4 +1,4 @@
-// What is shown while no robot is selected: what is wrong, by cause, and the missions.
+// The view without a selected robot: causes of trouble, and the missions.
 
 import { counted, duration, element, healthMark, timeOfDay } from "./dom.js";
 import { order } from "./answers.js";
@@ -7,7 +7,7 @@ import { label, ordered, select, staleness, store } from "./store.js";
 
 const operates = () => store.permission !== "view";
 
-// What to do next, by what a cause says; the first that fits.
+// Advice by words in a cause; the first match applies.
 const NEXT = [
   [/emergency stop/i, "Look at the robot, then release it on its page."],
   [/quarantin/i, "Give it a worker of its own (worker:), or mend its adapter; restart_adapter ends the quarantine."],
@@ -27,7 +27,7 @@ function nextStep(cause) {
   return NEXT.find(([pattern]) => pattern.test(cause))?.[1] || "Look at its history, and at what fleet logs prints.";
 }
 
-// In the past nothing is to be done any more.
+// There is no advice for the past.
 const advice = (cause) => (store.past ? "" : element("p", { class: "next" }, nextStep(cause)));
 
 function causeOf(robot) {
@@ -36,7 +36,7 @@ function causeOf(robot) {
   return robot.health === "ok" ? "" : robot.cause || robot.health;
 }
 
-// Robots with the same cause stand together; figures and the robot's own name do not make a cause another.
+// Robots with the same cause are grouped; figures and the robot's own name do not make it another cause.
 function byCause(robots) {
   const found = new Map();
   for (const robot of robots) {
@@ -73,7 +73,7 @@ export function health() {
   return [element("h3", {}, "Health, by cause"), element("ul", { class: "causes" }, ...edges.map(edgeItem))];
 }
 
-// What of the health is shown; it is drawn anew when that changes, and for the ages.
+// The displayed part of the health; it is redrawn on changes of this, and to update the ages.
 export function healthKey() {
   return [Object.values(store.edges).map((edge) => [edge.edge, edge.alive, edge.health, edge.cause, edge.problem]), ordered().map((robot) => [robot.id, causeOf(robot)]), Math.floor(store.time / 10), Boolean(store.past)];
 }
@@ -107,7 +107,7 @@ function runItem(run) {
   return element("li", { class: `run ${ended ? "ended" : ""}` }, element("p", {}, element("b", {}, run.mission), ` ${words}`), element("p", { class: "dim" }, `run ${run.run}${run.by ? ` by ${run.by}` : ""}, ${timeOfDay(run.started)}`), question(run), ended ? "" : element("table", {}, ...(run.robots || []).map(lane)), buttons.length ? element("div", { class: "row" }, ...buttons) : "");
 }
 
-// The inputs of a mission from its form; what was left empty is left out.
+// The inputs of a mission from its form; empty fields are left out.
 function inputsOf(form, names) {
   const data = {};
   for (const name of names) {

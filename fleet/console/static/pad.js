@@ -1,15 +1,15 @@
-// The pad: a robot moves only while a button or key is held. Ten velocities a second; one zero at the end.
-// It ends at release, when the page loses the focus or is hidden, when the connection closes, when a round
-// trip takes longer than LATE, and at Esc. A pad that ended for a fault has to be pressed anew. A gamepad moves
-// it only while a shoulder button is held, and not before its sticks were seen in the middle.
+// The pad: a robot moves only while a button or key is held. It sends ten velocities per second, and one zero
+// at the end. It ends at release, when the page loses the focus or is hidden, when the connection closes,
+// when a round trip takes longer than LATE, and at Esc. A pad that ended for a fault must be pressed again. A
+// gamepad moves the robot only while a shoulder button is held, and only after its sticks were seen centred.
 
 import { element } from "./dom.js";
 import { onClose, onDrove, send, silentFor } from "./store.js";
 
 const EVERY = 100; // ms
-const LATE = 300; // ms for the way to the robot's edge and back
-const SHARE = 0.5; // of the robot's limits, to begin with
-const USUAL = { speed: 0.5, yaw_rate: 0.8, vertical_speed: 0.5 }; // where a robot tells no limit
+const LATE = 300; // ms of a round trip to the robot's edge
+const SHARE = 0.5; // initial share of the robot's limits
+const USUAL = { speed: 0.5, yaw_rate: 0.8, vertical_speed: 0.5 }; // for a robot without a reported limit
 const AXES = {
   forward: ["w", "Forward", "▲", { linear_x: 1 }],
   back: ["s", "Back", "▼", { linear_x: -1 }],
@@ -23,13 +23,13 @@ const AXES = {
 const IDLE = "Hold a button, W A S D, or a shoulder button of a gamepad and push its sticks.";
 const GAMEPAD = "gamepad"; // stands in ``held`` beside the axes
 const SHOULDERS = [4, 5, 6, 7]; // buttons of the standard gamepad: both shoulders, both triggers
-const DEAD = 0.15; // of a stick's way that are its middle
-const LOOK = 50; // ms between looks at the gamepad, which tells nothing by itself
+const DEAD = 0.15; // dead zone, as a share of a stick's range
+const LOOK = 50; // ms between polls of the gamepad, which sends no events
 const held = new Set();
-let sticks = {}; // by axis: the share of its limit
-let ready = false; // no shoulder button was held since the pad ended
+let sticks = {}; // share of the limit, by axis
+let ready = false; // true after all shoulder buttons were seen released since the pad ended
 let looking = 0;
-const open = new Map(); // by number: when it was sent
+const open = new Map(); // time of sending, by number
 let pad = null; // {robot, limits, share, words}
 let timer = 0;
 let number = 0;
@@ -85,9 +85,9 @@ export function end(words = "", kind = "") {
   say(words, kind);
 }
 
-// -- the gamepad -------------------------------------------------------------------------------------------
+// -- gamepad -----------------------------------------------------------------------------------------------
 
-// Left stick: forward and turn. Right stick: sideways, and up where the robot flies.
+// Left stick: forward and turn. Right stick: sideways, and up for a robot that flies.
 function sticksOf(gamepad) {
   const value = (index) => {
     const pushed = gamepad.axes[index] || 0;
@@ -123,7 +123,7 @@ function button(name) {
   return made;
 }
 
-// The pad of a robot that takes velocities; ``told`` is its description.
+// The pad of a robot that accepts velocities; ``told`` is its description.
 export function padOf(robot, told) {
   end("");
   const flies = told.limits?.vertical_speed !== undefined;

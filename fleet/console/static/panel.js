@@ -1,4 +1,4 @@
-// The selected robot: what it does and why it cannot, its figures, its commands, and its release.
+// The selected robot: its activity and faults, its figures, its commands, and its release.
 
 import { byId, counted, duration, element, figure, healthMark, show, timeOfDay } from "./dom.js";
 import { order } from "./answers.js";
@@ -77,7 +77,7 @@ function field(parameter) {
   return element("label", {}, element("span", {}, parameter.name), input, element("small", {}, told || parameter.type));
 }
 
-// The data of a command from its form; what was left empty is left out.
+// The data of a command from its form; empty fields are left out.
 function dataOf(form, command) {
   const data = {};
   for (const parameter of command.parameters || []) {
@@ -133,7 +133,7 @@ function commandButton(robot, command) {
   );
 }
 
-// The commands as a person looks for them: what moves it, what holds it, the rest.
+// The commands by purpose: those that move the robot, those that hold it, the others.
 function kinds(shown) {
   const holding = new Set(["stop", "hover", "brake"]);
   const found = [
@@ -157,7 +157,7 @@ function commands(robot) {
   ];
 }
 
-// What it cannot do, before anybody asks: what it has not, and what would be refused now, with the reason.
+// Limitations of the robot: missing vocabulary, and commands that it would refuse now, with the reasons.
 function cannot(robot, told) {
   const never = [];
   if (!told.goals) never.push("go to a place on the map");
@@ -181,14 +181,14 @@ function eventItem(event) {
   return element("li", {}, element("time", {}, timeOfDay(event.at)), element("p", {}, whose + event.text, event.by ? element("small", {}, ` ${event.by}${event.proven ? "" : " (claimed)"}`) : ""));
 }
 
-// What had happened before a moment of the past: to the selected robots, without any to all.
+// Events before a moment of the past: of the selected robots, or of all.
 function events(chosen) {
   const found = store.past.events.filter((event) => !chosen.length || chosen.some((robot) => robot.id === event.robot));
   const none = found.length ? "" : element("p", { class: "dim" }, "No event was recorded shortly before.");
   return [element("h3", {}, "History until then"), none, element("ul", { class: "history" }, ...found.slice(0, 30).map(eventItem))];
 }
 
-// What was asked of the robot lately, by whom, and what became of it; asked for when somebody wants it.
+// The recent requests to the robot, with senders and outcomes; loaded on demand.
 let past = { robot: "", events: null };
 function history(robot) {
   const look = () => {
@@ -267,7 +267,7 @@ function titleOfNobody() {
   ];
 }
 
-// The parts of the panel, each drawn anew only when what it shows has changed: a button must not be replaced
+// The parts of the panel, each redrawn only when its content has changed: a button must not be replaced
 // between the press and the release of the pointer.
 const parts = {};
 function part(name, key, make) {
@@ -307,7 +307,7 @@ function draw() {
   part("photo", seen && photoKey(robot), () => (seen ? photoOf(robot) : []));
   const drives = robot && described?.drives && operates() ? described : null;
   part("driving", drives && [robot.id, drives.limits], () => (drives ? [element("h3", {}, "Drive by hand"), padOf(robot, drives)] : noPad() || []));
-  // While a form is open, nothing that is told replaces what is typed into it.
+  // While a form is open, updates must not replace the typed text.
   part("asking", robot && now && [robot.id, opened || described, robot.run, store.permission], () => (robot && now ? commands(robot) : []));
   const others = robot && now && operates() && isAnothers(robot);
   part("control", others && [robot.id, robot.control], () => (others ? [askButton(robot)] : []));

@@ -1,28 +1,28 @@
-// The past: one slider, which takes the whole page to a second of the recordings. Nothing can be asked of
-// robots there but a stop, which acts on now.
+// The past: one slider, which takes the whole page to a second of the recordings. Robots accept no request
+// from there except a stop, which acts on the present.
 
 import { byId, duration, element, show } from "./dom.js";
 import { ask, live, onChange, showMoment, store } from "./store.js";
 
 const SPANS = { 600: "10 minutes", 3600: "1 hour", 0: "everything" }; // that the slider covers, s
 const STEPS = [-60, -10, -1, 1, 10, 60]; // s
-const TURN = 250; // ms between two moments while it plays
-const LOST = 5; // s before a moment in which something was recorded
+const TURN = 250; // ms between two moments during playback
+const LOST = 5; // s before a moment within which something must be recorded
 let extent = null; // {since, until}: Unix s
-let shown = [0, 1]; // what the slider covers: Unix s
+let shown = [0, 1]; // range of the slider: Unix s
 let span = 600;
 let wanted = null; // the moment to show, Unix s
 let asking = false;
-let playing = 0; // the timer that plays
+let playing = 0; // timer of the playback
 let refusal = "";
 let parts = null;
 
 const inWords = (stamp) => new Date(stamp * 1000).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "medium" });
 const clamped = (value, [least, most]) => Math.min(most, Math.max(least, value));
 
-// -- where in the past ---------------------------------------------------------------------------------------
+// -- position in the past ------------------------------------------------------------------------------------
 
-// The address of a moment: UTC, to the tenth of a second, and nothing else of the page.
+// The address of a moment: UTC, to the tenth of a second, without other state of the page.
 function address(at) {
   return `#t=${new Date(Math.round(at * 10) * 100).toISOString().replace(/00Z$/, "Z")}`;
 }
@@ -50,14 +50,14 @@ function go(at) {
   fetchMoment();
 }
 
-// One moment is asked for at a time; meanwhile only the last one that somebody went to is kept.
+// One moment is requested at a time; meanwhile only the last selected one is kept.
 function fetchMoment() {
   if (asking || wanted === null) return;
   const at = wanted;
   asking = true;
   const out = ask({ ask: "moment", at }, (answer) => {
     asking = false;
-    if (wanted === null) return; // it was left meanwhile
+    if (wanted === null) return; // the past was left meanwhile
     refusal = answer.moment ? "" : `${answer.reason}${answer.hint ? ` (${answer.hint})` : ""}`;
     history.replaceState(null, "", address(at));
     showMoment(answer.moment || { at, recorded: 0, events: [], entries: {}, tracks: {} });
@@ -89,7 +89,7 @@ function open(at) {
   });
 }
 
-// -- playing ---------------------------------------------------------------------------------------------------
+// -- playback --------------------------------------------------------------------------------------------------
 
 function stopPlaying() {
   clearInterval(playing);
@@ -109,7 +109,7 @@ function play() {
   }, TURN);
 }
 
-// -- a file of it ----------------------------------------------------------------------------------------------
+// -- export ----------------------------------------------------------------------------------------------------
 
 const EXPORTS = { 60: "last minute", 300: "last 5 minutes", 1800: "last 30 minutes" }; // before the moment, s
 
@@ -144,7 +144,7 @@ function exportChoice() {
   return choice;
 }
 
-// -- what is shown -----------------------------------------------------------------------------------------------
+// -- display -----------------------------------------------------------------------------------------------------
 
 function words() {
   if (refusal) return refusal;

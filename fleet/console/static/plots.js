@@ -1,5 +1,5 @@
-// Plots of the numbers that the selected robot reports. They are kept while it is selected, so that a plot
-// that is opened shows what was before. uPlot is loaded when the first plot is.
+// Plots of the numbers that the selected robot reports. Values are kept while it is selected, so that a new
+// plot shows earlier values. uPlot is loaded with the first plot.
 
 import { element } from "./dom.js";
 import { onChange, store } from "./store.js";
@@ -7,14 +7,14 @@ import { onChange, store } from "./store.js";
 const KEPT = 120; // s
 const MOST = 1500; // values of one number
 const HEIGHT = 130; // px
-const series = {}; // by number: [times, values] of the robot that is selected
-const charts = new Map(); // by number: its plot
-let shown = []; // numbers that are plotted; the same for the next robot, where it has them
+const series = {}; // [times, values] of the selected robot, by number
+const charts = new Map(); // plot by number
+let shown = []; // plotted numbers; kept for the next robot, if it has them
 let whose = "";
 let loading = null;
 let redraw = () => {};
 
-// -- the numbers -------------------------------------------------------------------------------------------
+// -- numbers -----------------------------------------------------------------------------------------------
 
 function keep(name, value) {
   const [times, values] = (series[name] ??= [[], []]);
@@ -40,7 +40,7 @@ function take() {
   for (const [name, chart] of charts) if (series[name]) chart.setData(series[name]);
 }
 
-// -- the plots -----------------------------------------------------------------------------------------------
+// -- plots ---------------------------------------------------------------------------------------------------
 
 function load() {
   const script = document.createElement("script");

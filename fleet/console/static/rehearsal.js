@@ -1,17 +1,17 @@
-// A rehearsal: how a mission went with simulated robots, and its robots as ghosts on the map, with a slider.
+// A rehearsal: the progress of a mission with simulated robots, shown as ghosts on the map, with a slider.
 
 import { counted, element } from "./dom.js";
 import { order } from "./answers.js";
 import { store } from "./store.js";
 
-const TURN = 100; // ms between two moments while it plays
-const FAST = 4; // simulated seconds in a second
+const TURN = 100; // ms between two moments during playback
+const FAST = 4; // simulated seconds per second
 
-// The last rehearsal of this page: its mission, how far it is, its result, and the moment that is shown.
+// The last rehearsal of this page: its mission, progress, result, and the shown moment.
 export const rehearsal = { mission: null, seconds: 0, step: "", notes: [], result: null, at: 0 };
 let changed = () => {};
 let playing = 0;
-let shown = null; // what moves with the slider
+let shown = null; // elements that follow the slider
 let moved = () => {};
 
 export function rehearse(mission, inputs) {
@@ -36,7 +36,7 @@ function close() {
 
 // -- ghosts ----------------------------------------------------------------------------------------------------
 
-// Where a track is at a moment of the rehearsal: x, y, z and the direction in which it goes.
+// The position on a track at a moment of the rehearsal: x, y, z and the direction of motion.
 export function placeAt(points, at) {
   const next = points.findIndex(([moment]) => moment > at);
   if (next === 0) return [...points[0].slice(1), null];
@@ -47,7 +47,7 @@ export function placeAt(points, at) {
   return [...place, headingAt(points, next)];
 }
 
-// The direction of the last way before a point that was one.
+// The direction of the last non-zero movement before a point.
 function headingAt(points, last) {
   for (let number = last; number > 0; number -= 1) {
     const [east, north] = [points[number][1] - points[number - 1][1], points[number][2] - points[number - 1][2]];
@@ -56,13 +56,13 @@ function headingAt(points, last) {
   return null;
 }
 
-// The robots of the rehearsal that is shown, as they were at its moment.
+// The robots of the shown rehearsal at its moment.
 export function ghosts() {
   if (!rehearsal.result || store.past) return [];
   return (rehearsal.result.tracks || []).map((track) => ({ name: track.robot, way: track.points, place: placeAt(track.points, rehearsal.at) }));
 }
 
-// -- its panel ---------------------------------------------------------------------------------------------------
+// -- panel -------------------------------------------------------------------------------------------------------
 
 const clock = (seconds) => `${seconds.toFixed(1)} s`;
 
@@ -153,11 +153,11 @@ export function rehearsed() {
   return [element("h3", {}, "Rehearsal"), element("div", { class: "run rehearsal" }, ...body, element("div", { class: "row" }, element("button", { type: "button", class: "plain", onclick: close }, "Close")))];
 }
 
-// ``redraw`` draws the panel, ``map`` the map, on which ``fit`` brings all that is there into view.
+// ``redraw`` draws the panel, ``map`` the map, ``fit`` fits its content into the view.
 export function startRehearsal(redraw, map, fit) {
   moved = map;
   changed = () => { redraw(); fit(); map(); };
 }
 
-// For programs that drive the page: where its ghosts are.
+// For programs that drive the page: the positions of the ghosts.
 window.fleetPage.ghosts = () => ghosts().map(({ name, place }) => [name, ...place]);

@@ -1,4 +1,4 @@
-// The list of robots and edges: who is there, how they are, and which are selected.
+// The list of robots and edges, with their health and the selection.
 
 import { byId, counted, element, figure, healthMark, show } from "./dom.js";
 import { label, onChange, ordered, select, staleness, store } from "./store.js";
@@ -64,12 +64,12 @@ function edgeLine(edge) {
 }
 
 let drawn = "";
-let held = false; // the pointer is down on the list: a row must not be replaced before its click
+let held = false; // pointer pressed on the list: a row must not be replaced before its click
 function draw() {
   if (held) return;
   const robots = ordered();
   const edges = Object.values(store.edges);
-  // Only what can be seen counts: stamps alone change each second.
+  // Only visible values count: stamps alone change each second.
   const seen = robots.map((robot) => [robot.id, robot.health, remark(robot), robot.battery && Math.round(robot.battery), robot.run, robot.simulated, store.selected.has(robot.id)]);
   const key = JSON.stringify([seen, edges.map((edge) => [edge.edge, edge.alive, edge.health, edge.cause, edge.cloud, edge.problem])]);
   if (key === drawn) return;

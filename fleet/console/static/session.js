@@ -1,4 +1,4 @@
-// Logging out, where people log in: on every page that is not of this computer alone.
+// Logout, on every page of the console with login.
 
 import { byId } from "./dom.js";
 

@@ -1,26 +1,26 @@
-// The stop, and what it needs: the session. A plain script that runs before anything else of the page is
-// there, so that a stop works while the page loads. It goes over the WebSocket when that is open, and by POST
-// when it is not, or does not answer. Nothing is shown as taken without an answer of the console.
+// The stop, and the session that it needs. A plain script that runs before the rest of the page is loaded, so
+// that a stop works during loading. It is sent over the WebSocket if that is open, and by POST if it is not,
+// or does not answer. Nothing is shown as accepted without an answer of the console.
 "use strict";
 (() => {
   const TWICE = 700; // ms between two presses of Esc
-  const SECOND_WAY = 250; // ms without an answer after which the second way is taken too
+  const SECOND_WAY = 250; // ms without an answer after which the second route is used too
   const AGAIN = 500; // ms between tries
   const POST_WITHIN = 6000; // ms
   const page = (window.fleetPage = {
     stops: new Map(), // by request: {robots, began, answered, told, tries, error}
-    sendBySocket: () => false, // replaced once the WebSocket is there
+    sendBySocket: () => false, // replaced when the WebSocket is ready
     selected: () => [],
-    changed: () => {}, // replaced by what shows stops
+    changed: () => {}, // replaced by the view of stops
     endPads: () => {},
   });
 
-  // The proof belongs to this port alone; a cookie is sent to every port of a computer.
+  // The proof is stored for this port only; a cookie is sent to every port of a computer.
   let proof = "";
   try {
     proof = localStorage.getItem("proof") || "";
   } catch {
-    // storage is switched off: the session lasts as long as this page
+    // storage is disabled: the session ends with this page
   }
   page.proof = () => proof;
   page.headers = () => ({ "Content-Type": "application/json", "X-Fleet-Proof": proof });
@@ -75,7 +75,7 @@
         const answer = await fetch(`/api/stops/${encodeURIComponent(request)}`, { headers: page.headers() });
         if (answer.ok) page.answered(request, await answer.json());
       } catch {
-        return; // the page says that the console is silent
+        return; // the page shows that the console is silent
       }
     }
   }
@@ -94,7 +94,7 @@
     }
   }
 
-  // What a stop became, by whichever way it was told.
+  // Handle the result of a stop, from either route.
   page.answered = (request, told) => {
     const stop = page.stops.get(request);
     if (stop) Object.assign(stop, { answered: true, told, error: "" });

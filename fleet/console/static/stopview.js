@@ -1,4 +1,4 @@
-// What became of the last stop: who answered after how many milliseconds, who was seen to stand, who did not.
+// The result of the last stop: which robots confirmed it after how many milliseconds, and were seen to stand.
 
 import { byId, counted, element, show } from "./dom.js";
 import { label, live, onChange, ordered, silentFor, SILENT, store } from "./store.js";
@@ -61,9 +61,9 @@ function detail(told) {
   return [element("h2", {}, `Stop asked by ${told.by || "somebody"}`), table, ...problems];
 }
 
-const KEPT = 4000; // ms that the table stays by itself once every robot stands
+const KEPT = 4000; // ms that the table stays open after every robot stands
 let open = false;
-let followed = null; // the stop that the table opened for
+let followed = null; // the stop for which the table opened
 let closing = 0;
 
 function setOpen(wanted) {
@@ -163,7 +163,7 @@ export function startStopView() {
   draw();
 }
 
-// Release: an act of its own, which shows who stopped, when and why.
+// Release: a separate action, which first shows who stopped the robots, when and why.
 export function stoppedRobots() {
   return ordered().filter((robot) => robot.emergency_stop);
 }

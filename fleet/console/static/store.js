@@ -1,35 +1,36 @@
-// What the console told: robots, edges, poses, goals, stops, descriptions; and the WebSocket that tells it.
+// The data of the console: robots, edges, poses, goals, stops, descriptions; and the WebSocket that carries
+// it.
 
-const AGAIN = 500; // ms until the WebSocket is opened again
-const PING = 1000; // ms between measurements of the way and back
-export const SILENT = 1000; // ms without a word after which nothing that is shown can be believed
-const TRACK = 400; // points of a track that are kept
+const AGAIN = 500; // ms until the WebSocket is reopened
+const PING = 1000; // ms between measurements of the round-trip time
+export const SILENT = 1000; // ms without a message after which the shown data is not trusted
+const TRACK = 400; // points of a track
 const STEP = 0.05; // m between two points of a track
 
 const KINDS = ["edges", "robots", "poses", "goals", "descriptions", "missions", "runs", "numbers", "photos", "schedules", "requests"];
 const IN_PAST = new Set(["stop", "ping", "watch", "extent", "moment"]); // what may be asked while the past is shown
 
-// What is now, whatever the page shows.
+// The present, whatever the page shows.
 export const live = { tracks: {}, now: 0, time: 0 };
 for (const kind of KINDS) live[kind] = {};
 
-// What the page shows: what is now, or a moment of the past.
+// The data that the page shows: the present, or a moment of the past.
 export const store = {
   ...live,
-  stops: {}, // always of now
-  past: null, // {at, recorded, events}: the moment that is shown, and when the last of it was recorded
+  stops: {}, // always of the present
+  past: null, // {at, recorded, events}: the shown moment, and the time of its last recorded message
   operator: "",
   permission: "view",
   version: "",
   // now: the console's monotonic seconds, in the past Unix seconds; time: Unix seconds
-  heard: -Infinity, // when it was heard last, ms of this page
+  heard: -Infinity, // last message, ms of this page
   roundTrip: null, // ms
   selected: new Set(),
   error: "",
 };
 
 const listeners = new Set();
-const waiting = new Map(); // by request: what takes its answers
+const waiting = new Map(); // by request: handler of its answers
 let drove = () => {};
 let closed = () => {};
 let socket = null;
@@ -40,7 +41,7 @@ export function onChange(call) {
   listeners.add(call);
 }
 
-// Tell how velocities are answered, and when the connection closes.
+// Register a handler for answers to velocities and for the end of the connection.
 export function onDrove(call) {
   drove = call;
 }
@@ -81,7 +82,7 @@ function takeNews(message) {
   if (kinds.size) changed(kinds);
 }
 
-// Show a moment of the past, by what the console told of it; without one, what is now.
+// Show a moment of the past from the console's answer; without one, the present.
 export function showMoment(moment) {
   store.past = moment && { at: moment.at, recorded: moment.recorded, events: moment.events };
   for (const kind of KINDS) store[kind] = moment ? moment.entries[kind] || {} : live[kind];
@@ -98,7 +99,7 @@ function takeAnswer(message) {
 }
 
 function extend(id, pose) {
-  // A track is in one frame: it begins anew when the robot is placed in the site's.
+  // A track is in one frame: it restarts when the robot is placed in the site's.
   if (live.tracks[id]?.placed !== pose[4]) live.tracks[id] = Object.assign([], { placed: pose[4] });
   const track = live.tracks[id];
   const last = track[track.length - 1];
@@ -114,7 +115,7 @@ export function send(message) {
   return true;
 }
 
-// Ask for something; ``call`` hears each answer. Returns whether it went out.
+// Send a request; ``call`` receives each answer. Returns whether it was sent.
 export function ask(message, call) {
   const request = crypto.randomUUID();
   waiting.set(request, call);
@@ -122,12 +123,12 @@ export function ask(message, call) {
   return send({ request, ...message });
 }
 
-// Without a session nothing can be shown or asked, a stop neither: the page where one logs in says so.
+// Without a session nothing can be shown or requested, not even a stop: the login page says so.
 function toLogin(address) {
   location.replace(address + location.hash);
 }
 
-// Why no connection is opened: a console that was started anew knows nobody any more.
+// Why no connection opens: a restarted console has no sessions.
 async function tellWhy() {
   try {
     const answer = await fetch("/api/session", { headers: window.fleetPage.headers() });
@@ -188,7 +189,7 @@ export function select(ids, { add = false } = {}) {
   changed(new Set(["selection"]));
 }
 
-// Robots, the worst first, then by name with numbers as such.
+// Robots, worst first, then by name with numbers in natural order.
 const WORST = { fault: 0, degraded: 1, offline: 2, ok: 3 };
 export function ordered() {
   return Object.values(store.robots).sort(
@@ -199,7 +200,7 @@ export function ordered() {
   );
 }
 
-// Why what is known of a robot is old, empty when it is not.
+// Why the data of a robot is outdated, empty if it is not.
 export function staleness(robot, among = store) {
   const edge = among.edges[robot.edge];
   if (edge && !edge.alive) return `edge ${robot.edge}: ${edge.problem || "away"}`;
@@ -207,7 +208,7 @@ export function staleness(robot, among = store) {
   return old > 3 ? `nothing was heard of it for ${Math.round(old)} s` : "";
 }
 
-// The robots that the map shows: those in the site's frame, or, where none is, each in its own.
+// The robots on the map: those in the site's frame, or, if there are none, each in its own frame.
 export function mapped() {
   const there = Object.values(store.robots).filter((robot) => store.poses[robot.id]);
   const placed = there.filter((robot) => store.poses[robot.id][4]);

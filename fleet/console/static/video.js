@@ -1,4 +1,4 @@
-// Live video of the selected robot, from a program on the site (fleet video) straight to this page (WebRTC).
+// Live video of the selected robot, from a program on the site (fleet video) directly to this page (WebRTC).
 
 import { order } from "./answers.js";
 import { element } from "./dom.js";
@@ -12,13 +12,13 @@ function tell(words) {
   changed(new Set(["video"]));
 }
 
-// End the video; the program notices that its viewer is gone.
+// End the video; the program notices the loss of its viewer.
 export function endVideo() {
   live?.peer?.close();
   live = null;
 }
 
-// Candidates go with the answer: a console passes on one message, not one for each.
+// Candidates are sent with the answer: a console forwards one message, not one per candidate.
 function gathered(peer) {
   return new Promise((resolve) => {
     const done = () => peer.iceGatheringState === "complete" && resolve();
@@ -63,7 +63,7 @@ function begin(robot) {
   screen.muted = true;
   const mine = (live = { robot: robot.id, words: "asking for the video…", peer: null, screen });
   const no = refused(mine);
-  // The offer is waited for before the program is asked for it.
+  // Wait for the offer before requesting it from the program.
   ask({ ask: "video", robot: robot.id }, (told) => {
     if (live !== mine || mine.failed) return;
     if (told.offer) answer(mine, told.offer).catch((error) => no({ status: "failed", reason: error.message }));
@@ -80,7 +80,7 @@ function begin(robot) {
 
 export const videoKey = (robot) => [robot.id, live?.robot, live?.words, Boolean(live?.peer)];
 
-// The part of the panel; a video that plays is the same element as before.
+// The part of the panel; a playing video keeps its element.
 export function videoOf(robot) {
   const head = element("h3", {}, "Live video");
   if (live?.robot !== robot.id) return [head, element("button", { type: "button", class: "plain", onclick: () => begin(robot) }, "Show live video")];

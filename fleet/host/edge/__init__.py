@@ -1,1 +1,1 @@
-"""The edge process: the composition root, and what only it serves."""
+"""The edge process: the composition root, and the services of this process alone."""

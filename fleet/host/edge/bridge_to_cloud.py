@@ -1,4 +1,4 @@
-"""Builds the bridge to the cloud, where fleet.yaml has one."""
+"""Builds the bridge to the cloud, if fleet.yaml has a cloud."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When the certificates of the edge's bus end: told in its health before they do."""
+"""Expiry of the certificates of the edge's bus and console, reported in its health in advance."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from fleet.clock import Clock
 from fleet.config.schema import Sections
 
 SOON = timedelta(days=30)
-"""How long before its end a certificate is told of."""
+"""How long before its expiry a certificate is reported."""
 
 
 def ending(until: datetime, now: datetime) -> str:
-    """Return in words that a certificate ends soon, or has ended; empty when neither."""
+    """Return the text for a certificate that expires soon or has expired; empty for any other."""
     left = until - now
     if left > SOON:
         return ""
@@ -30,7 +30,7 @@ def files_of(config: Sections) -> dict[Path, str]:
 
 
 class CertificateExpiry:
-    """The ends of some certificates, as they were when the edge began: it reads them then, and Zenoh too."""
+    """Expiry of certificates as they were at the start: the edge and Zenoh read them only then."""
 
     def __init__(self, files: Iterable[Path], clock: Clock) -> None:
         self._clock = clock
@@ -40,7 +40,7 @@ class CertificateExpiry:
             self._read(file)
 
     def _read(self, file: Path) -> None:
-        """Note when a certificate ends."""
+        """Record when a certificate expires."""
         from fleet.config.certificates import first_end  # noqa: PLC0415 - slow to import; few have any
 
         try:
@@ -50,7 +50,7 @@ class CertificateExpiry:
 
     @property
     def problems(self) -> list[str]:
-        """Which of them have ended, or will within 30 days, and which cannot be read, in words."""
+        """Texts for all that have expired, expire within 30 days, or cannot be read."""
         now = datetime.fromtimestamp(self._clock.time(), UTC)
         told = ((file, ending(end, now)) for file, end in self._ends.items())
         advice = "make a new one: fleet certs renew"
@@ -61,7 +61,7 @@ class CertificateExpiry:
 
     @property
     def first_end(self) -> str:
-        """Which of them ends first, and on which day; empty when none can be read."""
+        """The certificate that expires first, and the day; empty when none can be read."""
         if not self._ends:
             return ""
         file, end = min(self._ends.items(), key=lambda each: each[1])
@@ -69,5 +69,5 @@ class CertificateExpiry:
 
     @property
     def problem(self) -> str:
-        """All of them in one line; empty when there is none."""
+        """All problems in one line; empty without any."""
         return "; ".join(self.problems)

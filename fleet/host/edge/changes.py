@@ -1,7 +1,7 @@
-"""A changed fleet.yaml, taken over by the running edge: robot by robot, and what fails is taken back.
+"""Changes of fleet.yaml, applied to the running edge robot by robot; a failed change is undone.
 
-The edge reads its own file again; nothing of a configuration comes over the bus. What needs a restart is only
-told (``fleet.config.difference``). Docs: docs/adr/0021-changes-of-a-running-edge.md.
+The edge reads its own file again; no configuration comes over the bus. A change that needs a restart is only
+reported (``fleet.config.difference``). Docs: docs/adr/0021-changes-of-a-running-edge.md.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from fleet.errors import FleetError, StateError
 from fleet.host.edge.changes_elsewhere import ChangesElsewhere, ended, waits
 from fleet.host.edge.last_configuration import keep
 from fleet.host.edge.member_rules import groups_hindrance, unfit
-from fleet.host.edge.membership import Followers, Membership
+from fleet.host.edge.membership import Membership, RobotRegistrations
 from fleet.host.edge.shown_configuration import shown_configuration
-from fleet.host.edge.stops_meanwhile import StopsMeanwhile
+from fleet.host.edge.stops_during_change import StopsDuringChange
 from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.process.rebuild import hold, rebuild, take_over
 from fleet.host.process.robot_process import RobotProcess
@@ -59,10 +59,10 @@ BEFORE = "it has its configuration of before"
 
 
 class Changes:
-    """What one edge runs with, and its changes; on the loop.
+    """Running configuration of one edge, and its changes; on the event loop.
 
-    ``configured`` hear what the edge runs with after each change. ``hindrance`` says why a section cannot be
-    taken over now. ``groups`` are those that stops go by, from any thread.
+    ``configured`` are called with the running configuration after each change. ``hindrance`` returns why a
+    section cannot be changed now. ``groups`` are used by stops, from any thread.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Changes:
         folder: Path,
         configured: Iterable[Callable[[Loaded], None]],
         hindrance: Callable[[str], str],
-        followers: Followers,
+        followers: RobotRegistrations,
         members: WorkerMembership,
         groups: dict[str, list[str]],
     ) -> None:
@@ -83,16 +83,16 @@ class Changes:
         self._process, self._remote, self._workers = process, remote, workers
         self._folder, self._configured = folder, tuple(configured)
         self._section_hindrance = hindrance
-        self._meanwhile = StopsMeanwhile(process)
-        self._membership = Membership(process, followers, self._meanwhile, members)
-        self._followers, self._groups = followers, groups
-        self._wider: Mapping[str, Iterable[str]] = {}  # groups of a file that are not taken over
+        self._stops = StopsDuringChange(process)
+        self._membership = Membership(process, followers, self._stops, members)
+        self._registrations, self._groups = followers, groups
+        self._wider: Mapping[str, Iterable[str]] = {}  # groups of a new file that is not applied yet
         self._elsewhere = ChangesElsewhere(workers, remote)
         self._clock: Clock = process.clock
         self._under_way: asyncio.Task[None] | None = None
 
     def declare(self, control: ZenohSession) -> None:
-        """Take what is asked on the bus, whose thread hands it to the loop."""
+        """Serve requests on the bus; its thread passes them to the loop."""
         loop = self._process.loop
 
         def asked(question: Query) -> None:
@@ -101,24 +101,24 @@ class Changes:
         control.answer(keys.changes(self._process.edge), asked)
 
     async def begin(self) -> None:
-        """Write what the edge runs with to its disk."""
+        """Write the running configuration to disk."""
         await self._keep()
 
     async def close(self) -> None:
-        """End a change that is under way: the edge ends, and its next start reads the file."""
+        """Cancel a change in progress: the edge ends, and its next start reads the file."""
         if self._under_way is not None:
             self._under_way.cancel()
             await asyncio.wait({self._under_way})
 
     def _begin(self, question: Query) -> None:
-        """Answer one question at a time."""
+        """Answer one query at a time."""
         if self._under_way is not None and not self._under_way.done():
             _answer(question, ChangesAnswer(refusal="another change is under way; wait for its end"))
         else:
             self._under_way = asyncio.create_task(self._carry_out(question), name="changes")
 
     async def _carry_out(self, question: Query) -> None:
-        """Do what is asked, and answer."""
+        """Execute a request, and answer."""
         try:
             asked = decode_json(question.payload, ChangesAsked)
             answer = await self._answer_to(asked)
@@ -127,13 +127,13 @@ class Changes:
                 answer = msgspec.structs.replace(answer, text=text)
         except msgspec.DecodeError as error:
             answer = ChangesAnswer(refusal=f"what is asked cannot be read: {error}")
-        except Exception as error:  # whoever asks waits; the edge goes on
+        except Exception as error:  # the sender waits, and the edge must go on
             log.exception("a change of the configuration failed")
             answer = ChangesAnswer(refusal=f"the change failed: {type(error).__name__}: {error}")
         _answer(question, answer)
 
     async def _answer_to(self, asked: ChangesAsked) -> ChangesAnswer:
-        """Return what has changed, and with ``apply`` what came of it."""
+        """Return the differences, and with ``apply`` the outcome of each."""
         if asked.format > FORMAT:
             return ChangesAnswer(
                 refusal=f"this edge reads format {FORMAT} of it, not {asked.format}: update it"
@@ -158,7 +158,7 @@ class Changes:
         await self._keep()
         return ChangesAnswer(changes, file)
 
-    # -- what would be done ----------------------------------------------------------------------------
+    # -- dry run ---------------------------------------------------------------------------------------
 
     def _hindrance(self, change: Change, new: Loaded) -> str:
         """Return why a robot or a section cannot be changed now; empty when it can."""
@@ -175,35 +175,35 @@ class Changes:
         return self._workers.hindrance(self._remote[change.name].worker)
 
     def _member_hindrance(self, change: Change, new: Loaded, *, force: bool) -> str:
-        """Return why a robot cannot be added or taken out now; empty when it can."""
+        """Return why a robot cannot be added or removed now; empty when it can."""
         name, added = change.name, change.kind is ChangeKind.ADDED
         why = unfit(self._running, new.config, name if added else "")
         if why or added or force:
             return why
-        runs = ", ".join(self._followers.runs_with(name))
+        runs = ", ".join(self._registrations.runs_with(name))
         return self._membership.hindrance(name) or (runs and f"{name} is in run {runs}")
 
-    # -- doing it --------------------------------------------------------------------------------------
+    # -- application -----------------------------------------------------------------------------------
 
     async def _apply(self, found: Iterable[Change], new: Loaded, asked: ChangesAsked) -> tuple[Change, ...]:
-        """Carry the changes out, one robot or worker after the other."""
+        """Apply the changes, one robot or worker after the other."""
         await self._widen(new.config.members)
-        self._meanwhile.begin(self._groups)
+        self._stops.begin(self._groups)
         try:
             return await self._carried_out(found, new, asked)
         finally:
-            self._meanwhile.end()
+            self._stops.end()
 
     async def _carried_out(
         self, found: Iterable[Change], new: Loaded, asked: ChangesAsked
     ) -> tuple[Change, ...]:
-        """Carry the changes out, and write them down."""
+        """Apply the changes, and record them."""
         found = sorted(found, key=lambda change: change.kind is not ChangeKind.REMOVED)  # twins become free
         done: list[Change] = []
         sections: list[Change] = []
         elsewhere: dict[str, list[Change]] = {}
         for change in found:
-            await asyncio.sleep(0)  # a thousand robots must not keep a stop waiting
+            await asyncio.sleep(0)  # a thousand robots must not delay a stop
             if change.kind in MEMBERS:
                 done.append(await self._member(change, new, asked))
             elif change.kind not in LIVE:
@@ -229,7 +229,7 @@ class Changes:
         return tuple(done)
 
     async def _member(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
-        """Add a robot, or take it out."""
+        """Add or remove a robot."""
         if why := self._member_hindrance(change, new, force=asked.force):
             return ended(change, Outcome.REFUSED, why)
         name, added = change.name, change.kind is ChangeKind.ADDED
@@ -249,7 +249,7 @@ class Changes:
         return ended(change, Outcome.DONE)
 
     async def _take_sections(self, changes: list[Change], new: Loaded, missing: list[str]) -> list[Change]:
-        """Take over sections, all or none: they refer to each other, and to robots (not ``missing`` ones)."""
+        """Apply sections, all or none: they refer to each other, and to robots (none of the ``missing``)."""
         if changes and missing:
             why = f"they may name {', '.join(missing)}: see there, and apply again"
             return [ended(change, Outcome.REFUSED, why) for change in changes]
@@ -271,7 +271,7 @@ class Changes:
         return [ended(change, Outcome.DONE) for change in changes]
 
     async def _changed(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
-        """Change a robot of this process; what is wrong with one keeps no other from its change."""
+        """Change a robot of this process; a failure does not keep the others from their changes."""
         try:
             return await self._here(change, new, asked)
         except Exception as error:
@@ -290,7 +290,7 @@ class Changes:
         if hindrance and (live or not asked.force):
             return self._stricter(robot, config, new, change, hindrance)
         can, wanted = robot.controller.can, config
-        if moves:  # it is stopped for its rebuild; what is looser waits until it was seen to stand
+        if moves:  # the rebuild stops it; looser settings wait until its standstill is confirmed
             config = held_back(robot.config, config, limits=can.limits, separation=can.separation)
         trouble = take_over(robot, config) if live else await rebuild(self._process, robot, config)
         if trouble:
@@ -305,7 +305,7 @@ class Changes:
     def _stricter(
         self, robot: LocalRobot, config: AdapterConfig, new: Loaded, change: Change, moving: str
     ) -> Change:
-        """Hold a robot that does not rest to what is stricter in its new configuration."""
+        """Restrict a robot that is not at rest to the stricter parts of its new configuration."""
         name = robot.name
         held = hold(robot, config, whole=change.kind is ChangeKind.SETTINGS)
         if held.trouble:
@@ -320,18 +320,18 @@ class Changes:
         return ended(change, Outcome.PARTLY, waits(moving))
 
     def _runs_with(self, configs: Mapping[str, AdapterConfig], given: Mapping[str, str]) -> None:
-        """Note what the edge runs with from now on."""
+        """Record changed configurations as running."""
         self._running = with_configs(self._running, configs, given)
         self._tell()
 
     def _tell(self) -> None:
-        """Tell what the edge runs with now."""
+        """Pass on the running configuration."""
         for configured in self._configured:
             configured(self._running)
         replace_groups(self._groups, merged_groups(self._running.config.members, self._wider))
 
     async def _widen(self, wider: Mapping[str, Iterable[str]]) -> None:
-        """Have stops of groups reach all that a new file has in them too, until it is taken over."""
+        """Make stops of groups also reach the members in a new file, until that is applied."""
         members = self._running.config.members
         self._wider = wider if wider != members else {}
         groups = merged_groups(members, self._wider)
@@ -342,7 +342,7 @@ class Changes:
             log.warning("%s: stops of its new groups reach it by the edge", silent)
 
     async def _keep(self) -> None:
-        """Write what the edge runs with to its disk; a disk that does not take it stops nothing."""
+        """Write the running configuration to disk; a failure is only logged."""
         running, stamp = self._running, self._clock.time()
         try:
             await asyncio.to_thread(lambda: keep(self._folder, outline_of(running), stamp))
@@ -351,7 +351,7 @@ class Changes:
 
 
 def _record(process: RobotProcess, change: Change, asked: ChangesAsked) -> None:
-    """Write into the history what came of a change."""
+    """Write the outcome of a change into the history."""
     if change.kind is ChangeKind.UNTOUCHED:
         return
     severity = Severity.WARNING if change.outcome in {Outcome.FAILED, Outcome.REFUSED} else Severity.INFO
@@ -365,12 +365,12 @@ def _record(process: RobotProcess, change: Change, asked: ChangesAsked) -> None:
 
 
 def _found(running: Loaded, new: Loaded) -> tuple[Change, ...]:
-    """Return what differs; with a thousand robots that takes a third of a second."""
+    """Return the differences; this takes a third of a second with a thousand robots."""
     return difference(outline_of(running), outline_of(new), shown_by(running.secrets | new.secrets))
 
 
 def own_config(robot: LocalRobot, loaded: Loaded) -> AdapterConfig:
-    """Return what a file says of a robot as its adapter's own Config; raises what that refuses."""
+    """Return a robot's configuration as its adapter's own Config; raises its validation errors."""
     given = msgspec.json.decode(loaded.given[robot.name])
     return checked(robot.plugin.Config, given, {"folder": loaded.folder})
 
@@ -386,7 +386,7 @@ def _config_of(loaded: Loaded, name: str) -> AdapterConfig:
 
 
 def _left(change: Change) -> Change:
-    """Return a change that is not carried out while the edge runs."""
+    """Return a change that cannot be applied while the edge runs, as refused."""
     if change.kind is ChangeKind.UNTOUCHED:
         return change
     return ended(change, Outcome.REFUSED, f"{change.why}: end fleet run and start it again")

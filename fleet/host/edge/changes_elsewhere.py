@@ -1,4 +1,4 @@
-"""Changes of robots that run in workers: what is stricter at once, the rest by a restart of the worker."""
+"""Changes of robots in workers: stricter settings at once, the rest by a restart of the worker."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fleet.model.change import Change, ChangeKind, HeldRobot, HoldRobot, Outcome
 
 
 class ChangesElsewhere:
-    """The robots of one edge in workers; on the loop."""
+    """Changes of one edge's robots in workers; on the event loop."""
 
     def __init__(self, workers: WorkerChanges, remote: Mapping[str, RemoteRobot]) -> None:
         self._workers, self._remote = workers, remote
@@ -23,9 +23,9 @@ class ChangesElsewhere:
     async def carry_out(
         self, worker: str, changes: Iterable[Change], running: Loaded, new: Loaded, *, force: bool
     ) -> tuple[Loaded, list[Change]]:
-        """Change the robots of a worker; return what the edge runs with then, and what came of each.
+        """Change the robots of a worker; return the running configuration afterwards, and the outcomes.
 
-        Where it allows more, ``force`` does not count: the worker alone knows now whether its robots rest.
+        Looser settings ignore ``force``: only the worker knows now whether its robots are at rest.
         """
         changes = list(changes)
         names = [change.name for change in changes]
@@ -60,7 +60,7 @@ class ChangesElsewhere:
         new: Loaded,
         why: str,
     ) -> tuple[Loaded, list[Change]]:
-        """Return what the edge runs with while the worker goes on, which holds its robots to a part of it."""
+        """Return configuration and outcomes when the worker goes on with parts of the changes."""
         ends, after = [], running
         for change in changes:
             one = held.get(change.name, HeldRobot())
@@ -81,12 +81,12 @@ class ChangesElsewhere:
 
 
 def _wanted(change: Change, new: Loaded) -> HoldRobot:
-    """Return what a worker is asked to hold a robot to."""
+    """Return the request to restrict a robot."""
     return HoldRobot(new.given[change.name], whole=change.kind is ChangeKind.SETTINGS)
 
 
 def _outcome(held: HeldRobot, why: str) -> tuple[Outcome, str]:
-    """Return what came of a change whose worker goes on; ``why`` it does."""
+    """Return the outcome of a change whose worker goes on, because of ``why``."""
     if held.complete:
         return Outcome.DONE, ""
     if held.changed:
@@ -95,10 +95,10 @@ def _outcome(held: HeldRobot, why: str) -> tuple[Outcome, str]:
 
 
 def waits(why: str) -> str:
-    """Return what is told of a robot that is held to a part of a change."""
+    """Return the text for a robot to which a change applies in part."""
     return f"what is stricter holds from now on; the rest waits until it rests: {why}"
 
 
 def ended(change: Change, outcome: Outcome, why: str = "") -> Change:
-    """Return a change with what came of it."""
+    """Return a change with its outcome."""
     return msgspec.structs.replace(change, outcome=outcome, why=why)

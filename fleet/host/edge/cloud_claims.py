@@ -1,7 +1,8 @@
-"""What heartbeats in the cloud say of who has our twins: a claim that nothing proves.
+"""Claims on our twins by heartbeats in the cloud, which prove nothing.
 
-Who may publish at a twin can invent an edge that serves it. So such a claim takes no robot from who moves it:
-it keeps one out that nobody has moved through this edge yet. Of any other it is told, and not believed.
+Anyone who may publish for a twin can invent an edge that serves it. So such a claim takes no robot from its
+user: it only keeps out a robot that nobody has moved through this edge yet. Any other is reported and
+ignored.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ class Claimed(Protocol):
 
     @property
     def in_use(self) -> bool:
-        """True once somebody has moved it through this edge, until the edge lets go of it."""
+        """True once it was moved through this edge, until the edge gives it up."""
 
 
 class CloudClaims:
-    """The claims on one edge's twins, by the cloud. On the loop only.
+    """Claims on one edge's twins, from the cloud. On the event loop only.
 
-    ``hold`` hears twin and holder of each claim that counts, empty when it has ended; ``tell`` publishes to
-    the workers, which are not connected to the cloud, who has which twin.
+    ``hold`` gets twin and holder of each claim that counts, empty at its end; ``tell`` publishes the holders
+    to the workers, which have no connection to the cloud.
     """
 
     def __init__(
@@ -47,26 +48,26 @@ class CloudClaims:
 
     @property
     def problem(self) -> str:
-        """What is claimed and not believed, in words; empty when nothing is."""
+        """Claims that are ignored, as text; empty for none."""
         said = (f"edge {edge} says in the cloud that it has {robot}" for robot, edge in self._doubted.items())
         return "; ".join(said) + " (not believed: it is in use here)" if self._doubted else ""
 
     def join(self, twin: str, robot: Claimed) -> None:
-        """Take claims on one more twin, or on the twin of another robot now."""
+        """Accept claims on one more twin, or on a twin that another robot has now."""
         if before := self._robots.get(twin):
             self._doubted.pop(before.name, None)
         self._robots[twin] = robot
 
     def leave(self, twin: str) -> None:
-        """Take no more claims on a twin."""
+        """Ignore claims on a twin from now on."""
         if robot := self._robots.pop(twin, None):
             self._doubted.pop(robot.name, None)
         self._holders.pop(twin, None)
 
     def heard(self, twin: str, holder: str) -> None:
-        """Take a claim, or with an empty ``holder`` its end."""
+        """Process a claim, or with an empty ``holder`` its end."""
         robot = self._robots.get(twin)
-        if robot is None:  # the edge has just let go of it
+        if robot is None:  # the edge has just given it up
             return
         self._doubted.pop(robot.name, None)
         if holder and robot.in_use:
@@ -79,5 +80,5 @@ class CloudClaims:
         self.tell_workers()
 
     def tell_workers(self) -> None:
-        """Tell the workers again: one may have been started anew."""
+        """Publish the holders to the workers; repeatedly, since one may have been restarted."""
         self._tell(msgspec.json.encode(self._holders))

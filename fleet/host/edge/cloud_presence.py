@@ -1,4 +1,4 @@
-"""How the cloud sees that this edge is there: its heartbeats, and what is told there when it dies."""
+"""Presence of this edge in the cloud: its heartbeats, and the messages for its death."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from fleet.supervisor.client import SupervisorClient
 
 
 class CloudPresence:
-    """That of one edge; its last words are left with its supervisor."""
+    """Presence of one edge; its last messages are stored with its supervisor."""
 
     def __init__(self, bridge: Bridge, supervised: SupervisorClient) -> None:
         self._bridge = bridge
         self._supervised = supervised
 
     def leave_words(self) -> None:
-        """Leave with the supervisor what the cloud is to be told when this process dies."""
-        self._supervised.leave_farewell(msgspec.json.encode(self._bridge.last_words()))
+        """Give the supervisor the messages that it publishes in the cloud when this process dies."""
+        self._supervised.leave_notice(msgspec.json.encode(self._bridge.disconnect_plan()))
 
     def hold(self, twin: str, holder: str) -> None:
-        """Leave a twin to another edge, which speaks for it, or take it back."""
+        """Leave a twin to another edge, which then speaks for it, or take it back."""
         if self._bridge.hold(twin, holder):
             self.leave_words()
 

@@ -1,8 +1,8 @@
-"""Workflows of the cloud that start missions: those that fleet.yaml maps, and no other.
+"""Workflows of the cloud that start missions: only those that fleet.yaml maps.
 
-An execution of a workflow is a run of its mission, with the execution's uuid as id, so a repeated request is
-the same run. It carries the source type that fleet.yaml gives the workflow; every robot must accept that for
-missions and for each step. Each robot also judges how old the request is, as it does of a command.
+An execution of a workflow is a mission run whose id is the execution's uuid, so a repeated request is the
+same run. It has the source type that fleet.yaml gives the workflow; every robot must accept that for missions
+and for each step. Each robot also judges the age of the request, as for a command.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ ENDS: Mapping[str, Ended] = {
     RunOutcome.ABORTED: "canceled",
     RunOutcome.UNKNOWN: "error",
 }
-"""The end of a run as the end of a workflow's execution; its message has the finer word."""
+"""End of a run as the end of a workflow execution; the message has the exact outcome."""
 
 
 class CloudWorkflows:
-    """The workflows of one edge, by uuid. ``publish`` sends a status: uuid, suffix, payload; any thread."""
+    """Workflows of one edge, by uuid. ``publish`` sends a status: uuid, suffix, payload; any thread."""
 
     def __init__(
         self,
@@ -59,17 +59,17 @@ class CloudWorkflows:
 
     @property
     def handlers(self) -> Mapping[str, Callable[[Topic, CloudMessage], None]]:
-        """What takes the cloud's messages, by suffix; on the loop. They raise WireError."""
+        """Handlers of the cloud's messages, by suffix; on the event loop. They raise WireError."""
         return {WORKFLOW_RUN: self._run, WORKFLOW_CANCEL: self._cancel}
 
     def told(self, state: RunState) -> None:
-        """Publish how a workflow's run has ended; on the loop."""
+        """Publish the end of a workflow's run; on the event loop."""
         run = self._runs.find(state.run) if state.outcome else None
         if run is not None and run.about.workflow:
             self._finish(run.about.workflow, state)
 
     def _run(self, topic: Topic, message: CloudMessage) -> None:
-        """Start a run, unless it is one that is known."""
+        """Start a run, unless it is known already."""
         workflow, asked = topic.twin, decode_workflow(message.payload)
         config = self._workflows[workflow]
 
@@ -97,7 +97,7 @@ class CloudWorkflows:
         _roles: Mapping[str, Sequence[str]],
         refusal: str,
     ) -> None:
-        """Say that a run was begun, or had been; or why not. From any thread."""
+        """Publish that a run was started, now or earlier; or why not. From any thread."""
         if not refusal:
             self.publish(workflow, WORKFLOW_STARTED, started(asked.execution))
             return
@@ -110,7 +110,7 @@ class CloudWorkflows:
         refusal: str,
         ended: tuple[About, Head, list[Member]] | None,
     ) -> None:
-        """Say why a run was not begun; of one that has ended, say again how it did. From any thread."""
+        """Publish why a run was not started; for an ended run, its end again. From any thread."""
         if ended is not None and ended[0].workflow == workflow:
             self._finish(workflow, ended_state(*ended, self._runs.edge))
             return
@@ -122,20 +122,20 @@ class CloudWorkflows:
         self._publish_end(workflow, asked.execution, "error", f"refused: {refusal}")
 
     def _cancel(self, topic: Topic, message: CloudMessage) -> None:
-        """Abort a run of a workflow; one that has ended, or is another's, is left alone."""
+        """Abort a run of this workflow; runs that have ended, or are not of it, are left alone."""
         asked = decode_workflow(message.payload)
         run = self._runs.find(asked.execution)
         if run is not None and run.about.workflow == topic.twin:
             self._runs.control(run.id, ControlAsk("abort", session_id=_name(topic.twin, asked)))
 
     def _finish(self, workflow: str, state: RunState) -> None:
-        """Publish how a run ended, with its finer word unless it was completed."""
+        """Publish the end of a run, with its exact outcome unless it was completed."""
         words = f"{state.outcome}: {state.reason}" if state.reason else state.outcome
         completed = state.outcome == RunOutcome.COMPLETED
         self._publish_end(workflow, state.run, ENDS[state.outcome], "" if completed else words)
 
     def _publish_end(self, workflow: str, execution: str, end: Ended, message: str) -> None:
-        """Publish how an execution ended; not of one whose id cannot be part of a topic."""
+        """Publish the end of an execution, unless its id is invalid in a topic."""
         try:
             check_run_id(execution)
         except Refused:
@@ -144,5 +144,5 @@ class CloudWorkflows:
 
 
 def _name(workflow: str, asked: WorkflowRequest) -> str:
-    """Return who starts a run, for people and as the session of the request."""
+    """Return the sender of a run, for people and as the session of the request."""
     return f"workflow {workflow}" + (f" by {asked.by[:40]}" if asked.by else "")

@@ -1,7 +1,7 @@
-"""Starts robots of a run together, over the same keys as ``fleet send --at``: prepare all, then one instant.
+"""Common start of a run's robots, over the same keys as ``fleet send --at``: prepare all, then one instant.
 
-Each robot is asked by the process that runs it. Until the instant whatever stands against one robot takes
-the start of all back, by the liveliness token that is held here; so does the end of this process.
+Each robot is prepared by the process that runs it. Until the instant, a problem of one robot cancels the
+start of all, by the liveliness token that is held here; so does the end of this process.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from fleet.wire.rules import Kind
 
 log = logging.getLogger(__name__)
 
-AHEAD = 1.0  # s from telling the instant to the instant
-SPARE = 0.2  # s before the instant by which every process must have taken it, or nobody begins
+AHEAD = 1.0  # s between the announcement and the instant
+SPARE = 0.2  # s before the instant by which every process must have confirmed it, or the start is cancelled
 PING_WITHIN = 1.0  # s
-END_WITHIN = 3600.0  # s for what is begun; the run's own limits are shorter
+END_WITHIN = 3600.0  # s for the started requests; the run's own limits are shorter
 
 
 class CommonStart:
-    """One start of several robots of a run. All methods, and what they call back, run on the event loop.
+    """One start of several robots of a run. All methods and callbacks run on the event loop.
 
-    ``state_of`` says which edge and which process run a robot.
+    ``state_of`` returns a robot's state, which names its edge and process.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class CommonStart:
         identity: str,
         heard: Callable[[Reply], None],
     ) -> None:
-        """Ask a robot to prepare; ``heard`` gets whether it is, and later how what is begun goes on."""
+        """Ask a robot to prepare; ``heard`` gets the result, and later the replies of the started request."""
         edge = self._state_of(robot).edge
         if edge not in self._measured:
             self._tokens.append(self._session.token(keys.starting(edge, self._id)))
@@ -99,17 +99,17 @@ class CommonStart:
         )
 
     def begin(self, robots: Sequence[str], failed: Callable[[str], None]) -> None:
-        """Tell all processes the instant; ``failed`` hears why nobody begins."""
+        """Announce the instant to all processes; ``failed`` gets the reason of a cancelled start."""
         self._failed = failed
         self._task(self._begin(robots))
 
     def withdraw(self) -> None:
-        """Take back what has not begun."""
+        """Cancel everything that has not begun."""
         while self._tokens:
             self._tokens.pop()()
 
     async def _begin(self, robots: Sequence[str]) -> None:
-        """Tell the instant once the clocks are measured, and see that every process has taken it."""
+        """Announce the instant once the clocks are measured, and check that every process confirmed it."""
         await asyncio.gather(*self._measured.values())
         processes = {(self._state_of(robot).edge, self._state_of(robot).worker or MAIN) for robot in robots}
         try:
@@ -137,7 +137,7 @@ class CommonStart:
         self.withdraw()
 
     async def _measure(self, edge: str) -> None:
-        """Measure the clocks of an edge's processes; of several tries the fastest counts."""
+        """Measure the clocks of an edge's processes; the fastest of several pings counts."""
         for _ in range(PINGS):
             sent = self._clock.time()
             for answer in await self._answers(edge, msgspec.json.encode(StartAsked()), PING_WITHIN):
@@ -147,7 +147,7 @@ class CommonStart:
                     self._clocks[edge, answer.process] = offset
 
     async def _answers(self, edge: str, asked: bytes, within: float) -> list[StartAnswer]:
-        """Ask all processes of an edge; return what they answer in time."""
+        """Query all processes of an edge; return the answers that arrive in time."""
         found: list[StartAnswer] = []
         ended = asyncio.Event()
 
@@ -167,7 +167,7 @@ class CommonStart:
         return found
 
     def _fail(self, why: str) -> None:
-        """Take the start back, and say why, once."""
+        """Cancel the start, and report the reason, once."""
         self.withdraw()
         failed, self._failed = self._failed, lambda _: None
         failed(why)
@@ -178,7 +178,7 @@ class CommonStart:
             self._loop.call_soon_threadsafe(call)
 
     def _task(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-        """Begin a task of our own."""
+        """Start a task of this object."""
         task = self._loop.create_task(work, name=f"start:{self._id}")
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

@@ -1,4 +1,4 @@
-"""Robots of this edge in runs of other edges: their leases, and what happens when one lapses."""
+"""Robots of this edge in runs of other edges: their leases, and the reaction when one lapses."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LOOK_EVERY = 0.5  # s
 
 
 class Coordinators:
-    """The other edges that may have this edge's robots in their runs (``partners`` of fleet.yaml).
+    """Other edges that may have this edge's robots in their runs (``partners`` of fleet.yaml).
 
     ``site`` is the origin of this edge's frame; ``record`` writes the history.
     """
@@ -50,22 +50,25 @@ class Coordinators:
         self._leases = CoordinatorLeases()
 
     def declare(self, control: ZenohSession, every: Callable[[float, Callable[[], None]], object]) -> None:
-        """Take questions for leases, and look at those that are held."""
+        """Serve requests for leases, and check the present ones periodically."""
         if self._trusted:
             control.answer(keys.coordinator(self._edge), self._asked)
             every(LOOK_EVERY, self.look)
 
     def look(self) -> None:
-        """Do what is to be done with robots whose leases have lapsed; on the loop."""
+        """Make robots safe whose leases have lapsed; on the event loop."""
         for lapsed in self._leases.lapsed(self._clock.monotonic()):
-            self._secure(lapsed)
+            try:
+                self._secure(lapsed)
+            except Exception:  # each lapsed lease is reported only once, and an error would end the timer
+                log.exception("%s could not be made safe", lapsed.robot)
 
     def _asked(self, question: Query) -> None:
-        """Take a question for a lease; on the bus's thread."""
+        """Receive a request for a lease; on the bus's thread."""
         self._soon(partial(self._answer, question))
 
     def _answer(self, question: Query) -> None:
-        """Grant a lease, renew it, or say why not; on the loop."""
+        """Grant or renew a lease, or answer why not; on the event loop."""
         try:
             ask = decode_json(question.payload, LeaseAsk)
         except msgspec.DecodeError as error:
@@ -96,8 +99,10 @@ class Coordinators:
         return ""
 
     def _secure(self, lapsed: Lapsed) -> None:
-        """Make a robot safe whose coordinator is silent; one that is out of its run already is left alone."""
-        robot = self._robots[lapsed.robot]
+        """Make a robot safe whose coordinator is silent; one that has left the run is not touched."""
+        robot = self._robots.get(lapsed.robot)
+        if robot is None:  # it was removed from this edge meanwhile
+            return
         state = robot.state()
         if state.run != lapsed.run:
             return
@@ -108,12 +113,12 @@ class Coordinators:
         if lapsed.do == "hold" and not (state.last_command in COMES_DOWN and state.activity):
             self._ask(robot, "stop", lapsed)
             return
-        self._ask(robot, LEAVE, lapsed)  # nobody else than its run may move it
-        if lapsed.do != "hold":  # else it lands already, which only makes it safer
+        self._ask(robot, LEAVE, lapsed)  # only its run may move it
+        if lapsed.do != "hold":  # else it is landing already, which only makes it safer
             self._ask(robot, lapsed.do, lapsed)
 
     def _ask(self, robot: Robot, command: str, lapsed: Lapsed) -> None:
-        """Command a robot in the name of this edge; one that refuses is stopped."""
+        """Command a robot in the name of this edge; if it refuses, stop it."""
 
         def answered(reply: Reply) -> None:
             if command not in ("stop", LEAVE) and (not reply.ok or reply.done is False):

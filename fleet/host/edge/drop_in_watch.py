@@ -1,8 +1,8 @@
-"""``fleet run --watch``: a drop-in file that was saved is taken into use, for those who write one.
+"""``fleet run --watch``: reloads a drop-in file whenever it is saved, for its author.
 
-Only files of workers, which start again; never the edge's own process. A worker with a real robot that does
-not rest goes on with the old file, and is asked again until it rests; simulated robots do not wait. One that
-does not take the file, or does not answer, is asked again as well, each time after a longer while.
+Only files of workers, which are restarted; never the edge's own process. A worker with a real robot that is
+not at rest goes on with the old file, and is asked again until it is; simulated robots do not wait. A worker
+that refuses the file, or does not answer, is asked again as well, at growing intervals.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from fleet.host.process.component_settings import worker_of
 
 log = logging.getLogger(__name__)
 
-LOOK = 0.5  # s between looks; a file counts as saved once two of them see the same
+LOOK = 0.5  # s between checks; a file counts as saved once two of them see the same
 
-FIRST, LONGEST = 10, 120  # looks until a worker that refuses is asked again
+FIRST, LONGEST = 10, 120  # checks until a worker that refuses is asked again
 
 Ask = Callable[[str, str, bool], Awaitable[str]]
-"""Have a worker take the file of an adapter into use, by force or at rest; returns why it does not."""
+"""Makes a worker reload an adapter's file, by force or at rest; returns why it does not."""
 
 
 class WatchedFile(msgspec.Struct, frozen=True):
@@ -53,7 +53,7 @@ def watched_files(loaded: Loaded) -> list[WatchedFile]:
 
 
 class DropInWatch:
-    """Looks at the files, and asks their workers; ``hindrance`` says which of a worker's robots moves."""
+    """Checks the files, and asks their workers; ``hindrance`` returns which of a worker's robots moves."""
 
     def __init__(self, files: Iterable[WatchedFile], ask: Ask, hindrance: Callable[[str], str]) -> None:
         self._ask, self._hindrance = ask, hindrance
@@ -61,16 +61,16 @@ class DropInWatch:
         self._in_use = dict(self._seen)
         self._told: dict[WatchedFile, str] = {}
         self._looks = 0
-        self._again: dict[WatchedFile, _Again] = {}
+        self._again: dict[WatchedFile, _NextAttempt] = {}
 
     async def run(self) -> None:
-        """Look until cancelled."""
+        """Check until cancelled."""
         while True:
             await asyncio.sleep(LOOK)
             await self.look()
 
     async def look(self) -> None:
-        """Look once: what has been saved since, and is not being written still, is taken into use."""
+        """Check once: reload each file that was saved and is no longer being written."""
         self._looks += 1
         for file, before in list(self._seen.items()):
             now = self._seen[file] = _stamp(file.path)
@@ -84,7 +84,7 @@ class DropInWatch:
         return file not in self._again or self._looks >= self._again[file].at
 
     async def _take(self, file: WatchedFile, stamp: tuple[int, int]) -> None:
-        """Have a file taken into use; why not is told once."""
+        """Reload a file; a failure is logged once."""
         waits = "" if file.simulated else self._hindrance(file.worker)
         why = waits or await self._asked(file)
         if not why:
@@ -96,10 +96,10 @@ class DropInWatch:
             self._in_use[file] = stamp
         elif not waits:
             pause = min(2 * self._again[file].pause, LONGEST) if file in self._again else FIRST
-            self._again[file] = _Again(pause, self._looks + pause)
+            self._again[file] = _NextAttempt(pause, self._looks + pause)
 
     async def _asked(self, file: WatchedFile) -> str:
-        """Ask a worker; return why it does not take the file, or cannot be asked."""
+        """Ask a worker; return why it does not reload the file, or cannot be asked."""
         try:
             return await self._ask(file.worker, file.adapter, file.simulated)
         except Exception as error:
@@ -107,15 +107,15 @@ class DropInWatch:
             return f"worker {file.worker} could not be asked: {type(error).__name__}: {error}"
 
 
-class _Again(msgspec.Struct, frozen=True):
-    """When a worker that refused is asked again, in looks, and how long after it was asked that is."""
+class _NextAttempt(msgspec.Struct, frozen=True):
+    """Next attempt for a worker that refused, and the interval before it, in checks."""
 
     pause: int
     at: int
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:
-    """Return what changes when a file is saved; None while there is none."""
+    """Return a value that changes when a file is saved; None while there is no file."""
     try:
         found = path.stat()
     except OSError:

@@ -1,4 +1,4 @@
-"""The composition root: fleet.yaml, loaded, to a running edge. Everything is built here, and only here."""
+"""Composition root: builds a running edge from the loaded fleet.yaml. Everything is built here alone."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from fleet.host.edge.changes import Changes
 from fleet.host.edge.cloud_claims import CloudClaims
 from fleet.host.edge.cloud_presence import CloudPresence
 from fleet.host.edge.drop_in_watch import DropInWatch, watched_files
-from fleet.host.edge.membership import Followers
+from fleet.host.edge.membership import RobotRegistrations
 from fleet.host.edge.metrics_port import MetricsPort
 from fleet.host.edge.missions import Missions
 from fleet.host.edge.notifier import Notifier
@@ -69,7 +69,7 @@ log = logging.getLogger(__name__)
 
 HEALTH_EVERY = 1.0  # s
 HEARTBEAT_EVERY = 5.0  # s, contract 9.2
-METRICS_EVERY = 5.0  # s between tries to open the port of the figures
+METRICS_EVERY = 5.0  # s between attempts to open the metrics port
 
 
 class Edge:
@@ -134,7 +134,7 @@ class Edge:
                 handlers=self.missions.workflows.handlers,
             )
             if self.bridge is not None:
-                self.missions.workflows.publish = self.bridge.voice.status
+                self.missions.workflows.publish = self.bridge.publisher.status
             self._presence = CloudPresence(self.bridge, self.process.supervised) if self.bridge else None
             if self._presence is not None:
                 self.process.holders.changed = self._presence.hold
@@ -155,7 +155,7 @@ class Edge:
         self._notifier = Notifier(config.notified, config.edge.id, clock)
         history = self.process.history
         self.schedules = EdgeSchedules(config, folder, self.missions.starter, self.process, self.states)
-        history.told = self.schedules.before(self._notifier.take)
+        history.on_event = self.schedules.before(self._notifier.take)
         self._pair = part_in_pair(loaded, gate, self.process, self.schedules.run)
         self._watches: DropInWatch | None = None
         self._loaded = loaded
@@ -178,7 +178,7 @@ class Edge:
             hindrance=self.missions.hindrance,
             members=WorkerMembership(self.process, self._remote_robots, self._workers, workers),
             groups=self._groups,
-            followers=Followers(
+            followers=RobotRegistrations(
                 self.missions,
                 self._stop_inputs,
                 self.cloud_claims,
@@ -189,7 +189,7 @@ class Edge:
             ),
         )
         self.summaries = Summaries(self, config.edge, clock)
-        self.beside: Callable[[], str] = str  # what is wrong with programs beside it, as the console
+        self.beside: Callable[[], str] = str  # problem of programs beside it, such as the console
 
     async def run(self, ended: asyncio.Event) -> None:
         """Serve until ``ended`` is set, then bring every robot to a standstill and close everything."""
@@ -199,13 +199,13 @@ class Edge:
             if self._metrics_port is not None:
                 self._metrics_port.serve()
             self._declare(ended)
-            cloud = self.bridge.voice.tell_end if self.bridge else None
+            cloud = self.bridge.publisher.publish_end if self.bridge else None
             tell_interrupted_commands(self.process, self.robots(), cloud)
             self._pair.begin()
             self.process.start()
             self._stop_inputs.start(self.process.watchdog.add)
             if self.bridge is not None:
-                self.process.scheduler.at_end(self.bridge.turn)
+                self.process.scheduler.at_end(self.bridge.tick)
                 self.bridge.start()
             self._workers.start()
             workers.append(asyncio.create_task(self._changes.begin(), name="changes"))
@@ -226,7 +226,7 @@ class Edge:
             await asyncio.gather(*workers, return_exceptions=True)
             await self._workers.ended()
             if self.bridge is not None:
-                for _ in self.bridge.turn():
+                for _ in self.bridge.tick():
                     pass
                 await asyncio.to_thread(self.bridge.close)
             if self.metrics is not None:
@@ -239,16 +239,16 @@ class Edge:
             await asyncio.to_thread(self._notifier.close)
 
     def _make_metrics(self) -> tuple[Metrics | None, MetricsPort | None]:
-        """Build what serves the edge's figures, where fleet.yaml asks for it."""
+        """Build the metrics server, if fleet.yaml has one."""
         if self._config.metrics is None:
             return None, None
-        from fleet.host.edge.metrics import Metrics  # noqa: PLC0415 - not needed by who does not ask for it
+        from fleet.host.edge.metrics import Metrics  # noqa: PLC0415 - only where it is configured
 
         metrics = Metrics(self)
         return metrics, MetricsPort(metrics, self._config.metrics)
 
     def watch_drop_ins(self) -> None:
-        """Take drop-in files into use whenever they are saved; before ``run``."""
+        """Reload drop-in files whenever they are saved; before ``run``."""
         workers = self._worker_changes
 
         async def ask(worker: str, adapter: str, force: bool) -> str:  # noqa: FBT001 - by position
@@ -265,7 +265,7 @@ class Edge:
         return [robot.state() for robot in self.robots()]
 
     def state(self) -> EdgeState:
-        """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
+        """Return the edge's own state: summary of its robots, its bus, its cloud, its host."""
         states, services = self.states(), self.services()
         health, cloud = edge_health(states, services), services[0]
         load, bridge = read_load(), self.bridge
@@ -301,7 +301,7 @@ class Edge:
         )
 
     def services(self) -> list[Health]:
-        """Return the health of what the edge itself rests on, the cloud first."""
+        """Return the health of the edge's own services, the cloud first."""
         cloud = self.bridge.health if self.bridge else Health()
         kept = (self.process.journal.problem, self.process.history.problem, self.missions.problem)
         metrics = self._metrics_port.problem if self._metrics_port else ""
@@ -312,14 +312,14 @@ class Edge:
         return [cloud, *map(degraded, (*problems, self._pair.problem, self.beside()))]
 
     def _dropped(self) -> int:
-        """Return how many messages were lost on the way out, at the robots, the bridge or the cloud."""
+        """Return how many outgoing messages were lost, at the robots, the bridge or the cloud."""
         bridge = self.bridge
         return self.process.outbox.dropped + (
             bridge.uplink.dropped.total + bridge.client.stats.dropped if bridge else 0
         )
 
     def _configure(self, loaded: Loaded) -> None:
-        """Tell what another configuration says from now on."""
+        """Use another configuration from now on."""
         self._config = loaded.config
 
     def _soon(self, call: Callable[[], None]) -> None:
@@ -327,7 +327,7 @@ class Edge:
         self.process.loop.call_soon_threadsafe(call)
 
     def _declare(self, ended: asyncio.Event) -> None:
-        """Show the edge on the bus, and begin what it says about itself."""
+        """Show the edge on the bus, and start its periodic reports."""
         edge = self._config.edge.id
         stop = serve_stops(self.process, self.bus, self._groups, self.remote.values())
         take_starts(self.process)
@@ -353,7 +353,7 @@ class Edge:
 
         self.process.scheduler.every(HEALTH_EVERY, tell_health)
         self.summaries.declare(self.bus.control, self.process.scheduler, self._soon)
-        if self.bridge is not None:  # again and again: a worker may be started anew
+        if self.bridge is not None:  # repeatedly: a worker may have been restarted
             self.process.scheduler.every(HEALTH_EVERY, self.cloud_claims.tell_workers)
         if self._config.stop_inputs:
             held = self.bus.control.publisher(keys.held(edge))
@@ -365,7 +365,7 @@ class Edge:
         self.bus.control.token(keys.edge(edge))
 
     def _moves(self, twin: str) -> bool:
-        """Return True while a worker's robot does something for somebody."""
+        """Return True while a worker's robot of this twin is active."""
         return any(bool(robot.state().activity) for robot in self.remote.values() if robot.twin == twin)
 
     def _beat(self) -> None:
@@ -383,7 +383,7 @@ class Edge:
         self._soon(tell)
 
     def _alive(self, name: str) -> bool:
-        """Return True while a robot answers."""
+        """Return True while a robot is reachable."""
         robot = self.process.robots.get(name) or self.remote.get(name)
         return robot is not None and robot.state().reachable
 
@@ -392,7 +392,7 @@ class Edge:
         stop_everywhere(self.process, self.remote.values(), names, local_cause("", why))
 
     def _renew_stops(self, names: tuple[str, ...], why: str) -> None:
-        """Set the stop again of robots in workers that do not have it; from any thread."""
+        """Set the stop again for robots in workers that do not have it; from any thread."""
         for robot in list(self.remote.values()):
             if not names or robot.name in names:
                 robot.renew_stop(local_cause("", why))

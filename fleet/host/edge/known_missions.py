@@ -1,4 +1,4 @@
-"""The missions of fleet.yaml that can be started, as of its last change."""
+"""Missions of fleet.yaml that can be started, as of its last change."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from fleet.missions.report import StartAsk
 
 
 class KnownMissions:
-    """The missions of one edge by name. A changed fleet.yaml replaces them; runs keep their own copy."""
+    """Missions of one edge by name. A changed fleet.yaml replaces them; runs keep their own copies."""
 
     def __init__(self, loaded: Loaded) -> None:
         self.configure(loaded)
 
     def configure(self, loaded: Loaded) -> None:
-        """Have the missions and events of another configuration; any thread may read meanwhile."""
+        """Use the missions and events of another configuration; any thread may read meanwhile."""
         self._events = events_of(loaded.config.events)
         self.by_name: Mapping[str, Mission] = {mission.name: mission for mission in loaded.missions}
 
     def get(self, name: str) -> Mission | None:
-        """Return a mission by its name, None for an unknown one."""
+        """Return a mission by its name; None for an unknown one."""
         return self.by_name.get(name)
 
     def asked(self, name: str, ask: StartAsk) -> Mission:
-        """Return the mission of a request, which may bring its own; raises Refused, InvalidConfig."""
+        """Return the mission of a request, which may contain its own; raises Refused, InvalidConfig."""
         missions = self.by_name
         if ask.mission is not None:
             return mission_of(name, ask.mission, missions, self._events)

@@ -1,7 +1,7 @@
-"""What an edge last ran with, on its disk: for ``fleet diff`` while it is stopped, and for renamed robots.
+"""Last running configuration of an edge, on disk: for ``fleet diff`` while it is stopped, and renamed robots.
 
-The values are keyed digests, with the key beside them: the file says whether a value is the same, and shows
-none. It is written whole, or not at all.
+The values are keyed digests, with the key beside them: the file shows whether a value has changed, but no
+value. It is written completely or not at all.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fleet.config.difference import Outline
 from fleet.errors import StateError
 from fleet.runtime.decoding import decode_json
 from fleet.runtime.state_format import format_of, refuse_newer
-from fleet.spool.state_folder import made
+from fleet.spool.state_folder import create_folder
 from fleet.version import __version__
 
 log = logging.getLogger(__name__)
@@ -27,7 +27,7 @@ FORMAT = 1
 
 
 class LastConfiguration(msgspec.Struct, frozen=True):
-    """What an edge ran with; ``stamp``: since when (Unix s), ``fleet``: the version that wrote it."""
+    """Configuration of an edge; ``stamp``: running since (Unix s), ``fleet``: the version that wrote it."""
 
     format: int
     fleet: str
@@ -37,10 +37,10 @@ class LastConfiguration(msgspec.Struct, frozen=True):
 
 
 def keep(folder: Path, outline: Outline, stamp: float) -> None:
-    """Write what an edge runs with from now on; raises StateError. Blocks."""
+    """Write the running configuration; raises StateError. Blocks."""
     key = secrets.token_hex(16)
     kept = LastConfiguration(FORMAT, __version__, stamp, key, outline.digest(key.encode()))
-    path = made(folder) / FILE
+    path = create_folder(folder) / FILE
     new = path.with_suffix(".new")
     try:
         with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
@@ -53,7 +53,7 @@ def keep(folder: Path, outline: Outline, stamp: float) -> None:
 
 
 def last_configuration(folder: Path) -> LastConfiguration | None:
-    """Return what an edge last ran with, None where nothing is kept.
+    """Return the last running configuration of an edge; None where there is none.
 
     Raises StateError for a file that cannot be read, StateNewer for one of a newer fleet.
     """

@@ -1,4 +1,4 @@
-"""What keeps a robot from being added to a running edge, or taken out of it, until its next start. Pure."""
+"""Rules for adding robots to a running edge and removing them; other changes need a restart. Pure."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ AGAIN = "end fleet run and start it again"
 
 
 def unfit(running: Loaded, new: FleetConfig, added: str) -> str:
-    """Return why a robot of the new file cannot be ``added``, or one be taken out; empty when it can."""
+    """Return why a robot of the new file cannot be ``added``, or one be removed; empty when it can."""
     if running.config.pair is not None:
         return f"both edges of a pair begin with the same robots: {AGAIN}"
     return _unfit_to_add(running.config, new, added) if added else ""
 
 
 def groups_hindrance(running: FleetConfig, new: FleetConfig) -> str:
-    """Return why the groups cannot be taken over now: a stop input knows its robots from its start."""
+    """Return why the groups cannot be changed now: a stop input resolves its robots at the start."""
     before, after = running.members, new.members
     other = {name for name in before.keys() | after.keys() if before.get(name) != after.get(name)}
     named = [one.name for one in running.stop_inputs if other.intersection(one.robots)]
@@ -44,5 +44,5 @@ def _stopped_by(config: FleetConfig, robot: str) -> set[str]:
 
 
 def runs_in(loaded: Loaded, name: str) -> str:
-    """Return the worker of a robot, empty for one of the edge's own process."""
+    """Return the worker of a robot; empty for one of the edge's own process."""
     return next(worker_of(robot, plugin) for robot, plugin in loaded.robots if robot.name == name)

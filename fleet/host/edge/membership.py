@@ -1,7 +1,7 @@
-"""Robots that are added to a running edge, or taken out of it; all or none of each.
+"""Adds robots to a running edge and removes them, each completely or not at all.
 
-What an edge keeps of its robots is in several places: missions, the bridge to the cloud, claims, stop inputs.
-``Membership`` tells all of them, and takes back what was done when one of them fails.
+Several parts of an edge know its robots: missions, the bridge to the cloud, claims, stop inputs.
+``Membership`` informs all of them, and undoes a change in which one of them fails.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fleet.host.edge.cloud_presence import CloudPresence
 from fleet.host.edge.member_rules import runs_in
 from fleet.host.edge.missions import Missions
 from fleet.host.edge.notifier import Notifier
-from fleet.host.edge.stops_meanwhile import StopsMeanwhile
+from fleet.host.edge.stops_during_change import StopsDuringChange
 from fleet.host.edge.worker_members import WorkerMembership
 from fleet.host.process.component_settings import bridge_rules
 from fleet.host.process.rebuild import ended, seen
@@ -38,11 +38,11 @@ from fleet.model.command import Transport
 
 log = logging.getLogger(__name__)
 
-LEAVES_WITHIN = SHOWN_WITHIN + 3.0  # s for runs to let go of a robot; one it has just joined waits so long
+LEAVES_WITHIN = SHOWN_WITHIN + 3.0  # s for runs to release a robot; one it has just joined waits so long
 
 
-class Followers:
-    """All that has a part of its own for each robot of one edge; on the loop."""
+class RobotRegistrations:
+    """All parts of one edge that hold data per robot; on the event loop."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class Followers:
         self._bridge, self._presence, self._cloud = bridge, presence, cloud
 
     def join(self, robot: LocalRobot | RemoteRobot) -> None:
-        """Have one more robot; before it is run."""
+        """Add a robot; before it is run."""
         if isinstance(robot, LocalRobot):
             self._stop_inputs.join(robot.name, robot.controller.latch)
         else:
@@ -74,7 +74,7 @@ class Followers:
             self._presence.leave_words()
 
     def leave(self, robot: LocalRobot | RemoteRobot) -> None:
-        """Have a robot no more, whose run has ended; what fails keeps no other part from it."""
+        """Remove a robot whose run has ended; a failure of one part does not stop the others."""
         name, twin = robot.name, robot.twin
         parts: list[Callable[[], None]] = [partial(self._missions.leave, name)]
         parts += [partial(part.leave, twin) for part in (self._notifier, self._cloud_claims)]
@@ -88,30 +88,30 @@ class Followers:
 
 
 class Membership:
-    """The robots of one edge; on the loop.
+    """Robots of one edge; on the event loop.
 
-    All methods return why nothing was changed, empty when it was done. The stops of ``meanwhile`` are set in
-    each robot that was built, ahead of all that can move it.
+    All methods return why nothing was changed, empty on success. The stops recorded by ``meanwhile`` are set
+    in each new robot before anything can move it.
     """
 
     def __init__(
         self,
         process: RobotProcess,
-        followers: Followers,
-        meanwhile: StopsMeanwhile,
+        followers: RobotRegistrations,
+        meanwhile: StopsDuringChange,
         workers: WorkerMembership,
     ) -> None:
-        self._process, self._followers, self._meanwhile = process, followers, meanwhile
+        self._process, self._registrations, self._stops = process, followers, meanwhile
         self._workers = workers
-        self._taken_out: dict[str, str] = {}  # the names of robots that were, by twin
+        self._taken_out: dict[str, str] = {}  # twin to name of robots removed earlier
 
     def hindrance(self, name: str) -> str:
-        """Return why a robot of the edge cannot be taken out now; empty when it rests."""
+        """Return why a robot of the edge cannot be removed now; empty when it is at rest."""
         here = self._process.robots.get(name)
         return not_resting(here) if here is not None else self._workers.hindrance(name)
 
     async def add(self, name: str, running: Loaded, loaded: Loaded) -> str:
-        """Add a robot of a loaded file to those that run."""
+        """Add a robot of a loaded file to the running ones."""
         if runs_in(loaded, name):
             return await self._added_elsewhere(name, running, loaded)
         try:
@@ -122,9 +122,9 @@ class Membership:
         if why := await self._stop_before(name, robot.twin):
             robot.controller.latch.engage(why)
             robot.controller.latch.record()
-        self._meanwhile.engage(robot)
+        self._stops.engage(robot)
         try:
-            self._followers.join(robot)
+            self._registrations.join(robot)
             self._process.serve(robot)
         except Exception as error:
             log.exception("%s cannot be added", name)
@@ -140,19 +140,19 @@ class Membership:
         def join(robot: RemoteRobot) -> None:
             if why:
                 robot.stop_later(local_cause("", why))
-            self._meanwhile.pass_on(robot)
-            self._followers.join(robot)
+            self._stops.pass_on(robot)
+            self._registrations.join(robot)
 
         trouble = await self._workers.add(name, running, loaded, join)
         robot = self._workers.robot(name)
         if trouble and robot is not None:
             self._let_go_elsewhere(robot)
         elif robot is not None:
-            self._meanwhile.pass_on(robot)
+            self._stops.pass_on(robot)
         return trouble
 
     async def _stop_before(self, name: str, twin: str) -> str:
-        """Return the stop of a robot that was taken out and comes back under another name; else empty."""
+        """Return the stop of a removed robot that comes back under another name; else empty."""
         before = self._taken_out.get(twin, name)
         if before == name:
             return ""
@@ -162,13 +162,13 @@ class Membership:
         return why
 
     async def remove(self, name: str, running: Loaded, *, force: bool) -> str:
-        """Bring a robot to a standstill and take it out."""
+        """Bring a robot to a standstill and remove it."""
         elsewhere = self._workers.robot(name)
         if elsewhere is not None:
             return await self._removed_elsewhere(elsewhere, running, force=force)
         robot = self._process.robots[name]
         trouble = await self.leaves_runs(robot) or await ended(self._process, robot)
-        if trouble:  # it is not run again: two adapters would move one robot
+        if trouble:  # not run again: two adapters would move one robot
             return trouble
         if robot.controller.motion.may_be_moving:
             self._process.runs.resume(robot)
@@ -177,25 +177,25 @@ class Membership:
         return ""
 
     async def _removed_elsewhere(self, robot: RemoteRobot, running: Loaded, *, force: bool) -> str:
-        """Take a robot out of its worker."""
+        """Remove a robot from its worker."""
         trouble = await self.leaves_runs(robot)
         trouble = trouble or await self._workers.remove(robot.name, running, force=force)
         if trouble:
-            self._meanwhile.pass_on(robot)
+            self._stops.pass_on(robot)
         else:
             self._let_go_elsewhere(robot)
             await self._keep_stop(robot)
         return trouble
 
     async def _keep_stop(self, robot: RemoteRobot) -> None:
-        """Keep a stop of a robot that is gone, if its worker has not heard it any more."""
-        self._meanwhile.pass_on(robot)
+        """Record the stop of a removed robot, if its worker has not confirmed it."""
+        self._stops.pass_on(robot)
         if robot.unheard:
             journal = await asyncio.to_thread(self._process.journal.robot, robot.name)
             journal.latch(robot.unheard)
 
     async def _built(self, name: str, loaded: Loaded) -> LocalRobot:
-        """Build a robot of a loaded file; raises whatever its adapter raises."""
+        """Build a robot of a loaded file; raises the errors of its adapter."""
         spec = await asyncio.to_thread(_spec_of, loaded, name)
         journal = await asyncio.to_thread(self._process.journal.robot, name)
         try:
@@ -206,30 +206,30 @@ class Membership:
             raise
 
     def _let_go(self, robot: LocalRobot) -> None:
-        """Forget a robot everywhere; its stop is kept by its name, which its twin leads to."""
+        """Remove a robot everywhere; its stop is kept under its name, found by its twin."""
         self._taken_out[robot.twin] = robot.name
         drop, give_up = partial(self._process.drop, robot), partial(self._process.holders.give_up, robot.twin)
-        let_go(robot.name, partial(self._followers.leave, robot), drop, give_up)
+        let_go(robot.name, partial(self._registrations.leave, robot), drop, give_up)
 
     def _let_go_elsewhere(self, robot: RemoteRobot) -> None:
-        """Forget a robot of a worker everywhere, as one of the edge's process."""
+        """Remove a robot of a worker everywhere, like one of the edge's process."""
         self._taken_out[robot.twin] = robot.name
-        let_go(robot.name, partial(self._followers.leave, robot), partial(self._workers.forget, robot))
+        let_go(robot.name, partial(self._registrations.leave, robot), partial(self._workers.forget, robot))
 
     async def leaves_runs(self, robot: LocalRobot | RemoteRobot) -> str:
-        """Take a robot out of the runs of missions; return which does not let go of it."""
-        for run in self._followers.runs_with(robot.name):
+        """Take a robot out of the runs of missions; return which do not release it."""
+        for run in self._registrations.runs_with(robot.name):
             message = {"command": LEAVE, "data": {"run": run}, "session_id": "fleet apply"}
             take = robot.read("command", msgspec.json.encode(message), way=Transport.MISSION)
             if take is not None:
                 take(lambda _reply: None)
-        if await seen(lambda: not self._followers.runs_with(robot.name), LEAVES_WITHIN):
+        if await seen(lambda: not self._registrations.runs_with(robot.name), LEAVES_WITHIN):
             return ""
-        return f"run {', '.join(self._followers.runs_with(robot.name))} goes by it: abort that first"
+        return f"run {', '.join(self._registrations.runs_with(robot.name))} goes by it: abort that first"
 
 
 def let_go(name: str, *parts: Callable[[], None]) -> None:
-    """Have every part forget a robot that is not run any more; one that fails keeps no other from it."""
+    """Remove a robot that is no longer run from every part; a failure of one does not stop the others."""
     for part in parts:
         try:
             part()
@@ -238,6 +238,6 @@ def let_go(name: str, *parts: Callable[[], None]) -> None:
 
 
 def _spec_of(loaded: Loaded, name: str) -> RobotSpec:
-    """Return a robot of a loaded file that runs in the edge's process, its adapter imported; blocks."""
+    """Return the spec of a robot in the edge's process, with its adapter imported; blocks."""
     task = next(task for task in robot_tasks(loaded, "") if task.name == name)
     return Importer(loaded.folder, loaded.registry).spec(task)

@@ -1,7 +1,7 @@
-"""The edge's figures for Prometheus, at ``/metrics``.
+"""Metrics of the edge for Prometheus, at ``/metrics``.
 
-Off unless fleet.yaml has ``metrics:``: an edge opens no port that nobody asked for, and two edges on one
-computer would take each other's. Read on the server's own thread from counters that others write.
+Off unless fleet.yaml has ``metrics:``: an edge opens no unwanted port, and two edges on one computer would
+compete for it. The server's own thread reads counters that other threads write.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 
 class MetricsSource(Protocol):
-    """What the figures are read from: the edge."""
+    """The edge, as the source of the metrics."""
 
     bridge: Bridge | None
     summaries: Summaries
@@ -42,7 +42,7 @@ class MetricsSource(Protocol):
 
 
 class Metrics(Collector):
-    """Collects on request."""
+    """Collects the metrics on request."""
 
     def __init__(self, edge: MetricsSource) -> None:
         self._edge = edge
@@ -51,11 +51,11 @@ class Metrics(Collector):
 
     @property
     def port(self) -> int:
-        """The port that is served, 0 while none is."""
+        """The port being served, 0 for none."""
         return int(self._server.server_port) if self._server is not None else 0
 
     def serve(self, host: str, port: int) -> None:
-        """Serve from now on, on a thread of its own; raises MetricsError when the port cannot be had."""
+        """Start serving, on a separate thread; raises MetricsError when the port is not available."""
         registry = CollectorRegistry()
         registry.register(self)
         try:
@@ -65,18 +65,18 @@ class Metrics(Collector):
         log.info("metrics at http://%s:%d/metrics", host, self.port)
 
     def close(self) -> None:
-        """Serve no more."""
+        """Stop serving."""
         if self._server is not None and self._thread is not None:
             self._server.shutdown()
             self._server.server_close()
             self._thread.join()
 
     def describe(self) -> Iterable[Metric]:
-        """Return nothing: what there is is known once it is collected."""
+        """Return nothing: the metrics are known only once collected."""
         return ()
 
     def collect(self) -> Iterator[Metric]:
-        """Yield every figure, now."""
+        """Yield all metrics, as of now."""
         yield from _robots(self._edge.states())
         yield from _edge(self._edge.state())
         newest = self._edge.summaries.newest
@@ -90,7 +90,7 @@ class Metrics(Collector):
 
 
 def _robots(states: Iterable[RobotState]) -> Iterator[Metric]:
-    """Yield whether each robot answers, and its battery."""
+    """Yield whether each robot is reachable, and its battery."""
     up = GaugeMetricFamily("fleet_robot_up", "1 while the robot answers.", labels=["robot", "health"])
     battery = GaugeMetricFamily("fleet_robot_battery_percent", "Charge of the battery.", labels=["robot"])
     for state in states:
@@ -102,16 +102,16 @@ def _robots(states: Iterable[RobotState]) -> Iterator[Metric]:
 
 
 def _edge(state: EdgeState) -> Iterator[Metric]:
-    """Yield what concerns the process."""
+    """Yield metrics of the process."""
     yield GaugeMetricFamily("fleet_uptime_seconds", "Since the edge began.", state.uptime)
     yield GaugeMetricFamily("fleet_threads", "Threads of the edge.", float(state.threads or 0))
     yield CounterMetricFamily("fleet_lost", "Reports and messages lost on the way out.", float(state.dropped))
 
 
 def _outward(bridge: Bridge) -> Iterator[Metric]:
-    """Yield what went from the bus to the cloud, by class."""
+    """Yield the traffic from the bus to the cloud, by class."""
     uplink = bridge.uplink
-    sent = Counter(uplink.sent.by_class()) + Counter(bridge.voice.said.by_class())
+    sent = Counter(uplink.sent.by_class()) + Counter(bridge.publisher.published.by_class())
     counters: tuple[tuple[str, str, Mapping[str, int]], ...] = (
         ("received", "Samples of our twins that came from the bus.", uplink.received.by_class()),
         ("sent", "Messages handed to the cloud's connection.", sent),
@@ -131,7 +131,7 @@ def _outward(bridge: Bridge) -> Iterator[Metric]:
 
 
 def _inward(bridge: Bridge) -> Iterator[Metric]:
-    """Yield what came from the cloud, what was refused both ways, and how long commands took."""
+    """Yield the traffic from the cloud, the refusals in both directions, and the latency of commands."""
     downlink = bridge.downlink
     received = CounterMetricFamily("fleet_inward_received", "Messages from the cloud.", labels=["taker"])
     for taker, count in dict(downlink.received).items():
@@ -151,7 +151,7 @@ def _inward(bridge: Bridge) -> Iterator[Metric]:
 
 
 def _cloud(bridge: Bridge) -> Iterator[Metric]:
-    """Yield how the connection is."""
+    """Yield metrics of the connection to the cloud."""
     stats = bridge.client.stats
     gauges = (
         ("queued_messages", "Messages waiting to be sent.", stats.queued),
@@ -175,7 +175,7 @@ def _cloud(bridge: Bridge) -> Iterator[Metric]:
 
 
 def _spool(figures: SpoolStatistics, now: float) -> Iterator[Metric]:
-    """Yield what is kept until the cloud has it, by class, and what was lost of it; ``now`` is Unix time."""
+    """Yield the messages in the spool, by class, and its losses; ``now`` is Unix time."""
     gauges = {
         name: GaugeMetricFamily(f"fleet_spool_{name}", about, labels=["traffic"])
         for name, about in (

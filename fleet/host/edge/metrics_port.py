@@ -1,4 +1,4 @@
-"""Serves an edge's figures where fleet.yaml asks for it, and tries again where the port is taken."""
+"""Serves an edge's metrics where fleet.yaml asks for it, and retries while the port is taken."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 
 class MetricsPort:
-    """The port of some ``metrics``; ``problem`` says why it is not open, empty while it is."""
+    """Port of the ``metrics``; ``problem`` is why it is not open, empty while it is."""
 
     def __init__(self, metrics: Metrics, config: MetricsConfig) -> None:
         self.problem = ""
@@ -23,7 +23,7 @@ class MetricsPort:
         self._config = config
 
     def serve(self) -> None:
-        """Open it, unless that is done; a port that is taken is told once."""
+        """Open the port, unless it is open; a port that is taken is logged once."""
         if self._metrics.port:
             return
         try:

@@ -1,4 +1,4 @@
-"""Who asks for missions and runs: checked against the permission, and named as it is known."""
+"""Senders of requests for missions and runs: checks their permissions, and whether their names are proven."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from fleet.model.event import Requester
 from fleet.model.permission import Permission
 from fleet.runtime.decoding import decode_json
 
-LARGEST = 1 << 20  # bytes of a mission that is sent
-KNOWN = 100  # runs of which it is remembered that the name of who started them is true
+LARGEST = 1 << 20  # bytes of the largest mission in a request
+KNOWN = 100  # runs whose proven starters are remembered
 
 
 class MissionAskers:
-    """Reads what is asked of the missions of one edge; from any thread."""
+    """Decodes requests for the missions of one edge, with permissions; from any thread."""
 
     def __init__(self, askers: Askers) -> None:
         self._askers = askers
-        self._started: deque[tuple[str, str]] = deque(maxlen=KNOWN)  # runs, by whom
+        self._started: deque[tuple[str, str]] = deque(maxlen=KNOWN)  # (run, proven starter)
 
     def start(self, question: Query) -> StartAsk:
-        """Return what is asked, by who may ask it; raises Refused, DecodeError."""
+        """Return a request to start a mission from a permitted sender; raises Refused, DecodeError."""
         if "*" in question.asked:
             raise Refused("a mission is started on one edge", hint="name the edge and the mission")
         if len(question.payload) > LARGEST:
@@ -49,13 +49,13 @@ class MissionAskers:
         return ask
 
     def control(self, question: Query, run: str, ask: ControlAsk) -> ControlAsk:
-        """Return how a run is to be controlled, by who may control it; raises Refused."""
+        """Return a request to control a run from a permitted sender; raises Refused."""
         what = f"run {run}: {ask.do}"
         if refusal := self._askers.refusal(question, Permission.OPERATE, what, claimed=ask.session_id):
             raise Refused(refusal)
         return msgspec.structs.replace(ask, session_id=self._askers.proven(question) or ask.session_id)
 
     def starter(self, state: RunState) -> Requester:
-        """Return who started a run, for the history."""
+        """Return the starter of a run, for the history."""
         proven = state.way == Transport.MISSION or (state.run, state.by) in self._started
         return Requester(Transport(state.way), state.by, proven=proven)

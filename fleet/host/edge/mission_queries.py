@@ -20,11 +20,11 @@ from fleet.missions.filling import mission_state
 from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started, ended_state
 from fleet.missions.runs import Runs
 from fleet.missions.state import Head, Member
-from fleet.missions.store import About, Store, Told
+from fleet.missions.store import About, RunLogEntry, Store
 from fleet.model.command import Transport
 from fleet.runtime.decoding import decode_json
 
-SHOWN = 50  # runs that ended
+SHOWN = 50  # ended runs shown
 _encode = msgspec.json.encode
 
 
@@ -57,14 +57,14 @@ class MissionQueries:
         self._soon = soon
 
     def declare(self) -> None:
-        """Answer from now on."""
+        """Start answering."""
         self._bus_session.answer(keys.mission(self._edge, "*"), self._mission, more=keys.ASKER)
         self._bus_session.answer(keys.run(self._edge, "*"), self._run, more=keys.ASKER)
 
     # -- missions ------------------------------------------------------------------------------------
 
     def _mission(self, question: Query) -> None:
-        """Take a question for a mission; on the bus's thread."""
+        """Receive a query for a mission; on the bus's thread."""
         name, do = question.asked.rpartition("/")[2], question.parameters.get("do")
         if do == "rehearsal":
             self._soon(partial(self._rehearsals.look, question))
@@ -98,7 +98,7 @@ class MissionQueries:
     # -- runs ----------------------------------------------------------------------------------------
 
     def _run(self, question: Query) -> None:
-        """Take a question for a run; on the bus's thread."""
+        """Receive a query for a run; on the bus's thread."""
         self._soon(partial(self._answer_run, question, question.asked.rpartition("/")[2]))
 
     def _answer_run(self, question: Query, run: str) -> None:
@@ -127,14 +127,14 @@ class MissionQueries:
         except Refused as error:
             told(str(error))
 
-    def _answer_story(self, question: Query, run: str, story: list[Told]) -> None:
-        """Answer with a run's story; none of a run that is another edge's."""
+    def _answer_story(self, question: Query, run: str, story: list[RunLogEntry]) -> None:
+        """Answer with a run's log; without a reply for a run of another edge."""
         if story:
             question.reply(_encode(story), keys.run(self._edge, run))
         question.close()
 
     def _answer_states(self, question: Query, run: str) -> None:
-        """Answer with the states of runs that are wanted: those under way, then those that ended."""
+        """Answer with the states of the requested runs: running ones first, then ended ones."""
         active = self._runs.states()
         for state in active:
             if "*" in run or state.run == run:

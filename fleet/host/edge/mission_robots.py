@@ -1,4 +1,4 @@
-"""The robots of an edge as runs of missions need them, here and in workers, and what they can."""
+"""Robots of an edge as mission runs use them, here and in workers, and their capabilities."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from fleet.robot_config import AdapterConfig
 from fleet.runtime.decoding import decode_json
 from fleet.wire.rules import Kind
 
-DESCRIBED_WITHIN = 2.0  # s for other processes to say what their robots take
+DESCRIBED_WITHIN = 2.0  # s for other processes to describe their robots
 
 
 class RobotRules:
-    """Whose missions each robot of the edge takes part in, and how old (s) a start may be, by name."""
+    """Accepted senders of missions for each robot, and the greatest age of a start (s), by name."""
 
     def __init__(self, loaded: Loaded) -> None:
         self.policies: dict[str, SourcePolicy] = {}
@@ -37,25 +37,25 @@ class RobotRules:
         self.configure(loaded)
 
     def configure(self, loaded: Loaded) -> None:
-        """Take over another configuration, with the robots that it has."""
+        """Apply another configuration with its robots."""
         for gone in self.policies.keys() - {robot.name for robot, _ in loaded.robots}:
             self.leave(gone)
         for robot, _ in loaded.robots:
             self.join(robot)
 
     def join(self, robot: AdapterConfig) -> None:
-        """Have the rules of one robot, ahead of all that asks for it."""
+        """Add the rules of a robot, before anything else uses it."""
         self.policies[robot.name] = SourcePolicy(robot.accepts, simulated=robot.simulated)
         self.max_age[robot.name] = robot.command_max_age
 
     def leave(self, name: str) -> None:
-        """Forget the rules of a robot."""
+        """Remove the rules of a robot."""
         self.policies.pop(name, None)
         self.max_age.pop(name, None)
 
 
 class RobotHere:
-    """A robot of this process, as a run needs it."""
+    """A robot of this process, as a run uses it."""
 
     def __init__(self, robot: LocalRobot) -> None:
         self._robot = robot
@@ -66,12 +66,12 @@ class RobotHere:
     def read(
         self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", waits: bool = False
     ) -> Request | None:
-        """Read a message; what is returned takes it."""
+        """Decode a message; the returned request executes it."""
         return self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits)
 
 
 class RobotElsewhere:
-    """A robot in a worker; what it takes is told by its worker."""
+    """A robot in a worker, which describes it."""
 
     def __init__(self, robot: RemoteRobot) -> None:
         self._robot = robot
@@ -81,15 +81,15 @@ class RobotElsewhere:
     def read(
         self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", waits: bool = False
     ) -> Request | None:
-        """Read a message; what is returned takes it."""
+        """Decode a message; the returned request executes it."""
         return self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits)
 
 
 class MissionRobots:
-    """The robots that runs of an edge may have, by name: of this edge, and of its partners.
+    """Robots that runs of an edge may use, by name: of this edge, and of its partners.
 
-    ``ours`` are those of this edge, ``here`` and ``elsewhere`` (in workers); ``edges`` has the edge of each
-    that another process describes, ``names`` the name by twin, ``senders`` what takes the reports on a robot.
+    ``ours`` are those of this edge, ``here`` and ``elsewhere`` (in workers); ``edges`` maps robots that other
+    processes describe to their edges, ``names`` twins to names, ``senders`` robots to their report senders.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class MissionRobots:
             self.join(robot)
 
     def join(self, robot: LocalRobot | RemoteRobot) -> None:
-        """Have one more robot of this edge."""
+        """Add a robot of this edge."""
         name = robot.name
         ours: Robot
         if isinstance(robot, LocalRobot):
@@ -124,7 +124,7 @@ class MissionRobots:
         self.senders[name] = self._sender(robot.twin)
 
     def leave(self, name: str) -> str:
-        """Have a robot no more; return its twin, empty where another robot has that by now."""
+        """Remove a robot; return its twin, empty if another robot has that by now."""
         tables: tuple[dict[str, Any], ...] = (self.here, self.elsewhere, self.ours)
         for table in (*tables, self.everyones, self.edges, self.senders):
             table.pop(name, None)
@@ -134,7 +134,7 @@ class MissionRobots:
 
 
 class Descriptions:
-    """What robots of other processes take, as they say; ``edges`` are theirs, by name, and may change."""
+    """Descriptions of robots in other processes; ``edges`` maps their names to edges, and may change."""
 
     def __init__(
         self, control: ZenohSession, soon: Callable[[Callable[[], None]], None], edges: Mapping[str, str]
@@ -143,11 +143,11 @@ class Descriptions:
         self._told: dict[str, RobotDescription] = {}
 
     def of(self, name: str) -> RobotDescription | None:
-        """Return what a robot takes; None when it never said so."""
+        """Return a robot's description; None before it was received."""
         return self._told.get(name)
 
     def ask(self, then: Callable[[], None]) -> None:
-        """Ask all of them, then go on, on the loop."""
+        """Query all descriptions, then call ``then``, on the event loop."""
         waiting = set(self._edges)
         if not waiting:
             self._soon(then)
@@ -171,7 +171,7 @@ class Descriptions:
 
 
 def can(description: RobotDescription | None) -> frozenset[str]:
-    """Return what a robot takes."""
+    """Return the capabilities of a robot, for the choice of robots."""
     if description is None:
         return frozenset()
     names = {command.name for command in description.commands}
@@ -181,7 +181,7 @@ def can(description: RobotDescription | None) -> frozenset[str]:
 
 
 def trouble(state: RobotState, description: RobotDescription | None) -> str:
-    """Return why a robot cannot take part in anything now."""
+    """Return why a robot cannot take part in any run now."""
     if not state.reachable:
         return f"it is offline: {state.cause}"
     if state.emergency_stop:
@@ -192,7 +192,7 @@ def trouble(state: RobotState, description: RobotDescription | None) -> str:
 def candidate(
     state: RobotState, description: RobotDescription | None, groups: Mapping[str, Iterable[str]]
 ) -> Candidate:
-    """Return a robot as it may be chosen for a run."""
+    """Return a robot as a candidate for a run."""
     at = state.site or state.position
     position = (at.x, at.y, at.z) if at is not None else None
     facts = Facts(state.name, state.health, state.battery, position, state.activity)

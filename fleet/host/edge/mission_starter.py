@@ -1,8 +1,8 @@
-"""Starts missions for schedules: each firing is one run, whose id is made of the firing's key.
+"""Starts missions for schedules: each firing is one run, whose id is derived from the firing's key.
 
-So a firing that is started again, by this process or by the next one, is the same run: ``missions.db`` knows
-it. A run carries fleet.yaml's authority (``Transport.MISSION``): who wrote there what robots accept, wrote
-the schedule too. Everything else walks the way of any start and any command.
+A firing that is started again, by this process or the next one, is thus the same run, known to
+``missions.db``. A run has fleet.yaml's authority (``Transport.MISSION``): the author of the robots' rules
+also wrote the schedule. Otherwise it is like any other start.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from fleet.missions.program import Program
 from fleet.missions.report import ControlAsk, StartAsk
 from fleet.missions.runs import BACK_WITHIN, Runs
 from fleet.model.command import Transport
-from fleet.schedules.runner import Begun, Wanted
+from fleet.schedules.runner import StartRequest, StartResult
 
-ENDED_WITHIN = 30.0  # s for runs to end that are replaced; with BACK_WITHIN and joining, below START_WITHIN
+ENDED_WITHIN = 30.0  # s for replaced runs to end; with BACK_WITHIN and joining, below START_WITHIN
 LOOK_EVERY = 0.1  # s
 
 
 class MissionStarter:
-    """Starts what schedules want. ``described`` calls back, on the loop, once robots said what they take."""
+    """Starts missions for schedules. ``described`` calls back on the loop once robots are described."""
 
     def __init__(
         self,
@@ -42,14 +42,14 @@ class MissionStarter:
         run = self._run_of(key)
         return run if await asyncio.to_thread(self._runs.store.knows, run) else ""
 
-    async def start(self, wanted: Wanted) -> Begun:
-        """Start a mission, or say why not; the run is on disk before it returns."""
+    async def start(self, wanted: StartRequest) -> StartResult:
+        """Start a mission, or return why not; the run is on disk before this returns."""
         run = await self.known(wanted.key)
         if run:
-            return Begun(run)
+            return StartResult(run)
         mission = self._mission(wanted.mission)
         if mission is None:
-            return Begun(refusal=f"there is no mission {wanted.mission!r}")
+            return StartResult(refusal=f"there is no mission {wanted.mission!r}")
         by = f"schedule {wanted.schedule}"
         ask = StartAsk(inputs=dict(wanted.inputs), run=self._run_of(wanted.key), session_id=by)
         try:
@@ -57,9 +57,9 @@ class MissionStarter:
             await self._back()
             busy = await self._busy(mission, program, ask, replace=wanted.replace)
         except Refused as error:
-            return Begun(refusal=error.reason)
+            return StartResult(refusal=error.reason)
         if busy:
-            return Begun(busy=busy)
+            return StartResult(busy=busy)
         return await self._start(mission, program, ask, wanted.without)
 
     def _run_of(self, key: str) -> str:
@@ -67,7 +67,7 @@ class MissionStarter:
         return hashlib.blake2b(f"{self._runs.edge}/{key}".encode(), digest_size=6).hexdigest()
 
     async def _back(self) -> None:
-        """Wait for all robots to answer, when the edge has just begun, then for what they take."""
+        """Wait for all robots to be reachable just after the edge's start, then for their descriptions."""
         robots = self._runs.robots.values()
         while self._clock.monotonic() < self._back_until:
             if all(robot.state().reachable for robot in robots):
@@ -78,7 +78,7 @@ class MissionStarter:
         await told.wait()
 
     async def _busy(self, mission: Mission, program: Program, ask: StartAsk, *, replace: bool) -> str:
-        """Return which runs are in the way, once those to be replaced have ended; raises Refused."""
+        """Return the runs in the way, once those to be replaced have ended; raises Refused."""
         until = self._clock.monotonic() + ENDED_WITHIN
         asked: set[str] = set()
         while found := self._runs.filling.in_the_way(mission, program, ask):
@@ -98,7 +98,7 @@ class MissionStarter:
 
     async def _start(
         self, mission: Mission, program: Program, ask: StartAsk, without: Mapping[str, str]
-    ) -> Begun:
+    ) -> StartResult:
         """Start a run, and wait until it is on disk."""
         began: asyncio.Future[tuple[Mapping[str, Sequence[str]], str]] = asyncio.Future()
 
@@ -109,8 +109,10 @@ class MissionStarter:
         self._runs.start(mission, program, ask, Transport.MISSION, hear)
         roles, refusal = await began
         if refusal:
-            return Begun(refusal=refusal)
+            return StartResult(refusal=refusal)
         if not await asyncio.to_thread(self._runs.store.knows, ask.run):  # written after it, on one thread
-            return Begun(refusal=self._runs.store.problem)
+            return StartResult(refusal=self._runs.store.problem)
         left_out = self._runs.filling.left_out(mission, roles)
-        return Begun(ask.run, left_out={robot: why for robot, why in without.items() if robot in left_out})
+        return StartResult(
+            ask.run, left_out={robot: why for robot, why in without.items() if robot in left_out}
+        )

@@ -1,4 +1,4 @@
-"""What a run would ask of a robot, against its fence and limits: refused before anything moves."""
+"""Checks the paths of a run against each robot's fence and limits, before anything moves."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from fleet.robot_config import AdapterConfig, FenceConfig, Limits
 
 
 class WayCheck(msgspec.Struct, frozen=True):
-    """Checks what one robot is to do. A robot of the site is placed there by now; its home is its origin."""
+    """Checks the acts of one robot. A robot of the site is placed by then; its home is its origin."""
 
     config: AdapterConfig
     site: SiteMap
 
     def trouble(self, act: Act, state: RobotState) -> str:
-        """Return why a robot must not do something; empty when nothing is known against it."""
+        """Return why a robot must not do something; empty when no reason is known."""
         try:
             if act.verb == "goto":
                 return self._way([act.value], state)
@@ -42,7 +42,7 @@ class WayCheck(msgspec.Struct, frozen=True):
         return ""
 
     def _way(self, points: list[object], state: RobotState) -> str:
-        """Return what is against a way; raises Refused for a point that the robot could not be told."""
+        """Return the conflict of a path; raises Refused for a point that cannot be converted."""
         for point in points:
             self.site.position(point, state)
         fence = self._fence(state.placement) if state.placement is not None else None
@@ -52,20 +52,20 @@ class WayCheck(msgspec.Struct, frozen=True):
         return fence.way_trouble(way[0], way, Vector3())
 
     def _in_world(self, value: object, placement: Placement, state: RobotState) -> Vector3:
-        """Return a point in the robot's world; a height that is not given is its own."""
+        """Return a point in the robot's world; a missing height is the robot's own."""
         point, height = self.site.site_point(value), self.site.height(value)
         z = point[2] if len(point) > 2 else state.site.z if state.site is not None else 0.0
         world = placement.to_world(Vector3(point[0], point[1], z))
         return world if height is None else Vector3(world.x, world.y, height)
 
     def _fence(self, placement: Placement) -> Fence | None:
-        """Return the fence in the robot's world; None while nobody can tell where it is."""
+        """Return the fence in the robot's world; None while it cannot be placed."""
         config, limits = self.config.fence or FenceConfig(), self.config.limits
         origin = self.site.origin
         if config.frame == "geodetic" and origin is None:
             return None
         if self.config.origin is not None:
-            limits = Limits()  # they count from its home, which is not its origin
+            limits = Limits()  # they are relative to its home, which is not its origin
         inclusion, exclusion = (
             tuple(_placed(polygon, config, origin, placement) for polygon in polygons)
             for polygons in (config.inclusion, config.exclusion)
@@ -82,14 +82,14 @@ def _placed(polygon: Polygon, config: FenceConfig, origin: GeoOrigin | None, pla
 
 
 class MissionWays:
-    """The ways of an edge's robots; those of other edges are checked there. ``state_of``: a robot now."""
+    """Path checks of an edge's robots; other edges check theirs. ``state_of`` returns a robot's state."""
 
     def __init__(self, loaded: Loaded, state_of: Callable[[str], RobotState]) -> None:
         self.state_of = state_of
         self.configure(loaded)
 
     def configure(self, loaded: Loaded) -> None:
-        """Check by another configuration of the places, with the robots that it has."""
+        """Use the places and robots of another configuration."""
         origin = loaded.config.site.origin
         self.site = SiteMap(
             places_of(loaded.config.places), GeoOrigin(*origin) if origin is not None else None
@@ -97,15 +97,15 @@ class MissionWays:
         self._checks = {robot.name: WayCheck(robot, self.site) for robot, _ in loaded.robots}
 
     def join(self, robot: AdapterConfig) -> None:
-        """Check the ways of one more robot."""
+        """Add a robot."""
         self._checks[robot.name] = WayCheck(robot, self.site)
 
     def leave(self, name: str) -> None:
-        """Check the ways of a robot no more."""
+        """Remove a robot."""
         self._checks.pop(name, None)
 
     def hindrance(self, robot: str, act: Act) -> str:
-        """Return why a robot must not do something; empty when nothing is known against it."""
+        """Return why a robot must not do something; empty when no reason is known."""
         check = self._checks.get(robot)
         for each in (robot, act.value) if act.verb == "follow" else ():
             if each not in self._checks:

@@ -1,4 +1,4 @@
-"""The missions of an edge: its robots, its files and its bus, put together for ``fleet.missions``."""
+"""The missions of an edge: connects ``fleet.missions`` with its robots, files and bus."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ class Missions:
         self.configured = (rules.configure, self._configure, self.rehearsals.configure)
 
     def _configure(self, loaded: Loaded) -> None:
-        """Begin runs by another configuration; those under way keep their copies."""
+        """Start runs with another configuration from now on; running ones keep their copies."""
         self._missions.configure(loaded)
         self._groups = loaded.config.members
         self._ways.configure(loaded)
@@ -164,7 +164,7 @@ class Missions:
             self.runs.places.configure(self._ways.site.places)
 
     def hindrance(self, section: str) -> str:
-        """Return why a section of fleet.yaml cannot be taken over now; empty when it can."""
+        """Return why a section of fleet.yaml cannot be applied now; empty if it can."""
         runs = ", ".join(run.id for run in self.runs.all()) if section == "places" else ""
         return f"run {runs} goes by the places: wait for its end" if runs else ""
 
@@ -173,45 +173,45 @@ class Missions:
         self._process.loop.call_soon_threadsafe(call)
 
     def _stop(self, stop: Callable[[tuple[str, ...], str], None], names: tuple[str, ...], why: str) -> None:
-        """Set the emergency stop of robots, also of partners'; no name would mean all of ours."""
+        """Set the emergency stop of robots, partners' included; ``stop`` without names would stop all."""
         ours = self.partners.stop(names)
         if ours:
             stop(ours, why)
 
     def close(self) -> None:
-        """Start nothing more, and write what waits; may wait."""
+        """Start no more runs, and write pending records; may block."""
         self.starts.close()
         self.results.close()
         self.store.close()
 
     @property
     def problem(self) -> str:
-        """Why runs are not recorded, or those of before are lost; empty when all is well."""
+        """Why runs are not recorded, or earlier runs are lost; empty without a problem."""
         return self.store.problem or self.store.lost
 
     def declare(self) -> None:
-        """Take questions, look at the robots, and take up the runs of an earlier process."""
+        """Answer queries, watch the robots, and resume the runs of an earlier process."""
         self._queries.declare()
         self._hear_events()
         self.partners.declare(self._process.scheduler.every)
         self.coordinators.declare(self._bus_session, self._process.scheduler.every)
         self.runs.take_up()
-        self._process.scheduler.every(LOOK_EVERY, self.runs.turn)
+        self._process.scheduler.every(LOOK_EVERY, self.runs.poll)
         self._process.scheduler.every(TRACK_EVERY, self.results.look)
 
     def stopped(self, names: tuple[str, ...], cause: StopCause) -> None:
-        """Take note of an emergency stop; from any thread."""
+        """Pass an emergency stop to the runs; from any thread."""
         self._soon(partial(self.runs.stopped, names, cause.why))
 
     def _hear_events(self) -> None:
-        """Take what is reported of robots: by their hosts, and by programs on the bus."""
-        tell_others = self._process.history.told
+        """Pass on events and reports of robots: from their hosts and from programs on the bus."""
+        tell_others = self._process.history.on_event
 
         def told(robot: str, event: EventReport) -> None:
             tell_others(robot, event)
             self._event(robot, event.kind.value)
 
-        self._process.history.told = told
+        self._process.history.on_event = told
         for twin, name in self._robots.names.items():
             self._reported.join(name, twin, elsewhere=name in self._robots.elsewhere)
         self._reported.listen(self._process.bus.reports)
@@ -219,14 +219,14 @@ class Missions:
     # -- robots that come and go -----------------------------------------------------------------------
 
     def join(self, robot: LocalRobot | RemoteRobot) -> None:
-        """Have one more robot; its rules first, which all that asks for it goes by. On the loop."""
+        """Add a robot, its rules first, since requests for it are judged by them; on the loop."""
         self._rules.join(robot.config)
         self._ways.join(robot.config)
         self._robots.join(robot)
         self._reported.join(robot.name, robot.twin, elsewhere=robot.name in self._robots.elsewhere)
 
     def leave(self, name: str) -> None:
-        """Have a robot no more, which no run goes by; on the loop."""
+        """Remove a robot that is in no run; on the loop."""
         twin = self._robots.leave(name)
         if twin:
             self._reported.leave(twin)
@@ -234,22 +234,22 @@ class Missions:
         self._ways.leave(name)
 
     def _event(self, robot: str, event: str) -> None:
-        """Take an event of a robot; from any thread, and for nothing while no run is under way."""
+        """Pass a robot's event to the runs, if there are any; from any thread."""
         if self.runs.any:
             self._soon(partial(self.runs.heard, robot, event))
 
-    # -- what robots are and may -----------------------------------------------------------------------
+    # -- capabilities and permissions ------------------------------------------------------------------
 
     def _candidates(self) -> list[Candidate]:
-        """Return what each robot can and is now."""
+        """Return state and capabilities of each robot."""
         here = [(robot.state(), robot.describe()) for robot in self._robots.here.values()]
         others: dict[str, Robot] = {**self._robots.elsewhere, **self.partners.robots}
         elsewhere = [(robot.state(), self._descriptions.of(name)) for name, robot in others.items()]
         return [candidate(*each, self._groups) for each in (*here, *elsewhere)]
 
     def _refusal(self, robot: str, origin: Origin, commands: bool, navigates: bool) -> str | None:  # noqa: FBT001 - by position
-        """Return why somebody may not start a mission with a robot; None when he may."""
+        """Return why a requester may not start a mission with a robot; None if permitted."""
         policy = self._policies.get(robot)
-        if policy is None:  # a partner's own edge says so when the robot joins
+        if policy is None:  # a partner's edge judges when the robot joins the run
             return None if robot in self.partners.robots else f"{robot} is no robot of this edge"
         return policy.mission_refusal(origin, commands=commands, navigates=navigates)

@@ -1,8 +1,8 @@
-"""Tells a webhook or a program of this computer of faults and stops, also where there is no cloud.
+"""Sends notices of faults and stops to a webhook or a local program, also without a cloud.
 
-Nothing waits for it: each target has a thread and a bounded queue of its own. A target that does not answer
-in time is tried again a few times and then left out; more than it wants in a minute is counted, and the
-number told with the next.
+Nothing waits for it: each target has its own thread and bounded queue. A notice that a target does not accept
+in time is retried a few times, then dropped. Notices beyond the target's limit per minute are counted, and
+the next one has their number.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from fleet.wire.topics import data_key
 log = logging.getLogger(__name__)
 
 WAITING = 100  # events of one target in memory at most
-WAITS = (1.0, 5.0)  # s before the second and the third try
-LAST_WORDS = 2.0  # s that what waits may still take when the edge ends
+WAITS = (1.0, 5.0)  # s before the second and the third attempt
+LAST_WORDS = 2.0  # s for waiting notices when the edge ends
 GRAVE = frozenset({Severity.ERROR, Severity.CRITICAL})
-"""Events of these severities are told whatever their kind."""
+"""Events of these severities are sent whatever their kind."""
 
 Send = Callable[[bytes, float], None]
 """Sends a notice within so many seconds; raises OSError."""
@@ -55,11 +55,11 @@ class Notifier:
         self.use(configs)
 
     def configure(self, loaded: Loaded) -> None:
-        """Have the targets of another configuration."""
+        """Use the targets of another configuration."""
         self.use(loaded.config.notified)
 
     def use(self, configs: Iterable[NotifyConfig]) -> None:
-        """Have these targets: those that stay go on, one that is gone sends what waits and ends."""
+        """Use these targets: unchanged ones go on, a removed one sends its waiting notices and ends."""
         before, now = list(self._targets), []
         for config in configs:
             same = next((target for target in before if target.config == config), None)
@@ -72,43 +72,43 @@ class Notifier:
         self._listen()
 
     def take(self, robot: str, event: EventReport, *, heard: bool = False) -> None:
-        """Take an event of a robot; from any thread, never waits. ``heard``: it was said on the bus."""
+        """Process an event of a robot; from any thread, never waits. ``heard``: it came over the bus."""
         for target in self._targets:
             target.take(robot, event, heard=heard)
 
     def hear(self, reports: ZenohSession, robots: Mapping[str, str]) -> None:
-        """Take the events of robots in other processes, by twin and name, from the bus.
+        """Subscribe to the events of robots in other processes, given by twin and name.
 
-        Anybody there can say them: nobody who asked is proven, and they leave room for those of our own.
+        Anyone on the bus can publish them: their senders are unproven, and own events have precedence.
         """
         self._reports = reports
         for twin, name in robots.items():
             self.join(name, twin)
 
     def join(self, robot: str, twin: str) -> None:
-        """Take the events of one more robot in another process."""
+        """Process the events of one more robot in another process."""
         self._calls[data_key(twin, EventReport.channel)] = partial(self._heard, robot)
         self._listen()
 
     def leave(self, twin: str) -> None:
-        """Take no more events of a robot that is gone."""
+        """Stop processing the events of a robot that is gone."""
         self._calls.pop(data_key(twin, EventReport.channel), None)
 
     def _listen(self) -> None:
-        """Listen on the bus, once there is somebody to tell of somebody."""
+        """Subscribe to the bus, once there are targets and robots."""
         if self._reports is not None and self._targets and self._calls and not self._listens:
             self._listens = True
             self._reports.subscribe_many(f"cw/*/data/{EventReport.channel}", self._calls)
 
     def _heard(self, robot: str, sample: bytes) -> None:
-        """Take an event of a robot in another process; on the bus's thread."""
+        """Process an event of a robot in another process; on the bus's thread."""
         with contextlib.suppress(WireError):
             event = unproven(decode_report(EventReport.channel, sample))
             if isinstance(event, EventReport):
                 self.take(robot, event, heard=True)
 
     def close(self) -> None:
-        """Send what waits, within a moment, and end."""
+        """Send waiting notices, within a moment, and end."""
         for target in self._targets:
             target.end()
         for target in self._targets:
@@ -116,7 +116,7 @@ class Notifier:
 
 
 class NoticeTarget:
-    """One target. ``problem`` says why the last notice did not get there, empty when it did."""
+    """One target. ``problem`` is why the last notice failed, empty when it arrived."""
 
     def __init__(self, config: NotifyConfig, edge: str, clock: Clock, send: Send) -> None:
         self.problem = ""
@@ -126,17 +126,17 @@ class NoticeTarget:
         self._send = send
         self._waiting: deque[tuple[str, EventReport]] = deque()
         self._left_out = 0
-        self._sent = RateLimit(config.per_minute)  # of our own robots
-        self._passed_on = RateLimit(config.per_minute)  # heard on the bus
+        self._sent = RateLimit(config.per_minute)  # for events of this process
+        self._passed_on = RateLimit(config.per_minute)  # for events from the bus
         self._something = threading.Event()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="fleet-notify", daemon=True)
         self._thread.start()
 
     def take(self, robot: str, event: EventReport, *, heard: bool = False) -> None:
-        """Take an event, if it is one of those that are to be told; from any thread.
+        """Queue an event, if the target wants it; from any thread.
 
-        Those ``heard`` on the bus have limits of their own, and half of the room at most.
+        Events ``heard`` on the bus have a limit of their own, and half of the queue at most.
         """
         config = self.config
         told = event.kind in config.events or event.severity in GRAVE
@@ -152,7 +152,7 @@ class NoticeTarget:
         self._something.set()
 
     def end(self) -> None:
-        """Wait no more between tries."""
+        """End the delays between attempts."""
         self._ending.set()
         self._something.set()
 
@@ -161,7 +161,7 @@ class NoticeTarget:
         self._thread.join(LAST_WORDS)
 
     def _run(self) -> None:
-        """Be the thread."""
+        """Thread: send the queued notices."""
         while self._waiting or not self._ending.is_set():
             self._something.wait()
             self._something.clear()
@@ -169,13 +169,13 @@ class NoticeTarget:
                 self._tell(*self._waiting.popleft())
 
     def _tell(self, robot: str, event: EventReport) -> None:
-        """Send one notice, tried again a few times."""
+        """Send one notice, with a few retries."""
         left_out, self._left_out = self._left_out, 0
         body = notice(self._edge, robot, event, left_out)
         for wait in (*WAITS, None):
             try:
                 self._send(body, self.config.timeout)
-            except Exception as error:  # noqa: BLE001 - whatever is wrong with a target, it is told
+            except Exception as error:  # noqa: BLE001 - any failure of a target is reported
                 problem = f"{type(error).__name__}: {error}"
             else:
                 self.problem = ""
@@ -183,13 +183,13 @@ class NoticeTarget:
             if wait is None or self._ending.wait(wait):
                 break
         self._left_out += left_out + 1
-        if not self.problem:  # once, not with its address: that may be a secret
+        if not self.problem:  # once, and without the address, which may be a secret
             log.error("a notice of %s did not get to its %s: %s", event.kind, self.config.what, problem)
         self.problem = problem
 
 
 def notice(edge: str, robot: str, event: EventReport, left_out: int = 0) -> bytes:
-    """Return an event as the JSON object that a target gets; ``left_out``: notices that it did not get."""
+    """Return an event as the JSON object for a target; ``left_out``: notices that it missed before."""
     plain: dict[str, object] = msgspec.to_builtins(event)
     time = datetime.fromtimestamp(event.stamp, UTC).isoformat(timespec="milliseconds")
     said = f"{robot or edge}: {event.text}"
@@ -198,17 +198,17 @@ def notice(edge: str, robot: str, event: EventReport, left_out: int = 0) -> byte
 
 
 def sender_of(config: NotifyConfig) -> Send:
-    """Return what sends to a target."""
+    """Return the function that sends to a target."""
     if config.url is None:
         command = list(config.command)
         return lambda body, within: run_program(command, body, within)
-    from fleet.host.edge.webhook import Webhook  # noqa: PLC0415 - slow to import, and only for who has one
+    from fleet.host.edge.webhook import Webhook  # noqa: PLC0415 - slow to import, and rarely needed
 
     return Webhook(config.url.get_secret_value()).send
 
 
 def run_program(command: list[str], body: bytes, within: float) -> None:
-    """Run a program with a notice on its stdin; it is ended when it takes too long. Raises OSError."""
+    """Run a program with a notice on its stdin; it is killed after ``within`` s. Raises OSError."""
     process = subprocess.Popen(  # noqa: S603 - the program is the one that fleet.yaml names
         command,
         stdin=subprocess.PIPE,

@@ -1,4 +1,4 @@
-"""The emergency stops of a pair, as one of its edges has them: set, listed in the lease, followed."""
+"""Emergency stops in a pair, for one of its edges: set, listed in the lease, and followed."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from fleet.standby.stops import FollowedStops, OwnStop
 log = logging.getLogger(__name__)
 
 LONGEST_CAUSE = 80  # characters
-NOT_KNOWN = "nobody knows which stops were set: the lease service had no entry of the pair"
+NOT_KNOWN = "the stops set before are unknown: the lease service has no entry of the pair"
 
 
 class PairStops:
-    """The stops of one edge's robots; ``other`` is the other edge. On the event loop, but for ``listed``."""
+    """Stops of one edge's robots; ``other`` is the other edge. On the event loop, except ``listed``."""
 
     def __init__(self, other: str, robots: Mapping[str, LocalRobot], bus_session: ZenohSession) -> None:
         self._other = other
@@ -30,22 +30,22 @@ class PairStops:
 
     @property
     def listed(self) -> dict[str, str]:
-        """The robots whose emergency stop is set, with its cause; from any thread.
+        """Robots whose emergency stop is set, with its cause; from any thread.
 
-        The beginning of each cause: those of a thousand robots must fit into the lease.
+        Causes are shortened: those of a thousand robots must fit into the lease.
         """
         stopped = {name: each.controller.latch for name, each in self._robots.items() if _is_set(each)}
         return {name: latch.why[:LONGEST_CAUSE] for name, latch in stopped.items()}
 
     def take_over(self, entry: Entry | None) -> None:
-        """Set what was set when the lease was taken; everything, where nobody knows. No robot runs yet."""
+        """Set the stops that were set when the lease was taken; all, if unknown. No robot runs yet."""
         if entry is None:
             self._engage(dict.fromkeys(self._robots, NOT_KNOWN))
         elif entry.edge == self._other:
             self._engage({name: self._cause(why) for name, why in entry.stops.items()})
 
     def follow(self, entry: Entry) -> None:
-        """Set and release stops as the holder has them; pass on those that only we were asked for."""
+        """Set and release stops as the holder has them; forward those that only this edge received."""
         own = {
             name: OwnStop(each.controller.latched, each.controller.latch.asked)
             for name, each in self._robots.items()
@@ -56,7 +56,7 @@ class PairStops:
             log.warning("%s: its emergency stop was released at edge %s", name, entry.edge)
             latch = self._robots[name].controller.latch
             latch.release()
-            if latch.asked != own[name].asked:  # a stop came meanwhile, on the bus's thread
+            if latch.asked != own[name].asked:  # a stop arrived meanwhile, on the bus's thread
                 latch.engage("a stop that came with the release")
                 latch.record()
         if what.forward:
@@ -67,7 +67,7 @@ class PairStops:
         return f"set at edge {self._other}: {why}"
 
     def _engage(self, stops: Mapping[str, str]) -> None:
-        """Set emergency stops of robots that are not run here."""
+        """Set emergency stops of robots that do not run here."""
         for name, why in stops.items():
             robot = self._robots.get(name)
             if robot is not None and not _is_set(robot):

@@ -1,8 +1,8 @@
-"""Robots of other edges in runs of this edge: what they look like from here, and the lease of each run.
+"""Robots of other edges in runs of this edge: their states, and the lease of each run.
 
-They are commanded on the bus keys that any program uses, with the identities of the run's parts. Before one
+They are commanded over the bus keys that any program uses, with the identities of the run's parts. Before one
 joins a run, its edge grants a lease (``fleet.missions.coordination``), which is renewed until the robot is
-given back.
+released.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.config.other_edges import PartnerConfig
 from fleet.errors import WireError
+from fleet.host.runtime.threads import HALT_WAIT, run_in_thread
 from fleet.host.safety.admission import JOIN, LEAVE
 from fleet.host.workers.remote_robot import SILENT_AFTER, ask_robot
 from fleet.missions.coordination import RENEWED_EVERY, LeaseAnswer, LeaseAsk
@@ -37,7 +38,7 @@ GRANTED_WITHIN = 3.0  # s
 
 
 class PartnerRobot:
-    """A robot of another edge, as a run needs it."""
+    """A robot of another edge, as a run uses it."""
 
     def __init__(self, name: str, edge: str, partners: Partners, clock: Clock) -> None:
         self.name = name
@@ -50,12 +51,12 @@ class PartnerRobot:
         self._joined = self._left_before = ""
 
     def state(self) -> RobotState:
-        """Return what its edge last said of it; without its place unless that is in our frame."""
+        """Return its edge's last state of it; without its position unless that is in our frame."""
         state = self._state
         if not self.placed:
             state = msgspec.structs.replace(state, site=None, placement=None)
         joining = self._clock.monotonic() - self._joined_at <= SILENT_AFTER
-        if joining and not state.run and state.left_run == self._left_before:  # it was said before it joined
+        if joining and not state.run and state.left_run == self._left_before:  # sent before it joined
             state = msgspec.structs.replace(state, run=self._joined)
         if self._clock.monotonic() - self._heard <= SILENT_AFTER:
             return state
@@ -64,12 +65,12 @@ class PartnerRobot:
         )
 
     def joined(self, run: str) -> None:
-        """Note that it has joined a run: its edge says so within a second or so."""
+        """Record that it has joined a run: the state of its edge follows within about a second."""
         self._joined, self._joined_at = run, self._clock.monotonic()
         self._left_before = self._state.left_run
 
     def arrived(self, payload: bytes) -> None:
-        """Take a state; on the bus's thread."""
+        """Process a state; on the bus's thread."""
         try:
             state = decode_json(payload, RobotState)
         except msgspec.DecodeError as error:
@@ -81,7 +82,7 @@ class PartnerRobot:
     def read(
         self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", waits: bool = False
     ) -> Request | None:
-        """Read a message of a run; what is returned sends it, when its robot joins with a lease."""
+        """Decode a message of a run; the returned request sends it, with a lease if the robot joins by it."""
         parameters = {"kind": kind, "way": way.value} | ({"wait": "1"} if waits else {})
         if request_id:
             parameters["id"] = request_id
@@ -90,7 +91,7 @@ class PartnerRobot:
 
 
 class Partners:
-    """The robots of other edges that missions of this edge may use, and the leases of its runs."""
+    """Robots of other edges that missions of this edge may use, and the leases of its runs."""
 
     def __init__(
         self,
@@ -117,7 +118,7 @@ class Partners:
         return found.edge if found is not None else ""
 
     def declare(self, every: Callable[[float, Callable[[], None]], object]) -> None:
-        """Hear of the robots, and renew what is held."""
+        """Subscribe to the robots' states, and renew leases periodically."""
         for edge in {robot.edge for robot in self.robots.values()}:
             calls = {
                 keys.state(edge, robot.name): robot.arrived
@@ -129,18 +130,28 @@ class Partners:
             every(RENEWED_EVERY, self.renew)
 
     def stop(self, names: Iterable[str]) -> tuple[str, ...]:
-        """Set the emergency stop of those that are partners' robots; return the others."""
+        """Set the emergency stop of the partners' robots among them; return the others.
+
+        On other threads: a congested session must not delay the stops of our own robots.
+        """
         ours = []
         for name in names:
             robot = self.robots.get(name)
             if robot is None:
                 ours.append(name)
             else:
-                self._control.put(keys.stop(robot.edge), msgspec.json.encode([name]), urgent=True)
+                run_in_thread(partial(self._put_stop, robot), wait=HALT_WAIT)
         return tuple(ours)
 
+    def _put_stop(self, robot: PartnerRobot) -> None:
+        """Send one stop; waits while the session is congested. Never raises."""
+        try:
+            self._control.put(keys.stop(robot.edge), msgspec.json.encode([robot.name]), urgent=True)
+        except Exception:
+            log.exception("the emergency stop of %s was not sent", robot.name)
+
     def renew(self) -> None:
-        """Renew the leases of the runs that are under way; on the loop."""
+        """Renew the leases of the runs in progress; on the event loop."""
         runs = {run.id: run for run in self.runs()}
         for (run, edge), robots in list(self._held.items()):
             kept = robots if run in runs else set()
@@ -157,7 +168,7 @@ class Partners:
         send: Callable[[Answer], None],
         answer: Answer,
     ) -> None:
-        """Send a message; a robot joins with a lease, and leaves without one. On the loop."""
+        """Send a message; a robot joins with a lease, and leaves without one. On the event loop."""
         try:
             message = parse_object(payload)
         except WireError as error:
@@ -181,7 +192,7 @@ class Partners:
         send: Callable[[Answer], None],
         answer: Answer,
     ) -> None:
-        """Have a robot join a run once its edge has granted the lease."""
+        """Make a robot join a run once its edge has granted the lease."""
         robots = {*self._held.get((run, robot.edge), ()), robot.name}
         ask = LeaseAsk(
             run,
@@ -212,7 +223,7 @@ class Partners:
     def send(
         self, robot: PartnerRobot, payload: bytes, parameters: Mapping[str, str], answer: Answer
     ) -> None:
-        """Send a message to a robot; what it answers comes back on the loop."""
+        """Send a message to a robot; its replies come back on the event loop."""
         ask_robot(
             self._control,
             keys.command(robot.edge, robot.name),
@@ -224,7 +235,7 @@ class Partners:
         )
 
     def _ask(self, edge: str, ask: LeaseAsk, told: Callable[[LeaseAnswer], None]) -> None:
-        """Ask for a lease; ``told`` hears the answer, on the loop."""
+        """Request a lease; ``told`` gets the answer, on the event loop."""
         found: list[LeaseAnswer] = []
 
         def answered(data: bytes) -> None:
@@ -244,6 +255,6 @@ class Partners:
 
 
 def _failed_do(run: Run | None) -> str:
-    """Return what a robot does that fails in the step which is under way."""
+    """Return what a robot does that fails in the present step."""
     step = instruction_of(run.engine.program, run.engine.head) if run is not None else None
     return step.failed_do if isinstance(step, Do) else "hold"

@@ -1,6 +1,6 @@
-"""What the process of a rehearsal is told: the mission, and the robots as they are now.
+"""Task of a rehearsal's process: the mission, and the robots as they are now.
 
-Nothing of the cloud, of the bus or of the edge's folders is in it.
+It contains nothing of the cloud, the bus or the edge's folders.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from fleet.model.state import RobotState
 
 
 class PlacedRobot(msgspec.Struct, frozen=True):
-    """A robot of the edge: its adapter and config, and its state when the rehearsal was asked for."""
+    """A robot of the edge: its adapter and config, and its state when the rehearsal was requested."""
 
     task: RobotTask
     state: RobotState
 
 
 class RehearsalTask(msgspec.Struct, frozen=True):
-    """One rehearsal. ``mission`` is the checked model (JSON), of which ``program`` was made.
+    """One rehearsal. ``mission`` is the checked model (JSON) from which ``program`` was made.
 
-    ``places`` and ``groups`` are those of fleet.yaml. ``folder``: where relative paths begin. ``way``,
+    ``places`` and ``groups`` are those of fleet.yaml. ``folder``: base of relative paths. ``way``,
     ``source_type`` and ``session_id`` are the authority under which the mission would run.
     """
 
@@ -45,7 +45,7 @@ class RehearsalTask(msgspec.Struct, frozen=True):
 
 
 class RehearsalLine(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One line of what the process tells: how far it is, what happened, how it ended, or why it cannot."""
+    """One line of the process's output: progress, an event, the result, or a failure."""
 
     seconds: float = 0.0
     step: str = ""

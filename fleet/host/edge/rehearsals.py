@@ -1,8 +1,8 @@
-"""The rehearsals of an edge: one at a time, each in a process of its own; and the passes that it keeps.
+"""Rehearsals of an edge: one at a time, each in its own process; and the stored passes.
 
 Only this process writes a pass, after a rehearsal that it started itself, of its own mission, robots and
-configuration: who may operate can ask for a rehearsal, and cannot tell the edge how it went. The file has
-the rights of ``missions.db`` beside it.
+configuration: an operator can request a rehearsal, but not report its result. The file has the same access
+rights as ``missions.db`` beside it.
 """
 
 from __future__ import annotations
@@ -47,25 +47,25 @@ from fleet.model.command import Transport
 from fleet.model.geodesy import GeoOrigin
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
-from fleet.spool.state_folder import made
+from fleet.spool.state_folder import create_folder
 from fleet.version import __version__
 
 log = logging.getLogger(__name__)
 
 PASSES = "rehearsals.json"
 KEPT = 100
-LARGEST = 1 << 24  # bytes of a line
-UNHEARD = 15.0  # s without a question after which nobody waits for a rehearsal any more
+LARGEST = 1 << 24  # bytes of the longest line
+UNHEARD = 15.0  # s without a query after which a rehearsal is ended
 LOOK = 1.0  # s
-SILENT = 120.0  # s without a word of its process after which that is given up
+SILENT = 120.0  # s without output after which its process is killed
 COMMAND = (sys.executable, "-P", "-m", "fleet.rehearsal")
 _encode = msgspec.json.Encoder().encode
 
 
 class Rehearsals:
-    """Rehearses missions, and knows which may be started by what was rehearsed.
+    """Rehearses missions, and decides by their passes which may be started.
 
-    ``states`` are the robots of the edge as they are now.
+    ``states`` returns the present states of the edge's robots.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Rehearsals:
         self._config = config_digest(loaded)
         self._file = folder / PASSES
         self._passes = read_passes(self._file)
-        self._now: _UnderWay | None = None
+        self._now: _RunningRehearsal | None = None
         filling.rehearsed = self.refusal
 
     def refusal(
@@ -92,16 +92,16 @@ class Rehearsals:
         roles: dict[str, list[str]] | None,
         places: dict[str, Point | None],
     ) -> str:
-        """Return why a mission may not be started by what was rehearsed; empty when it may."""
+        """Return why a mission may not be started without another rehearsal; empty when it may."""
         present = Present(program, self._config, self._clock.time(), places, roles)
         return refusal(reversed(self._passes), present)
 
     def configure(self, loaded: Loaded) -> None:
-        """Rehearse with another configuration; what was passed with the one before counts no more."""
+        """Use another configuration; passes of the one before no longer count."""
         self._loaded, self._config = loaded, config_digest(loaded)
 
     def begin(self, question: Query, mission: Mission, program: Program, ask: StartAsk) -> None:
-        """Begin a rehearsal, and answer; on the loop."""
+        """Start a rehearsal, and answer; on the event loop."""
         try:
             state = self._begun(mission, program, ask)
         except Refused as error:
@@ -110,7 +110,7 @@ class Rehearsals:
         question.close()
 
     def _begun(self, mission: Mission, program: Program, ask: StartAsk) -> RehearsalState:
-        """Begin a rehearsal; raises Refused."""
+        """Start a rehearsal; raises Refused."""
         if self._now is not None and not self._now.task.done():
             raise Refused("another rehearsal is under way", hint="wait for its end")
         roles = self._filling.fill(mission, program, ask, rehearses=True)
@@ -147,11 +147,11 @@ class Rehearsals:
             {name: place for name, place in places.items() if place is not None},
             self._clock.time(),
         )
-        self._now = _UnderWay(secrets.token_hex(4), task, self._clock, lambda: self._keep(passed))
+        self._now = _RunningRehearsal(secrets.token_hex(4), task, self._clock, lambda: self._keep(passed))
         return self._now.state(0)
 
     def look(self, question: Query) -> None:
-        """Answer how a rehearsal goes; on the loop."""
+        """Answer with the state of a rehearsal; on the event loop."""
         try:
             ask = decode_json(question.payload, RehearsalAsk)
         except msgspec.DecodeError as error:
@@ -164,7 +164,7 @@ class Rehearsals:
         question.close()
 
     async def _keep(self, passed: Passed) -> None:
-        """Keep a pass, on disk for the next process of this edge."""
+        """Store a pass, on disk for the next process of this edge."""
         self._passes = [*self._passes, passed][-KEPT:]
         try:
             await asyncio.to_thread(_write, self._file, _encode(self._passes))
@@ -172,8 +172,8 @@ class Rehearsals:
             log.error("a rehearsal that was passed counts until this edge ends: %s", error)  # noqa: TRY400
 
 
-class _UnderWay:
-    """One rehearsal in its process. ``keep`` is called when it was passed."""
+class _RunningRehearsal:
+    """One rehearsal in its process. ``keep`` is called when it has passed."""
 
     def __init__(
         self, id_: str, task: RehearsalTask, clock: Clock, keep: Callable[[], Coroutine[None, None, None]]
@@ -192,7 +192,7 @@ class _UnderWay:
         self.task = asyncio.get_running_loop().create_task(self._run(_encode(task)), name="rehearsal")
 
     def state(self, since: int) -> RehearsalState:
-        """Return how it goes; whoever asks waits for it."""
+        """Return its state; the query also keeps it running."""
         self._asked = self._clock.monotonic()
         notes = tuple(self._notes[since:])
         return RehearsalState(
@@ -200,7 +200,7 @@ class _UnderWay:
         )
 
     async def _run(self, task: bytes) -> None:
-        """Run the process to its end, or until nobody asks for it."""
+        """Run the process to its end, or until nobody queries it."""
         try:
             process = await asyncio.create_subprocess_exec(
                 *COMMAND,
@@ -208,8 +208,8 @@ class _UnderWay:
                 stdout=PIPE,
                 stderr=STDOUT,
                 limit=LARGEST,
-                start_new_session=True,  # Ctrl-C at the terminal is for the edge, which ends it in order
-                env={**os.environ, "PYTHONHASHSEED": "0"},  # the same again, for the same seed
+                start_new_session=True,  # Ctrl-C on the terminal goes to the edge, which ends it in order
+                env={**os.environ, "PYTHONHASHSEED": "0"},  # reproducible for the same seed
             )
         except OSError as error:
             self._failure = f"its process cannot be started: {error}"
@@ -227,7 +227,7 @@ class _UnderWay:
                 await process.wait()
 
     async def _follow(self, process: Process) -> None:
-        """Take what the process tells."""
+        """Process the output."""
         assert process.stdout is not None
         reading, heard = asyncio.ensure_future(process.stdout.readline()), self._clock.monotonic()
         while not self._given_up(heard):
@@ -242,7 +242,7 @@ class _UnderWay:
         reading.cancel()
 
     def _given_up(self, heard: float) -> bool:
-        """Return whether nobody asks for it any more, or its process has said nothing since ``heard``."""
+        """Return whether it is no longer queried, or its process has been silent since ``heard``."""
         now = self._clock.monotonic()
         if now - self._asked >= UNHEARD:
             self._failure = "nobody asked any more how it goes"
@@ -251,7 +251,7 @@ class _UnderWay:
         return bool(self._failure)
 
     async def _take(self, data: bytes) -> None:
-        """Take one line; what is none of ours is what the process says when it fails."""
+        """Process one line; any other text is an error message of the process."""
         try:
             line = decode_json(data, RehearsalLine)
         except msgspec.DecodeError:
@@ -270,27 +270,27 @@ class _UnderWay:
 
 
 def place_of(state: RobotState) -> Point | None:
-    """Return where a robot is, in the site's frame, else in its own world; None while nobody knows."""
+    """Return a robot's position, in the site's frame, else in its own world; None while unknown."""
     at = state.site or state.position
     return None if at is None else (at.x, at.y, at.z)
 
 
 def config_digest(loaded: Loaded) -> str:
-    """Return what stands for everything in fleet.yaml that a rehearsal depends on, and for this version."""
+    """Return a digest of everything in fleet.yaml that a rehearsal depends on, and of this version."""
     config = loaded.config
     places = {name: place.model_dump(mode="json") for name, place in config.places.items()}
     return digest(__version__, dict(loaded.given), config.site.origin, config.members, places)
 
 
 def _task_of(loaded: Loaded, at: int) -> RobotTask:
-    """Return how a robot is built."""
+    """Return the build description of a robot."""
     config, plugin = loaded.robots[at]
     file = str(plugin.file.absolute()) if plugin.file else ""
     return RobotTask(config.name, plugin.name, file, loaded.given[config.name])
 
 
 def read_passes(path: Path) -> list[Passed]:
-    """Return the passes of an earlier process; none where they cannot be read."""
+    """Return the passes of an earlier process; none if they cannot be read."""
     try:
         return decode_json(path.read_bytes(), list[Passed])
     except FileNotFoundError:
@@ -301,8 +301,8 @@ def read_passes(path: Path) -> list[Passed]:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """Write the passes, for this user alone; a reader sees all of them or those before. Raises OSError."""
-    made(path.parent)
+    """Write the passes atomically, for this user only. Raises OSError."""
+    create_folder(path.parent)
     new = path.with_suffix(".new")
     file = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
     with os.fdopen(file, "wb") as stream:

@@ -1,4 +1,4 @@
-"""Emergency stops of robots that have a new name since the edge last ran: only a release ends a stop."""
+"""Emergency stops of robots renamed since the edge last ran: only a release ends a stop."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 def carry_stops(
     loaded: Loaded, folder: Path, process: RobotProcess, remote: Mapping[str, RemoteRobot]
 ) -> None:
-    """Set the stops of robots that had another name, by their twins, in what the edge last ran with."""
+    """Set the stops of renamed robots, found by their twins in the last configuration of the edge."""
     try:
         last = last_configuration(folder)
     except StateError as error:
@@ -33,7 +33,7 @@ def carry_stops(
             continue
         log.warning("%s was %s: its emergency stop is still set: %s", name, before, why)
         if name in remote:
-            process.journal.robot(name).latch(why)  # the edge may end before the worker hears of it
+            process.journal.robot(name).latch(why)  # the edge may end before the worker receives it
             remote[name].stop_later(local_cause("", why))
         else:
             latch = process.robots[name].controller.latch

@@ -1,4 +1,4 @@
-"""What is reported of the robots of an edge on the bus, for the runs of its missions."""
+"""Reports about an edge's robots on the bus, for the runs of its missions."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from fleet.wire.topics import data_key
 
 
 class RobotReports:
-    """Events that programs publish, and what the robots of workers report of their goals and pictures.
+    """Receives events that programs publish, and reports of goals and pictures of robots in workers.
 
-    ``event`` takes the name of a robot and the kind of an event, ``goal`` a report of an action; ``pictures``
-    returns what takes those of a twin. All of them on the bus's threads.
+    ``event`` gets the name of a robot and the kind of an event, ``goal`` a report of an action; ``pictures``
+    returns the receiver for those of a twin. All of them on the bus's threads.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class RobotReports:
             reports.subscribe_many(f"cw/*/data/{channel}", calls)
 
     def join(self, robot: str, twin: str, *, elsewhere: bool) -> None:
-        """Take what is reported of a robot; of one in a worker: all."""
+        """Receive the events about a robot; for one in a worker, also its other reports."""
         self.leave(twin)
         self._take(twin, EventReport.channel, partial(self._published, robot))
         if elsewhere:
@@ -47,7 +47,7 @@ class RobotReports:
             self._take(twin, PhotoReport.channel, self._pictures(twin))
 
     def leave(self, twin: str) -> None:
-        """Take nothing more of a twin."""
+        """Stop receiving the reports of a twin."""
         for channel, calls in self._calls.items():
             calls.pop(data_key(twin, channel), None)
 
@@ -64,6 +64,6 @@ class RobotReports:
             self._session.subscribe_many(f"cw/*/data/{channel}", calls)
 
     def _published(self, robot: str, sample: bytes) -> None:
-        """Take an event that a program publishes."""
+        """Process an event that a program publishes."""
         with contextlib.suppress(WireError):
             self._event(robot, text(object_in(sample, EventReport.channel), "event_type"))

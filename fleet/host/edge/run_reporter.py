@@ -1,4 +1,4 @@
-"""Reports the runs of missions: their states on the bus, their beginning and their end in the history."""
+"""Reports runs of missions: states on the bus, start and end in the history."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from fleet.model.event import EventKind, EventReport, Requester, Severity
 
 
 class RunReporter:
-    """The reports of one edge's runs. ``record`` writes an event into its history.
+    """Reports the runs of one edge. ``record`` adds an event to its history.
 
-    ``starter`` returns who started a run. ``listeners`` hear each state after the history and before the bus.
+    ``starter`` returns who started a run. ``listeners`` are called with each state, after the history and
+    before the bus.
     """
 
     def __init__(
@@ -33,7 +34,7 @@ class RunReporter:
         self._starter = starter
         self._clock = clock
         self._states = bus_session.publishers(keys.run(edge, "*"))
-        self._recorded: set[str] = set()  # the runs whose beginning is in the history, and not their end
+        self._recorded: set[str] = set()  # runs whose start is in the history, and not yet their end
 
     def report(self, state: RunState) -> None:
         """Report the state of a run that has changed."""
@@ -53,7 +54,7 @@ class RunReporter:
             publisher.put(msgspec.json.encode(state))
 
     def _event(self, state: RunState, kind: EventKind, text: str) -> None:
-        """Write an event of a run, with who started it, into the history of the edge."""
+        """Add an event of a run, with its requester, to the history of the edge."""
         asker = self._starter(state)
         severity = Severity.INFO if state.outcome in ("", "completed") else Severity.WARNING
         event = EventReport(self._clock.time(), kind, text, severity, asker, state.mission, state.run)

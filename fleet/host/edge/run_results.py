@@ -1,4 +1,4 @@
-"""Collects what the runs of an edge leave behind: the tracks of their robots, and pictures they report."""
+"""Collects results of an edge's runs: tracks of their robots, and pictures that they report."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from fleet.wire.databus import decode_report
 
 
 class RunResults:
-    """The results of the runs of one edge. ``twins`` has the name of each robot by its twin."""
+    """Results of the runs of one edge. ``twins`` maps twins to the names of the robots."""
 
     def __init__(
         self, folder: Path, runs: Runs, robots: Mapping[str, Robot], twins: Mapping[str, str], clock: Clock
@@ -30,11 +30,11 @@ class RunResults:
         self._results = Results(folder)
 
     def close(self) -> None:
-        """Write what waits; may wait."""
+        """Write waiting results; may block."""
         self._results.close()
 
     def look(self) -> None:
-        """Note where the robots of all runs are; once a second, on the loop."""
+        """Record the positions of the robots in all runs; once a second, on the event loop."""
         if not self._runs.any:
             return
         now = self._clock.time()
@@ -44,14 +44,14 @@ class RunResults:
                 self._results.at(run.id, member.robot, state.site or state.position, now)
 
     def pictured(self, twin: str, report: PhotoReport) -> None:
-        """Keep a picture of a robot that is in a run; from any thread."""
+        """Store a picture of a robot that is in a run; from any thread."""
         robot = self._twins.get(twin, "")
         run = self._robots[robot].state().run if robot and self._runs.any else ""
         if run:
             self._results.picture(run, robot, report.image, report.format, self._clock.time())
 
     def heard(self, twin: str) -> Callable[[bytes], None]:
-        """Return what takes the pictures of a robot in a worker; on the bus's thread."""
+        """Return the receiver for the pictures of a robot in a worker; on the bus's thread."""
 
         def heard(sample: bytes) -> None:
             with contextlib.suppress(WireError):
@@ -62,17 +62,17 @@ class RunResults:
         return heard
 
     def told(self, state: RunState) -> None:
-        """Take note that a run has ended; on the loop."""
+        """Record that a run has ended; on the event loop."""
         if state.outcome:
             self._results.end(state.run)
 
     def answer(self, question: Query, key: str, run: str) -> None:
-        """Answer with what a run has left behind; nothing for a run that is another edge's."""
+        """Answer with the results of a run; without a reply for a run of another edge."""
         self._results.of(run, partial(_tell, question, key))
 
 
 def _tell(question: Query, key: str, found: list[Result]) -> None:
-    """Answer a question for results."""
+    """Answer a query for results."""
     if found:
         question.reply(msgspec.json.encode(found), key)
     question.close()

@@ -1,4 +1,4 @@
-"""The schedules of an edge, on its event loop and on its bus."""
+"""Schedules of an edge, on its event loop and its bus."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from fleet.schedules.store import Store
 
 log = logging.getLogger(__name__)
 
-WAITING = 100  # events that may wait for the schedules; more are told and dropped
-SERVED_WITHIN = 5.0  # s for schedules to be served, when the edge has just begun
-Told = Callable[[str, EventReport], None]
+WAITING = 100  # events that may wait for the schedules; more are reported and dropped
+SERVED_WITHIN = 5.0  # s for the schedules to start with the edge
+EventSink = Callable[[str, EventReport], None]
 
 
 class EdgeSchedules:
-    """What fires by itself on one edge. ``states`` are those of its robots, also in workers.
+    """Schedules of one edge. ``states`` returns those of its robots, also in workers.
 
-    ``starter`` starts missions. Until there is a schedule it does nothing.
+    ``starter`` starts missions. Without any schedule it is idle.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class EdgeSchedules:
         self._loop = asyncio.get_running_loop()
         self._schedules: Schedules | None = None
         self._problem = ""
-        self._served = asyncio.Event()  # or known to be a problem
+        self._served = asyncio.Event()  # or known to have a problem
         self._events: asyncio.Queue[tuple[str, EventReport]] = asyncio.Queue(WAITING)
         self._listens = events_of(self._config)
         self._changed = asyncio.Event()
@@ -61,7 +61,7 @@ class EdgeSchedules:
             self._needed.set()
 
     def configure(self, loaded: Loaded) -> None:
-        """Have the schedules of another configuration; on the loop."""
+        """Use the schedules of another configuration; on the event loop."""
         if loaded.config.schedules == self._config:
             return
         self._config = loaded.config.schedules
@@ -71,11 +71,11 @@ class EdgeSchedules:
 
     @property
     def problem(self) -> str:
-        """Why nothing can be fired; empty while it can."""
+        """Why no schedule can fire; empty while they can."""
         return self._problem or (self._schedules.problem if self._schedules else "")
 
     async def run(self, *, afresh: bool = False) -> None:
-        """Fire what is due until cancelled; ``afresh``: another edge did it until now."""
+        """Fire due schedules until cancelled; ``afresh``: another edge did so until now."""
         if afresh:  # it has acted on these events
             self._events = asyncio.Queue(WAITING)
         await self._needed.wait()
@@ -101,17 +101,17 @@ class EdgeSchedules:
                 group.create_task(self._schedules.run())
                 group.create_task(self._hear(self._schedules))
                 group.create_task(self._replace(self._schedules))
-        except Exception as error:  # a bug in it must not be silent: nobody waits for this task
+        except Exception as error:  # nothing awaits this task, so a bug must be logged
             cause = error.exceptions[0] if isinstance(error, ExceptionGroup) else error
             self._problem = f"no schedule fires any more: {type(cause).__name__}: {cause}"
             log.exception("%s", self._problem)
         finally:
             self._served.set()
             self._schedules = None
-            await asyncio.to_thread(store.close)  # it waits for the disk, and robots may be stopped just now
+            await asyncio.to_thread(store.close)  # it waits for the disk, while robots may be being stopped
 
-    def before(self, told: Told) -> Told:
-        """Return what hears of each event of the history, from any thread, and then tells ``told``."""
+    def before(self, told: EventSink) -> EventSink:
+        """Return a receiver for the events of the history, from any thread, that then calls ``told``."""
 
         @never_raises
         def hear(robot: str, event: EventReport) -> None:
@@ -125,11 +125,11 @@ class EdgeSchedules:
         return both
 
     def asked(self, question: Query) -> None:
-        """Take a question of the bus, on its thread."""
+        """Receive a query, on the bus's thread."""
         asyncio.run_coroutine_threadsafe(self._answer(question), self._loop)
 
     def _take(self, robot: str, event: EventReport) -> None:
-        """Have an event wait for its turn."""
+        """Queue an event."""
         try:
             self._events.put_nowait((robot, event))
         except asyncio.QueueFull:
@@ -137,7 +137,7 @@ class EdgeSchedules:
             self._record("", EventReport(self._clock.time(), EventKind.SCHEDULE, why))
 
     async def _hear(self, schedules: Schedules) -> None:
-        """Bring events to the schedules that wait for them."""
+        """Pass events to the schedules that wait for them."""
         while True:
             await schedules.heard(*await self._events.get())
 
@@ -149,7 +149,7 @@ class EdgeSchedules:
             await schedules.replace(self._config)
 
     def _stopped(self) -> dict[str, str]:
-        """Return whose emergency stop is set, and why."""
+        """Return the robots whose emergency stop is set, and why."""
         return {
             state.name: f"its emergency stop is set: {state.stop_cause}".removesuffix(": ")
             for state in self._states()
@@ -157,7 +157,7 @@ class EdgeSchedules:
         }
 
     async def _answer(self, question: Query) -> None:
-        """Answer a question; each has exactly one answer."""
+        """Answer a query; each has exactly one reply."""
         try:
             asked = decode_json(question.payload, ScheduleAsked)
             needed = Permission.VIEW if asked.do == "list" else Permission.OPERATE
@@ -174,7 +174,7 @@ class EdgeSchedules:
         question.close()
 
     async def _answered(self, asked: ScheduleAsked) -> ScheduleAnswer:
-        """Do what is asked; raises StateError."""
+        """Execute a request; raises StateError."""
         if not self._needed.is_set() and asked.do == "list":
             return ScheduleAnswer()
         if asked.do != "list" and asked.name not in self._config:

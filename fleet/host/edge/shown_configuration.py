@@ -1,4 +1,4 @@
-"""What fleet.yaml says, for a person who may see it: without its secrets."""
+"""Text of fleet.yaml for authorized users, without its secrets."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ LONGEST = 256 * 1024  # characters
 
 
 def shown_configuration(file: Path, environ: Mapping[str, str] = os.environ) -> str:
-    """Return a fleet file and what it includes as text, secrets masked; blocks.
+    """Return a fleet file and its includes as text, with secrets masked; blocks.
 
-    A file that is wrong is shown, too; the text is empty where it cannot be read at all.
+    An invalid file is shown, too; the text is empty if it cannot be read at all.
     """
     try:
         document = read(file, environ)

@@ -1,7 +1,7 @@
-"""An edge of a pair: its robots are run while it holds the lease, and at no other time.
+"""An edge of a pair: runs its robots only while it holds the lease.
 
-While the lease is another edge's, no link of a robot is open here, so a robot never hears two edges. When the
-lease ends, every robot is halted and its link closed, before the other edge may open it (``fleet.standby``).
+While another edge has the lease, no link of a robot is open here, so a robot never hears two edges. When the
+lease ends, every robot is halted and its link closed before the other edge may open it (``fleet.standby``).
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ log = logging.getLogger(__name__)
 
 FAILOVER = "failover"
 ACCEPT = b'{"accept":true}'
-"""What is asked of the standby whose file differs: to take the robots over nevertheless."""
+"""Request to a standby whose file differs: take the robots over nevertheless."""
 
 
 def open_gate(config: FleetConfig) -> LinkGate | None:
-    """Put a gate in front of the links that are opened from now on, in an edge of a pair."""
+    """Put a gate in front of all links opened from now on, in an edge of a pair."""
     if config.pair is None:
         return None
     gate = LinkGate()
@@ -51,14 +51,14 @@ def open_gate(config: FleetConfig) -> LinkGate | None:
 
 
 class Serve(Protocol):
-    """What runs only while the robots are this edge's."""
+    """Service that runs only while the robots are this edge's."""
 
     def __call__(self, *, afresh: bool) -> Coroutine[object, object, None]:
         """Serve until cancelled; ``afresh``: another edge had the robots until now."""
 
 
 class Standby:
-    """One edge's part in its pair. ``serve`` is what runs only while the edge holds the lease."""
+    """One edge's part in its pair. ``serve`` runs only while the edge holds the lease."""
 
     def __init__(
         self,
@@ -80,12 +80,12 @@ class Standby:
         self._serving: asyncio.Task[None] | None = None
         self._terms = Terms()
         run = f"{self._edge}-{os.getpid()}-{uuid.uuid4().hex[:12]}"
-        self.file = digest_of(loaded)  # what both edges must agree about
+        self.file = digest_of(loaded)  # both edges must agree on it
         lease = Lease(self._edge, run, self._terms, self.file)
         self._keeper = LeaseKeeper(lease, _store(config), self, clock=boot_time)
-        self._letting_go: asyncio.Task[None] | None = None
+        self._handing_over: asyncio.Task[None] | None = None
         self._barred = True
-        self._why = ""  # why no robot is run here
+        self._why = ""  # why no robot runs here
         self._holders: dict[str, str] = {}  # of twins, by their claims
         self._show_holder, process.holders.changed = process.holders.changed, self._on_holder
         process.claims.pair = frozenset(config.pair)
@@ -101,21 +101,21 @@ class Standby:
         return self._keeper.problem
 
     def configure(self, loaded: Loaded) -> None:
-        """Tell what the edge runs with from now on."""
+        """Use the digest of a changed configuration."""
         self.file = self._keeper.lease.config = digest_of(loaded)
 
     @property
     def role(self) -> str:
-        """What the edge is: holder, standby or fenced."""
+        """State of the edge: holder, standby or fenced."""
         return self._keeper.lease.state.value
 
     @property
     def epoch(self) -> int:
-        """The epoch in which it holds the lease, 0 while it does not."""
+        """Epoch in which it holds the lease, 0 while it does not."""
         return self._gate.epoch if self._keeper.lease.state is LeaseState.HOLDER else 0
 
     def begin(self) -> None:
-        """Keep the robots from being run until the lease is held, and ask for it; before the robots start."""
+        """Bar the robots until the lease is held, and request it; before the robots start."""
         self._bar("no edge of the pair is known to have the lease yet")
         for robot in self._robots:
             robot.controller.permit.refusal = lambda: "this edge does not hold the lease of its pair"
@@ -123,31 +123,31 @@ class Standby:
         self._keeper.begin()
 
     def ending(self) -> None:
-        """Begin to give the lease back: this edge ends."""
+        """Start giving the lease back: this edge ends."""
         self._keeper.hand_over("")
 
     async def close(self) -> None:
         """Give the lease back; no link may be open any more."""
-        tasks = [task for task in (self._serving, self._letting_go) if task is not None]
+        tasks = [task for task in (self._serving, self._handing_over) if task is not None]
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         await asyncio.to_thread(self._keeper.close)
 
-    # -- the keeper's words, on its thread -------------------------------------------------------------
+    # -- calls of the keeper, on its thread ------------------------------------------------------------
 
     def stops(self) -> dict[str, str]:
         """Return the robots whose emergency stop is set, with its cause."""
         return self._stops.listed
 
-    def vouched(self, epoch: int, until: float) -> None:
-        """Let the links of this epoch be written to until then; the supervisor's copies of them too."""
+    def permit_writes(self, epoch: int, until: float) -> None:
+        """Permit writing to the links of this epoch until ``until``, also for the supervisor's copies."""
         self._process.supervised.write_until(until)
         self._gate.until = until
         self._gate.epoch = epoch
 
     def changed(self, state: LeaseState) -> None:
-        """Follow a new state."""
+        """React to a new state."""
         if state is LeaseState.FENCED:
             log.warning("the lease of the pair ends: every robot is halted, and its link closed")
             run_in_thread(self._process.halt_robots)
@@ -159,7 +159,7 @@ class Standby:
             self._soon(self._waits)
 
     def saw(self, entry: Entry | None) -> None:
-        """Follow the stops of who holds the lease."""
+        """Follow the stops of the lease's holder."""
         if entry is not None and entry.edge != self._edge:
             self._soon(partial(self._follow, entry))
 
@@ -171,7 +171,7 @@ class Standby:
     # -- on the event loop -----------------------------------------------------------------------------
 
     def _holds(self, epoch: int, takeover: Takeover) -> None:
-        """Run the robots; those of another holder move only once its last motion has ended."""
+        """Run the robots; those of another holder may move only once its last motion has ended."""
         if epoch != self._gate.epoch or self._process.runs.ending:
             return
         self._stops.take_over(takeover.entry)
@@ -188,7 +188,7 @@ class Standby:
         afresh = takeover.entry is not None and takeover.entry.edge == self._other
         for robot in self._robots if afresh else ():
             apart = robot.controller.guard.apart
-            if apart is not None and robot.config.start is not None:  # from which it may be far away by now
+            if apart is not None and robot.config.start is not None:  # it may be far from there by now
                 apart.placement, apart.at = None, None
                 apart.lost = f"edge {self._other} may have moved it since its start"
         self._barred, self._why = False, ""
@@ -209,10 +209,10 @@ class Standby:
             self._gate.epoch = 0
             self._keeper.let_go()
 
-        self._letting_go = asyncio.ensure_future(let_go())
+        self._handing_over = asyncio.ensure_future(let_go())
 
     def _waits(self) -> None:
-        """Show that the robots are another edge's."""
+        """Show that another edge has the robots."""
         why = f"edge {self._other} of the pair has the lease"
         if self._keeper.lease.differs:
             why += ", and another file: no takeover"
@@ -227,12 +227,12 @@ class Standby:
             self._on_holder(twin, self._holders.get(twin, ""))
 
     def _on_holder(self, twin: str, holder: str) -> None:
-        """Show who has a twin: the other edge, while we do not hold the lease."""
+        """Show the holder of a twin: the other edge, while this one does not hold the lease."""
         self._holders[twin] = holder
         self._show_holder(twin, holder or (self._other if self._barred else ""))
 
     def _follow(self, entry: Entry) -> None:
-        """Follow what the holder says of stops, and show that it is the holder."""
+        """Follow the holder's stops, and show that it is the holder."""
         if self._keeper.lease.state is LeaseState.STANDBY:
             self._stops.follow(entry)
             self._waits()
@@ -240,7 +240,7 @@ class Standby:
     # -- a deliberate handover -------------------------------------------------------------------------
 
     def _asked(self, question: Query) -> None:
-        """Hand the lease over, as somebody asks; on the bus's thread."""
+        """Hand the lease over on request; on the bus's thread."""
 
         def hand_over() -> None:
             if question.payload == ACCEPT and not self._keeper.lease.differs:
@@ -261,8 +261,8 @@ class Standby:
         self._soon(hand_over)
 
 
-class Alone:
-    """In the place of ``Standby`` in an edge without a pair: everything is served all the time."""
+class Unpaired:
+    """Replaces ``Standby`` in an edge without a pair: everything is served all the time."""
 
     problem = role = file = ""
     epoch = 0
@@ -272,14 +272,14 @@ class Alone:
         self._serving: asyncio.Task[None] | None = None
 
     def configure(self, loaded: Loaded) -> None:
-        """Take note of nothing: no other edge needs to know."""
+        """Ignore a changed configuration: no other edge needs it."""
 
     def begin(self) -> None:
-        """Serve."""
+        """Start serving."""
         self._serving = asyncio.create_task(self._serve(afresh=False), name="schedules")
 
     def ending(self) -> None:
-        """End what is served: this edge ends."""
+        """Stop serving: this edge ends."""
         if self._serving is not None:
             self._serving.cancel()
 
@@ -294,23 +294,23 @@ def part_in_pair(
     gate: LinkGate | None,
     process: RobotProcess,
     serve: Serve,
-) -> Standby | Alone:
+) -> Standby | Unpaired:
     """Return the edge's part in its pair; ``serve`` runs while the robots are this edge's."""
-    return Alone(serve) if gate is None else Standby(loaded, gate, process, serve=serve)
+    return Unpaired(serve) if gate is None else Standby(loaded, gate, process, serve=serve)
 
 
 def bound_of(config: AdapterConfig) -> Bound:
-    """Return how long a robot may go on moving without its edge."""
+    """Return how long a robot may keep moving without its edge."""
     return Bound(config.setpoint_lease, config.failsafe_after)
 
 
 def _is_reached(robot: LocalRobot) -> bool:
-    """Return whether a robot can hear a stop now."""
+    """Return whether a robot can receive a stop now."""
     return not robot.controller.offline
 
 
 class _EpochPermit:
-    """When one robot may be moved in one epoch: from ``begins`` on (None: once it was stopped from here)."""
+    """Motion permit of one robot in one epoch: from ``begins`` on (None: once it was stopped from here)."""
 
     def __init__(
         self, begins: float | None, *, holds: Callable[[], bool], reached: Callable[[], bool]
@@ -321,7 +321,7 @@ class _EpochPermit:
         self._stopped = False
 
     def stopped(self) -> None:
-        """Note a stop; it counts if the robot can have heard it."""
+        """Record a stop; it counts if the robot can have received it."""
         self._stopped = self._stopped or self._reached()
 
     def refusal(self) -> str | None:

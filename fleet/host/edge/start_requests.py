@@ -1,4 +1,4 @@
-"""Starts missions that are asked for: checked on a thread of their own, filled and started on the loop."""
+"""Starts missions on request: checked on a separate thread, filled and started on the event loop."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from fleet.model.command import Transport
 log = logging.getLogger(__name__)
 
 Made = Callable[[], tuple[Mission, StartAsk]]
-"""Returns the mission that is meant and what is asked; raises Refused, InvalidConfig, DecodeError."""
+"""Returns the mission of a request, and the request; raises Refused, InvalidConfig, DecodeError."""
 Checked = Callable[[Mission, Program, StartAsk], None]
-"""Goes on with a mission that was checked."""
+"""Continues with a checked mission."""
 
 
 class StartRequests:
-    """Starts the runs of an edge. ``described`` calls back once robots said what they take."""
+    """Starts the runs of an edge. ``described`` calls back once robots are described."""
 
     def __init__(
         self,
@@ -40,9 +40,9 @@ class StartRequests:
     def begin(
         self, made: Made, way: Transport, began: Began, *, workflow: str = "", admitted: bool = False
     ) -> None:
-        """Check a mission and start it, or show who would fill its roles; from any thread.
+        """Check a mission and start it, or answer which robots would fill its roles; from any thread.
 
-        ``began`` hears what came of it, on any thread. The other arguments are those of ``Runs.start``.
+        ``began`` gets the result, on any thread. The other arguments are those of ``Runs.start``.
         """
 
         def start(mission: Mission, program: Program, ask: StartAsk) -> None:
@@ -57,18 +57,18 @@ class StartRequests:
         self.check(made, start, began)
 
     def check(self, made: Made, then: Checked, began: Began) -> None:
-        """Check a mission and go on with it on the loop; ``began`` hears why not. From any thread."""
+        """Check a mission and continue with it on the loop; ``began`` gets a refusal. From any thread."""
         try:
             self._checker.submit(self._check, made, then, began)
-        except RuntimeError:  # we are closed
+        except RuntimeError:  # closed
             began("", {}, "the edge ends")
 
     def close(self) -> None:
-        """Start nothing more; waits for what is being checked."""
+        """Stop starting missions; waits for a check in progress."""
         self._checker.shutdown(cancel_futures=True)
 
     def _check(self, made: Made, then: Checked, began: Began) -> None:
-        """Check what is to be started; it may take its time, and robots wait for the loop."""
+        """Check a mission; this may take long, so not on the event loop."""
         try:
             mission, ask = made()
             program = mission.program(ask.inputs)

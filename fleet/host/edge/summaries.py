@@ -1,4 +1,4 @@
-"""Says on the bus how the edge and its robots are, in 1 kB: every 5 s, at once after a change, and asked."""
+"""Publishes a summary of the edge and its robots, 1 kB: every 5 s, at once after a change, and on query."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from fleet.model.health import Health
 from fleet.model.summary import Summary, encode, word_of
 from fleet.version import __version__
 
-LOOK = 1.0  # s between looks for a change
+LOOK = 1.0  # s between checks for a change
 
 
 class SummarySource(Protocol):
-    """What is summarised: the edge."""
+    """The edge, as the source of the summary."""
 
     def robots(self) -> Iterable[LocalRobot | RemoteRobot]:
-        """Return the robots, those in workers too."""
+        """Return the robots, also those in workers."""
 
     def services(self) -> list[Health]:
-        """Return the health of what the edge itself rests on."""
+        """Return the health of the edge's own services."""
 
 
 class Summaries:
-    """The summaries of one edge; ``newest`` is the last one that was made, None before the first."""
+    """Summaries of one edge; ``newest`` is the last one, None before the first."""
 
     def __init__(self, edge: SummarySource, config: EdgeConfig, clock: Clock) -> None:
         self._edge = edge
@@ -49,14 +49,14 @@ class Summaries:
     def declare(
         self, control: ZenohSession, scheduler: TickScheduler, soon: Callable[[Callable[[], None]], None]
     ) -> None:
-        """Begin to publish and to answer; ``soon`` runs a call on the event loop, from any thread."""
+        """Start publishing and answering; ``soon`` runs a call on the event loop, from any thread."""
         key = keys.summary(self._id)
         self._publisher = control.publisher(key)
         control.answer(key, lambda question: soon(lambda: self._answer(question)))
         scheduler.every(LOOK, self.look)
 
     def look(self) -> None:
-        """Note how everything is; publish it when that has changed or the period is over."""
+        """Make a summary; publish it if it has changed or the period is over."""
         self.newest = newest = self._made()
         if self._publisher is None or not self._publisher.wanted:
             self._published = ()
@@ -67,12 +67,12 @@ class Summaries:
             self._publisher.put(encode(newest))
 
     def _answer(self, question: Query) -> None:
-        """Answer with the summary as it is now."""
+        """Answer with a new summary."""
         question.reply(encode(self._made()))
         question.close()
 
     def _made(self) -> Summary:
-        """Return the summary of this moment."""
+        """Return a summary of this moment."""
         robots, services, now = list(self._edge.robots()), self._edge.services(), self._clock.time()
         states = [robot.state() for robot in robots]
         self._onsets.note(states, services, now)
@@ -92,12 +92,12 @@ class Summaries:
 
 
 def links_of(robots: Iterable[LocalRobot | RemoteRobot]) -> Mapping[str, str]:
-    """Return the link of each robot that has one, as fleet.yaml has it."""
+    """Return the link of each robot that has one, as in fleet.yaml."""
     found = {robot.name: getattr(robot.config, "link", None) for robot in robots}
     return {name: link for name, link in found.items() if isinstance(link, str)}
 
 
 def _signature(summary: Summary) -> tuple[object, ...]:
-    """Return what of a summary is news: all but times and measured figures."""
+    """Return the part of a summary whose change is published: all but times and measured values."""
     troubles = [(each.level, each.link, folded(each.cause), each.robots) for each in summary.troubles]
     return summary.health, tuple(summary.robots.items()), summary.stopped, tuple(troubles), summary.more

@@ -1,19 +1,19 @@
-"""``mission/command`` of the cloud: the plan of a twin, carried out as a run of a mission.
+"""``mission/command`` of the cloud: a twin's plan, executed as a mission run.
 
 The run's id is the ``mission_execution_uuid``, so a repeat is the same run. It commands the robot in the name
-of who sent the message: he must be let in to lead the robot, as for a goal. ``mission/status`` tells what
-became of every run in which a robot flies a plan, whoever started it: queued, running with the item that the
-robot is at, and how it ended, with the run's own word in ``message``.
+of the message's sender, who must have the right to navigate the robot, as for a goal. ``mission/status``
+reports every run in which a robot flies a plan, whoever started it: queued, running with the robot's present
+item, and its end, with the exact outcome in ``message``.
 
 ==============  ==========================================================================================
-command         what it does
-==============  ==========================================================================================
-start           starts the run; refused where the robot would refuse the plan, and while a run has the robot
-pause, resume   pauses the run, lets it go on; resume also answers a run that asks whether to go on
-cancel, stop    aborts the run, and stops the robot at once, without waiting for the run
-==============  ==========================================================================================
+command         effect ==============
+========================================================================================== start
+starts the run; refused if the robot would refuse the plan, and while a run has the robot pause, resume
+pauses and continues the run; resume also answers a run that asks whether to go on cancel, stop    aborts the
+run, and stops the robot at once, without waiting for the run ==============
+==========================================================================================
 
-Without a run of this id (of any, where the message names none), all but ``start`` is for the robot itself.
+Without a run of this id (of any, if the message names none), all but ``start`` goes to the robot itself.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from fleet.wire.missions import decode_mission, document_in, run_of
 from fleet.wire.rules import Kind
 from fleet.wire.strict import without_nulls
 
-NEW = 1.0  # s; a run that is older was taken up after a restart of the edge
+NEW = 1.0  # s; an older run was resumed after a restart of the edge
 STATES: Mapping[str, ActionState] = {
     RunOutcome.COMPLETED: ActionState.COMPLETED,
     RunOutcome.WITH_LOSSES: ActionState.COMPLETED,
@@ -57,13 +57,14 @@ STATES: Mapping[str, ActionState] = {
     RunOutcome.ABORTED: ActionState.CANCELLED,
     RunOutcome.UNKNOWN: ActionState.FAILED,
 }
-"""The end of a run as a state of the contract; its ``message`` has the finer word."""
+"""End of a run as a state of the contract; its ``message`` has the exact outcome."""
 
 
 class TwinPlans:
-    """The plans of the twins of one edge. All that is by robot has its name as key.
+    """Plans of the twins of one edge. All mappings are by robot name.
 
-    ``publish`` takes reports, ``max_age`` is how old (s) a start may be, ``record`` writes the history.
+    ``publish`` has the report senders, ``max_age`` the greatest age of a start (s), ``record`` writes the
+    history.
     """
 
     def __init__(
@@ -85,26 +86,26 @@ class TwinPlans:
         self._last: dict[str, tuple[ActionState, str]] = {}
 
     def port(self, robot: RobotPort) -> RobotPort:
-        """Return a robot as the bridge is to see it."""
+        """Return a robot in the form for the bridge."""
         return _Port(robot, self)
 
     # -- status ----------------------------------------------------------------------------------------
 
     def navigates(self, report: NavigationReport) -> None:
-        """Take note of the item that a robot is at; from any thread."""
+        """Record the present item of a robot; from any thread."""
         run = run_of(report.action_id)
         if run in self._last and report.step is not None:
             self._items[run] = report.step
 
     def heard(self, sample: bytes) -> None:
-        """Take note of the item that a robot in a worker is at; on the bus's thread."""
+        """Record the present item of a robot in a worker; on the bus's thread."""
         with contextlib.suppress(WireError):
             report = decode_report(NavigationReport.channel, sample)
             if isinstance(report, NavigationReport):
                 self.navigates(report)
 
     def told(self, state: RunState) -> None:
-        """Publish what is new of a run in which robots fly plans; on the loop."""
+        """Publish changes of a run in which robots fly plans; on the event loop."""
         robots = self._pilots_of(state.run)
         if not robots:
             return
@@ -123,7 +124,7 @@ class TwinPlans:
         state, message = status
         report = NavigationReport(self._clock.time(), run, state, 0.0, message, self._items.get(run, 0))
         for robot in robots:
-            if publish := self._publish.get(robot):  # else the edge has it no more
+            if publish := self._publish.get(robot):  # else it was removed from the edge
                 publish(report)
 
     def _pilots_of(self, run: str) -> list[str]:
@@ -138,11 +139,11 @@ class TwinPlans:
     # -- requests --------------------------------------------------------------------------------------
 
     def read(self, robot: RobotPort, payload: bytes, direct: Request | None) -> Request | None:
-        """Return what takes a message; ``direct`` is what the robot itself made of it."""
+        """Return the request for a message; ``direct`` is the request that the robot itself decoded."""
         try:
             ask = decode_mission(payload, way=Transport.CLOUD, twin=robot.twin)
         except WireError:
-            return direct  # which says what is wrong, or stops
+            return direct  # it reports the error, or stops
         if not isinstance(ask, Navigate) or direct is None:
             return direct
         if isinstance(ask.ask, Control):
@@ -158,7 +159,7 @@ class TwinPlans:
         arrived: float,
         answer: Answer,
     ) -> None:
-        """Start a run, unless it is one that is known; on the loop."""
+        """Start a run, unless it is known already; on the event loop."""
         run, origin = ask.action_id, ask.origin
         tell = partial(self._began, robot, ask, answer)
         if robot.name not in self._policies:
@@ -195,7 +196,7 @@ class TwinPlans:
         roles: Mapping[str, Sequence[str]],
         refusal: str,
     ) -> None:
-        """Answer who asked for a run; from any thread."""
+        """Answer the sender of a start; from any thread."""
         if not refusal:
             self._soon(partial(self._accepted, robot, run, not roles, answer))
             return
@@ -206,7 +207,7 @@ class TwinPlans:
         self._runs.store.ended_run(ask.action_id, looked)
 
     def _accepted(self, robot: RobotPort, run: str, repeated: bool, answer: Answer) -> None:  # noqa: FBT001 - by position
-        """Say that a run was begun; of one that had been, say again how it is."""
+        """Accept a start; for a repeat, publish the run's status again."""
         answer(Reply(MISSION, ReplyStatus.ACCEPTED))
         if repeated and run in self._last:
             self._say([robot.name], run, self._last[run])
@@ -219,7 +220,7 @@ class TwinPlans:
         ended: tuple[About, Head, list[Member]] | None,
         answer: Answer,
     ) -> None:
-        """Say why a run was not begun; of one that has ended, say again how it did."""
+        """Refuse a start; for an ended run, publish its end again."""
         run, now = ask.action_id, self._clock.time()
         if ended is not None:
             state, message = status_of(ended_state(*ended, self._runs.edge))
@@ -236,7 +237,7 @@ class TwinPlans:
     def _control(
         self, robot: RobotPort, ask: Navigate, control: Control, direct: Request, answer: Answer
     ) -> None:
-        """Control the run that is meant, or else the robot itself; on the loop."""
+        """Control the run of the message, or else the robot itself; on the event loop."""
         run = self._run_of(robot.name, ask.action_id)
         if run is None:
             direct(answer)
@@ -249,12 +250,12 @@ class TwinPlans:
             pause = ControlAsk("pause", session_id=by)
             self._runs.control(run.id, pause, lambda refusal: told(_reply(refusal)))
         else:
-            # The robot judges who resumes it, and how old that is, as it does when a run takes it.
+            # The robot judges the sender and age of the request, as when it joins a run.
             joins: dict[str, object] = {"command": JOIN, "data": {"run": run.id}}
             self._ask(robot, joins, ask, partial(self._resume, run, by, told))
 
     def _resume(self, run: Run, by: str, told: Answer, reply: Reply) -> None:
-        """Let a run go on that the robot may go on with."""
+        """Resume a run that its robot may resume."""
         if not (reply.ok and reply.done):
             if reply.done is not None or not reply.ok:
                 told(reply)
@@ -266,7 +267,7 @@ class TwinPlans:
         self._runs.control(run.id, asked, lambda refusal: told(_reply(refusal)))
 
     def _ask(self, robot: RobotPort, message: dict[str, object], ask: Navigate, answer: Answer) -> None:
-        """Ask a robot something in the words of who sent a message."""
+        """Send a request to a robot in the name of a message's sender."""
         origin: Origin = ask.origin
         sender = {"session_id": origin.session, "source_type": origin.source_type, "timestamp": ask.stamp}
         payload = msgspec.json.encode(message | without_nulls(sender))
@@ -275,7 +276,7 @@ class TwinPlans:
             request(answer)
 
     def _run_of(self, robot: str, execution: str) -> Run | None:
-        """Return the run that a control is meant for: the cloud's, of this twin's plan."""
+        """Return the run that a control message means: one of the cloud, of this twin's plan."""
         for run in self._runs.all():
             plan = run.about.way == Transport.CLOUD and not run.about.workflow
             if plan and robot in run.engine.robots.members and execution in ("", run.id):
@@ -284,7 +285,7 @@ class TwinPlans:
 
 
 class _Port:
-    """A robot as the bridge sees it, whose plans run as missions."""
+    """A robot in the form for the bridge, whose plans run as missions."""
 
     def __init__(self, robot: RobotPort, plans: TwinPlans) -> None:
         self.name, self.twin = robot.name, robot.twin
@@ -302,7 +303,7 @@ class _Port:
         waits: bool = False,
         unread: str = "",
     ) -> Request | None:
-        """Read a message, from any thread; an emergency stop is made there and then."""
+        """Decode a message, from any thread; an emergency stop is executed at once."""
         asked = self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits, unread=unread)
         if kind != "mission" or unread:
             return asked
@@ -310,7 +311,7 @@ class _Port:
 
 
 def status_of(state: RunState) -> tuple[ActionState, str]:
-    """Return a run as a state of the contract, with its finer word."""
+    """Return a run's status as a state of the contract, with its exact outcome."""
     if state.outcome:
         reason = f": {state.reason}" if state.reason else ""
         return STATES[state.outcome], f"{state.outcome}{reason}"
@@ -320,7 +321,7 @@ def status_of(state: RunState) -> tuple[ActionState, str]:
 
 
 def pilots(program: Program, members: Iterable[Member]) -> list[str]:
-    """Return the robots that fly a plan from their memory in a program."""
+    """Return the robots that fly a plan from their autopilot's memory in a program."""
     found = []
     for member in members:
         acts = (
@@ -335,12 +336,12 @@ def pilots(program: Program, members: Iterable[Member]) -> list[str]:
 
 
 def _reply(refusal: str) -> Reply:
-    """Return the answer to a control."""
+    """Return the reply to a control message."""
     if refusal:
         return Reply(MISSION, ReplyStatus.REJECTED, refusal)
     return Reply(MISSION, ReplyStatus.ACCEPTED, done=True)
 
 
 def _answer_for_mission(answer: Answer, reply: Reply) -> None:
-    """Answer a message for a mission that was carried out as something else."""
+    """Answer a mission message that was executed as another command."""
     answer(msgspec.structs.replace(reply, command=MISSION))

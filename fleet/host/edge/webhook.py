@@ -1,4 +1,4 @@
-"""Posts a notice to an address, within a time that holds for all of it, however slow the other side is."""
+"""Posts a notice to an address, within one time limit for everything, however slow the server is."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import urllib.error
 import urllib.request
 
 
-class _Stay(urllib.request.HTTPRedirectHandler):
-    """Follows no redirect: a notice goes where fleet.yaml says, and nowhere else."""
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    """Follows no redirect: a notice goes only to the address in fleet.yaml."""
 
     def redirect_request(self, *_: object) -> None:
         """Refuse."""
@@ -19,11 +19,11 @@ class Webhook:
 
     def __init__(self, url: str) -> None:
         self._url = url
-        self._opener = urllib.request.build_opener(_Stay)
+        self._opener = urllib.request.build_opener(_NoRedirect)
         self._last: threading.Thread | None = None
 
     def send(self, body: bytes, within: float) -> None:
-        """Post JSON; raises OSError for what is no success, or not within so many seconds."""
+        """Post JSON; raises OSError for a failure, or after ``within`` seconds."""
         if self._last is not None and self._last.is_alive():
             raise TimeoutError("the last request has not ended yet")
         ended: list[OSError | None] = []
@@ -40,8 +40,8 @@ class Webhook:
             raise ended[0]
 
     def _post(self, body: bytes, within: float) -> OSError | None:
-        """Post; return what went wrong, without the address."""
-        request = urllib.request.Request(  # noqa: S310 - the schema lets only http and https through
+        """Post; return the error, without the address."""
+        request = urllib.request.Request(  # noqa: S310 - the schema admits only http and https
             self._url, body, {"Content-Type": "application/json", "User-Agent": "fleet"}
         )
         try:
@@ -54,5 +54,5 @@ class Webhook:
             return OSError(str(error.reason))
         except OSError as error:
             return error
-        except Exception as error:  # noqa: BLE001 - http.client's own errors are no OSErrors
+        except Exception as error:  # noqa: BLE001 - http.client's own errors are not OSErrors
             return OSError(type(error).__name__)

@@ -1,7 +1,7 @@
-"""Robots of workers that are added to a running edge, or taken out of it; all or none of each.
+"""Adds robots in workers to a running edge and removes them, each completely or not at all.
 
-A robot that has its worker for itself comes and goes with that process. A worker with other robots starts
-again without or with it, once they rest.
+A robot with a worker of its own comes and goes with that process. A worker with other robots restarts with or
+without it, once they are at rest.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ TAKEN = frozenset({Outcome.DONE, Outcome.PARTLY})  # the worker runs with it
 
 
 class WorkerMembership:
-    """The robots of one edge in workers; on the loop. ``add`` and ``remove`` return why it was not done."""
+    """Robots of one edge in workers; on the loop. ``add`` and ``remove`` return why they failed."""
 
     def __init__(
         self, process: RobotProcess, remote: RemoteRobots, workers: Workers, changes: WorkerChanges
@@ -35,11 +35,11 @@ class WorkerMembership:
         return self._remote.by_name.get(name)
 
     def hindrance(self, name: str) -> str:
-        """Return why a robot cannot be taken out of its worker now, as far as the edge knows."""
+        """Return why a robot cannot be removed from its worker now, as far as the edge knows."""
         return self._changes.hindrance(self._remote.by_name[name].worker)
 
     async def add(self, name: str, running: Loaded, new: Loaded, join: Callable[[RemoteRobot], None]) -> str:
-        """Add a robot of a new file; ``join`` has the rest of the edge know it before it is run."""
+        """Add a robot of a new file; ``join`` adds it to the rest of the edge before it is run."""
         config, plugin = next((robot, plugin) for robot, plugin in new.robots if robot.name == name)
         try:
             robot = self._remote.add(config, plugin)
@@ -48,11 +48,11 @@ class WorkerMembership:
             join(robot)
             self._process.claims.begin(robot.twin)
             return await self._started(robot, worker_of(config, plugin), with_robot(running, new, name))
-        except Exception as error:  # noqa: BLE001 - all that was done is taken back by who asks
+        except Exception as error:  # noqa: BLE001 - the caller undoes everything
             return f"{type(error).__name__}: {error}"
 
     async def remove(self, name: str, running: Loaded, *, force: bool) -> str:
-        """Take a robot out; it stands still then. ``forget`` is to be called afterwards."""
+        """Remove a robot, which then stands still. Call ``forget`` afterwards."""
         robot = self._remote.by_name[name]
         if all(each is robot or each.worker != robot.worker for each in self._remote.by_name.values()):
             if robot.worker in self._workers.managers:
@@ -64,7 +64,7 @@ class WorkerMembership:
         return "" if outcome in TAKEN else why
 
     def forget(self, robot: RemoteRobot) -> None:
-        """Let go of a robot that no worker runs any more."""
+        """Remove a robot that no worker runs any more."""
         self._remote.remove(robot)
         self._process.outbox.drop(robot.twin)
         self._process.holders.give_up(robot.twin)
@@ -72,7 +72,7 @@ class WorkerMembership:
             self._process.traffic.leave(robot.name)
 
     async def _started(self, robot: RemoteRobot, worker: str, after: Loaded) -> str:
-        """Run a robot in its worker; return why it is not run."""
+        """Run a robot in its worker; return why it does not run."""
         if worker in after.config.remote_workers:
             return f"worker {worker} is started by hand: end it, and start it with the new file"
         if worker in self._workers.managers:

@@ -1,4 +1,4 @@
-"""The edge's side of the robots that run in workers, and what watches the worker processes."""
+"""Edge side of the robots in workers, and the monitoring of the worker processes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fleet.robot_config import AdapterConfig
 
 
 class RemoteRobots:
-    """This side of the robots that run in workers, ``by_name``; their states are heard."""
+    """Robots in workers, ``by_name``, with their states from the bus."""
 
     def __init__(self, loaded: Loaded, process: RobotProcess) -> None:
         self.by_name: dict[str, RemoteRobot] = {}
@@ -34,7 +34,7 @@ class RemoteRobots:
                 self.add(robot, plugin)
 
     def add(self, robot: AdapterConfig, plugin: Plugin) -> RemoteRobot:
-        """Stand for one more robot; stops reach it from now on."""
+        """Add a robot; stops reach it from now on."""
         process = self._process
         edge, control = process.edge, process.bus.control
         made = self.by_name[robot.name] = RemoteRobot(
@@ -55,14 +55,14 @@ class RemoteRobots:
         return made
 
     def remove(self, robot: RemoteRobot) -> None:
-        """Stand for a robot no more."""
+        """Remove a robot."""
         self.by_name.pop(robot.name, None)
         self._states.pop(keys.state(self._process.edge, robot.name), None)
         robot.close()
 
 
 class Workers:
-    """The worker processes of one edge: ``managers`` watch them; on the loop."""
+    """Worker processes of one edge, with their ``managers``; on the event loop."""
 
     def __init__(
         self, loaded: Loaded, directory: Path, process: RobotProcess, remote: Mapping[str, RemoteRobot]
@@ -80,7 +80,7 @@ class Workers:
             self._run(name)
 
     def add(self, name: str, loaded: Loaded) -> WorkerManager:
-        """Start one more worker, with the robots that a loaded file has for it."""
+        """Start one more worker, with its robots of a loaded file."""
         manager = self._make(name, loaded)
         self._run(name)
         return manager
@@ -93,7 +93,7 @@ class Workers:
         self.managers.pop(name).close()
 
     def cancel(self) -> None:
-        """Begin to end all workers."""
+        """Start ending all workers."""
         for task in self._tasks.values():
             task.cancel()
 
@@ -125,7 +125,7 @@ def _soon(process: RobotProcess, call: Callable[[], None]) -> None:
 
 
 def _worker_is(process: RobotProcess, remote: Mapping[str, RemoteRobot], worker: str, cause: str) -> None:
-    """Pass on what is wrong with a worker to its robots."""
+    """Pass the problem of a worker to its robots."""
     for robot in list(remote.values()):
         if robot.worker == worker:
             robot.worker_is(cause)
@@ -135,5 +135,5 @@ def _worker_is(process: RobotProcess, remote: Mapping[str, RemoteRobot], worker:
 
 
 def _halt_worker(process: RobotProcess, worker: str) -> None:
-    """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
+    """Halt the robots of a hanging worker before it is killed; this sets no emergency stop."""
     process.bus.control.put(keys.halt(process.edge, worker), b"", urgent=True)

@@ -1,1 +1,1 @@
-"""The host's own follower: leads a robot that drives and tells its pose to goals. It sees no obstacles."""
+"""Goal follower, for robots that accept velocities and report their pose; no obstacle avoidance."""

@@ -1,4 +1,4 @@
-"""Leads a robot that does not navigate by itself: its newest pose in, 20 velocities a second out."""
+"""Goal follower for robots without their own navigation: newest pose in, 20 velocities a second out."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from fleet.model.report import PoseReport, Report
 from fleet.robot_config import AdapterConfig, Limits
 from fleet.runtime.decoding import convert_strictly
 
-PERIOD = 0.05  # s between two looks
+PERIOD = 0.05  # s between two velocities
 STALE = 0.5  # s after which a pose is too old to drive by
 LOST = 2.0  # s after which the action fails
-LEASE = 0.5  # s that each velocity of the follower is held
-SHARE = 0.9  # of the robot's yaw rate that is used, so that its own clamp does not bend the way
+LEASE = 0.5  # s for which each velocity of the follower is held
+SHARE = 0.9  # share of the robot's yaw rate that is used, so that clamping does not bend the path
 
 
 class GoalNavigator(Protocol):
-    """Who can lead a robot to a goal: an adapter, or the host's follower."""
+    """Guides a robot to a goal: an adapter, or the host's follower."""
 
     def navigate(self, task: AnyTask) -> AsyncIterator[Progress]:
-        """Carry out a task, yielding progress."""
+        """Execute a task, yielding progress."""
 
 
 OtherRobot = Callable[[str], tuple[Vector3, float]]
-"""Where another robot was last, in the world of this one, and its age (s); raises NotReady where unknown."""
+"""Returns a robot's last position, in the world of this one, and its age (s); raises NotReady if unknown."""
 
 
 class GoalFollower:
-    """The follower of one robot. ``drive`` is the controller's, with its clamp and dead-man.
+    """The follower of one robot. ``drive`` is the controller's, with limits and dead-man.
 
-    ``holonomic`` is asked as each task begins: some robots tell only once they are met how they move.
+    ``holonomic`` is called at the start of each task: some robots report it only once connected.
     """
 
     def __init__(
@@ -65,22 +65,22 @@ class GoalFollower:
         self._seen = 0.0
 
     def configure(self, _config: AdapterConfig, limits: Limits) -> None:
-        """Lead within other limits from the next task on; what is held is clamped to them already."""
+        """Apply changed limits from the next task on; held velocities are limited already."""
         self._limits = limits
 
     @property
     def has_pose(self) -> bool:
-        """True once the robot has told where it is."""
+        """True once the robot has reported its pose."""
         return self._pose is not None
 
     def see(self, report: Report) -> None:
-        """Take a report; poses count."""
+        """Process a report; only poses count."""
         if isinstance(report, PoseReport):
             self._pose = Pose(report.position, report.rotation)
             self._seen = self._clock.monotonic()
 
     async def navigate(self, task: AnyTask) -> AsyncIterator[Progress]:
-        """Carry out a task; return at the goal. Raises Refused, NotReady or TimedOut; the caller stops it."""
+        """Execute a task; return at the goal. Raises Refused, NotReady or TimedOut; the caller stops it."""
         pose = self._fresh()
         if pose is None:
             raise NotReady("the robot's pose is too old", hint="is it reporting?")
@@ -93,7 +93,7 @@ class GoalFollower:
         self._drive(ZERO_VELOCITY)
 
     def _follower(self, task: AnyTask, pose: Pose) -> LegFollower | RobotFollower:
-        """Return what leads the robot for a task."""
+        """Return the follower for a task."""
         now, pace, holonomic = self._clock.monotonic(), self._pace(task), self._holonomic()
         if isinstance(task, FollowRobot):
             where = partial(self._other, task.robot)
@@ -103,29 +103,29 @@ class GoalFollower:
         return LegFollower(legs, pose, pace, tolerance=tolerance, holonomic=holonomic, now=now)
 
     def _fresh(self) -> Pose | None:
-        """Return the pose, None when it is too old to drive by; raises NotReady when it is lost."""
+        """Return the pose; None when it is too old to drive by. Raises NotReady when it is lost."""
         age = self._clock.monotonic() - self._seen
         if self._pose is None or age > LOST:
-            raise NotReady(f"no pose for {age:.1f} s" if self._pose else "the robot has told no pose")
+            raise NotReady(f"no pose for {age:.1f} s" if self._pose else "the robot has reported no pose")
         return self._pose if age <= STALE else None
 
     def _pace(self, task: AnyTask) -> MotionLimits:
-        """Return how the robot may be led for a task."""
+        """Return the limits of motion for a task."""
         fastest = self._limits.speed or NO_LIMIT
         asked = task.constraints.max_speed
         yaw_rate = (self._limits.yaw_rate or NO_LIMIT) * SHARE
         return MotionLimits(min(fastest, asked) if asked else fastest, yaw_rate)
 
 
-class _OwnWays:
-    """A robot that goes to goals by itself, and is led after other robots by the host."""
+class _SelfNavigating:
+    """A robot that navigates by itself, and is guided by the host only to follow other robots."""
 
     def __init__(self, adapter: Adapter[Any], leader: GoalFollower) -> None:
         self._adapter = adapter
         self._leader = leader
 
     def navigate(self, task: AnyTask) -> AsyncIterator[Progress]:
-        """Carry out a task, yielding progress."""
+        """Execute a task, yielding progress."""
         if isinstance(task, FollowRobot):
             return self._leader.navigate(task)
         return self._adapter.navigate(task)
@@ -134,9 +134,9 @@ class _OwnWays:
 def goal_navigator(
     adapter: Adapter[Any] | None, leader: GoalFollower, *, navigates: bool, drives: bool
 ) -> GoalNavigator | None:
-    """Return who leads a robot to a goal: itself, or the host; None when neither can."""
+    """Return the navigator of a robot: its adapter, or the host's follower; None when neither can."""
     if adapter is not None and navigates:
-        return _OwnWays(adapter, leader)
+        return _SelfNavigating(adapter, leader)
     return leader if adapter is not None and drives and leader.has_pose else None
 
 

@@ -1,13 +1,13 @@
-"""The state machine that leads a robot along the legs of a task; pure, fed with poses.
+"""State machine that guides a robot along the legs of a task. Pure; gets poses.
 
 =======  ==========================================  =======================================
-phase    what the robot does                         what leads on
+phase    motion of the robot                         transition
 =======  ==========================================  =======================================
-turn     turns on the spot towards the way           it looks along it: drive
-drive    follows the way                             near the end: align; the way is abeam: turn
-align    turns to the goal's heading                 it has it: hold
-hold     stands for a moment, then for the wait      time: the next leg, or done; drifted: drive
-blocked  stands                                      time: turn (another try)
+turn     turns on the spot towards the path          faces it: drive
+drive    follows the path                            near the end: align; path abeam: turn
+align    turns to the goal's heading                 reached: hold
+hold     stands for a moment, then for the wait      time: next leg or done; drifted: turn, align
+blocked  stands                                      time: turn (another attempt)
 done     stands
 =======  ==========================================  =======================================
 """
@@ -35,21 +35,21 @@ from fleet.model.geometry import ZERO_VELOCITY, Pose, Velocity, wrap_angle
 from fleet.model.navigation import Progress
 
 TOLERANCE = 0.10  # m
-TIGHTEST, WIDEST = 0.05, 2.0  # m that an asker may set
+TIGHTEST, WIDEST = 0.05, 2.0  # m; range of a task's own tolerance
 NEAR = 0.5  # share of the tolerance at which driving ends
-HEADING = 0.035  # rad of heading that is good enough
-HEADING_LOST = 0.07  # rad from which it is turned again
-TURN_ABOVE = 0.7  # rad beside the way from which the robot turns on the spot
+HEADING = 0.035  # rad of heading error that is accepted
+HEADING_LOST = 0.07  # rad of heading error at which it turns again
+TURN_ABOVE = 0.7  # rad between heading and path at which the robot turns on the spot
 TURN_UNTIL = 0.12  # rad
 HOLD = 0.4  # s at the goal until it counts as reached
-LOOK_SHORTEST, LOOK_LONGEST = 0.25, 0.6  # m ahead on the path
-LOOK_TIME = 0.8  # s ahead
-REST = 2.0  # s that a blocked robot stands before it tries again
-GIVE_UP = 30.0  # s of tries without getting on
+LOOK_SHORTEST, LOOK_LONGEST = 0.25, 0.6  # m of look-ahead on the path
+LOOK_TIME = 0.8  # s of look-ahead
+REST = 2.0  # s for which a blocked robot stands before another attempt
+GIVE_UP = 30.0  # s of attempts without progress
 
 
 class FollowPhase(enum.StrEnum):
-    """What the robot does."""
+    """Phase of motion."""
 
     TURN = "turn"
     DRIVE = "drive"
@@ -60,7 +60,7 @@ class FollowPhase(enum.StrEnum):
 
 
 class LegFollower:
-    """One task under way; ``step`` is called with each new pose, about 20 times a second."""
+    """Follower of one task; ``step`` is called with each new pose, about 20 times a second."""
 
     def __init__(
         self,
@@ -107,7 +107,7 @@ class LegFollower:
         return self._asked
 
     def progress(self) -> Progress:
-        """Return how far it is; never less than before, 100 only at the end."""
+        """Return the progress; it never falls, and is 100 only at the end."""
         left = self._remaining()
         self._percent = max(self._percent, min(99.0, 100.0 * (1.0 - left / self._total)))
         blocked = self.phase is FollowPhase.BLOCKED
@@ -117,7 +117,7 @@ class LegFollower:
     # -- the phases ------------------------------------------------------------------------------------
 
     def _turn(self, pose: Pose, now: float) -> Velocity:
-        """Turn towards the way."""
+        """Turn towards the path."""
         self._advance(pose)
         error = self._error(pose)
         if self._holonomic or abs(error) < TURN_UNTIL or self._is_near(pose):
@@ -125,7 +125,7 @@ class LegFollower:
         return Velocity(yaw_rate=turning(error, self._pace))
 
     def _drive(self, pose: Pose, now: float) -> Velocity:
-        """Follow the way."""
+        """Follow the path."""
         self._advance(pose)
         if self._is_near(pose):
             return self._enter(FollowPhase.ALIGN, now)
@@ -145,7 +145,7 @@ class LegFollower:
         return Velocity(yaw_rate=turning(error, self._pace))
 
     def _hold(self, pose: Pose, now: float) -> Velocity:
-        """Stand; what drifted away is driven again."""
+        """Stand; return to a goal from which the robot has drifted."""
         if distance(pose, self._path.end) > self._tolerance:
             return self._enter(FollowPhase.TURN, now)
         if abs(self._heading_error(pose)) > HEADING_LOST:
@@ -162,7 +162,7 @@ class LegFollower:
         return ZERO_VELOCITY
 
     def _stand(self, _pose: Pose, _now: float) -> Velocity:
-        """Stand: it is over."""
+        """Stand: the task has ended."""
         return ZERO_VELOCITY
 
     _STEPS = {  # noqa: RUF012 - a table
@@ -174,15 +174,15 @@ class LegFollower:
         FollowPhase.DONE: _stand,
     }
 
-    # -- what they use ---------------------------------------------------------------------------------
+    # -- helpers ---------------------------------------------------------------------------------------
 
     def _enter(self, phase: FollowPhase, now: float) -> Velocity:
-        """Begin a phase; it says what to do from its next step on."""
+        """Enter a phase; its velocity starts with its next step."""
         self.phase, self._since = phase, now
         return ZERO_VELOCITY
 
     def _begin_leg(self, pose: Pose, now: float) -> None:
-        """Begin the next leg, or end."""
+        """Start the next leg, or end."""
         if self._number >= 0:
             self._reached += len(self._leg.points)
         self._number += 1
@@ -197,19 +197,19 @@ class LegFollower:
         self._enter(FollowPhase.TURN, now)
 
     def _advance(self, pose: Pose) -> None:
-        """Note where on the way the robot is; never backwards."""
+        """Update the robot's position on the path, which never goes backwards."""
         self._way = self._path.ahead((pose.position.x, pose.position.y), self._way)
 
     def _error(self, pose: Pose) -> float:
-        """Return the angle between the robot and the way."""
+        """Return the angle between the robot's heading and the path."""
         return bearing(pose, self._path.aim(self._way, self._look()), backwards=self._leg.backwards)
 
     def _heading_error(self, pose: Pose) -> float:
-        """Return the angle to the goal's heading, 0 when any will do."""
+        """Return the angle to the goal's heading; 0 when any heading is accepted."""
         return 0.0 if self._leg.yaw is None else wrap_angle(self._leg.yaw - pose.rotation.yaw)
 
     def _look(self) -> float:
-        """Return how far ahead to aim."""
+        """Return the look-ahead distance."""
         return min(max(LOOK_TIME * self._asked.linear.horizontal(), LOOK_SHORTEST), LOOK_LONGEST)
 
     def _left(self, pose: Pose) -> float:
@@ -218,14 +218,14 @@ class LegFollower:
         return max(left, min(left + 0.1, distance(pose, self._path.end)))
 
     def _is_near(self, pose: Pose) -> bool:
-        """Return True at the end of the way: near it, or past it within the tolerance."""
+        """Return True at the end of the path: near it, or past it within the tolerance."""
         apart = distance(pose, self._path.end)
         ends = self._path.length - self._way < LOOK_SHORTEST
         behind = abs(bearing(pose, self._path.end, backwards=self._leg.backwards)) > math.pi / 2
         return ends and (apart < NEAR * self._tolerance or (behind and apart < 0.9 * self._tolerance))
 
     def _remaining(self) -> float:
-        """Return the metres of the whole way that are left."""
+        """Return the remaining metres of the whole task."""
         if self.phase is FollowPhase.DONE:
             return 0.0
         rest, last = self._path.length - self._way, self._path.end
@@ -235,7 +235,7 @@ class LegFollower:
         return rest
 
     def _watch(self, pose: Pose, now: float) -> None:
-        """Notice that the robot is stuck, and give up when it stays so."""
+        """Detect that the robot is stuck; raises TimedOut when it stays so."""
         if self.phase in {FollowPhase.BLOCKED, FollowPhase.DONE}:
             return
         remaining = self._remaining()

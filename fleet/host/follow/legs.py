@@ -1,4 +1,4 @@
-"""From a task to legs on the plane; pure. Metres in the robot's world frame, radians."""
+"""Conversion of a task to legs in the plane. Pure. Metres in the robot's world frame, radians."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from fleet.model.geometry import Pose, Vector3, rotate_to_world
 from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, RelativeMove, Task
 
 Point = tuple[float, float]
-FARTHEST = 10_000.0  # m; a goal beyond is a mistake
+FARTHEST = 10_000.0  # m; a goal beyond is certainly a mistake
 MOST_GOALS = 1000
 
 
 class Leg(msgspec.Struct, frozen=True):
-    """A way that ends in a standstill: through ``points`` to the last, then ``yaw`` and ``wait`` seconds.
+    """A path that ends in a standstill: through ``points`` to the last, then ``yaw`` and ``wait`` seconds.
 
-    ``backwards``: with the robot's back in front.
+    ``backwards``: the robot drives in reverse.
     """
 
     points: tuple[Point, ...]
@@ -29,7 +29,7 @@ class Leg(msgspec.Struct, frozen=True):
 
 
 def legs_of(task: Task, pose: Pose, origin: GeoOrigin | None) -> tuple[Leg, ...]:
-    """Return the legs of a task from where the robot is; raises Refused for what cannot be driven."""
+    """Return the legs of a task from the robot's pose; raises Refused for an undrivable task."""
     match task:
         case GoTo():
             goals: tuple[Goal, ...] = (task.goal,)
@@ -45,7 +45,7 @@ def legs_of(task: Task, pose: Pose, origin: GeoOrigin | None) -> tuple[Leg, ...]
 
 
 def _legs(goals: tuple[Goal, ...], start: Vector3, origin: GeoOrigin | None) -> tuple[Leg, ...]:
-    """Cut a path where the robot is to stand: at a heading, at a wait, at the end."""
+    """Split a path where the robot has to stand: at a heading, at a wait, at the end."""
     legs: list[Leg] = []
     points: list[Point] = []
     for number, goal in enumerate(goals, 1):
@@ -57,7 +57,7 @@ def _legs(goals: tuple[Goal, ...], start: Vector3, origin: GeoOrigin | None) -> 
 
 
 def _relative(task: RelativeMove, pose: Pose) -> Leg:
-    """Return the leg of a move from here; one that is mostly backwards is driven backwards."""
+    """Return the leg of a relative move; a mostly backward move is driven in reverse."""
     move, yaw = task.translation, pose.rotation.yaw
     body = move if task.body_frame else rotate_to_world(move, -yaw)
     world = rotate_to_world(move, yaw) if task.body_frame else move
@@ -75,7 +75,7 @@ def _place(goal: Goal, start: Vector3, origin: GeoOrigin | None) -> Point:
 
 
 def _checked(place: Vector3, start: Vector3) -> Point:
-    """Return a place on the plane; raises Refused for one that is no place or too far."""
+    """Return a point in the plane; raises Refused if it is not finite or too far."""
     if not (math.isfinite(place.x) and math.isfinite(place.y)):
         raise Refused("a goal has finite coordinates")
     if (place - start).horizontal() > FARTHEST:

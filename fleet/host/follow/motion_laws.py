@@ -1,4 +1,4 @@
-"""The laws of motion of the follower: how fast, which way, and never more suddenly than allowed; pure."""
+"""Motion laws of the follower: speed, direction, and limits of acceleration. Pure."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import msgspec
 from fleet.host.follow.legs import Point
 from fleet.model.geometry import Pose, Vector3, Velocity, rotate_to_world, wrap_angle
 
-BRAKING = 0.25  # m/s2 that the way to the goal is planned with
+BRAKING = 0.25  # m/s2 with which the approach to the goal is planned
 TURN_BRAKING = 1.5  # rad/s2
-CREEP = 0.05  # m/s; slower is lost in the wheels' stiction
-LEAST_TURN = 0.2  # rad/s; slower is lost as well
+CREEP = 0.05  # m/s; slower motion is lost in the wheels' stiction
+LEAST_TURN = 0.2  # rad/s; slower turns are lost as well
 NO_LIMIT = 1.0  # m/s and rad/s for a robot that declares no limit
 
 
 class MotionLimits(msgspec.Struct, frozen=True):
-    """How a robot may be led: m/s, rad/s, m/s2, rad/s2."""
+    """Limits of motion for a robot: m/s, rad/s, m/s2, rad/s2."""
 
     speed: float
     yaw_rate: float
@@ -26,19 +26,19 @@ class MotionLimits(msgspec.Struct, frozen=True):
 
 
 def bearing(pose: Pose, target: Point, *, backwards: bool = False) -> float:
-    """Return the angle from the robot's front (its back: ``backwards``) to a point, left positive."""
+    """Return the angle from the robot's front (``backwards``: its back) to a point, left positive."""
     at = pose.position
     heading = pose.rotation.yaw + (math.pi if backwards else 0.0)
     return wrap_angle(math.atan2(target[1] - at.y, target[0] - at.x) - heading)
 
 
 def distance(pose: Pose, target: Point) -> float:
-    """Return the metres to a point on the plane."""
+    """Return the distance to a point in the plane, m."""
     return math.dist((pose.position.x, pose.position.y), target)
 
 
 def turning(error: float, pace: MotionLimits) -> float:
-    """Return the yaw rate that takes away a heading error, and can still stop there."""
+    """Return a yaw rate that reduces a heading error and can still stop at zero error."""
     fastest = min(pace.yaw_rate, max(LEAST_TURN, math.sqrt(2 * TURN_BRAKING * abs(error)) * 0.6))
     return math.copysign(min(fastest, max(LEAST_TURN, 2.5 * abs(error))), error)
 
@@ -49,7 +49,7 @@ def approach(way: float, pace: MotionLimits) -> float:
 
 
 def pursue(pose: Pose, target: Point, way: float, pace: MotionLimits, *, backwards: bool) -> Velocity:
-    """Return the velocity along the arc to a point (pure pursuit); ``way`` is left until the robot slows."""
+    """Return the velocity along the arc to a point (pure pursuit); the robot slows within ``way`` metres."""
     error, apart = bearing(pose, target, backwards=backwards), max(distance(pose, target), 0.05)
     curvature = 2 * math.sin(error) / max(apart, 0.15)
     speed = approach(way, pace) * max(0.3, math.cos(error))
@@ -59,7 +59,7 @@ def pursue(pose: Pose, target: Point, way: float, pace: MotionLimits, *, backwar
 
 
 def glide(pose: Pose, target: Point, way: float, yaw: float, pace: MotionLimits) -> Velocity:
-    """Return the velocity of a robot that also moves sideways: straight to a point, turning as it goes."""
+    """Return the velocity of a holonomic robot: straight to a point, turning on the way."""
     angle = bearing(pose, target)
     speed = approach(way, pace)
     error = wrap_angle(yaw - pose.rotation.yaw)

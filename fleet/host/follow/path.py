@@ -1,4 +1,4 @@
-"""A line through points, and where a robot is along it; pure. Metres."""
+"""Polyline path, and a robot's position along it. Pure. Metres."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Sequence
 
 from fleet.host.follow.legs import Point
 
-CORNER = math.radians(30)  # a sharper turn is driven to its point and not cut
-AT_CORNER = 0.06  # m before a corner's point at which the way after it is looked at
-WINDOW = 1.0  # m ahead in which the robot is looked for: a path may cross itself
+CORNER = math.radians(30)  # a sharper turn is driven to its vertex and not cut
+AT_CORNER = 0.06  # m before a corner's vertex at which the next piece becomes the target
+WINDOW = 1.0  # m ahead in which the robot is searched: a path may cross itself
 
 
 class Path:
-    """Straight pieces through at least two points; a place on it is the way from its start."""
+    """Polyline through at least two points; a position on it is the distance from its start."""
 
     def __init__(self, points: Sequence[Point]) -> None:
         self._points = tuple(points)
@@ -24,7 +24,7 @@ class Path:
 
     @property
     def length(self) -> float:
-        """The whole way."""
+        """Total length."""
         return self._ways[-1]
 
     @property
@@ -33,11 +33,11 @@ class Path:
         return self._points[-1]
 
     def passed(self, way: float) -> int:
-        """Return how many points after the first are behind, without the last."""
+        """Return how many vertices after the first have been passed, not counting the last."""
         return sum(1 for vertex in self._ways[1:-1] if vertex <= way + AT_CORNER)
 
     def ahead(self, here: Point, way: float) -> float:
-        """Return the place nearest to ``here`` that is not behind ``way``, nor far ahead of it."""
+        """Return the position nearest to ``here``, not before ``way`` and at most ``WINDOW`` ahead of it."""
         best, nearest = way, math.inf
         for number in range(len(self._points) - 1):
             low, high = self._ways[number], self._ways[number + 1]
@@ -50,7 +50,7 @@ class Path:
         return best
 
     def point(self, way: float) -> Point:
-        """Return the point at a place."""
+        """Return the point at a position."""
         for number in range(len(self._points) - 1):
             low, high = self._ways[number], self._ways[number + 1]
             if way <= high and high > low:
@@ -60,24 +60,24 @@ class Path:
         return self.end
 
     def aim(self, way: float, look: float) -> Point:
-        """Return the point to drive at: ``look`` ahead, but not round a corner before it was reached."""
+        """Return the point to drive to: ``look`` ahead, but not beyond a corner that is not reached yet."""
         corner = next((vertex for vertex in self._corners if vertex > way + AT_CORNER), self.length)
         return self.point(min(way + look, corner))
 
     def to_corner(self, way: float) -> float:
-        """Return the way to the next place where the robot must slow down: a corner, or the end."""
+        """Return the distance to where the robot must slow down: the next corner, or the end."""
         corner = next((vertex for vertex in self._corners if vertex > way + AT_CORNER), self.length)
         return max(0.0, corner - way)
 
     def _project(self, here: Point, number: int) -> float:
-        """Return the place on a piece that is nearest to a point."""
+        """Return the position on a segment that is nearest to a point."""
         (x, y), (to_x, to_y) = self._points[number], self._points[number + 1]
         low, high = self._ways[number], self._ways[number + 1]
         along = ((here[0] - x) * (to_x - x) + (here[1] - y) * (to_y - y)) / (high - low)
         return low + min(max(along, 0.0), high - low)
 
     def _find_corners(self) -> tuple[float, ...]:
-        """Return the places of sharp turns."""
+        """Return the positions of sharp turns."""
         found = []
         for number in range(1, len(self._points) - 1):
             before, at, after = self._points[number - 1 : number + 2]

@@ -1,7 +1,7 @@
-"""Leads a robot after another one, to a distance; pure, fed with poses.
+"""Guides a robot after another one, at a distance. Pure; gets poses.
 
-The robot goes straight towards the other, slows as it comes near, and stands once the distance is reached. It
-does not go backwards: one that comes nearer is kept away by the separation of both. There is no end.
+The robot drives straight towards the other, slows as it comes near, and stands at the distance. It never
+drives backwards: if the other robot approaches, the separation of both keeps them apart. The task has no end.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ from fleet.host.follow.motion_laws import MotionLimits, bearing, distance, glide
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity
 from fleet.model.navigation import Progress
 
-SLACK = 0.3  # m beyond the distance within which a robot that stands goes on standing
-TURN_ABOVE = 0.7  # rad beside the way from which the robot turns on the spot
-STALE = 1.0  # s after which the place of the other robot is too old to go by
+SLACK = 0.3  # m beyond the distance before a standing robot starts again
+TURN_ABOVE = 0.7  # rad between heading and target at which the robot turns on the spot
+STALE = 1.0  # s after which the other robot's position is too old to follow
 
-Whereabouts = Callable[[], tuple[Vector3, float]]
-"""Where the other robot was last, in the world of the one that is led, and how many seconds ago.
+TargetPosition = Callable[[], tuple[Vector3, float]]
+"""Returns the other robot's last position, in the world of the follower, and its age in seconds.
 
-Raises NotReady where nobody knows, or has not known for too long.
+Raises NotReady where it is unknown, or was not reported for too long.
 """
 
 
 class RobotFollower:
-    """One robot on the way after another; ``step`` is called with each new pose, about 20 times a second."""
+    """Follower of another robot; ``step`` is called with each new pose, about 20 times a second."""
 
     done = False
 
     def __init__(
         self,
         metres: float,
-        where: Whereabouts,
+        where: TargetPosition,
         pace: MotionLimits,
         *,
         holonomic: bool,
@@ -56,11 +56,11 @@ class RobotFollower:
         return self._asked
 
     def progress(self) -> Progress:
-        """Return how far it is: it has no end to be near to."""
+        """Return the progress: always 0 %, since the task has no end."""
         return Progress(0.0, self._message)
 
     def _towards(self, pose: Pose, at: Vector3) -> Velocity:
-        """Return the velocity that leads nearer to a point, zero where it is near enough."""
+        """Return the velocity towards a point, zero where it is near enough."""
         target = (at.x, at.y)
         way = distance(pose, target) - self._metres
         self._goes = way > (0.0 if self._goes else SLACK)

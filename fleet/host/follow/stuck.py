@@ -1,4 +1,4 @@
-"""Noticing that a robot is commanded and does not get on; pure."""
+"""Detects that a robot is commanded but makes no progress. Pure."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from fleet.model.geometry import Pose, Velocity, wrap_angle
 
 ASKED_SPEED = 0.04  # m/s
 ASKED_TURN = 0.15  # rad/s
-MOVED = 0.03  # m that count as getting on
+MOVED = 0.03  # m that count as progress
 TURNED = 0.087  # rad
 STUCK_AFTER = 3.0  # s without either
 NEARER = 0.05  # m
-NOT_NEARER_AFTER = 5.0  # s on the way without getting nearer
+NOT_NEARER_AFTER = 5.0  # s of driving without coming nearer
 
 
 class StuckDetector:
-    """The watch over one action; ``now`` is monotonic seconds."""
+    """Detector for one action; ``now`` is monotonic seconds."""
 
     def __init__(self) -> None:
         self._anchor: Pose | None = None
@@ -23,12 +23,12 @@ class StuckDetector:
         self._nearer_at = 0.0
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Start again."""
         self._anchor = None
         self._nearest = float("inf")
 
     def look(self, pose: Pose, asked: Velocity, remaining: float, now: float) -> bool:
-        """Return True when the robot is stuck; ``remaining``: metres of the whole way."""
+        """Return True when the robot is stuck; ``remaining``: metres of the whole path."""
         drives = asked.linear.horizontal() >= ASKED_SPEED
         if not drives and abs(asked.yaw_rate) < ASKED_TURN:
             self.reset()
@@ -41,6 +41,6 @@ class StuckDetector:
 
 
 def _moved(one: Pose, other: Pose) -> bool:
-    """Return True when a pose differs enough."""
+    """Return True when two poses differ enough."""
     turned = abs(wrap_angle(other.rotation.yaw - one.rotation.yaw))
     return (other.position - one.position).horizontal() > MOVED or turned > TURNED

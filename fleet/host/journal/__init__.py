@@ -1,1 +1,1 @@
-"""State that safety needs after a crash: begun commands and set emergency stops."""
+"""State that safety needs after a crash: started commands and set emergency stops."""

@@ -1,9 +1,9 @@
-"""What a process has begun or stopped and the journal's disk may not have yet: a file in memory, ahead of it.
+"""Write-ahead log of started commands and stops, in a memory-mapped file, until the database has them.
 
-A write to it costs a command a microsecond, where a synchronised write to a disk costs milliseconds: the
-file is mapped, so that it is no system call either, in which other threads would take the interpreter. It
-lies in the runtime folder: the death of the process leaves it, and a computer that starts anew, which takes
-longer than a command is obeyed, has an empty one.
+A write costs a microsecond, where a synchronised write to disk costs milliseconds. The file is mapped, so a
+write is not even a system call, during which other threads would take the interpreter. It is in the runtime
+folder: it survives the death of the process. After a reboot, which takes longer than a command stays valid,
+it is empty.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ log = logging.getLogger(__name__)
 
 
 class Started(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
-    """A command that is now carried out, or an action; ``stamp`` is Unix seconds.
+    """A command or action being executed; ``stamp`` is Unix seconds.
 
-    ``way`` is how it was asked, when somebody is to hear of its end also after a restart; empty otherwise.
+    ``way`` is the transport over which its end must be reported even after a restart; empty for none.
     """
 
     robot: str
@@ -49,7 +49,7 @@ class Latched(msgspec.Struct, frozen=True, array_like=True, tag="latch"):
 
 
 class Form(msgspec.Struct, frozen=True, array_like=True, tag="format"):
-    """The first row of a file: the number of its format. Files of fleet 0.1.0 have none."""
+    """First row of a file: the number of its format. Files of fleet 0.1.0 have none."""
 
     number: int
 
@@ -57,20 +57,20 @@ class Form(msgspec.Struct, frozen=True, array_like=True, tag="format"):
 Row = Started | Latched
 
 ANY = "*"
-"""The robot in whose name everything is stopped, when nobody knows what was."""
+"""The robot name that stands for all robots, when it is unknown which were stopped."""
 FORMAT = 1
 _ROW: msgspec.json.Decoder[Row | Form] = json_decoder(Row | Form)
 _encode = msgspec.json.Encoder().encode
 _FIRST = _encode(Form(FORMAT)) + b"\n"
 
-SIZE = 1 << 16  # bytes of the file, some five hundred rows; more when the disk takes nothing for long
+SIZE = 1 << 16  # bytes of the file, about five hundred rows; it grows while the disk takes nothing
 
 
 class ExecutionJournal:
-    """The file of one process, locked for as long as that lives; raises OSError.
+    """The file of one process, locked for the life of the process; raises OSError.
 
-    Rows stand in it one after the other, up to the first NUL. So it is emptied by its first byte, whatever
-    is left behind that, and a row that death cut short is none.
+    Rows follow each other up to the first NUL. Writing the first byte therefore empties the file, whatever is
+    left behind it, and a row that was cut short by death does not count.
     """
 
     def __init__(self, path: Path) -> None:
@@ -82,11 +82,11 @@ class ExecutionJournal:
             raise
         rows, _, _ = self._map[:].partition(b"\0")
         self._end = rows.rfind(b"\n") + 1
-        # What death left behind the end, half a row or half a clear, would else follow on the next one.
+        # A half-written row or a half-done clear behind the end would otherwise become part of the next row.
         self._map[self._end :] = bytes(len(self._map) - self._end)
 
     def add(self, row: Row) -> None:
-        """Write a row; when this returns, the end of the process does not lose it."""
+        """Write a row; once this returns, the end of the process does not lose it."""
         line = (b"" if self._end else _FIRST) + _encode(row) + b"\n"
         end = self._end + len(line)
         if end >= len(self._map):
@@ -100,17 +100,17 @@ class ExecutionJournal:
         return self._end
 
     def clear(self) -> None:
-        """Forget all rows."""
+        """Remove all rows."""
         self._map[0] = 0
         self._map[: self._end] = bytes(self._end)
         self._end = 0
 
     @contextlib.contextmanager
-    def everybodys(self) -> Iterator[list[Row]]:
-        """Give the rows of all processes of this edge; half a line at the end of a file is none.
+    def all_rows(self) -> Iterator[list[Row]]:
+        """Give the rows of all processes of this edge; an incomplete row at the end of a file is skipped.
 
-        Once the block has taken them, our own and those that dead processes left are forgotten: nobody else
-        would, and a stop among them would be set again by every start, though it was released long ago.
+        After the block, our own rows and those of dead processes are removed. Nobody else would remove them,
+        and a stop among them would be set again at every start, although it was released long ago.
         """
         with contextlib.ExitStack() as stack:
             paths = sorted(self._path.parent.glob(f"{self._path.stem}.*"))
@@ -133,9 +133,10 @@ class ExecutionJournal:
         os.close(self._file)
 
     def _mapped(self, size: int) -> mmap.mmap:
-        """Return the file, of so many bytes at least.
+        """Return the mapped file, with at least this size.
 
-        What is new of it is written: a hole that memory has no room for would kill who writes to it.
+        New bytes are written out: writing to a hole that memory has no room for would kill the process
+        (SIGBUS).
         """
         held = os.fstat(self._file).st_size
         new = bytes(max(size - held, 0))
@@ -145,14 +146,14 @@ class ExecutionJournal:
 
 
 def execution_journal_file(directory: Path, edge: str, worker: str = "main") -> Path:
-    """Return where a process of an edge writes; ``directory`` is the runtime folder."""
+    """Return the path of a process's file; ``directory`` is the runtime folder."""
     return directory / f"begun-{edge}.{worker}"
 
 
 def _own(path: Path) -> tuple[Path, int]:
-    """Open and lock a process's file, or one beside it while a process of before still has that.
+    """Open and lock a process's file, or one beside it while an earlier process still has the lock.
 
-    Whose file it is has the lock for all its life: nobody takes it for a dead one's, and empties it.
+    The lock is held for life, so that no other process takes the file for a dead one's and empties it.
     """
     beside = (path.with_name(f"{path.name}~{number}") for number in itertools.count(1))
     while not _locked(file := os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)):
@@ -162,7 +163,7 @@ def _own(path: Path) -> tuple[Path, int]:
 
 
 def _locked(file: int) -> bool:
-    """Take a file's lock until it is closed; False when a process has it that lives."""
+    """Lock a file until it is closed; return False if a living process has locked it."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -171,7 +172,7 @@ def _locked(file: int) -> bool:
 
 
 def _rows(path: Path) -> Iterator[Row]:
-    """Read one file; of one of a newer format nobody knows what was stopped, so that everything is."""
+    """Read one file; a newer format stops every robot, since the stops in it are unknown."""
     for line in path.read_bytes().partition(b"\0")[0].splitlines():
         try:
             row = decode_with(_ROW, line)

@@ -1,8 +1,8 @@
-"""What safety must remember though the process dies: commands that were begun, emergency stops that are set.
+"""Journal of started commands and set emergency stops, which safety needs after the death of the process.
 
-A discrete command is in ``begun`` before it is carried out, and soon on disk, so that a restart never does it
-twice; an emergency stop goes the same way. One thread writes for all robots of a process, all that waits in
-one commit; nobody's event loop waits for the disk.
+A discrete command is written to the execution journal before it is executed, and soon to disk, so that a
+restart never repeats it; an emergency stop takes the same path. One thread writes for all robots of a
+process, everything that waits in one commit; no event loop waits for the disk.
 """
 
 from __future__ import annotations
@@ -27,16 +27,17 @@ from fleet.host.requests.receipt import Receipt
 from fleet.host.safety.dedup_cache import KEPT, DedupCache
 from fleet.model.command import Reply
 from fleet.spool.database import open_checked
-from fleet.spool.state_folder import JOURNAL, locked, made
+from fleet.spool.state_folder import JOURNAL, create_folder, locked
 
 log = logging.getLogger(__name__)
 
 GATHER = 0.05
-"""Seconds in which changes gather for the disk; a thread that woke for each command would want the
-interpreter just when the command is on its way to the robot."""
+"""Seconds in which changes are collected before a commit. A thread that woke for each command would compete
+for the interpreter just when the command is on its way to the robot."""
 LONGEST = 1 << 22
 """Bytes of commands that are kept in memory while the disk takes none."""
-REMEMBERED = 3600.0  # s that a command is kept; older ones are refused by their age
+RETRY = 1.0  # s between attempts to write stops that the disk did not take
+REMEMBERED = 3600.0  # s that a command is kept; an older one is refused for its age
 LOST = "the journal could not be read or written, so nobody knows whether a stop was set"
 
 FORMATS = (
@@ -50,10 +51,10 @@ CREATE TABLE latch (robot TEXT PRIMARY KEY, why TEXT) WITHOUT ROWID;
 """,
     "ALTER TABLE begun ADD COLUMN way TEXT NOT NULL DEFAULT ''",
 )
-"""What makes the file, and brings it from each format number to the next."""
+"""SQL that creates the file, and migrates it from each format number to the next."""
 _BEGIN = "INSERT OR REPLACE INTO begun (robot, identity, name, action, stamp, way, outcome) VALUES "
 _ROW = "(?, ?, ?, ?, ?, ?, ?)"
-_AT_ONCE = 100  # rows of one statement; SQLite takes 999 values at least
+_AT_ONCE = 100  # rows per statement; SQLite allows at least 999 values
 _RECOVER = (
     "INSERT OR IGNORE INTO begun (robot, identity, name, action, stamp, way, outcome) "
     "VALUES (?, ?, ?, ?, ?, ?, '')"
@@ -73,11 +74,11 @@ _PROBE = (
     "DELETE FROM latch WHERE robot = ''",
     "COMMIT",
 )
-"""Writes, and leaves nothing: a disk that is full can still be read."""
+"""A write without a trace: a full disk can still be read, but not written."""
 
 
 class CommandEnd(msgspec.Struct, frozen=True):
-    """How a command ended, in a word."""
+    """End of a command; ``outcome`` is one word."""
 
     outcome: str
     robot: str
@@ -85,13 +86,13 @@ class CommandEnd(msgspec.Struct, frozen=True):
 
 
 Change = Row | CommandEnd
-"""One change of the journal; a row of ``ExecutionJournal`` is what must not wait for the disk."""
+"""One change of the journal; a row of ``ExecutionJournal`` is one that must not wait for the disk."""
 
 
-class _Sum:
-    """What some changes come to, in their order.
+class _NetChanges:
+    """Net effect of a series of changes.
 
-    ``begun`` has a list for each command, with how it ended; ``ended`` those that began before.
+    ``begun`` has a row with its outcome for each new command; ``ended`` the ends of earlier commands.
     """
 
     def __init__(self, changes: Sequence[Change]) -> None:
@@ -110,11 +111,11 @@ class _Sum:
 
 
 def _forget(_change: Change) -> None:
-    """Keep none."""
+    """Discard a change."""
 
 
 class RobotJournal:
-    """One robot's part. ``put`` takes a change from any thread and never blocks; without it none is kept."""
+    """Journal of one robot. ``put`` takes a change from any thread and never blocks; the default drops it."""
 
     def __init__(
         self,
@@ -133,29 +134,29 @@ class RobotJournal:
 
     @property
     def cut_off(self) -> bool:
-        """True when an action of an earlier process was not seen to end: the robot may still be at it."""
+        """True when an action of an earlier process has no known end: the robot may still be moving."""
         return any(past.action and not past.outcome for past in self.past)
 
     def latch(self, why: str) -> None:
-        """Remember an emergency stop, or with an empty ``why`` its release; from any thread."""
+        """Record an emergency stop, or with an empty ``why`` its release; from any thread."""
         self._put(Latched(self._robot, why))
 
     def note(self, identity: str, name: str, *, action: bool = False, way: str = "") -> None:
-        """Remember that a command is now carried out; what can never be a repeat (no identity) is not."""
+        """Record that a command is being executed; without an identity it cannot repeat and is not kept."""
         if identity and self._clock is not None:
             self._put(Started(self._robot, identity, name, action, self._clock.time(), way))
 
     def end(self, identity: str, outcome: str) -> None:
-        """Remember how a command ended; in a word."""
+        """Record the outcome of a command, as one word."""
         if identity:
             self._put(CommandEnd(outcome, self._robot, identity))
 
     def follow(self, identity: str, receipt: Receipt) -> None:
-        """Remember how a command will end."""
+        """Record the outcome of a command once its receipt has it."""
         receipt.watch(partial(self._seen, identity))
 
     def repeats(self, now: float) -> DedupCache[Receipt]:
-        """Return the answers to the commands of earlier processes; ``now``: monotonic seconds."""
+        """Return the answers to commands of earlier processes; ``now``: monotonic seconds."""
         repeats: DedupCache[Receipt] = DedupCache()
         for past in self.past:
             if not past.action:
@@ -163,25 +164,26 @@ class RobotJournal:
         return repeats
 
     def _seen(self, identity: str, reply: Reply) -> None:
-        """Take a command's answer."""
+        """Record the outcome in a command's reply."""
         if reply.done is not None:
             self.end(identity, DONE if reply.done else "failed")
 
 
 class Journal:
-    """The journal of one process. Workers of one edge share the file.
+    """Journal of one process. The workers of an edge share the database.
 
-    A disk that fails later is told in ``problem`` and costs what is remembered, not the robots' obedience.
-    After a file that could not be read, or a disk that could not be written at the start, every robot's
-    emergency stop is set: somebody may have set it, and nobody would know.
+    A disk that fails later is reported in ``problem``; records are lost, but robots keep obeying. After a
+    database that could not be read, or not be written at the start, the emergency stop of every robot is set,
+    because a stop may have been set before and would be unknown.
 
-    A stop that is set stays in ``begun``, too, until it is released: whoever loses one of the two files has
-    the other.
+    A set stop also stays in the execution journal until its release, so that it survives the loss of one of
+    the two files.
 
-    ``ends_are_told`` says whether anybody still tells askers how commands end: a worker outlives its edge for
-    a moment, and leaves them open for the next edge.
+    ``ends_are_told`` returns whether the ends of commands are still reported to their senders: a worker
+    outlives its edge for a moment, and leaves them open for the next edge.
 
-    ``also`` is called on the journal's thread after each turn: what else may wait for the disk; never raises.
+    ``also`` is called on the journal's thread after each round, for other writes to the disk; it never
+    raises.
     """
 
     def __init__(
@@ -191,18 +193,19 @@ class Journal:
         self.ends_are_told: Callable[[], bool] = lambda: True
         self._also = also
         self._clock = clock
-        self._adding = threading.Lock()  # what is added waits, or is done with, in both places
-        self._set: dict[str, str] = {}  # why, by robot: the emergency stops that are set
-        self._begun = self._open_begun(begun)
+        self._adding = threading.Lock()  # covers adding to both the queue and the execution journal
+        self._set: dict[str, str] = {}  # robot to cause: the emergency stops that are set
+        self._execution_journal = self._open_begun(begun)
         self._waiting: deque[Change] = deque()
+        self._unwritten: dict[str, str] = {}  # stops and releases that the database does not have yet
         self._closing = threading.Event()
-        self._using = threading.Lock()  # one thread at a time: a reader would hold a writer up
+        self._using = threading.Lock()  # one thread at a time: a reader would delay a writer
         self._database = self._open_database(folder)
         self._thread = threading.Thread(target=self._write, name="fleet-journal", daemon=True)
         self._thread.start()
 
     def _open_begun(self, path: Path) -> ExecutionJournal | None:
-        """Open the file in memory; None, and told, where that cannot be."""
+        """Open the execution journal; None, with ``problem`` set, if that fails."""
         try:
             return ExecutionJournal(path)
         except OSError as error:
@@ -210,11 +213,11 @@ class Journal:
             return None
 
     def _open_database(self, folder: Path) -> sqlite3.Connection | None:
-        """Open the file on disk and bring it up to date; None, and told, where it cannot be written."""
+        """Open and migrate the database; None, with ``problem`` set, if it cannot be written."""
         database: sqlite3.Connection | None = None
         path = folder / JOURNAL
         try:
-            made(folder)
+            create_folder(folder)
             with locked(path):
                 database, aside = open_checked(path, FORMATS, "FULL")
                 if aside is not None:
@@ -230,31 +233,31 @@ class Journal:
         return database
 
     def _recover(self, database: sqlite3.Connection) -> None:
-        """Write what earlier processes left in memory."""
-        if self._begun is not None:
-            with self._begun.everybodys() as rows:
+        """Write the rows that earlier processes left in their execution journals."""
+        if self._execution_journal is not None:
+            with self._execution_journal.all_rows() as rows:
                 for row in rows:
-                    if isinstance(row, Latched) and row.robot == ANY:  # releases of before are none of it
+                    if isinstance(row, Latched) and row.robot == ANY:  # earlier releases do not count
                         database.execute("DELETE FROM latch WHERE why = ''")
                     database.execute(_RECOVERED[type(row)], msgspec.structs.astuple(row))
 
     def _add(self, row: Row) -> None:
-        """Write a row into the file in memory; never raises."""
-        if self._begun is not None:
+        """Write a row to the execution journal; never raises."""
+        if self._execution_journal is not None:
             try:
-                self._begun.add(row)
-            except Exception as error:  # noqa: BLE001 - a stop must not fail by its record
+                self._execution_journal.add(row)
+            except Exception as error:  # noqa: BLE001 - a stop must not fail because of its record
                 self._fail(error)
 
     def _clear(self) -> None:
-        """Empty the file in memory, but for the stops that are set."""
-        if self._begun is not None:
-            self._begun.clear()
+        """Empty the execution journal, except for the stops that are set."""
+        if self._execution_journal is not None:
+            self._execution_journal.clear()
             for robot, why in self._set.items():
                 self._add(Latched(robot, why))
 
     def robot(self, name: str) -> RobotJournal:
-        """Return the part of one robot, with what is known of it from earlier processes."""
+        """Return the journal of one robot, with its records of earlier processes."""
         latched = LOST
         past: list[PastCommand] = []
         try:
@@ -263,7 +266,7 @@ class Journal:
         except sqlite3.Error as error:
             self._fail(error)
         with self._adding:
-            latched = self._set.get(name) or latched  # it may be on its way to the disk
+            latched = self._set.get(name) or latched  # the database may not have it yet
             if latched:
                 self._set[name] = latched
                 self._add(Latched(name, latched))
@@ -272,7 +275,7 @@ class Journal:
         return RobotJournal(name, self._put, latched=latched, past=past, clock=self._clock)
 
     def take_interrupted(self, names: Iterable[str]) -> list[InterruptedCommand]:
-        """Return the commands of these robots that an earlier process left without an end; each once."""
+        """Return the commands of these robots that an earlier process did not see end; each once."""
         found: list[InterruptedCommand] = []
         if self._database is None:
             return found
@@ -285,7 +288,7 @@ class Journal:
         return found
 
     def close(self) -> None:
-        """Write what waits and close the files; a stop that comes so late is left to the next process."""
+        """Write all waiting changes and close the files; a stop after that is left to the next process."""
         self._closing.set()
         self._thread.join()
         if self._database is not None:
@@ -293,12 +296,12 @@ class Journal:
         with self._adding:
             if not self.problem and not self._waiting:
                 self._clear()
-            begun, self._begun = self._begun, None
+            begun, self._execution_journal = self._execution_journal, None
             if begun is not None:
                 begun.close()
 
     def _put(self, change: Change) -> None:
-        """Take a change: what is begun, and a stop, outlive the process from here on."""
+        """Add a change; from here on, a started command or a stop survives the process."""
         if isinstance(change, CommandEnd) and not self.ends_are_told():
             return
         with self._adding:
@@ -311,7 +314,7 @@ class Journal:
             self._waiting.append(change)
 
     def _recall(self, name: str) -> tuple[str, list[PastCommand]]:
-        """Return the robot's emergency stop and its commands, the oldest first."""
+        """Return the robot's emergency stop and its commands, oldest first."""
         if self._database is None:
             return LOST, []
         since = self._clock.time() - REMEMBERED
@@ -330,39 +333,42 @@ class Journal:
         return latches.get(name, latches.get(ANY, "")), past[::-1]
 
     def _taken(self, database: sqlite3.Connection, name: str) -> list[InterruptedCommand]:
-        """Return the commands of one robot that nobody saw end, and forget who asked for them."""
+        """Return the commands of one robot without a known end, and mark them as reported."""
         rows = database.execute(_INTERRUPTED, (name, self._clock.time() - REMEMBERED)).fetchall()
         database.execute(_TOLD, (name,))
         return [InterruptedCommand(*row) for row in rows]
 
     def _write(self) -> None:
-        """Be the thread: everything that waits goes into one commit."""
-        closing = False
+        """Thread: write everything that waits in one commit."""
+        closing, retry_at = False, 0.0
         while not closing:
             closing = self._closing.wait(GATHER)
             changes = [self._waiting.popleft() for _ in range(len(self._waiting))]
-            if changes:
+            # A stop must get to disk even if no command follows: a reboot empties the execution journal.
+            if changes or (self._unwritten and (closing or self._clock.monotonic() >= retry_at)):
                 self._keep(changes)
+                retry_at = self._clock.monotonic() + RETRY
             self._also()
 
     def _keep(self, changes: Sequence[Change]) -> None:
-        """Write changes; what is on disk need not be in the file in memory any more."""
+        """Write changes to disk; after that they are not needed in the execution journal."""
         with self._using:
             self._commit(changes)
         with self._adding:
-            full = self._begun is not None and self._begun.length > LONGEST
+            full = self._execution_journal is not None and self._execution_journal.length > LONGEST
             if not self._waiting and (full or not self.problem):
                 self._clear()
 
     def _commit(self, changes: Sequence[Change]) -> None:
-        """Write changes; what the disk does not take is told, once for each kind of trouble.
+        """Write changes; a failure is reported in ``problem``, and logged once for each kind.
 
-        Commands go many in one call: with each call the interpreter is given away and wanted back, and a
-        command that is on its way waits meanwhile.
+        Commands are written many per call: each call releases and reacquires the interpreter lock, for which
+        a command on its way to a robot would have to wait.
         """
         if self._database is None:
             return
-        total = _Sum(changes)
+        total = _NetChanges(changes)
+        self._unwritten |= total.latches
         try:
             self._database.execute("BEGIN IMMEDIATE")
             self._database.executemany(_END, map(msgspec.structs.astuple, total.ended))
@@ -371,9 +377,10 @@ class Journal:
                 rows = begun[start : start + _AT_ONCE]
                 values = itertools.chain.from_iterable(rows)
                 self._database.execute(_BEGIN + ", ".join([_ROW] * len(rows)), tuple(values))
-            self._database.executemany(_LATCH, total.latches.items())
+            self._database.executemany(_LATCH, self._unwritten.items())
             self._database.execute(_FORGET, (self._clock.time() - REMEMBERED,))
             self._database.execute("COMMIT")
+            self._unwritten = {}
             self.problem = ""
         except sqlite3.Error as error:
             with contextlib.suppress(sqlite3.Error):
@@ -381,7 +388,7 @@ class Journal:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        """Tell that what is done now is not remembered."""
+        """Report that the journal is not being kept."""
         problem = f"the journal of commands is not kept: {error}"
         if problem != self.problem:
             log.error("%s", problem)

@@ -1,4 +1,4 @@
-"""Commands of earlier processes, as the journal remembers them."""
+"""Commands of earlier processes, from the journal."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import msgspec
 from fleet.host.requests.receipt import Receipt
 
 DONE = "completed"
-"""The outcome of a command that the robot was seen to have carried out."""
+"""Outcome of a command that the robot was seen to have carried out."""
 
 
 class PastCommand(msgspec.Struct, frozen=True):
-    """A command of an earlier process; ``outcome`` is empty when it was not seen to end."""
+    """A command of an earlier process; ``outcome`` is empty when its end is unknown."""
 
     identity: str
     name: str
@@ -20,13 +20,13 @@ class PastCommand(msgspec.Struct, frozen=True):
 
     @property
     def verdict(self) -> str:
-        """Say why it is not carried out again."""
+        """Reason for not executing it again."""
         how = f"ended {self.outcome}" if self.outcome else "was not seen to end"
         return f"it was begun before the edge restarted and {how}; it is not carried out twice"
 
 
 class InterruptedCommand(msgspec.Struct, frozen=True):
-    """A command whose end no process saw, and whose asker has not been told so; ``way``: how it was asked."""
+    """A command without a known end, which is still to be reported; ``way``: its transport."""
 
     robot: str
     identity: str
@@ -35,7 +35,7 @@ class InterruptedCommand(msgspec.Struct, frozen=True):
 
 
 def answer_to(past: PastCommand) -> Receipt:
-    """Return what answers a repeat of a command of an earlier process."""
+    """Return the receipt that answers a repeat of a command of an earlier process."""
     receipt = Receipt(past.name, lambda _reply: None)
     if past.outcome == DONE:
         receipt.done()

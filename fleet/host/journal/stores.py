@@ -1,4 +1,4 @@
-"""What a process of an edge keeps on disk, opened: the journal that safety needs, and the history."""
+"""Opens the stores of an edge's process: the journal that safety needs, and the history."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fleet.robot_config import MAIN
 
 
 def history_bounds(config: Sections) -> HistoryBounds:
-    """Return how much history fleet.yaml wants kept."""
+    """Return the bounds of the history in fleet.yaml."""
     kept = config.edge.history
     return HistoryBounds(kept.size << 20, kept.days * 86400.0)
 
@@ -21,9 +21,9 @@ def history_bounds(config: Sections) -> HistoryBounds:
 def open_stores(
     edge: str, folder: Path, bounds: HistoryBounds, directory: Path, *, clock: Clock, worker: str = MAIN
 ) -> tuple[Journal, History]:
-    """Open both; ``folder`` is that of lasting state, ``directory`` the runtime folder.
+    """Open both; ``folder`` holds persistent state, ``directory`` is the runtime folder.
 
-    What cannot be written is told by their ``problem``.
+    A store that cannot be written reports it in its ``problem``.
     """
     history = History(folder, clock, bounds)
     journal = Journal(folder, clock, execution_journal_file(directory, edge, worker), also=history.write)

@@ -1,4 +1,4 @@
-"""Keeps a log readable, and its disk from filling, whatever somebody sends a thousand times a second."""
+"""Flood filter: keeps a log readable and its disk free when a line repeats a thousand times a second."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Hashable
 import msgspec
 
 WINDOW = 60.0  # s
-MOST = 100  # lines of one kind in that time; a kind is a logger and a line before its values are put in
+MOST = 100  # lines of one kind in that time; a kind is a logger and a line's format string
 MOST_KINDS = (
-    1_000  # lines that are put together before they are logged are a kind each: beyond, they share one
+    1_000  # lines formatted before they are logged are a kind each: beyond this number they share one
 )
 
 
 class _Kind(msgspec.Struct):
-    """Lines of one kind since a time (s): told, and left out."""
+    """Lines of one kind since a time (s): written, and left out."""
 
     since: float
     told: int = 0
@@ -22,17 +22,17 @@ class _Kind(msgspec.Struct):
 
 
 class FloodFilter:
-    """Which lines are written. What is left out is counted, and told with the next line of its kind."""
+    """Decides which lines are written. Lines left out are counted; the next of their kind has the number."""
 
     def __init__(self) -> None:
         self._kinds: dict[Hashable, _Kind] = {}
 
     def admit(self, kind: Hashable, now: float) -> int | None:
-        """Return how many lines like this were left out before it; None for one that is left out."""
+        """Return how many such lines were left out before this one; None if this one is left out."""
         if kind not in self._kinds and len(self._kinds) >= MOST_KINDS:
             kind = None
         found = self._kinds.setdefault(kind, _Kind(now))
-        if not 0 <= now - found.since < WINDOW:  # a clock that was set back begins anew
+        if not 0 <= now - found.since < WINDOW:  # a clock that was set back starts a new window
             found.since, found.told = now, 0
         if found.told >= MOST:
             found.left_out += 1

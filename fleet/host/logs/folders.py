@@ -1,4 +1,4 @@
-"""Where the logs of an edge's processes are, for ``fleet logs`` and ``fleet support`` to find them."""
+"""Locations of the logs of an edge's processes, for ``fleet logs`` and ``fleet support``."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _SUFFIX = ".log"
 
 
 def log_folder(state: Path) -> Path:
-    """Return the folder of the logs in an edge's folder of lasting state."""
+    """Return the folder of the logs in an edge's folder of persistent state."""
     return state / "log"
 
 
 def show_log(edge: str, folder: Path, directory: Path) -> None:
-    """Leave in the runtime folder a link to the logs of an edge that runs here; never raises."""
+    """Create a link in the runtime folder to the logs of an edge that runs here; never raises."""
     link = directory / f"{edge}{_SUFFIX}"
     with contextlib.suppress(OSError):
         link.unlink(missing_ok=True)
@@ -26,7 +26,7 @@ def show_log(edge: str, folder: Path, directory: Path) -> None:
 
 
 def log_folders(directories: list[Path], environ: Mapping[str, str] = os.environ) -> dict[str, Path]:
-    """Return the folders of all logs of this user, by edge: those that the runtime folders show first."""
+    """Return the folders of all logs of this user, by edge; links in runtime folders take precedence."""
     kept = state_folder("edge", environ=environ).parent
     found = {path.name: log_folder(path) for path in sorted(kept.glob("*/"))}
     for directory in directories:

@@ -1,4 +1,4 @@
-"""How log lines look: for people with date and zone, for programs as one JSON object a line."""
+"""Format of log lines: text with date and zone for people, one JSON object per line for programs."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from fleet.host.requests.event_reporter import ROBOT_LOGGER
 from fleet.runtime.event_loop import OWNER
 
 Format = Literal["text", "json"]
-FORMAT = 1  # the number of the lines' format in the log file
+FORMAT = 1  # format number of the lines in the log file
 LONGEST = 8192  # characters of a line's message, and of a traceback
 
 
 class LogLine(msgspec.Struct, frozen=True, omit_defaults=True):
     """One line of the log; ``time`` is ISO 8601 with date and zone, ``stamp`` the same in Unix seconds.
 
-    ``robot`` is whom it is about, empty where nobody. ``format`` is left out while it is 1.
+    ``robot`` is the robot that it is about, empty for none. ``format`` is left out while it is 1.
     """
 
     time: str
@@ -69,12 +69,12 @@ def line_of(record: logging.LogRecord, formatter: logging.Formatter) -> LogLine:
 
 
 def formatter_of(form: Format) -> logging.Formatter:
-    """Return what writes lines in a form."""
+    """Return the formatter for a format."""
     return JsonFormatter() if form == "json" else TextFormatter()
 
 
 def as_text(line: LogLine) -> str:
-    """Return a line for people, safe for a terminal; a traceback follows on lines of its own."""
+    """Return a line as text, safe for a terminal; a traceback follows on separate lines."""
     text = printable(f"{line.time} {line.level:<7} {line.logger}: {line.message}")
     return "\n".join([text, *(f"    {printable(each)}" for each in line.error.splitlines())])
 
@@ -85,5 +85,5 @@ def local_time(stamp: float) -> str:
 
 
 def _clean(text: str) -> str:
-    """Return text that can be encoded, and is not too long."""
+    """Return text shortened and encodable."""
     return text[:LONGEST].encode(errors="backslashreplace").decode()

@@ -1,4 +1,4 @@
-"""A log file with rotation, written by a thread of its own: a disk that is slow or full holds nobody up."""
+"""Log file with rotation, written by its own thread, so that a slow or full disk delays nothing."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pathlib import Path
 SIZE = 8 << 20  # bytes after which a file is rotated
 KEEP = 5  # rotated files
 WAITING = 10_000  # lines in memory at most
-LOOK = 0.005  # s between looks whether the last words are written
-AGAIN_AFTER = 5.0  # s until a disk that failed is tried again
+LOOK = 0.005  # s between checks that the last lines are written
+AGAIN_AFTER = 5.0  # s until a failed disk is tried again
 
 
 class RotatingLogFile(logging.Handler):
-    """Writes lines to ``path``; older ones are ``path.1`` and up. Never raises, never waits.
+    """Writes lines to ``path``; older files are ``path.1`` and up. Never raises, never waits.
 
-    ``problem`` says why lines are not written, empty while they are; ``lost`` counts those without room.
+    ``problem`` is why lines are not written, empty while they are; ``lost`` counts lines without room.
     """
 
     def __init__(
@@ -40,10 +40,10 @@ class RotatingLogFile(logging.Handler):
         self._thread.start()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Take a line; from any thread. A stop may be logged, so it waits for no disk, whatever the level."""
+        """Queue a line; from any thread. A stop may be logged, so this never waits for the disk."""
         try:
             line = self.format(record)
-        except Exception:  # noqa: BLE001 - a line that cannot be put together hurts nobody
+        except Exception:  # noqa: BLE001 - a line that cannot be formatted must not raise
             self.handleError(record)
             return
         if len(self._waiting) >= WAITING:
@@ -58,24 +58,24 @@ class RotatingLogFile(logging.Handler):
         return bool(self._waiting)
 
     def close(self) -> None:
-        """Write what waits, and end."""
+        """Write all queued lines, and end."""
         self._closing.set()
         self._something.set()
         self._thread.join(2.0)
         super().close()
 
     def _run(self) -> None:
-        """Be the thread."""
+        """Thread: write lines as they arrive."""
         while not self._closing.is_set():
             self._something.wait()
             self._something.clear()
             while not self._write():
                 if self._closing.wait(AGAIN_AFTER):
                     return
-        self._write()  # what came while the last lines were written
+        self._write()  # lines queued during the last write
 
     def _write(self) -> bool:
-        """Write what waits; return whether the disk took it."""
+        """Write all queued lines; return whether the disk accepted them."""
         lines = list(self._waiting)
         if not lines:
             return True
@@ -92,7 +92,7 @@ class RotatingLogFile(logging.Handler):
         return True
 
     def _rotate(self) -> None:
-        """Begin another file when this one is full."""
+        """Start a new file when this one is full."""
         with contextlib.suppress(FileNotFoundError):
             if self._path.stat().st_size >= self._size:
                 for number in range(self._keep - 1, 0, -1):
@@ -102,7 +102,7 @@ class RotatingLogFile(logging.Handler):
 
 
 def log_and_flush(log: logging.Logger, text: str, *, within: float) -> None:
-    """Log why this process ends at once, and wait at most ``within`` seconds for the log files to have it."""
+    """Log why this process ends at once, and wait at most ``within`` seconds until the log files have it."""
     end = time.monotonic() + within
     log.critical("%s", text)
     files = [each for each in logging.getLogger().handlers if isinstance(each, RotatingLogFile)]
@@ -111,12 +111,12 @@ def log_and_flush(log: logging.Logger, text: str, *, within: float) -> None:
 
 
 def rotated(path: Path, number: int) -> Path:
-    """Return where a file goes when it was rotated so many times."""
+    """Return the path of a file after so many rotations."""
     return path.with_name(f"{path.name}.{number}")
 
 
 def _append(path: Path, data: bytes) -> None:
-    """Append to a file that is for this user alone; raises OSError."""
+    """Append to a file that only this user may read; raises OSError."""
     descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
         while data:

@@ -1,4 +1,4 @@
-"""Log output of a process: stderr, a file if one was asked for, and the file of ``fleet logs``."""
+"""Log output of a process: stderr, an optional file, and the file of ``fleet logs``."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from fleet.host.logs.systemd_journal import STREAM, JournalHandler, is_journal
 
 FORM, FILE = "FLEET_LOG_FORMAT", "FLEET_LOG_FILE"
 TOLD = (FORM, FILE, STREAM)
-"""Variables of the environment by which workers hear how to log."""
+"""Environment variables with the log settings for workers."""
 
 
-class _ToStderr(logging.Handler):
-    """Writes to whatever stderr is at the time: a live table on the terminal replaces it."""
+class _StderrHandler(logging.Handler):
+    """Writes to the present stderr: a live table on the terminal replaces it."""
 
     def __init__(self, level: int) -> None:
         super().__init__(level)
@@ -41,9 +41,9 @@ class _ToStderr(logging.Handler):
 
 
 class LogSettings(msgspec.Struct, frozen=True):
-    """What somebody wants of the log: from which ``level`` on stderr, in which form, and in which file.
+    """Settings of the log: lowest ``level`` on stderr, format, and file.
 
-    Workers get form and file by the environment; each writes to a file of its own.
+    Workers get format and file by environment variables; each writes to a file of its own.
     """
 
     level: int = logging.WARNING
@@ -51,14 +51,14 @@ class LogSettings(msgspec.Struct, frozen=True):
     file: Path | None = None
 
     def told(self) -> None:
-        """Leave form and file to the workers that are started from here."""
+        """Set the environment variables for workers started from here."""
         os.environ[FORM] = self.form
         if self.file is not None:
             os.environ[FILE] = str(self.file.absolute())
 
     @classmethod
     def of_a_worker(cls, name: str, environ: Mapping[str, str] = os.environ) -> LogSettings:
-        """Return what the edge wants of a worker's log."""
+        """Return the log settings of a worker, from its environment."""
         given = environ.get(FILE)
         path = Path(given) if given else None
         own = path.with_name(f"{path.stem}.{name}{path.suffix}") if path else None
@@ -66,15 +66,15 @@ class LogSettings(msgspec.Struct, frozen=True):
 
 
 def _stderr(level: int) -> logging.Handler:
-    """Return what writes the log for people: to stderr, or to the journal that systemd has put there."""
-    with contextlib.suppress(OSError, ValueError):  # a stderr without a descriptor is no journal
+    """Return the handler for people: stderr, or the journal if systemd connects stderr to it."""
+    with contextlib.suppress(OSError, ValueError):  # a stderr without a descriptor is not the journal
         if is_journal(sys.stderr.fileno()):
             return JournalHandler(min(level, logging.INFO), "fleet")
-    return _ToStderr(level)
+    return _StderrHandler(level)
 
 
 def start_logging(wanted: LogSettings, kept: Path | None = None) -> Callable[[], None]:
-    """Log to stderr, to the file that is wanted, and to ``kept`` for ``fleet logs``; return what ends it.
+    """Log to stderr, the configured file, and ``kept`` for ``fleet logs``; return a function that ends it.
 
     Where stderr goes to the journal of systemd, lines are sent there with their fields instead.
     """

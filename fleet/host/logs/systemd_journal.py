@@ -1,7 +1,7 @@
-"""Log lines to the journal of systemd, each with its fields, by journald's own protocol.
+"""Log lines to the journal of systemd with their fields, by journald's own protocol.
 
-One datagram for each line to ``/run/systemd/journal/socket`` (systemd: Native Journal Protocol). Level, robot
-and logger are fields, so that  ``journalctl -u fleet-yard-1 FLEET_ROBOT=rex -p warning``  finds them.
+One datagram per line to ``/run/systemd/journal/socket`` (systemd: Native Journal Protocol). Level, robot and
+logger are fields, so that  ``journalctl -u fleet-yard-1 FLEET_ROBOT=rex -p warning``  finds them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fleet.host.logs.line_format import LogLine, line_of
 SOCKET = Path("/run/systemd/journal/socket")
 STREAM = "JOURNAL_STREAM"
 """Environment variable of systemd: device and inode of the stream that goes to the journal."""
-LONGEST = 60_000  # bytes of one datagram: what a Unix socket takes by default, with room for the fields
+LONGEST = 60_000  # bytes per datagram: the default limit of a Unix socket, with room for the fields
 _PRIORITIES = ((logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6))
 
 
@@ -46,7 +46,7 @@ def fields_of(line: LogLine, level: int, identifier: str) -> dict[str, str]:
 
 
 def datagram(fields: Mapping[str, str]) -> bytes:
-    """Return fields as one datagram: each with its length, so that no text can add a field of its own."""
+    """Return the fields as one datagram; each has its length, so that no text can forge a field."""
     parts = []
     for name, text in fields.items():
         value = text.encode(errors="backslashreplace")[:LONGEST]
@@ -55,7 +55,7 @@ def datagram(fields: Mapping[str, str]) -> bytes:
 
 
 class JournalHandler(logging.Handler):
-    """Sends records to the journal; one that journald does not take is dropped, and nothing waits for it."""
+    """Sends records to the journal without waiting; a record that journald does not accept is dropped."""
 
     def __init__(self, level: int, identifier: str, path: Path = SOCKET) -> None:
         super().__init__(level)

@@ -1,11 +1,11 @@
-"""Starts robots together: each prepares what it is asked, then all begin at one instant.
+"""Common starts: each robot prepares its request, then all begin at one instant.
 
-To prepare is to find out everything that can be found out before: who asks, what stands against it, whether
-the robot is ready, whether its way is free also of the ways that others are prepared for. Nothing moves by
-it. What is prepared is dropped, and never taken up again, when who asked for it is gone (the liveliness token
-of the start), when anything stops or moves the robot, when it is lost, and when the instant is not met. One
-of a start that is dropped takes all others of this process with it; whoever asked does the same for the
-other processes, until the instant. Runs on the event loop, but for what the bus calls.
+To prepare is to check everything that can be checked in advance: the sender, conflicts with the request,
+whether the robot is ready, and whether its path is free, also of the prepared paths of others. Nothing moves
+meanwhile. A preparation is dropped for good when the sender is gone (the start's liveliness token), when
+anything stops or moves the robot, when the robot is lost, and when the instant is missed. Dropping one drops
+all others of that start in this process; the sender does the same for the other processes, until the instant.
+Runs on the event loop, except for the callbacks of the bus.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ from fleet.wire.stops import STOP_WORDS, stop_in
 
 log = logging.getLogger(__name__)
 
-KEPT = 30.0  # s for which what is prepared waits for its instant to be told
-READY_WITHIN = 10.0  # s for a robot to say whether it is ready
-LOOK = 0.1  # s between looks at what is prepared
-LATE = 0.1  # s after the instant at which nothing begins any more
+KEPT = 30.0  # s for which a prepared robot waits for its instant to be set
+READY_WITHIN = 10.0  # s for a robot to answer whether it is ready
+LOOK = 0.1  # s between checks of prepared robots
+LATE = 0.1  # s after the instant at which a start is too late
 READY = "check_ready"
 KINDS = ("command", "navigate", "mission")
 
 
 class _Prepared(msgspec.Struct, eq=False):
-    """What one robot is prepared for; ``until`` (monotonic s) it waits for its instant, a Unix ``stamp``."""
+    """A robot's prepared request; it waits for its instant (Unix ``stamp``) until ``until`` (monotonic s)."""
 
     start: str
     robot: LocalRobot
@@ -60,7 +60,7 @@ class _Prepared(msgspec.Struct, eq=False):
 
 
 class CommonStarts:
-    """The starts that robots of one process take part in; each robot in one at a time."""
+    """Starts with robots of one process; a robot takes part in one at a time."""
 
     def __init__(self, process: RobotProcess) -> None:
         self._process = process
@@ -71,7 +71,7 @@ class CommonStarts:
         self._tasks: set[asyncio.Task[None]] = set()
 
     def declare(self) -> None:
-        """Take what is asked on the bus."""
+        """Serve the requests for common starts on the bus."""
         edge, control = self._process.edge, self._process.bus.control
 
         def serve(robot: LocalRobot) -> Callable[[], None]:
@@ -87,7 +87,7 @@ class CommonStarts:
     # -- the bus's threads -----------------------------------------------------------------------------
 
     def _asked_to_prepare(self, robot: LocalRobot, question: Query) -> None:
-        """Take a question to prepare a robot; one that is a stop is obeyed at once."""
+        """Receive a request to prepare a robot; a stop is executed at once."""
         kind = question.parameters.get("kind", "command")
         if not stop_in(question.payload, cast("Kind", kind) if kind in KINDS else "command"):
             self._loop.call_soon_threadsafe(self._begin_to_prepare, robot, question)
@@ -99,7 +99,7 @@ class CommonStarts:
             self._loop.call_soon_threadsafe(take, answer_to(question, waits=False))
 
     def _asked(self, question: Query) -> None:
-        """Answer what the time is, there and then; take the instant of a start."""
+        """Answer with the present time, at once; set the instant of a start."""
         try:
             asked = decode_json(question.payload, StartAsked)
         except msgspec.DecodeError as error:
@@ -111,26 +111,26 @@ class CommonStarts:
         else:
             self._answer(question, {})
 
-    def _token(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
-        """Take note of who asks for a start, or is gone."""
+    def _token(self, key: str, alive: bool) -> None:  # noqa: FBT001 - signature of the bus
+        """Record that a start's sender appeared or is gone."""
         self._loop.call_soon_threadsafe(self._shows, key.rpartition("/")[2], alive)
 
     def _answer(self, question: Query, robots: dict[str, str]) -> None:
-        """Answer with the time, and what became of robots."""
+        """Answer with the present time and the results by robot."""
         answer = StartAnswer(self._process.worker or MAIN, self._clock.time(), robots)
         question.reply(msgspec.json.encode(answer))
         question.close()
 
-    # -- to prepare ------------------------------------------------------------------------------------
+    # -- preparation -----------------------------------------------------------------------------------
 
     def _begin_to_prepare(self, robot: LocalRobot, question: Query) -> None:
-        """Prepare a robot, in a task of its own: it may have to be asked."""
+        """Prepare a robot in a new task, since the robot itself may be asked."""
         task = self._loop.create_task(self._prepare(robot, question), name=f"prepare:{robot.name}")
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
     async def _prepare(self, robot: LocalRobot, question: Query) -> None:
-        """Find out whether a robot can begin, and keep what it is asked; answers either way."""
+        """Check whether a robot can begin, and keep its request if so; answers in both cases."""
         waits = question.parameters.get("wait") == "1"
         start = question.parameters.get("start", "")
         answer = answer_to(question, waits=waits)
@@ -158,7 +158,7 @@ class CommonStarts:
     def _against(self, robot: LocalRobot, ask: Command | Navigate, start: str) -> str:
         """Return why a robot cannot be prepared now; empty when it can."""
         if not start or start not in self._alive:
-            return "who asks for the common start does not show that it is there"
+            return "the sender of the common start is not present"
         if robot.name in self._prepared:
             return "it is prepared for another start"
         if ask.stamp is not None and abs(self._clock.time() - ask.stamp) > robot.config.command_max_age:
@@ -166,7 +166,7 @@ class CommonStarts:
         return against(robot.controller, ask, robot.spec_of(ask.name))
 
     async def _unready(self, robot: LocalRobot, ask: Command | Navigate) -> str:
-        """Return what a robot says that still stands against its beginning; empty when nothing does."""
+        """Return why the robot itself reports that it is not ready; empty when it is."""
         if ask.name not in BEGINNINGS or robot.spec_of(READY) is None:
             return ""
         ended: asyncio.Future[Reply] = self._loop.create_future()
@@ -187,7 +187,7 @@ class CommonStarts:
     # -- the instant -----------------------------------------------------------------------------------
 
     def _set(self, question: Query, asked: StartAsked) -> None:
-        """Take the instant of a start, unless anything stands against one of its robots by now."""
+        """Set the instant of a start, unless one of its robots can no longer begin."""
         of_it = [one for one in self._prepared.values() if one.start == asked.id]
         ahead = asked.stamp - self._clock.time()
         problems = {one.robot.name: self._hindrance(one, ahead) for one in of_it}
@@ -203,9 +203,9 @@ class CommonStarts:
         self._answer(question, problems)
 
     def _hindrance(self, one: _Prepared, ahead: float) -> str:
-        """Return why a robot that is prepared cannot begin in so many seconds; empty when it can."""
+        """Return why a prepared robot cannot begin in ``ahead`` seconds; empty when it can."""
         if one.start not in self._alive:
-            return "who asked for it is gone"
+            return "its sender is gone"
         if one.stamp is not None:
             return "its instant is set already"
         if not 0.0 < ahead <= FARTHEST:
@@ -215,7 +215,7 @@ class CommonStarts:
         return against(one.robot.controller, one.ask, one.robot.spec_of(one.ask.name))
 
     def _begin(self, start: str) -> None:
-        """Begin: bring all that was prepared to the robots' controllers, one after the other, at once."""
+        """Begin: pass all prepared requests of a start to the robots' controllers, one after another."""
         of_it = [one for one in self._prepared.values() if one.start == start and one.stamp is not None]
         for one in of_it:
             self._forget(one)
@@ -225,22 +225,22 @@ class CommonStarts:
             if abs(off) > LATE:
                 self._refuse(one, f"its instant was missed by {off:.2f} s")
                 continue
-            # It is as old as its start: that is what was agreed upon.
+            # the agreed instant counts as the time of the request
             stamp = None if one.ask.stamp is None else one.stamp
             one.robot.requests.begin(msgspec.structs.replace(one.ask, stamp=stamp), one.receipt)
 
-    # -- what ends it ----------------------------------------------------------------------------------
+    # -- cancellation ----------------------------------------------------------------------------------
 
     def _shows(self, start: str, alive: bool) -> None:  # noqa: FBT001 - by position
-        """Take note of who asks for a start; one that is gone starts nothing."""
+        """Record whether a start's sender is present; without it nothing of the start remains."""
         if alive:
             self._alive.add(start)
             return
         self._alive.discard(start)
-        self._drop_all(lambda one: one.start == start, "who asked for it took it back, or is gone")
+        self._drop_all(lambda one: one.start == start, "its sender cancelled it, or is gone")
 
     def _interrupted(self, name: str, why: str) -> None:
-        """Drop the start of a robot that something else stops, moves or loses, with all its others."""
+        """Drop a start of which one robot is stopped, moved or lost by something else."""
         one = self._prepared.get(name)
         if one is None:
             return
@@ -248,7 +248,7 @@ class CommonStarts:
         self._drop_all(lambda other: other.start == one.start, f"not without the others: {name}: {why}")
 
     def _look(self) -> None:
-        """Drop what waits too long, and robots that are lost or stopped."""
+        """Drop preparations that wait too long, and those of robots that are lost or stopped."""
         now = self._clock.monotonic()
         for one in list(self._prepared.values()):
             controller = one.robot.controller
@@ -258,33 +258,33 @@ class CommonStarts:
                 self._interrupted(one.robot.name, f"its instant was not told within {KEPT:g} s")
 
     def _drop_all(self, which: Callable[[_Prepared], bool], why: str) -> None:
-        """Drop some of what is prepared."""
+        """Drop the preparations that match."""
         for one in [one for one in self._prepared.values() if which(one)]:
             self._drop(one, why)
 
     def _drop(self, one: _Prepared, why: str) -> None:
-        """Forget what a robot is prepared for, and say why it does not begin."""
+        """Drop a preparation and report why the robot does not begin."""
         self._forget(one)
         self._refuse(one, why)
 
     def _forget(self, one: _Prepared) -> None:
-        """Forget what a robot is prepared for."""
+        """Remove a preparation."""
         self._prepared.pop(one.robot.name, None)
         one.robot.controller.guard.means(None)
 
     def _refuse(self, one: _Prepared, why: str) -> None:
-        """Say that a robot does not begin."""
+        """Report that a robot does not begin."""
         one.robot.controller.event_reporter.log.warning("%s is not started: %s", one.ask.name, why)
         one.receipt.reject(f"not started: {why}")
 
 
 def take_starts(process: RobotProcess) -> None:
-    """Let the robots of a process take part in common starts; before they run."""
+    """Make the robots of a process available for common starts; before they run."""
     CommonStarts(process).declare()
 
 
 def _read(robot: LocalRobot, question: Query) -> Command | Navigate:
-    """Return what a robot is to prepare; raises WireError for what cannot be prepared."""
+    """Return the request that a robot is to prepare; raises WireError for one that cannot be prepared."""
     kind = question.parameters.get("kind", "command")
     if kind not in KINDS:
         raise WireError(f"{kind[:40]!a} is nothing that is started together; one of {', '.join(KINDS)}")
@@ -298,7 +298,7 @@ def _read(robot: LocalRobot, question: Query) -> Command | Navigate:
 
 
 def _words_of(said: object) -> str:
-    """Return what stands against a beginning, from the answer to ``check_ready``; empty when it is ready."""
+    """Return why a robot is not ready, from its reply to ``check_ready``; empty when it is."""
     if not isinstance(said, dict):
         return "it does not say whether it is ready"
     if said.get("ready") is True:

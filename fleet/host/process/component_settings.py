@@ -1,4 +1,4 @@
-"""fleet.yaml's models, as the bus, the cloud and the processes want them."""
+"""Settings of bus, cloud, spool and processes from the models of fleet.yaml."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def worker_of(config: AdapterConfig, plugin: Plugin) -> str:
 
 
 def bus_settings(config: Sections, access: Access | None = None) -> BusSettings:
-    """Return the bus's settings; ``access`` is what an edge lets others do."""
+    """Return the bus settings; ``access`` has the edge's rules for other parties."""
     bus = config.bus
     tls = BusTls()
     if bus.tls is not None:
@@ -61,7 +61,7 @@ def bus_settings(config: Sections, access: Access | None = None) -> BusSettings:
 
 
 def bus_access(config: FleetConfig) -> Access | None:
-    """Return who may do what on the edge's bus; None when fleet.yaml does not say it."""
+    """Return the access rules of the edge's bus; None without any in fleet.yaml."""
     if config.bus.access is None:
         return None
     twins = tuple(str(robot.twin) for robot in config.robots)
@@ -72,9 +72,9 @@ def bus_access(config: FleetConfig) -> Access | None:
 
 
 def settle_time(config: Sections) -> float:
-    """Return how long a twin is wanted before it is had: no time where no other edge is to be met.
+    """Return how many seconds a twin is requested before it is claimed: 0 if no other edge can be reached.
 
-    A port that the system chooses (0) is known to nobody.
+    A port that the system chooses (0) is not known to any other edge.
     """
     bus = config.bus
     known = [end for end in bus.listen if not end.endswith(":0")]
@@ -82,21 +82,21 @@ def settle_time(config: Sections) -> float:
 
 
 def settle_time_beside(edge: str, directory: Path) -> float:
-    """Return how long a twin is wanted where other edges run on this computer: they may reach our sockets."""
+    """Return the same for other edges on this computer, which may reach our sockets."""
     return SETTLE if any(other != edge for other in running_edges(directory)) else 0.0
 
 
 def bridge_rules(
     cloud: CloudConfig, robots: Iterable[AdapterConfig], pair: Iterable[str] = ()
 ) -> BridgeRules:
-    """Return what crosses: the table, changed by the profile, by the cloud's rules, and by a robot's own.
+    """Return the rules of the bridge: the table with the changes of profile, cloud and robot.
 
-    The heartbeats of edges of one ``pair`` claim no twin: their lease decides.
+    Heartbeats of edges in the same ``pair`` claim no twin: their lease decides.
     """
     channels = {name: rule.channel() for name, rule in cloud.channels.items()}
     general = cloud.changes()
     everyone = rulebook(cloud.profile, (general,), channels)
-    usual = of_a_twin(everyone)  # one for all robots that say nothing of their own: each is 16 kB
+    usual = of_a_twin(everyone)  # shared by all robots without their own rules: each is 16 kB
     twins = {
         str(robot.twin): of_a_twin(rulebook(cloud.profile, (general, robot.changes()), channels))
         if robot.rules or robot.inbound
@@ -114,7 +114,7 @@ def bridge_rules(
 
 
 def cloud_settings(cloud: CloudConfig, *, simulated: bool) -> CloudSettings:
-    """Return the cloud's settings, with the credentials as the SDK derives them."""
+    """Return the settings of the cloud connection, with the credentials as the SDK derives them."""
     login = credentials(
         cloud.token.get_secret_value() if cloud.token else None,
         cloud.username or PLACEHOLDER,
@@ -135,7 +135,7 @@ def cloud_settings(cloud: CloudConfig, *, simulated: bool) -> CloudSettings:
 
 
 def spool_settings(config: FleetConfig) -> SpoolSettings:
-    """Return where and how much of what the cloud has not taken is kept."""
+    """Return folder, size and ages of the spool."""
     spool = config.edge.spool
     ages = {
         TrafficClass.REPLY: spool.ages.reply,
@@ -148,6 +148,6 @@ def spool_settings(config: FleetConfig) -> SpoolSettings:
 
 
 def topics(cloud: CloudConfig, environ: Mapping[str, str] = os.environ) -> Topics:
-    """Return the topics with the prefix of the file, be it empty, or of the environment."""
+    """Return the topics with the prefix of fleet.yaml, even if empty, or of the environment."""
     given = cloud.prefix if "prefix" in cloud.model_fields_set else None
     return Topics(prefix_from(given, environ))

@@ -1,4 +1,4 @@
-"""Publishes warnings about a robot, as the process logs them, to the twin's ``driverlog``."""
+"""Publishes warnings from the robots' logs on their twins' ``driverlog``."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class _Robot(Protocol):
     """A robot whose log lines are published."""
 
     def publish(self, report: LogReport, /) -> None:
-        """Send a line on its way."""
+        """Queue a log line for publication."""
 
 
-class _ToDriverlog(logging.Handler):
-    """Publishes what is logged about a robot, warnings and worse."""
+class _DriverlogHandler(logging.Handler):
+    """Handler that publishes log records about a robot, from level WARNING."""
 
     def __init__(self, process: RobotProcess, remote: Mapping[str, _Robot]) -> None:
         super().__init__(logging.WARNING)
@@ -28,7 +28,7 @@ class _ToDriverlog(logging.Handler):
         self._remote = remote
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Hand a line to its robot, on the loop; from any thread."""
+        """Pass a record to its robot, on the event loop; from any thread."""
         name = record.name.removeprefix(ROBOT_LOGGER)
         robot = self._process.robots.get(name) or self._remote.get(name)
         if robot is None:
@@ -36,18 +36,18 @@ class _ToDriverlog(logging.Handler):
         try:
             report = LogReport(record.created, record.levelname, record.getMessage())
             self._process.loop.call_soon_threadsafe(robot.publish, report)
-        except (TypeError, ValueError, RuntimeError):  # a line that cannot be put together; a closed loop
+        except (TypeError, ValueError, RuntimeError):  # bad format arguments; a closed loop
             self.handleError(record)
 
 
 def publish_robot_logs(
     process: RobotProcess, remote: Mapping[str, _Robot] = MappingProxyType({})
 ) -> Callable[[], None]:
-    """Send the robots' warnings to their twins from now on; returns what ends it.
+    """Publish the robots' warnings on their twins from now on; return a function that ends it.
 
-    ``remote``: robots in workers, of which this process warns too.
+    ``remote``: robots in workers, about which this process logs warnings too.
     """
-    handler = _ToDriverlog(process, remote)
+    handler = _DriverlogHandler(process, remote)
     logger = logging.getLogger(ROBOT_LOGGER.rstrip("."))
     logger.addHandler(handler)
     return lambda: logger.removeHandler(handler)

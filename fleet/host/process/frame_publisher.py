@@ -1,4 +1,4 @@
-"""The bytes on the links of one process, published while somebody records; they are left out otherwise."""
+"""Publishes the frames on the links of one process while a recorder subscribes to them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from fleet.clock import Clock
 from fleet.link.tap import FrameTap, LinkTap, Redaction
 
 EVERY = 0.1
-"""Seconds between two looks whether somebody records, and between two messages of one link."""
+"""Seconds between checks for a recorder, and between messages of one link."""
 
 
 class FramePublisher:
-    """Publishes on one key the frames of the links that are opened with ``opening``."""
+    """Publishes on one key the frames of links that are opened with ``opening``."""
 
     def __init__(self, key: str, bus_session: ZenohSession, clock: Clock) -> None:
         self.tap = FrameTap(clock)
@@ -23,11 +23,11 @@ class FramePublisher:
         self._due = clock.monotonic()
 
     def opening(self, robot: str, redaction: Callable[[], Redaction | None]) -> Callable[[str], LinkTap]:
-        """Return what makes the taps of the links that are opened on behalf of a robot."""
+        """Return the factory of taps for the links of a robot."""
         return partial(self.tap.open, robot, redaction=redaction)
 
     def flushing(self) -> Iterator[None]:
-        """Publish what waits, a few frames a step; called at the end of each turn of the scheduler."""
+        """Publish waiting frames, a few per step; called at the end of each tick."""
         now = self._clock.monotonic()
         if now < self._due:
             return

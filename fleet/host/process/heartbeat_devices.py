@@ -1,8 +1,8 @@
-"""Devices whose heartbeat lets robots move: a serial line, a GPIO line, a HID device. Linux only.
+"""Devices of stop inputs: a serial line, a GPIO line, a HID device. Linux only.
 
-One row of ``KINDS`` for each kind: how it is opened. Whatever can then be read is the heartbeat: bytes of a
-serial line, rising edges of a GPIO line (GPIO character device v2, <linux/gpio.h>), reports of a HID device
-(<linux/hidraw.h>). What waited before the opening is thrown away. Each raises OSError with the reason.
+Each row of ``KINDS`` opens one kind. Any data read afterwards are the heartbeat: bytes of a serial line,
+rising edges of a GPIO line (GPIO character device v2, <linux/gpio.h>), reports of a HID device
+(<linux/hidraw.h>). Older data are discarded. Each function raises OSError with the reason.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from fleet.config.schema import StopInputConfig
 
 GET_LINE = 0xC250B407  # GPIO_V2_GET_LINE_IOCTL: _IOWR(0xB4, 7, struct gpio_v2_line_request)
 LINE_REQUEST = struct.Struct("=64I32sQI20x240xII20xi")  # offsets, consumer, config, num_lines, buffer, fd
-PULSES = 1 << 2 | 1 << 4 | 1 << 9  # input, rising edges, pulled down: a cut wire gives none
-HID_DESCRIPTOR_SIZE = 0x80044801  # HIDIOCGRDESCSIZE: _IOR('H', 1, int); only a hidraw device answers it
+PULSES = 1 << 2 | 1 << 4 | 1 << 9  # input, rising edges, pull-down: a cut wire gives no edges
+HID_DESCRIPTOR_SIZE = 0x80044801  # HIDIOCGRDESCSIZE: _IOR('H', 1, int); only hidraw devices support it
 
 
 def open_device(config: StopInputConfig) -> int:
-    """Return a descriptor that reads the heartbeat and never blocks; raises OSError with the reason."""
+    """Return a non-blocking descriptor from which the heartbeat is read; raises OSError with the reason."""
     return KINDS[config.kind](config)
 
 
 def _open_serial(config: StopInputConfig) -> int:
-    """Open a serial line for this program alone, raw, 8N1."""
+    """Open a serial line exclusively, raw, 8N1."""
     line = _open(config.device)
     try:
         _require(os.isatty(line), "this is not a serial device")
@@ -51,7 +51,7 @@ def _open_serial(config: StopInputConfig) -> int:
 
 
 def _open_gpio(config: StopInputConfig) -> int:
-    """Ask a GPIO chip for one line; each of its events is 48 bytes to read."""
+    """Request one line of a GPIO chip; each event that is read has 48 bytes."""
     chip = _open(config.device)
     try:
         offsets = [config.line or 0, *[0] * 63]
@@ -65,7 +65,7 @@ def _open_gpio(config: StopInputConfig) -> int:
 
 
 def _open_hid(config: StopInputConfig) -> int:
-    """Open a HID device; it must send reports by itself, again and again."""
+    """Open a HID device; it must send reports repeatedly by itself."""
     device = _open(config.device)
     try:
         fcntl.ioctl(device, HID_DESCRIPTOR_SIZE, bytearray(4))
@@ -76,13 +76,13 @@ def _open_hid(config: StopInputConfig) -> int:
 
 
 def _require(condition: bool, otherwise: str) -> None:  # noqa: FBT001 - reads as a sentence
-    """Raise OSError unless a device is what it must be."""
+    """Raise OSError unless the condition holds."""
     if not condition:
         raise OSError(errno.ENOTTY, otherwise)
 
 
 def _open(path: str) -> int:
-    """Open a device for reading, without waiting for anything."""
+    """Open a device for reading, without blocking."""
     return os.open(path, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
 
 

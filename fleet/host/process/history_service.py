@@ -1,4 +1,4 @@
-"""Answers on the bus who asked what of this edge's robots, and what became of it."""
+"""Answers queries of the history on the bus: requests to this edge's robots, senders and outcomes."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from fleet.runtime.decoding import decode_json
 
 log = logging.getLogger(__name__)
 
-IN_ONE = 200  # events in one of the answers to a question
+IN_ONE = 200  # events per reply to a query
 
 
 class HistoryService:
-    """Takes questions for the history of one process's file, from any thread, one after the other.
+    """Answers queries of the history of one process's file, from any thread, one after the other.
 
-    A query's payload is an ``EventFilter`` as JSON, or empty for the newest events of all robots. Each answer
-    is a JSON list of ``Record``s; together they go from the oldest to the newest.
+    A query's payload is an ``EventFilter`` as JSON, or empty for the newest events of all robots. Each reply
+    is a JSON list of ``Record``s; together they are in order, oldest first.
     """
 
     def __init__(self, history: History) -> None:
@@ -33,23 +33,23 @@ class HistoryService:
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="fleet-recall")
 
     def asked(self, question: Query) -> None:
-        """Take a question; its answers come from a thread of its own, which may wait for the disk."""
+        """Queue a query; it is answered on a separate thread, which may wait for the disk."""
         try:
             self._reader.submit(self._answer, question)
-        except RuntimeError:  # we are closed
+        except RuntimeError:  # closed
             question.close()
 
     def close(self) -> None:
-        """Answer nothing more."""
+        """Stop answering."""
         self._reader.shutdown(cancel_futures=True)
 
     def found(self, wanted: EventFilter) -> list[Record]:
-        """Return events from the disk and from memory; raises StateError."""
-        waiting = self._history.waiting()  # first: what is written meanwhile is there twice, and not missing
+        """Return matching events from disk and memory; raises StateError."""
+        waiting = self._history.waiting()  # first: an event written meanwhile is found twice, not never
         return newest([*read(self._history.folder, wanted), *waiting], wanted)
 
     def _answer(self, question: Query) -> None:
-        """Answer a question; what cannot be read is told in the log, and nothing is answered."""
+        """Answer a query; if the history cannot be read, log it and close the query without a reply."""
         try:
             wanted = decode_json(question.payload, EventFilter) if question.payload else EventFilter()
             for part in _parts(self.found(wanted)):
@@ -63,6 +63,6 @@ class HistoryService:
 
 
 def _parts(records: Sequence[Record]) -> Iterator[Sequence[Record]]:
-    """Yield so many events at a time; nothing to tell is an answer too."""
+    """Yield the records in parts; for none, one empty part."""
     for start in range(0, max(len(records), 1), IN_ONE):
         yield records[start : start + IN_ONE]

@@ -1,7 +1,7 @@
-"""Tells of commands that were under way when an earlier process of this edge died.
+"""Reports commands that were running when an earlier process of this edge died.
 
-Each has a line in the log and an event in the history. One that the cloud had asked for also gets its final
-status there: nobody else would tell how it ended.
+Each gets a line in the log and an event in the history. A command from the cloud also gets its final status
+there, which no other part would send.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ def tell_interrupted_commands(
     robots: Iterable[RobotPort],
     tell_cloud: Callable[[RobotPort, Reply], None] | None = None,
 ) -> None:
-    """Tell how the commands of these robots ended that an earlier process had begun; each is told once.
+    """Report the commands of these robots that an earlier process left without an end; each once.
 
-    Call it before the robots start, here and in workers: the journal's file is one for all of them.
+    Call it before the robots start, here and in workers: all of them share the journal's file.
     ``tell_cloud`` publishes the final status of a command on its twin's topic.
     """
     ports = {robot.name: robot for robot in robots}

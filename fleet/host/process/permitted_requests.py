@@ -1,7 +1,7 @@
-"""Requests for persons to the robots of a process: their permission is checked here, by the edge.
+"""Permissions for requests of persons to the robots of a process, checked by the edge itself.
 
-A console has checked that of its person before. But its process, and whoever has its certificate, are not
-this edge.
+A console has checked its user's permission before, but its process, and any holder of its certificate, are
+outside this edge.
 """
 
 from __future__ import annotations
@@ -17,16 +17,17 @@ from fleet.wire.rules import Kind
 
 
 class PermittedRequests:
-    """Judges requests to robots by who asks."""
+    """Judges requests to robots by their sender's permission."""
 
     def __init__(self, askers: Askers) -> None:
         self._askers = askers
 
     def refusal(self, robot: LocalRobot, kind: Kind, question: Query, way: Transport) -> Reply | None:
-        """Return the answer to a request that is refused; None for one that may go on, as a program's may.
+        """Return the reply to a request that is refused; None for one that may go on.
 
-        ``way``: as it will be read. A stop needs no permission. What cannot be read here is refused to who
-        may not operate: the robot reads it once more, and may know more by then.
+        ``way`` is the transport with which it will be decoded. A stop needs no permission. A message that
+        cannot be decoded here is refused to users who may not operate; for others the robot decodes it again,
+        and may know more by then.
         """
         if not question.suffix:
             return None
@@ -42,13 +43,13 @@ class PermittedRequests:
         return Reply(ask.name, ReplyStatus.REJECTED, why) if why else None
 
     def refusal_of(self, robot: LocalRobot, question: Query, ask: Ask) -> str:
-        """Return why somebody may not ask this of a robot; empty when he may, and for programs."""
+        """Return why the sender may not ask this of a robot; empty when it may, and for programs."""
         return self._refused(robot, question, _needed(ask), ask.name, ask.origin.session)
 
     def _refused(
         self, robot: LocalRobot, question: Query, needed: Permission, what: str, claimed: str = ""
     ) -> str:
-        """Return why what needs a permission is refused."""
+        """Return the refusal of a request that needs a permission; empty when permitted."""
         return self._askers.refusal(question, needed, what, claimed=claimed, robot=robot.name)
 
 

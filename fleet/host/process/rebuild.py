@@ -1,7 +1,7 @@
-"""Ends the run of one robot of this process, and begins it anew with another configuration.
+"""Restarts one robot of this process with a changed configuration.
 
-Its controller, its stop and what is known of past requests stay; only its adapter and its link are new. The
-other robots go on.
+Its controller, its stop and its records of past requests stay; only its adapter and its link are new. The
+other robots are not affected.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from fleet.robot_config import AdapterConfig
 log = logging.getLogger(__name__)
 
 ENDS_WITHIN = 12.0  # s for a run to bring its robot to a standstill and end
-BACK_WITHIN = 20.0  # s for a robot that answered before to answer again
-LOOK = 0.05  # s between looks
+BACK_WITHIN = 20.0  # s for a robot that was online to be online again
+LOOK = 0.05  # s between checks
 
 
 async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfig) -> str:
-    """Run a robot with another configuration; return why it has the one before again, empty when it has not.
+    """Run a robot with another configuration; return why the old one was restored, empty on success.
 
-    A robot that answered before must answer within ``BACK_WITHIN``.
+    A robot that was online must be online again within ``BACK_WITHIN``.
     """
     before, answered = robot.config, not robot.controller.offline
     trouble = await ended(process, robot)
@@ -48,11 +48,11 @@ async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfi
 
 
 def take_over(robot: LocalRobot, config: AdapterConfig) -> str:
-    """Have a robot's host take over a configuration; return why it keeps the one before, if so."""
+    """Apply a configuration to a robot's host side; return why the old one is kept, if so."""
     before = robot.config
     try:
         robot.configure(config)
-    except Exception as error:  # an adapter's Config has code of its own, and the robot must be run again
+    except Exception as error:  # an adapter's Config has code of its own, and the robot must go on
         log.exception("%s does not take its configuration over", robot.name)
         robot.configure(before)
         return f"it does not take it over: {type(error).__name__}: {error}"
@@ -60,9 +60,9 @@ def take_over(robot: LocalRobot, config: AdapterConfig) -> str:
 
 
 class Held(msgspec.Struct, frozen=True):
-    """What a robot runs with after ``hold``: a whole configuration (``complete``), a part, or that of before.
+    """Configuration of a robot after ``hold``: the whole new one (``complete``), part of it, or the old one.
 
-    ``trouble`` is why it was not taken over.
+    ``trouble`` is why it was not applied.
     """
 
     config: AdapterConfig
@@ -72,9 +72,9 @@ class Held(msgspec.Struct, frozen=True):
 
 
 def hold(robot: LocalRobot, config: AdapterConfig, *, whole: bool) -> Held:
-    """Hold a robot that may move to what is stricter in a new configuration.
+    """Restrict a robot that may move to the stricter parts of a new configuration.
 
-    ``whole``: its adapter goes on with it, so that all of it is taken over where nothing in it is looser.
+    ``whole``: its adapter can continue with all of it, so all is applied if nothing in it is looser.
     """
     before, can = robot.config, robot.controller.can
     both = as_strict_as_both(before, config, limits=can.limits, separation=can.separation)
@@ -88,7 +88,7 @@ def hold(robot: LocalRobot, config: AdapterConfig, *, whole: bool) -> Held:
 
 
 async def ended(process: RobotProcess, robot: LocalRobot) -> str:
-    """End a robot's run; return why it cannot be begun anew."""
+    """End a robot's run; return why it cannot be restarted."""
     process.runs.pause(robot)
     if not await seen(lambda: process.runs.is_paused(robot), ENDS_WITHIN):
         return "its run does not end; restart the edge"
@@ -100,9 +100,9 @@ async def ended(process: RobotProcess, robot: LocalRobot) -> str:
 
 
 async def seen(condition: Callable[[], bool], within: float) -> bool:
-    """Wait until something is so, at most so many seconds; return whether it is."""
+    """Wait until a condition holds, at most ``within`` seconds; return whether it does."""
     loop = asyncio.get_running_loop()
     end = loop.time() + within
-    while not condition() and loop.time() < end:  # noqa: ASYNC110 - what is waited for has no event
+    while not condition() and loop.time() < end:  # noqa: ASYNC110 - the condition has no event
         await asyncio.sleep(LOOK)
     return condition()

@@ -1,4 +1,4 @@
-"""What one process answers on the bus for each of its robots: commands, its state, its description."""
+"""Bus keys of each robot of one process: commands, state, description."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ KINDS = get_args(Kind)
 
 
 class RobotEndpoints:
-    """The keys of the robots of one process; on the loop."""
+    """The keys of the robots of one process; on the event loop."""
 
     def __init__(self, edge: str, bus: Bus, askers: Askers) -> None:
         self._edge, self._control = edge, bus.control
@@ -33,19 +33,19 @@ class RobotEndpoints:
         self._askers, self._permitted = askers, PermittedRequests(askers)
 
     def open(self, robot: LocalRobot) -> Callable[[], None]:
-        """Show a robot on the bus and take what is asked of it there; returns what ends that."""
+        """Serve a robot on the bus; return a function that ends it."""
         edge, control, opened = self._edge, self._control, contextlib.ExitStack()
         for end in (
             control.answer(keys.command(edge, robot.name), self._asker(robot), more=keys.ASKER),
             control.answer(keys.state(edge, robot.name), self._teller(robot.state)),
             control.answer(keys.description(edge, robot.name), self._teller(robot.describe)),
-            control.token(keys.robot(edge, robot.name)),  # the first that ends: it says that it is there
+            control.token(keys.robot(edge, robot.name)),  # ends first: it shows that the robot is there
         ):
             opened.callback(end)
         return opened.close
 
     def _asker(self, robot: LocalRobot) -> Callable[[Query], None]:
-        """Return what takes questions for a robot; on the bus's thread, so it hands over at once."""
+        """Return the query handler for a robot's commands; on the bus's thread, hence it only hands over."""
 
         def asked(question: Query) -> None:
             self._loop.call_soon_threadsafe(self._read(robot, question))
@@ -53,7 +53,7 @@ class RobotEndpoints:
         return asked
 
     def _teller(self, what: Callable[[], msgspec.Struct]) -> Callable[[Query], None]:
-        """Return what answers with what is so then, on the loop."""
+        """Return a query handler that answers with the present value, on the event loop."""
 
         def tell(question: Query) -> None:
             question.reply(msgspec.json.encode(what()))
@@ -65,9 +65,9 @@ class RobotEndpoints:
         return asked
 
     def _read(self, robot: LocalRobot, question: Query) -> Callable[[], None]:
-        """Read a question for a robot, on the bus's thread; return what takes it, on the loop.
+        """Decode a robot's query, on the bus's thread; return the call that executes it, on the loop.
 
-        Its answers are the receipt and, when the asker waits, the end.
+        Its replies are the receipt and, if the sender waits, the final result.
         """
         waits = question.parameters.get("wait") == "1"
         kind = cast("Kind", question.parameters.get("kind", "command"))

@@ -1,4 +1,4 @@
-"""A process with robots, the edge's or a worker's: periodic calls, a watchdog, and the bus."""
+"""The robots of one process, the edge's or a worker's, with its scheduler, watchdog and bus."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ from fleet.supervisor.protocol import StopRequest
 
 log = logging.getLogger(__name__)
 
-SWITCH_INTERVAL = 0.0001  # s for which a thread keeps the interpreter while another wants it
-SETTLED = 5.0  # s after which most of what lives long is there
-YOUNG = 20_000  # objects made and not yet done with, after which the garbage collector looks at them
+SWITCH_INTERVAL = 0.0001  # s that a thread keeps the GIL while another one waits for it
+SETTLED = 5.0  # s after which most long-lived objects exist
+YOUNG = 20_000  # net new objects that start a collection of the youngest generation
 STATE_EVERY = 1.0  # s between states of a robot that does not change
 SHUTDOWN = 8.0  # s for all robots to come to a standstill when the process ends
-LAST_WORDS = 1.0  # s for the log line of a process that ends itself
+LAST_WORDS = 1.0  # s for the last log line before the process exits
 
 
 class RobotSpec(msgspec.Struct, frozen=True):
@@ -64,10 +64,10 @@ class RobotSpec(msgspec.Struct, frozen=True):
 class RobotProcess:
     """The robots of one process; ``close`` closes journal and history, after ``stop``.
 
-    ``history`` takes what is asked, by whom, and what came of it; the journal's thread writes it.
-    ``settle``: how many seconds other edges get to show which twins they have, before a robot is run.
-    ``services``: what else is done when a robot begins to be served; each returns what ends it.
-    ``traffic``: positions of all robots of the edge and its partners; left out, they are not kept apart.
+    ``history`` records requests, requesters and outcomes; the journal's thread writes it. ``settle``: seconds
+    in which other edges can show the twins that they hold, before a robot is run. ``services`` are called
+    for each robot when it begins to be served, and return a function that ends the service. ``traffic`` has
+    the positions of all robots of the edge and its partners; without it they are not kept apart.
     """
 
     def __init__(
@@ -99,12 +99,12 @@ class RobotProcess:
         self.starvation = CpuStarvation(clock.monotonic(), self._thread.waited())
         self._shared = SharedResources()
         self.runs = RobotRuns(lambda robot: self.holders.look(robot))  # noqa: PLW0108 - they are made below
-        self._served: dict[str, contextlib.ExitStack] = {}  # what ends the service of each robot
+        self._served: dict[str, contextlib.ExitStack] = {}  # ends the service of each robot
         self.services: list[Callable[[LocalRobot], Callable[[], None]]] = []
         self._setpoints = Setpoints(bus.reports, self.loop)
         self._states = bus.control.publishers(keys.state(edge, "*"))
         self._settling: asyncio.TimerHandle | None = None
-        self._interpreter = contextlib.ExitStack()  # its settings, while the robots run
+        self._interpreter = contextlib.ExitStack()  # interpreter settings while the robots run
         self.watchdog = Watchdog(
             clock,
             LoopWatch(
@@ -154,12 +154,12 @@ class RobotProcess:
         )
 
     def start(self) -> None:
-        """Start every robot; those that fail are tried again by their own runners."""
-        # A thread that wants to stop a robot must not wait long for the interpreter. The garbage collector
-        # stops every thread while it looks at all there is: a quarter of a second with a thousand robots, in
-        # which no dead-man runs. What lives as long as the process is kept out of its sight: what is there
-        # now, and once more what the robots have made since. A run of it in the middle of a command costs
-        # that a third of a millisecond; nearly all is freed without it, so it need not look often.
+        """Start all robots; the runner of a robot retries it when it fails."""
+        # A thread that stops a robot must not wait long for the GIL. A full garbage collection stops all
+        # threads: for a quarter of a second with a thousand robots, in which no dead-man switch works. So
+        # long-lived objects are frozen (excluded from collection), now and again after SETTLED. A young
+        # collection delays a command by a third of a millisecond; reference counting frees nearly all
+        # objects, so it may be rare.
         self._interpreter.enter_context(interpreter_settings(switch_interval=SWITCH_INTERVAL, young=YOUNG))
         self._settling = self.loop.call_later(SETTLED, freeze_new_objects)
         for robot in self.robots.values():
@@ -175,7 +175,7 @@ class RobotProcess:
         self.watchdog.start()
 
     def add(self, spec: RobotSpec, journal: RobotJournal) -> LocalRobot:
-        """Build a robot while others run; stops reach it from now on, and it is not run before ``serve``."""
+        """Build a robot while others run; stops reach it from now on, but it is run only after ``serve``."""
         robot = self._make(spec, journal)
         if self.traffic is not None:
             robot.share_space(self.traffic)
@@ -184,7 +184,7 @@ class RobotProcess:
         return robot
 
     def serve(self, robot: LocalRobot) -> None:
-        """Show a robot that was added, and run it once its twin is ours."""
+        """Serve an added robot on the bus, and run it once this edge holds its twin."""
         self._show(robot)
         self._setpoints.add(robot)
         self._served[robot.name].callback(self._setpoints.follow(robot))
@@ -192,7 +192,7 @@ class RobotProcess:
         self.runs.resume(robot)
 
     def drop(self, robot: LocalRobot) -> None:
-        """Let go of a robot whose run has ended, or that was never served; its twin stays claimed."""
+        """Remove a robot whose run has ended, or that was never served; its twin stays claimed."""
         self.robots.pop(robot.name, None)
         self.runs.forget(robot)
         with self._served.pop(robot.name, contextlib.ExitStack()):  # last, since it may fail
@@ -204,7 +204,7 @@ class RobotProcess:
                 self.traffic.leave(robot.name)
 
     async def stop(self) -> None:
-        """Bring every robot that we were moving to a standstill, then let go of them."""
+        """Bring every robot moved by this process to a standstill, and end all runs."""
         self.runs.ending = True
         for task in self.runs.tasks.values():
             task.cancel()
@@ -225,7 +225,7 @@ class RobotProcess:
         self.supervised.close()
 
     async def close(self) -> None:
-        """Close journal and history: last, once nobody can ask for a stop that would have to be kept."""
+        """Close journal and history, once no stop can arrive that would have to be recorded."""
         await asyncio.to_thread(self.journal.close)
         await asyncio.to_thread(self.history.close)
 
@@ -235,7 +235,7 @@ class RobotProcess:
         stopped = [robot for robot in list(self.robots.values()) if not names or robot.name in names]
         for robot in stopped:
             robot.controller.latch.engage(cause.why)
-        # One whose halt is held up must not keep the next one moving.
+        # A halt that blocks must not keep the next robot moving.
         run_in_turn((partial(robot.controller.halt, emergency=True) for robot in stopped), wait=HALT_WAIT)
         run_in_turn((robot.controller.latch.record for robot in stopped), wait=HALT_WAIT)
         for robot in stopped:
@@ -244,7 +244,7 @@ class RobotProcess:
         return [robot.name for robot in stopped]
 
     def follow_supervisor(self, stop: Callable[[bytes, StopCause], list[str]], ended: asyncio.Event) -> None:
-        """Take the stops that the supervisor passes on, and end when it is gone; before the robots start."""
+        """Obey the supervisor's stops, and end when it dies; called before the robots start."""
 
         def end(why: str) -> None:
             log.error("%s: this process ends", why)
@@ -257,7 +257,7 @@ class RobotProcess:
         self.supervised.begin(self.edge, self.worker, stop=stop_named, end=end)
 
     def halt_robots(self) -> None:
-        """Halt all robots of this process at once, from any thread; no stop is set that stays."""
+        """Halt all robots of this process at once, from any thread, without setting an emergency stop."""
         run_in_turn((robot.controller.halt for robot in list(self.robots.values())), wait=HALT_WAIT)
 
     def publish_state(self, name: str) -> None:
@@ -267,7 +267,7 @@ class RobotProcess:
             publisher.put(msgspec.json.encode(self.robots[name].state()))
 
     def _show(self, robot: LocalRobot) -> None:
-        """Show the robot on the bus, take what is asked of it there, and watch over its leases."""
+        """Serve a robot on the bus: publish its state, take requests to it, watch its leases."""
         robot.be_watched(self.watchdog)
         relay_video(robot, self.edge, self.bus.reports, self.loop, self.clock, put=self.outbox.put_document)
         served = self._served[robot.name] = contextlib.ExitStack()
@@ -277,15 +277,15 @@ class RobotProcess:
             served.callback(serve(robot))
 
     def _look_at_processor(self) -> None:
-        """See whether the computer has time for this process."""
+        """Check whether this process gets enough processor time."""
         self.starvation.look(self.clock.monotonic(), self._thread.waited())
 
     def _running(self) -> str:
-        """Return which robot the loop is busy with; on the watchdog's thread."""
+        """Return the robot that the loop is busy with; on the watchdog's thread."""
         return self.scheduler.owner or self._thread.owner()
 
     def _blocked(self, name: str, seconds: float) -> None:
-        """Say who blocks the loop and where, and count it; on a thread of the watchdog's."""
+        """Log and count a block of the loop, with its owner and place; on a watchdog thread."""
         where = self._thread.place()
         robot = self.robots.get(name)
         if robot is not None:
@@ -294,7 +294,7 @@ class RobotProcess:
         log.error("%s blocks the event loop at %s", name, where)
 
     def _stuck(self, name: str) -> None:
-        """Give the process up: it is restarted by who watches it; every robot has been halted."""
+        """Exit the process, whose robots are halted already; its supervisor restarts it."""
         text = f"the event loop is stuck in {name}: this process ends now"
         run_in_thread(partial(log_and_flush, log, text, within=LAST_WORDS), wait=LAST_WORDS)
         os._exit(70)

@@ -1,4 +1,4 @@
-"""Which robots of a process are run: those whose twins are ours, but for one whose configuration changes."""
+"""Decides which robots of a process run: those whose twins are ours, except while one is reconfigured."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ CHANGES = "its configuration changes"
 
 
 class RobotRuns:
-    """The runs of the robots of one process. ``again`` is called for a robot that may be run again."""
+    """Runs of the robots of one process. ``again`` is called for a robot that may run again."""
 
     def __init__(self, again: Callable[[LocalRobot], None]) -> None:
         self.tasks: dict[str, asyncio.Task[None]] = {}
         self.ending = False
         self._again = again
         self._paused: set[str] = set()
-        self._barred = ""  # why no robot is run at all
+        self._barred = ""  # why no robot runs at all
 
     def run(self, robot: LocalRobot) -> None:
-        """Run a robot, once an earlier run of it has ended."""
+        """Run a robot, once its earlier run has ended."""
         task = self.tasks.get(robot.name)
         if self._barred:
             self.keep_out(robot, self._barred)
@@ -33,7 +33,7 @@ class RobotRuns:
             task.add_done_callback(lambda _: self._again(robot))
 
     def keep_out(self, robot: LocalRobot, why: str) -> None:
-        """End a robot's run, if there is one, and say why there is none."""
+        """End a robot's run, if there is one, and set the reason."""
         task = self.tasks.get(robot.name)
 
         def ended(_task: asyncio.Task[None]) -> None:
@@ -47,7 +47,7 @@ class RobotRuns:
             task.cancel()
 
     def bar(self, robots: Iterable[LocalRobot], why: str) -> None:
-        """End every run, and begin none until ``lift``."""
+        """End all runs, and start none until ``lift``."""
         self._barred = why
         for robot in robots:
             self.keep_out(robot, why)
@@ -59,13 +59,13 @@ class RobotRuns:
             self._again(robot)
 
     async def all_ended(self) -> None:
-        """Wait until no robot is run."""
+        """Wait until no robot runs."""
         while self.tasks:
             await asyncio.wait(self.tasks.values())
-            await asyncio.sleep(0)  # what takes the ended runs out of the table
+            await asyncio.sleep(0)  # let the done callbacks remove the ended runs from the table
 
     def pause(self, robot: LocalRobot) -> None:
-        """End a robot's run until ``resume``; what it is prepared for is dropped."""
+        """End a robot's run until ``resume``; a prepared start is dropped."""
         self._paused.add(robot.name)
         robot.controller.event_reporter.heard(CHANGES)
         self.keep_out(robot, CHANGES)
@@ -75,11 +75,11 @@ class RobotRuns:
         return robot.name in self._paused and robot.name not in self.tasks
 
     def forget(self, robot: LocalRobot) -> None:
-        """Have no part in a robot any more whose run has ended."""
+        """Remove a robot whose run has ended."""
         self._paused.discard(robot.name)
         self.tasks.pop(robot.name, None)
 
     def resume(self, robot: LocalRobot) -> None:
-        """Begin its run anew, unless another edge has its twin by now."""
+        """Start its run again, unless another edge has its twin by now."""
         self._paused.discard(robot.name)
         self._again(robot)

@@ -1,9 +1,9 @@
-"""What local programs and leaders publish on the bus for robots of this process to do now.
+"""Setpoints that local programs and leaders publish on the bus for robots of this process.
 
 ===========================================  ===============================================
 ``cw/{twin}/data/commands/velocity``         a velocity, for the robot of the twin
 ``cw/{twin}/data/commands/joint_positions``  joint targets, for the robot of the twin
-``cw/{twin}/data/joint_states``              where a leader's joints are, for those that follow it
+``cw/{twin}/data/joint_states``              joint positions of a leader, for its followers
 ===========================================  ===============================================
 """
 
@@ -26,7 +26,7 @@ _LEADER = "joint_states"
 
 
 class Setpoints:
-    """Takes what is published for the robots of one process; on the loop."""
+    """Receives setpoints for the robots of one process; on the event loop."""
 
     def __init__(self, reports: ZenohSession, loop: asyncio.AbstractEventLoop) -> None:
         self._reports, self._loop = reports, loop
@@ -34,33 +34,33 @@ class Setpoints:
         self._followers: dict[str, list[Callable[[JointReport], object]]] = {}  # by the twin of their leader
 
     def start(self, robots: Collection[LocalRobot]) -> None:
-        """Begin to take it, for these robots and those that are added later."""
+        """Subscribe, for these robots and those added later."""
         for robot in robots:
             self.add(robot)
         for kind, channel in _KEYS.items():
             self._reports.subscribe_many(_key("*", channel), self._calls[kind])
 
     def add(self, robot: LocalRobot) -> None:
-        """Take what is published for a robot, and have it tell those of this process that follow it."""
+        """Receive the setpoints of a robot, and pass its joint reports to its followers in this process."""
         robot.controller.joints.followers = self._followers.setdefault(robot.twin, [])
         for kind, channel in _KEYS.items():
             self._calls[kind][_key(robot.twin, channel)] = taker(robot, kind, self._loop)
 
     def remove(self, robot: LocalRobot) -> None:
-        """Take it no more."""
+        """Stop receiving the setpoints of a robot."""
         for kind, channel in _KEYS.items():
             self._calls[kind].pop(_key(robot.twin, channel), None)
 
     def follow(self, robot: LocalRobot) -> Callable[[], None]:
-        """Tell a robot where its leader is, if it has one; the leader may come later, here or elsewhere.
+        """Pass its leader's joint positions to a robot, if it has one; the leader may appear later, anywhere.
 
-        Returns what ends it.
+        Returns a function that ends it.
         """
         if robot.config.follows is None:
             return lambda: None
         leader = str(robot.config.follows)
         unsubscribe = self._reports.subscribe_many(*_followed(robot, leader, self._loop))
-        # Reports do not come back to the session that says them.
+        # A session does not receive its own publications.
         followers, follower = self._followers.setdefault(leader, []), _beside(robot, self._loop)
         followers.append(follower)
 
@@ -72,7 +72,7 @@ class Setpoints:
 
 
 def taker(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop) -> Callable[[bytes], None]:
-    """Return what takes setpoints of one kind for a robot; on the bus's thread."""
+    """Return a subscriber for one kind of setpoint of a robot; on the bus's thread."""
 
     def arrived(payload: bytes) -> None:
         take = robot.read(kind, payload, way=Transport.BUS)
@@ -83,7 +83,7 @@ def taker(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop) -> Cal
 
 
 def _beside(robot: LocalRobot, loop: asyncio.AbstractEventLoop) -> Callable[[JointReport], None]:
-    """Return what takes where a leader is that this process has too; its own turn is not held up by it."""
+    """Return a receiver for a leader in this process; call_soon, so that the leader's tick is not delayed."""
 
     def told(report: JointReport) -> None:
         loop.call_soon(robot.follow, report)
@@ -94,7 +94,7 @@ def _beside(robot: LocalRobot, loop: asyncio.AbstractEventLoop) -> Callable[[Joi
 def _followed(
     robot: LocalRobot, leader: str, loop: asyncio.AbstractEventLoop
 ) -> tuple[str, dict[str, Callable[[bytes], None]]]:
-    """Return a leader's key, and what takes what is told there for a robot that follows it."""
+    """Return a leader's key and the subscriber for a robot that follows it."""
 
     def arrived(payload: bytes) -> None:
         try:
@@ -111,5 +111,5 @@ def _followed(
 
 
 def _key(twin: str, channel: str) -> str:
-    """Return the key of a twin's channel; ``*`` is every twin's."""
+    """Return the key of a twin's channel; ``*`` for all twins."""
     return f"cw/{twin}/data/{channel}"

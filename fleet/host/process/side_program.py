@@ -1,7 +1,7 @@
-"""A program beside ``fleet run``, as the console and the recorder: started, watched, started again.
+"""Programs beside ``fleet run``, such as console and recorder: started, monitored, restarted.
 
-It is no part of the robots' process: it may hang or die and no robot notices. The second part of this module
-is its own side: it ends with a signal or with its parent.
+Such a program is outside the robots' process: if it hangs or dies, no robot notices. The second part of this
+module runs in the program itself: it ends with a signal or with its parent.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from fleet.plugins.probe import bare_environment
 
 log = logging.getLogger(__name__)
 
-LAST_WORDS = 1.0  # s for the output of a program that has ended to be read
-LEAVE_WITHIN = 6.0  # s; one that just joins an edge waits for it
+LAST_WORDS = 1.0  # s for reading the rest of an ended program's output
+LEAVE_WITHIN = 6.0  # s to terminate; a program that is just joining an edge waits for it
 STABLE_AFTER = 30.0  # s of life after which the next restart is quick again
-PARENT_LOOK = 0.5  # s between looks whether the parent lives
+PARENT_LOOK = 0.5  # s between checks that the parent is alive
 
 
 class SideProgram:
     """One child process: ``python -m module``, which reads its task from its standard input.
 
-    ``problem`` is what is wrong with it, empty while it works; ``process`` its id, 0 before the first.
-    ``watch`` runs beside each process until that ends, and with ``heard`` reads its standard output.
+    ``problem`` is its present problem, empty while it works; ``process`` its id, 0 before the first start.
+    ``watch`` runs beside each process until it ends, and with ``heard`` reads its standard output.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class SideProgram:
 
     async def _once(self) -> int:
         """Run the process once; return its exit code."""
-        # A session of its own: a Ctrl-C on the terminal is for its parent, which ends it in order.
+        # A session of its own: Ctrl-C on the terminal goes to its parent, which ends it in order.
         process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-P", "-m", self._module),
             stdin=asyncio.subprocess.PIPE,
@@ -84,7 +84,7 @@ class SideProgram:
         watching = asyncio.create_task(self._watch(process), name=f"watch:{self._name}")
         try:
             code = await process.wait()
-            if self._heard:  # its last words may not have been read yet
+            if self._heard:  # the rest of its output may be unread
                 await asyncio.wait({watching}, timeout=LAST_WORDS)
             return code
         finally:
@@ -92,7 +92,7 @@ class SideProgram:
             await self._end(process)
 
     async def _end(self, process: asyncio.subprocess.Process) -> None:
-        """End the process in an orderly way, or by force."""
+        """Terminate the process, or kill it after ``LEAVE_WITHIN``."""
         with contextlib.suppress(ProcessLookupError):
             process.terminate()
         try:
@@ -106,7 +106,7 @@ class SideProgram:
 async def until_ended(
     parent: int, work: Callable[[asyncio.Event], Coroutine[object, object, object]]
 ) -> None:
-    """Do work with an event that is set by a signal, or when ``parent`` (0: none) is gone."""
+    """Run ``work`` with an event that is set by a signal, or when ``parent`` (0: none) is gone."""
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -119,7 +119,7 @@ async def until_ended(
 
 
 async def _watch_parent(parent: int, ended: asyncio.Event) -> None:
-    """End with the parent."""
+    """Set ``ended`` when the parent is gone."""
     while parent and not ended.is_set():
         if os.getppid() != parent:
             ended.set()

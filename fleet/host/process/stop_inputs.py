@@ -1,20 +1,18 @@
-"""Stop inputs: a device's heartbeat lets robots move, its absence stops them. It never releases a stop.
+"""Stop inputs: a device's heartbeat permits motion, its absence stops the robots. It never releases a stop.
 
-========================  =====================================================================
-state of an input         what it does
-========================  =====================================================================
-not heard yet (start)     holds: nothing moves the robots; no stop is set
-heard                     nothing
-silent, lost, unopenable  sets the emergency stop once, and holds: it cannot be released
-heard again               no longer holds: a person can release the stop
-========================  =====================================================================
+========================  ===================================================================== state of an
+input         effect ========================
+===================================================================== not heard yet (start)     holds: nothing
+moves the robots; no stop is set heard                     none silent, lost, unopenable  sets the emergency
+stop once, and holds: it cannot be released heard again               no longer holds: a person can release
+the stop ========================  =====================================================================
 
-The edge's own process reads them. It tells its workers many times a second which of their robots are held; a
-worker holds those that an input names from its start until it hears that they are not, and while the edge is
-silent.
+The edge's own process reads the devices. It tells its workers many times a second which of their robots are
+held. A worker holds the robots of an input from its start until the edge says otherwise, and while the edge
+is silent.
 
-Each input is read by a thread of its own, and its silence is noticed by the watchdog's: neither needs the
-event loop. Not safety-rated: see docs/explanation/stops.md.
+Each input is read by its own thread, and the watchdog's thread detects its silence: neither needs the event
+loop. Not safety-rated: see docs/explanation/stops.md.
 """
 
 from __future__ import annotations
@@ -39,18 +37,18 @@ from fleet.runtime.decoding import decode_json
 
 log = logging.getLogger(__name__)
 
-LOOK = 0.1  # s between looks whether the input ends, or must be opened again
-MOST = 4096  # bytes of heartbeat that are read at once
-TELL = 0.1  # s between two words to the workers of which robots are held
-SILENT_AFTER = 1.5  # s without a word after which a worker holds its robots by itself
-REST = 0.005  # s between two reads of a device that says much
+LOOK = 0.1  # s between checks for the end of the input, and between attempts to open it
+MOST = 4096  # bytes of heartbeat per read
+TELL = 0.1  # s between messages to the workers about the held robots
+SILENT_AFTER = 1.5  # s without such a message after which a worker holds its robots by itself
+REST = 0.005  # s between two reads of a talkative device
 
 
 class StopInput:
-    """One device; ``trouble`` says why its robots are held, empty while it is heard.
+    """One device; ``trouble`` is why its robots are held, empty while it is heard.
 
     ``stop`` sets the emergency stop of its robots, ``hold`` is called when ``trouble`` has changed, ``renew``
-    sets the stop of those that were released nevertheless, in another process; all on any thread.
+    sets the stop again for robots that another process has released meanwhile; all on any thread.
     """
 
     def __init__(
@@ -73,11 +71,11 @@ class StopInput:
         self._heard_bytes = b""
         self._deadman = DeadMan()
         self._ended = threading.Event()
-        self._deciding = threading.Lock()  # the heartbeat comes on one thread, its absence is seen on another
+        self._deciding = threading.Lock()  # the heartbeat and its absence are detected on different threads
         self._thread = threading.Thread(target=self._run, name=f"fleet-stop-{config.name}", daemon=True)
 
     def start(self) -> None:
-        """Begin to listen; the first heartbeat must come within the time-out."""
+        """Start listening; the first heartbeat must come within the time-out."""
         self._feed()
         self._thread.start()
 
@@ -90,23 +88,23 @@ class StopInput:
         self._deadman.clear()
 
     def watched(self) -> Watched:
-        """Return what the watchdog needs to notice the silence."""
+        """Return the entry for the watchdog, which detects the silence."""
         return Watched(self._deadman, halt=lambda: None, expired=self._silent)
 
     def _feed(self) -> None:
-        """Let the robots move for one more time-out."""
+        """Permit motion for one more time-out."""
         self._deadman.feed(self._clock.monotonic(), self._config.timeout)
 
     def _silent(self) -> None:
-        """Stop, since nothing came within the time-out; on a thread of the watchdog's."""
+        """Stop the robots after a time-out without heartbeat; on a thread of the watchdog."""
         self._lost(f"no heartbeat for {self._config.timeout:g} s")
 
     def _run(self) -> None:
-        """Open the device, listen, and begin anew for whatever ends that."""
+        """Open the device and listen; start again after any failure."""
         while not self._ended.is_set():
             try:
                 self._listen_once()
-            except Exception:  # a thread that ends would stop nothing any more
+            except Exception:  # a thread that ended could stop nothing any more
                 log.exception("stop input %s failed; it is opened again", self.name)
             self._ended.wait(LOOK)
 
@@ -126,7 +124,7 @@ class StopInput:
                 os.close(device)
 
     def _listen(self, device: int) -> None:
-        """Take heartbeats until the end; raises OSError for a device that is gone."""
+        """Receive heartbeats until the end; raises OSError when the device is gone."""
         poll = select.poll()
         poll.register(device, select.POLLIN)
         while not self._ended.is_set():
@@ -143,7 +141,7 @@ class StopInput:
             self._ended.wait(REST)
 
     def _is_heartbeat(self, said: bytes) -> bool:
-        """Return True for what may be one: the text that is expected, where one is."""
+        """Return True for a heartbeat: any data, or the configured text, if there is one."""
         expected = self._config.heartbeat.encode()
         if not expected:
             return True
@@ -152,7 +150,7 @@ class StopInput:
         return expected in window
 
     def _heard(self) -> None:
-        """Take a heartbeat."""
+        """Process a heartbeat."""
         self._feed()
         with self._deciding:
             if not self.trouble:
@@ -163,7 +161,7 @@ class StopInput:
         self._hold()
 
     def _lost(self, why: str) -> None:
-        """Stop the robots, once for each time that the heartbeat goes."""
+        """Stop the robots, once for each loss of the heartbeat."""
         trouble = f"stop input {self.name}: {why}"
         if self._ended.is_set():
             return
@@ -172,16 +170,16 @@ class StopInput:
             again, self._stopped = self._stopped, True
         self._hold()
         (self._renew if again else self._stop)(trouble)
-        if trouble != before:  # last: a log may be held up
+        if trouble != before:  # last: logging may block
             log.error("%s; its robots are stopped", trouble)
 
 
 class StopInputs:
-    """All inputs of an edge.
+    """All stop inputs of an edge.
 
-    ``stop`` and ``renew`` get the names of robots, none for all, and why. ``here`` are the latches of the
-    robots of this process, by name: they are held while a stop cannot be released; ``elsewhere`` the names of
-    those in workers.
+    ``stop`` and ``renew`` get the names of robots, empty for all, and the reason. ``here`` are the latches of
+    this process's robots by name, which are held while a stop cannot be released; ``elsewhere`` are the names
+    of robots in workers.
     """
 
     def __init__(
@@ -197,7 +195,8 @@ class StopInputs:
     ) -> None:
         self._here = here
         self._elsewhere = elsewhere
-        self._inputs: list[tuple[StopInput, tuple[str, ...]]] = []  # the groups that one names do not change
+        self._holding = threading.Lock()  # a thread must not overwrite a newer hold with an older one
+        self._inputs: list[tuple[StopInput, tuple[str, ...]]] = []  # groups are resolved once
         for config in inputs:
             names = _names(config, groups)
             one = StopInput(
@@ -211,21 +210,21 @@ class StopInputs:
         self._hold_all()
 
     def join(self, robot: str, latch: EmergencyStopLatch) -> None:
-        """Hold one more robot of this process while it may not be released; before it is run."""
+        """Add a robot of this process, before it is run; it is held while its inputs are silent."""
         self._here[robot] = latch
         self._hold_all()
 
     def leave(self, robot: str) -> None:
-        """Hold a robot no more that is gone."""
+        """Remove a robot."""
         self._here.pop(robot, None)
 
     @property
     def problem(self) -> str:
-        """What is wrong with the inputs; empty while all are heard."""
+        """Problem of the inputs; empty while all are heard."""
         return "; ".join(one.trouble for one, _ in self._inputs if one.trouble)
 
     def start(self, watch: Callable[[str, Watched], None]) -> None:
-        """Begin to listen; ``watch`` hands each input to the watchdog."""
+        """Start listening; ``watch`` registers each input with the watchdog."""
         for one, _ in self._inputs:
             watch(f"stop input {one.name}", one.watched())
             one.start()
@@ -237,26 +236,28 @@ class StopInputs:
 
     @property
     def held(self) -> bytes:
-        """The word for the workers: which of their robots are held, and why."""
+        """Message to the workers: which of their robots are held, and why."""
         why = {robot: self._why(robot) for robot in list(self._elsewhere)}
         return msgspec.json.encode({robot: words for robot, words in why.items() if words})
 
     def _hold_all(self) -> None:
-        """Hold each robot here for as long as it may not be released."""
-        for robot, latch in list(self._here.items()):
-            latch.held = self._why(robot)
+        """Hold or free the robots of this process, by the present state of all inputs."""
+        with self._holding:
+            for robot, latch in list(self._here.items()):
+                latch.held = self._why(robot)
 
     def _why(self, robot: str) -> str:
-        """Return what keeps a robot from being released, empty when nothing does."""
+        """Return why a robot cannot be released; empty when it can."""
         held = (one.trouble for one, names in self._inputs if not names or robot in names)
         return "; ".join(filter(None, held))
 
 
 class HeldByEdge:
-    """What keeps robots of a worker from moving: stop inputs, of which the edge tells.
+    """Holds robots of a worker by the edge's messages about stop inputs.
 
-    ``latches`` are theirs, by name. They are held from the start: whether the input was ever heard is not
-    known yet. ``ended`` is told a robot that is held from now on, and why, on any thread: it ends its motion.
+    ``latches`` are the robots' by name. They are held from the start, since the state of the inputs is
+    unknown. ``ended`` is called on any thread with a robot that becomes held, and why; it ends the robot's
+    motion.
     """
 
     def __init__(
@@ -271,10 +272,10 @@ class HeldByEdge:
         self._clock = clock
         self._heard = clock.monotonic()
         for latch in self._latches.values():
-            latch.held = "the edge has not told yet that its stop input is heard"
+            latch.held = "the edge has not confirmed its stop input yet"
 
     def take(self, payload: bytes) -> None:
-        """Take the edge's word; on the bus's thread. One that cannot be read is none."""
+        """Apply the edge's message; on the bus's thread. An invalid message is ignored."""
         try:
             held = decode_json(payload, dict[str, str])
         except msgspec.DecodeError as error:
@@ -285,13 +286,13 @@ class HeldByEdge:
             self._hold(robot, held.get(robot, ""))
 
     def look(self) -> None:
-        """Hold the robots again while the edge is silent: then nobody here knows of their stop inputs."""
+        """Hold the robots while the edge is silent: then the state of their inputs is unknown here."""
         if self._clock.monotonic() - self._heard > SILENT_AFTER:
             for robot, latch in self._latches.items():
                 self._hold(robot, latch.held or "the edge, which reads its stop input, is silent")
 
     def _hold(self, robot: str, why: str) -> None:
-        """Hold a robot, empty: do not; end its motion where it was not held until now."""
+        """Hold a robot, or with an empty ``why`` free it; end its motion if it was free until now."""
         latch = self._latches[robot]
         before, latch.held = latch.held, why
         if why and not before:
@@ -307,5 +308,5 @@ def robots_of(
 
 
 def _names(config: StopInputConfig, groups: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
-    """Return the robots that an input stops, groups spelt out; none means all."""
+    """Return the robots that an input stops, with groups expanded; empty means all."""
     return tuple(name for one in config.robots for name in (one, *groups.get(one, ())))

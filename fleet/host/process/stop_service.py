@@ -1,7 +1,7 @@
-"""Serves the stop key: emergency stops for a robot, a group, an edge, or everything there is.
+"""Serves the stop key: emergency stops for a robot, a group, an edge, or everything.
 
-Published or asked on ``fleet/*/stop`` with a JSON list of names; an empty list, or nothing, means all. Who
-asks may say so, and why, beside it (``stop_cause``).
+Published or queried on ``fleet/*/stop`` with a JSON list of names; an empty list, or no payload, means all.
+The sender may give its name and a reason (``stop_cause``).
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from fleet.runtime.decoding import decode_json
 
 log = logging.getLogger(__name__)
 
-LARGEST = 1 << 20  # bytes of a stop that is read for names
+LARGEST = 1 << 20  # bytes; a larger stop is not decoded for names and stops everything
 
 
 class RemoteStopTarget(Protocol):
-    """A robot of the edge in another process, which hears the stop key itself if it lives."""
+    """A robot of the edge in another process, which receives the stop key itself if it is alive."""
 
     name: str
 
     def stop_later(self, cause: StopCause) -> None:
-        """Remember the stop for a process that does not hear it now; from any thread."""
+        """Keep the stop for a process that does not receive it now; from any thread."""
 
     def emergency(self, cause: StopCause) -> None:
-        """Stop it over the bus, and remember the stop; from any thread. Never raises."""
+        """Stop it over the bus, and keep the stop; from any thread. Never raises."""
 
 
 def serve_stops(
@@ -42,11 +42,11 @@ def serve_stops(
     groups: Mapping[str, list[str]],
     elsewhere: Iterable[RemoteStopTarget] = (),
 ) -> Callable[[bytes, StopCause], list[str]]:
-    """Stop this process's robots when the stop key is published or asked; on the bus's threads.
+    """Stop this process's robots when the stop key is published or queried; on the bus's threads.
 
-    Returns what does so for whoever else asks, from any thread: it takes what the key would, and the cause.
-    Of that the processes of the robots ``elsewhere`` hear nothing, so it is put on the stop key for them.
-    ``groups`` and ``elsewhere`` may change meanwhile.
+    Returns a function that does the same for other callers, from any thread, with the payload of the key and
+    the cause. The processes of the robots ``elsewhere`` do not see those calls, so it also publishes the stop
+    for them. ``groups`` and ``elsewhere`` may change meanwhile.
     """
     key = keys.stop(process.edge)
 
@@ -76,7 +76,8 @@ def stop_everywhere(
 ) -> list[str]:
     """Stop robots of this process and those elsewhere, from any thread; no name means all.
 
-    Returns who was stopped in this process. A failure here is logged, and keeps nobody elsewhere moving.
+    Returns the robots stopped in this process. A failure here is logged, and does not prevent the others'
+    stop.
     """
     try:
         stopped = process.stop_robots(names, cause)
@@ -90,7 +91,7 @@ def stop_everywhere(
 
 
 def replace_groups(groups: dict[str, list[str]], by: Mapping[str, Iterable[str]]) -> None:
-    """Have other groups; a stop on another thread finds each that stays, old or new, all the time."""
+    """Replace groups in place; a concurrent stop always finds each group that stays, old or new."""
     for name, robots in by.items():
         groups[name] = list(robots)
     for name in groups.keys() - by.keys():
@@ -105,17 +106,17 @@ def merged_groups(
 
 
 def names_in(payload: bytes, groups: Mapping[str, list[str]]) -> tuple[str, ...]:
-    """Return the robots that a stop names, groups spelt out; none means all.
+    """Return the robots that a stop names, with groups expanded; empty means all.
 
-    What cannot be read stops everything, and so does what is too long to be a list of names: a stop is
-    never lost to its trimmings. A robot's edge may stand before its name.
+    An invalid payload, or one too long for a list of names, stops everything: a stop is never lost to a bad
+    parameter. A robot's name may be prefixed with its edge.
     """
     if len(payload) > LARGEST:
         return ()
     try:
         given = decode_json(payload, list[str]) if payload else []
-    except (ValueError, RecursionError):  # of which msgspec's own errors are some
+    except (ValueError, RecursionError):  # includes msgspec's own errors
         return ()
     plain = (one.strip().casefold().rpartition("/")[2] for one in given)
-    # A name stays beside its members: an empty group must not come to mean everything.
+    # A group's name stays beside its members: an empty group must not turn into an empty list (all robots).
     return (*given, *(name for one in plain for name in (one, *groups.get(one, ()))))

@@ -1,9 +1,9 @@
-"""Which edge has a twin, on the bus: tokens say so, and no two edges run its robot at once.
+"""Claims of twins on the bus, by liveliness tokens, so that no two edges run a robot at once.
 
-An edge shows that it wants a twin (a token), waits as long as a token may take to be seen and once more, and
-has it (another token) only if meanwhile nobody had it and nobody wanted it before. So of two edges at least
-one sees the other in time (docs/adr/0013-claims-on-twins.md). Two that have it, because the network between
-them was cut, both see that later: the one that wanted it later gives way, once its robot does not move.
+An edge requests a twin with a token, and waits twice the time that a token may take to be seen. It claims the
+twin (with another token) only if meanwhile no other edge had it or requested it before. So at least one of
+two edges sees the other in time (docs/adr/0013-claims-on-twins.md). If the network was partitioned and both
+claimed it, both see that later: the edge with the later request gives way, once its robot does not move.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from fleet.clock import Clock
 log = logging.getLogger(__name__)
 
 SEEN_WITHIN = 1.0  # s in which others see a token: an edge tries to reach them every 0.5 s
-SETTLE = 2 * SEEN_WITHIN  # s for which a twin is wanted before it is had
-LOOK_AGAIN = 0.25  # s between looks whether a robot that is to be let go still moves
+SETTLE = 2 * SEEN_WITHIN  # s for which a twin is requested before it is claimed
+LOOK_AGAIN = 0.25  # s between checks whether a robot that must be given up still moves
 
 
 class TwinClaim(msgspec.Struct, frozen=True, order=True):
-    """Since when (Unix milliseconds) which edge wants a twin; the smaller gets it. ``held``: it has it."""
+    """Request of an edge for a twin, since ``began`` (Unix ms); the smallest wins. ``held``: claimed."""
 
     began: int
     edge: str
@@ -34,31 +34,31 @@ class TwinClaim(msgspec.Struct, frozen=True, order=True):
 
 
 class _Mine(msgspec.Struct):
-    """Our claim on a twin, and what takes its token back."""
+    """Our claim on a twin, and the function that removes its token."""
 
     claim: TwinClaim
     take_back: Callable[[], None]
 
 
 def holder(mine: TwinClaim | None, others: Iterable[TwinClaim]) -> str:
-    """Return the edge that has a twin, or will, before us; empty when none does.
+    """Return the edge that has a twin, or will get it before us; empty for none.
 
-    ``mine`` is None while we do not want it. Who has it keeps it; of two that have it, or want it, the one
-    that wanted it first.
+    ``mine`` is None while we do not request it. A holder keeps it; of two holders, or two requests, the
+    earlier request wins.
     """
     before = [other for other in others if mine is None or _precedes(other, mine)]
     return min(before, key=lambda claim: (not claim.held, claim)).edge if before else ""
 
 
 def _precedes(other: TwinClaim, mine: TwinClaim) -> bool:
-    """Return True when another edge's claim goes before ours."""
+    """Return True when another edge's claim has precedence over ours."""
     if other.held != mine.held:
         return other.held
     return (other.began, other.edge) < (mine.began, mine.edge)
 
 
 def read_claim(key: str) -> tuple[str, TwinClaim] | None:
-    """Return twin and claim of a token's key; None when it is none."""
+    """Return twin and claim of a token's key; None for any other key."""
     parts = key.split("/")
     if len(parts) != 5 or parts[0] != "fleet" or parts[2] != "claims":
         return None
@@ -67,11 +67,11 @@ def read_claim(key: str) -> tuple[str, TwinClaim] | None:
 
 
 class TwinClaims:
-    """The claims of one process for its edge's twins. On the loop only.
+    """Claims of one process for its edge's twins. On the event loop only.
 
-    ``changed`` hears twin and holder, empty when the twin is ours, once it is known and then for each change.
-    ``settle`` is how many seconds a twin is wanted before it is had: none where no other edge can be.
-    ``moves`` tells whether a twin's robot moves because of us: then it is not let go.
+    ``changed`` gets twin and holder, empty when the twin is ours, once it is known and at each change.
+    ``settle`` is how many seconds a twin is requested before it is claimed: 0 where there is no other edge.
+    ``moves`` returns whether this edge moves the twin's robot, which is then not given up.
     """
 
     def __init__(
@@ -95,9 +95,9 @@ class TwinClaims:
         self._others: dict[str, set[TwinClaim]] = {twin: set() for twin in twins}
         self._mine: dict[str, _Mine] = {}
         self._told: dict[str, str] = {}
-        self.pair: frozenset[str] = frozenset()  # edges whose claims the lease of the pair decides
-        self._added: dict[str, Callable[[], None]] = {}  # what ends the listening for those added later
-        self._looking: set[str] = set()  # twins at which is looked again soon
+        self.pair: frozenset[str] = frozenset()  # edges of the pair, whose lease decides instead
+        self._added: dict[str, Callable[[], None]] = {}  # ends the subscription of a twin added later
+        self._looking: set[str] = set()  # twins with a pending check
 
     def add(self, twins: Iterable[str]) -> None:
         """Claim these twins too (of robots in workers); before ``start``."""
@@ -105,7 +105,7 @@ class TwinClaims:
             self._others[twin] = set()
 
     def start(self) -> None:
-        """Listen, and claim what is free."""
+        """Subscribe to tokens, and claim free twins."""
         self._bus_session.watch_tokens(keys.claims(), self._seen)
         for twin in self._others:
             self._look(twin)
@@ -114,12 +114,12 @@ class TwinClaims:
         """Claim one more twin, after ``start``."""
         if twin not in self._others:
             self._others[twin] = set()
-            # Its tokens that were there before are told to a new listener only.
+            # Only a new subscriber receives the tokens that existed before.
             self._added[twin] = self._bus_session.watch_tokens(keys.claims(twin), self._seen)
             self._look(twin)
 
     def give_up(self, twin: str) -> None:
-        """Claim a twin no more."""
+        """Stop claiming a twin."""
         for table in (self._others, self._told):
             table.pop(twin, None)
         if end := self._added.pop(twin, None):
@@ -127,23 +127,23 @@ class TwinClaims:
         if mine := self._mine.pop(twin, None):
             mine.take_back()
 
-    def _seen(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
-        """Note a token that came or went; on the bus's thread."""
+    def _seen(self, key: str, alive: bool) -> None:  # noqa: FBT001 - signature of the bus
+        """Receive a token's appearance or end; on the bus's thread."""
         read = read_claim(key)
         if read is None or read[1].edge in self.pair:
             return
         if read[1].edge != self._edge and read[0] in self._others:
             self._loop.call_soon_threadsafe(self._note, *read, alive)
 
-    def _note(self, twin: str, claim: TwinClaim, alive: bool) -> None:  # noqa: FBT001 - handed on
-        """Take another edge's claim into account."""
+    def _note(self, twin: str, claim: TwinClaim, alive: bool) -> None:  # noqa: FBT001 - passed on
+        """Record another edge's claim."""
         if twin not in self._others:  # it has just been given up
             return
         (self._others[twin].add if alive else self._others[twin].discard)(claim)
         self._look(twin)
 
     def _look(self, twin: str) -> None:
-        """Want a twin, give it up, or wait for it, as the tokens are now."""
+        """Request a twin, give it up, or wait for it, according to the present tokens."""
         if twin not in self._others:  # it has been given up
             return
         mine = self._mine.get(twin)
@@ -156,13 +156,13 @@ class TwinClaims:
                 return
             del self._mine[twin]
             mine.take_back()
-            # What kept us may have been one that only wanted it, and is gone since.
+            # The edge that had precedence may only have requested it, and be gone since.
             self._loop.call_soon(self._look, twin)
         if before:
             self._tell(twin, before)
 
     def _look_later(self, twin: str) -> None:
-        """Look again soon; one such look waits at a time."""
+        """Check again soon; at most one such check is pending."""
         if twin not in self._looking:
             self._looking.add(twin)
             self._loop.call_later(LOOK_AGAIN, self._look_again, twin)
@@ -172,7 +172,7 @@ class TwinClaims:
         self._look(twin)
 
     def _want(self, twin: str) -> None:
-        """Show that we want a twin, and have it if nobody is in the way for as long as it takes to know."""
+        """Request a twin, and claim it if no other edge objects within the settling time."""
         claim = TwinClaim(int(self._clock.time() * 1000), self._edge)
         self._mine[twin] = _Mine(claim, self._bus_session.token(keys.claim(self._edge, twin, claim.began)))
         if self._settle:
@@ -181,7 +181,7 @@ class TwinClaims:
             self._have(twin, claim)
 
     def _have(self, twin: str, claim: TwinClaim) -> None:
-        """Have a twin that we have wanted all the time."""
+        """Claim a twin that was requested for the whole settling time."""
         mine = self._mine.get(twin)
         if mine is None or mine.claim != claim:
             return
@@ -191,7 +191,7 @@ class TwinClaims:
         self._tell(twin, "")
 
     def _tell(self, twin: str, who: str) -> None:
-        """Tell who has a twin, once."""
+        """Report the holder of a twin if it changed."""
         if self._told.get(twin) != who:
             self._told[twin] = who
             self._changed(twin, who)

@@ -1,4 +1,4 @@
-"""Which edge has which twin, by the bus and by the cloud: a robot whose twin another edge has is not run."""
+"""The edges that hold the twins of a process, by bus and cloud: only a robot whose twin is ours is run."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ log = logging.getLogger(__name__)
 
 
 class TwinHolders:
-    """The holders of the twins of one process, and the runs of its ``robots`` that follow from them.
+    """The holders of the twins of one process; starts and ends the runs of its ``robots`` accordingly.
 
-    ``claims`` decides on the bus; the edge reports who has a twin in the cloud. ``settle``: how many seconds
-    other edges get to show which twins they have, before a robot is run.
+    ``claims`` decides on the bus; the edge reports the holders seen in the cloud. ``settle``: seconds in
+    which other edges can show the twins that they hold, before a robot is run. ``changed`` hears twin and
+    holder, empty when no other edge holds it.
     """
 
     def __init__(
@@ -38,7 +39,7 @@ class TwinHolders:
         self._robots = robots
         self._runs = runs
         self._loop = asyncio.get_running_loop()
-        self._holders: dict[str, dict[str, str]] = {}  # by twin: the edge, by where it is known from
+        self._holders: dict[str, dict[str, str]] = {}  # by twin: the edge by source, bus or cloud
         self.changed: Callable[[str, str], None] = lambda _twin, _holder: None
         self.moves_elsewhere: Callable[[str], bool] = lambda _twin: False  # of robots in workers
         self.claims = TwinClaims(
@@ -52,15 +53,15 @@ class TwinHolders:
         )
 
     def hold_on_the_bus(self, twin: str, holder: str) -> None:
-        """Take note of who has a twin by the tokens on the bus."""
+        """Set the holder of a twin by the tokens on the bus."""
         self._hold(twin, "bus", holder)
 
     def hold_in_the_cloud(self, twin: str, holder: str) -> None:
-        """Take note of who has a twin by the heartbeats in the cloud."""
+        """Set the holder of a twin by the heartbeats in the cloud."""
         self._hold(twin, "cloud", holder)
 
     def read(self, payload: bytes) -> None:
-        """Take from the edge who has which twins in the cloud; in a worker, on the bus's thread."""
+        """Read the edge's message with the holders seen in the cloud; in a worker, on the bus's thread."""
         try:
             holders = decode_json(payload, dict[str, str])
         except msgspec.DecodeError as error:
@@ -69,17 +70,17 @@ class TwinHolders:
         self._loop.call_soon_threadsafe(self._take, holders)
 
     def give_up(self, twin: str) -> None:
-        """Claim a twin no more that no robot has."""
+        """Stop claiming a twin that no robot has any more."""
         self.claims.give_up(twin)
         self._holders.pop(twin, None)
 
     def look(self, robot: LocalRobot) -> None:
-        """Run a robot, or keep it out, by who is known to have its twin."""
+        """Run a robot or end its run, depending on the known holder of its twin."""
         for where, holder in list(self._holders.get(robot.twin, {}).items())[:1]:
             self._hold(robot.twin, where, holder)
 
     def _take(self, holders: Mapping[str, str]) -> None:
-        """Take note of what is new; what nothing proves takes no robot that was moved meanwhile."""
+        """Apply changed holders; an unproven claim does not take a robot that was moved meanwhile."""
         for robot in self._robots.values():
             holder = holders.get(robot.twin, "")
             known = self._holders.get(robot.twin, {}).get("cloud", "")
@@ -87,7 +88,7 @@ class TwinHolders:
                 self.hold_in_the_cloud(robot.twin, holder)
 
     def _hold(self, twin: str, where: str, holder: str) -> None:
-        """Run the robot of a twin that is ours; let go of one that another edge has."""
+        """Run the robot of a twin unless another edge holds it; end its run then."""
         holders = self._holders.setdefault(twin, {})
         holders[where] = holder
         first = next(filter(None, holders.values()), "")
@@ -99,6 +100,6 @@ class TwinHolders:
                 self._runs.keep_out(robot, f"edge {first} has its twin; one of the two must leave it out")
 
     def _moves(self, twin: str) -> bool:
-        """Return True while the robot of a twin moves because of us."""
+        """Return True while the robot of a twin is moved by this edge."""
         here = any(robot.controller.in_motion for robot in self._robots.values() if robot.twin == twin)
         return here or self.moves_elsewhere(twin)

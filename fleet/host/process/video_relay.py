@@ -1,7 +1,7 @@
-"""``start_video`` and ``stop_video``, passed on to the program on the bus that sends a robot's video.
+"""Relays ``start_video`` and ``stop_video`` to the program on the bus that sends a robot's video.
 
-The host sends none itself. A robot whose adapter declares these commands is asked like for any other. The
-bridge tells the cloud what came of the commands that it sent; of all others the status goes through here.
+The host itself sends none. A robot whose adapter declares these commands gets them like any other. The bridge
+reports the results of its own commands to the cloud; the status of all others is published here.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from fleet.wire.samples import json_sample
 from fleet.wire.topics import data_key
 from fleet.wire.video import STATUS_CHANNELS, VIDEO_TYPES, read_video_reply, video_request, video_status
 
-ANSWER_WITHIN = 4.0  # s that a program has; who asks by MQTT waits 5 s for us
+ANSWER_WITHIN = 4.0  # s for the program to answer; an MQTT sender waits 5 s for us
 START = "start one on the robot's computer: fleet video"
 
 
 class VideoRelay:
-    """Asks the programs that send one robot's video; on the loop."""
+    """Relays commands to the video programs of one robot; on the event loop."""
 
     def __init__(
         self,
@@ -45,7 +45,7 @@ class VideoRelay:
         self._clock = clock
 
     def take(self, ask: Command, receipt: Receipt) -> None:
-        """Pass a command on: it is done once a program says so, and refused when none is there to take it."""
+        """Relay a command: done when a program has done it, refused when there is none."""
         if ask.origin.way is not Transport.CLOUD:
             receipt.watch(self._tell)
         refusals: list[str] = []
@@ -63,11 +63,11 @@ class VideoRelay:
         )
 
     def _answered(self, payload: bytes, receipt: Receipt, refusals: list[str]) -> None:
-        """Take one program's answer; there may be one for each camera, of which one takes what is asked."""
+        """Process one program's reply; there may be one program per camera, and one success is enough."""
         try:
             reply = read_video_reply(payload)
         except WireError as error:
-            refusals.append(f"the program that sends its video answers what cannot be read: {error}")
+            refusals.append(f"the reply of its video program cannot be decoded: {error}")
             return
         if reply.ok:
             receipt.done()
@@ -75,7 +75,7 @@ class VideoRelay:
             refusals.append(reply.reason)
 
     def _ended(self, asked: float, receipt: Receipt, refusals: list[str]) -> None:
-        """Tell who asked when no program has done it."""
+        """Answer the sender when no program has done it."""
         if receipt.first is not None:
             return
         if refusals:
@@ -97,7 +97,7 @@ def relay_video(
     *,
     put: Callable[[str, bytes], None],
 ) -> None:
-    """Have a robot's commands for video passed on, those that its adapter does not take itself.
+    """Relay a robot's video commands, unless its adapter declares them.
 
     ``put`` puts a document on the bus, for the bridge.
     """

@@ -1,1 +1,1 @@
-"""Requests to robots: decoding, receipts, actions, and the record of who asked for what."""
+"""Requests to robots: decoding, receipts, actions, and the history of requests."""

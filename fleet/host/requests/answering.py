@@ -1,4 +1,4 @@
-"""Answers to questions of the bus: the receipt and, for whoever waits, the end."""
+"""Answers to queries of the bus: the receipt, and the final result for a sender that waits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fleet.model.command import Answer, Reply
 
 
 def answer_to(question: Query, *, waits: bool) -> Answer:
-    """Return what answers a question, and closes it with the last answer."""
+    """Return the function that answers a query; it closes the query with the last answer."""
 
     def answer(reply: Reply) -> None:
         question.reply(msgspec.json.encode(reply))

@@ -1,10 +1,10 @@
-"""Who asks for a person, and what that person may do: told by the key, which access rules bind to the asker.
+"""Senders that act for a person, and the person's permissions, from the query's key, which access rules bind.
 
-A question for a person has more of a key than that of a program. From a console it is
+A query for a person has a longer key than a program's. From a console it is
 ``.../as/{permission}/{console}``; with ``bus.access`` a console can use only keys with its own name and with
-permissions that it may give. From a person with a certificate it is ``.../as/person/{name}``, and nobody else
-can use that name; fleet.yaml of this edge says what the person may do. So both hold whatever the asker's own
-code does. Programs have no permissions: they may do what their role may.
+permissions that it may give. From a person with a certificate it is ``.../as/person/{name}``, which no other
+sender can use; fleet.yaml of this edge has the person's permission. So both are true even if the sender's own
+code is faulty. Programs have no permissions: their role alone decides.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from fleet.runtime.rate_limited_counter import RateLimit, RateLimitedCounter
 
 log = logging.getLogger(__name__)
 
-A_MINUTE = 20  # refusals that the history has in a minute
+A_MINUTE = 20  # refusals recorded in the history per minute
 
 
 class Asker(msgspec.Struct, frozen=True):
-    """Who asks for a person, and what that may do.
+    """Sender that acts for a person, and that person's permission.
 
     ``identity`` is the common name of a console (``keys.LOCAL`` without a certificate) or of the ``person``,
-    which is empty for a console: its message names the person. ``proven``: the name is believed.
+    which is empty for a console: its message names the person. ``proven``: the name is trusted.
     """
 
     identity: str
@@ -44,10 +44,10 @@ class Asker(msgspec.Struct, frozen=True):
 
 
 class Askers:
-    """The askers on the bus of one process, by its access rules.
+    """The senders on the bus of one process, by its access rules.
 
-    ``consoles`` are believed when they name their persons; ``people`` have certificates of their own.
-    ``record`` writes into the history, for a robot or the edge itself.
+    ``consoles`` are trusted to name their users; ``people`` have certificates of their own. ``record`` writes
+    into the history, for a robot or the edge itself.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Askers:
         self._limit, self._lock = RateLimit(A_MINUTE), threading.Lock()
 
     def of(self, question: Query) -> Asker | None:
-        """Return who asks for a person, None for a program; raises Refused where the key does not tell it."""
+        """Return the sender that acts for a person, None for a program; raises Refused for a bad key."""
         if not question.suffix:
             return None
         _, _, word, name = question.suffix.split("/")
@@ -76,22 +76,22 @@ class Askers:
         return Asker(name, PERSONS[word], proven=name in self._consoles)
 
     def proven(self, question: Query) -> str | None:
-        """Return the name of who asks where it is known to be true; None where it is not.
+        """Return the proven name of the sender; None when it is not proven.
 
-        Empty: it is known, and is the one that the message names, as of a console with a certificate.
+        Empty: the name in the message is proven, as from a console with a certificate.
         """
         try:
             asker = self.of(question)
-        except Refused:  # a stop that comes by such a key is a stop all the same
+        except Refused:  # a stop with such a key is still a stop
             return None
         return asker.person if asker is not None and asker.proven else None
 
     def refusal(
         self, question: Query, needed: Permission, what: str, *, claimed: str = "", robot: str = ""
     ) -> str:
-        """Return why somebody may not ask ``what``; empty when he may, and for programs. Any thread.
+        """Return why the sender may not ask ``what``; empty when it may, and for programs. Any thread.
 
-        A refusal is written into the history (of a robot, if that is asked), with the name of who asks.
+        A refusal is recorded in the history (of ``robot``, if given), with the sender's name.
         """
         try:
             asker = self.of(question)
@@ -105,7 +105,7 @@ class Askers:
         return why
 
     def _tell(self, asker: Requester, text: str, robot: str) -> None:
-        """Write a refusal into log and history, as long as there are not too many."""
+        """Write a refusal into log and history, at a limited rate."""
         self._refused.add(robot, "%s%s (%s)", f"{robot}: " if robot else "", text, asker.name)
         now = self._clock.monotonic()
         with self._lock:

@@ -1,4 +1,4 @@
-"""Decodes a message, whichever way it came in, to a request for a robot's controller."""
+"""Decoder from messages of any transport to requests for a robot's controller."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ log = logging.getLogger(__name__)
 
 Ask = Command | Setpoint | JointSetpoint | Navigate
 
-LARGEST = MIB  # bytes of a message that is read
+LARGEST = MIB  # bytes of the largest message that is decoded
 
 
 class RequestDecoder:
-    """Decodes what is asked of one robot; raises WireError with the reason for what cannot be read.
+    """Decodes requests to one robot; raises WireError with the reason for a message that cannot be decoded.
 
-    ``defaults`` gives the magnitudes of a session's verbs that bring none, ``home_altitude`` metres above sea
-    level of the take-off point, from which geodetic goals count.
+    ``defaults`` gives the magnitudes of a session's verbs without one. ``home_altitude`` is the take-off
+    point's metres above sea level, to which geodetic goals are relative.
     """
 
     def __init__(
@@ -58,10 +58,10 @@ class RequestDecoder:
     def decode(
         self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", unread: str = ""
     ) -> Ask | None:
-        """Return the ask in a message; None for one that asks nothing (a reply).
+        """Return the request in a message; None for a message without one (a reply).
 
-        ``unread`` says why its payload must not be read, empty for one that is. A stop is returned whatever
-        is wrong with the rest of its message, with its ``flaw``.
+        ``unread`` says why the payload must not be decoded; empty when it may. A stop is returned even if the
+        rest of its message is invalid, with the error as its ``flaw``.
         """
         if len(payload) > LARGEST:
             unread = unread or f"{len(payload)} bytes are more than the {LARGEST} that are read"
@@ -69,8 +69,8 @@ class RequestDecoder:
             if stop := UNREAD.get(kind, ""):
                 return Command(stop, origin=Origin(way), flaw=unread)
             raise WireError(unread)
-        # An error that is raised where a name holds it refers to itself: it would keep the payload until
-        # the garbage collector looks, which is seldom.
+        # No variable may hold the error: its traceback would then form a reference cycle that keeps the
+        # payload until the next garbage collection, which is rare.
         try:
             return self._decode(kind, payload, way=way, request_id=request_id)
         except WireError as error:
@@ -93,7 +93,7 @@ class RequestDecoder:
         return self._decoders[kind](payload, way=way, request_id=request_id, twin=self._twin)
 
     def _navigate(self, payload: bytes, *, way: Transport, request_id: str, twin: str) -> Ask | None:
-        """Decode the ``navigate/command`` topic's messages."""
+        """Decode a message of the ``navigate/command`` topic."""
         origin = self._origin
         home = self._home_altitude()
         return decode_navigate(
@@ -107,25 +107,25 @@ class RequestDecoder:
             twin=twin,
         )
 
-    def _mission(self, payload: bytes, *, way: Transport, request_id: str, twin: str) -> Ask | None:  # noqa: ARG002 - the others have it
-        """Decode the ``mission/command`` topic's messages."""
+    def _mission(self, payload: bytes, *, way: Transport, request_id: str, twin: str) -> Ask | None:  # noqa: ARG002 - one signature for all decoders
+        """Decode a message of the ``mission/command`` topic."""
         return decode_mission(payload, way=way, twin=twin)
 
 
 def is_stop(ask: Ask) -> bool:
-    """Return True for what can only end motion."""
+    """Return True for a request that can only end motion."""
     if isinstance(ask, Navigate):
         return ask.ask is Control.STOP
     return isinstance(ask, Command) and ask.name in STOP_WORDS
 
 
 def is_discrete(ask: Ask) -> bool:
-    """Return True for what is no part of a stream: neither a velocity nor joint targets."""
+    """Return True for a request that is not part of a stream of velocities or joint targets."""
     return not isinstance(ask, Setpoint | JointSetpoint)
 
 
 def reply_with_flaw(answer: Answer, flaw: str) -> Answer:
-    """Return what also tells the asker of a stop what was wrong with its message."""
+    """Return an answer that adds to the reply to a stop what was wrong with its message."""
 
     def tell(reply: Reply) -> None:
         words = f"taken for {reply.command}, though the message was refused: {flaw}"
@@ -136,7 +136,7 @@ def reply_with_flaw(answer: Answer, flaw: str) -> Answer:
 
 
 def max_wait(ask: Ask, config: AdapterConfig) -> float:
-    """Return the seconds that an ask may wait for the event loop; what stops a robot is never too late."""
+    """Return how many seconds a request may wait for the event loop; stops and zeros may always wait."""
     if isinstance(ask, Setpoint):
         return math.inf if ask.velocity.is_zero else config.max_age
     if isinstance(ask, JointSetpoint):

@@ -1,6 +1,6 @@
-"""Tells what happened to one robot: in its log, which its ``driverlog`` repeats, and as an event.
+"""Reports the events of one robot: in its log, which ``driverlog`` repeats, and as event reports.
 
-An event names the command that led to it, and who asked for that, where there is one.
+An event names the command that caused it and that command's sender, if there is one.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from fleet.model.navigation import Navigate
 from fleet.model.report import Report, TelemetryReport
 
 ROBOT_LOGGER = "fleet.robot."
-"""What the names of the robots' loggers begin with; their warnings are repeated on ``driverlog``."""
-JUST_NOW = 1.0  # s
+"""Prefix of the robots' logger names; their warnings are repeated on ``driverlog``."""
+JUST_NOW = 1.0  # s after the end of motion for which an event is still attributed to its request
 LEVELS = MappingProxyType(
     {
         Severity.INFO: logging.INFO,
@@ -30,7 +30,7 @@ LEVELS = MappingProxyType(
     }
 )
 
-_OURS = frozenset({Transport.MISSION, Transport.LOCAL})  # which no message from outside can claim
+_OURS = frozenset({Transport.MISSION, Transport.LOCAL})  # no message from outside can claim these
 Ask = Command | Setpoint | JointSetpoint | Navigate
 AnyAsk = TypeVar("AnyAsk", bound=Ask)
 
@@ -41,19 +41,19 @@ def robot_log(name: str) -> logging.Logger:
 
 
 def requester_of(origin: Origin) -> Requester:
-    """Return who asked, as far as the message itself says; who is on this computer is known for sure."""
+    """Return the sender as stated by the message; a sender on this computer is proven."""
     proven = origin.proven or origin.way in _OURS
     return Requester(origin.way, origin.session, origin.source_type, proven=proven)
 
 
 def with_proof(ask: AnyAsk, name: str) -> AnyAsk:
-    """Return a request whose sender's name is known to be true; empty: the one that the request has."""
+    """Return a request with a proven sender; ``name`` replaces the sender's name, empty keeps it."""
     known = msgspec.structs.replace(ask.origin, session=name or ask.origin.session, proven=True)
     return msgspec.structs.replace(ask, origin=known)
 
 
 class EventReporter:
-    """What one robot has to tell. ``in_motion`` tells whether it moves, or may move, because of us."""
+    """Event reporter of one robot. ``in_motion`` returns whether this edge moves it, or may do so."""
 
     def __init__(
         self,
@@ -67,38 +67,38 @@ class EventReporter:
         self._publish = publish
         self._clock = clock
         self._in_motion = in_motion
-        self._ask: Ask | None = None  # for which it moves, or moved last
+        self._ask: Ask | None = None  # request for which it moves, or moved last
         self._ended = float("-inf")
-        self.heard: Callable[[str], None] = lambda _why: None  # of what else moves, stops or ends it
+        self.heard: Callable[[str], None] = lambda _why: None  # when anything moves or stops it
 
     def moves(self, ask: Ask) -> None:
-        """Note for which ask the robot moves from now on."""
+        """Record the request for which the robot moves from now on."""
         self._ask = ask
         self.heard(f"{ask.name} by {ask.origin.session or ask.origin.way}")
 
     def stops(self, ask: Command) -> None:
-        """Note that the robot is asked to stop."""
+        """Record a request to stop."""
         self.heard(f"{ask.name} by {ask.origin.session or ask.origin.way}")
 
     def ended(self) -> None:
-        """Note that its motion is ended now: what is told of that names what it moved for."""
+        """Record the end of its motion; events that follow still name the request for which it moved."""
         self.heard("its motion was ended")
         if self._in_motion():
             self._ended = self._clock.monotonic()
 
     def _moved_by(self) -> Ask | None:
-        """Return the ask for which the robot moves, or did so just now."""
+        """Return the request for which the robot moves, or moved until just now."""
         recent = self._clock.monotonic() - self._ended <= JUST_NOW
         return self._ask if recent or self._in_motion() else None
 
     def authority_lost(self, reason: str) -> None:
-        """Tell that somebody else took the robot."""
+        """Report that another party took control of the robot."""
         kind = EventKind.AUTHORITY_LOST
         self.heard(f"authority lost: {reason}")
         self.event(kind, f"authority lost: {reason}", telemetry="authority_lost", data={"reason": reason})
 
     def emergency_stop(self, ask: Command, who: str) -> None:
-        """Tell that an emergency stop was set."""
+        """Report that an emergency stop was set."""
         text = f"the emergency stop was set, {who}"
         self.event(EventKind.EMERGENCY_STOP, text, severity=Severity.CRITICAL, ask=ask)
 
@@ -113,10 +113,10 @@ class EventReporter:
         data: Mapping[str, object] = MappingProxyType({}),
         logs: bool = True,
     ) -> None:
-        """Tell an event; ``ask`` led to it, left out where that is what the robot moves for.
+        """Report an event; ``ask`` is its cause, by default the request for which the robot moves.
 
-        ``telemetry`` is the type of a message on that channel with the same ``data``, where one is told too.
-        ``logs``: it is not in the log yet.
+        With ``telemetry``, a message of this type and the same ``data`` is published on the telemetry
+        channel. ``logs``: write it to the log, where it is not yet.
         """
         if logs:
             self.log.log(LEVELS[severity], "%s", text)
@@ -138,7 +138,7 @@ class EventReporter:
 
 
 def request_of(ask: Ask | None) -> str:
-    """Return the id of what was asked, empty for what has none."""
+    """Return the id of a request, empty if it has none."""
     if isinstance(ask, Navigate):
         return ask.action_id
     return ask.id if isinstance(ask, Command) else ""

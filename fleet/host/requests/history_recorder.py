@@ -1,10 +1,9 @@
-"""Writes into the history what is asked of one robot, by whom, and how it ended.
+"""Records the requests to one robot in the history, with their senders and outcomes.
 
-A velocity, or where joints are to go, is asked many times a second: the first of a row of them is written,
-and how the row ended. What is refused again and again is counted, and the number told with the next refusal
-that is written.
+Velocities and joint targets arrive many times a second: only the first of a series is recorded, and how the
+series ended. Refusals beyond a rate are counted, and the next recorded refusal has their number.
 
-What is asked of a robot, a stop above all, does not depend on being written: a failure here is logged.
+No request, above all no stop, depends on the history: a failure here is only logged.
 """
 
 from __future__ import annotations
@@ -28,17 +27,17 @@ from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.navigation import Navigate
 from fleet.wire.stops import EMERGENCY
 
-REFUSALS, WINDOW = 20, 60.0  # refusals of a robot that are written in so many seconds
-ROW_ENDS = 3.0  # s without a velocity after which the next one begins another row
-REFUSED_EVERY = 5.0  # s between refused velocities that are written
-REMEMBERED = 256  # requests, to know a repeat
+REFUSALS, WINDOW = 20, 60.0  # recorded refusals of a robot, per so many seconds
+ROW_ENDS = 3.0  # s without a velocity after which the next one begins a new series
+REFUSED_EVERY = 5.0  # s between recorded refusals of velocities
+REMEMBERED = 256  # request ids kept for the detection of repeats
 
 log = logging.getLogger(__name__)
 _Given = ParamSpec("_Given")
 
 
 def never_raises(write: Callable[_Given, None]) -> Callable[_Given, None]:
-    """Return what writes as ``write`` does, and logs its failure."""
+    """Return ``write`` behind an exception barrier that logs its failure."""
 
     @wraps(write)
     def guarded(*given: _Given.args, **named: _Given.kwargs) -> None:
@@ -51,24 +50,24 @@ def never_raises(write: Callable[_Given, None]) -> Callable[_Given, None]:
 
 
 class HistoryRecorder:
-    """One robot's part of the history; ``put`` takes events from any thread and never blocks."""
+    """Recorder of one robot; ``put`` takes events from any thread and never blocks."""
 
     def __init__(self, put: Callable[[EventReport], None], clock: Clock) -> None:
         self._put = put
         self._clock = clock
         self._driver: Requester | None = None
         self._drove_at = self._not_driven_at = float("-inf")
-        self._window, self._refused, self._untold = float("-inf"), 0, 0
-        self._known: OrderedDict[str, bool] = OrderedDict()  # requests, with whether their sender was proven
+        self._window, self._refused, self._unrecorded = float("-inf"), 0, 0
+        self._known: OrderedDict[str, bool] = OrderedDict()  # request id to: sender proven
 
     @never_raises
     def asked(self, ask: Ask, receipt: Receipt) -> None:
-        """Write an ask and what is answered to it; on the loop, before it is taken."""
+        """Record a request and the replies to it; on the event loop, before it is executed."""
         if isinstance(ask, Setpoint | JointSetpoint):
             receipt.watch(partial(self._drove, ask))
             return
         if is_stop(ask):
-            if ask.name != EMERGENCY:  # which is written where it is read
+            if ask.name != EMERGENCY:  # EMERGENCY is recorded where it is decoded
                 self._add(
                     EventKind.STOP, f"{_name(ask)} asked", ask, severity=Severity.WARNING, data=_data(ask)
                 )
@@ -79,12 +78,12 @@ class HistoryRecorder:
 
     @never_raises
     def emergency(self, origin: Origin, request: str = "") -> None:
-        """Write an emergency stop that a message asked for; from any thread."""
+        """Record an emergency stop from a message; from any thread."""
         self.stopped(StopCause(requester_of(origin), request=request))
 
     @never_raises
     def stopped(self, cause: StopCause) -> None:
-        """Write an emergency stop, once for each request: it may come by more than one way. Any thread."""
+        """Record an emergency stop once per request: it may use several transports. From any thread."""
         if cause.request:
             proven = self._known.get(cause.request)
             if proven or (proven is False and not cause.asker.proven):
@@ -99,18 +98,18 @@ class HistoryRecorder:
 
     @never_raises
     def followed(self, cause: StopCause, receipt: Receipt) -> None:
-        """Write how an emergency stop ended that no message at this robot asked for."""
+        """Record the outcome of an emergency stop that no message to this robot asked for."""
         ask = Command(EMERGENCY, id=cause.request)
         receipt.watch(partial(self._answered, ask, receipt, asker=cause.asker))
 
     @never_raises
     def unread(self, kind: str, origin: Origin, receipt: Receipt) -> None:
-        """Write that a message could not be read; its ``receipt`` is refused next."""
+        """Record a message that could not be decoded; its ``receipt`` is refused next."""
         receipt.watch(partial(self._answered, Command(receipt.command or kind, origin=origin), receipt))
 
     @never_raises
     def lease_ran_out(self) -> None:
-        """Write that the velocities ended without a stop."""
+        """Record that a velocity stream ended without a stop."""
         driver, self._driver = self._driver, None
         if driver is not None:
             text = "no velocity within its lease: stopped"
@@ -120,7 +119,7 @@ class HistoryRecorder:
 
     @never_raises
     def _answered(self, ask: Ask, receipt: Receipt, reply: Reply, asker: Requester | None = None) -> None:
-        """Write the receipt of an ask, and its end; one answer may be both."""
+        """Record the receipt of a request and its end; one reply may be both."""
         if reply is receipt.first:
             self._received(ask, reply, asker)
         if reply.done is not None and (receipt.first is None or receipt.first.ok):
@@ -129,7 +128,7 @@ class HistoryRecorder:
             self._add(EventKind.OUTCOME, text, ask, severity=severity, asker=asker)
 
     def _received(self, ask: Ask, reply: Reply, asker: Requester | None) -> None:
-        """Write what was answered first."""
+        """Record the receipt."""
         name = _name(ask)
         if reply.ok and name == RELEASE:
             self._add(EventKind.RELEASE, "the emergency stop was released", ask, severity=Severity.WARNING)
@@ -138,22 +137,22 @@ class HistoryRecorder:
         elif not reply.ok and is_stop(ask):
             text = f"{name} {reply.outcome}"
             self._add(EventKind.OUTCOME, text, ask, severity=Severity.CRITICAL, asker=asker)
-        elif not reply.ok and self._is_told():
-            data = _data(ask) | ({"untold": self._untold} if self._untold else {})
-            self._untold = 0
+        elif not reply.ok and self._is_recorded():
+            data = _data(ask) | ({"untold": self._unrecorded} if self._unrecorded else {})
+            self._unrecorded = 0
             text = f"{name} {reply.outcome}"
             self._add(EventKind.COMMAND, text, ask, severity=Severity.WARNING, data=data)
 
     @never_raises
     def _repeated(self, ask: Ask, receipt: Receipt, reply: Reply) -> None:
-        """Write that the same was asked again; it is not done twice."""
-        if reply is receipt.first and self._is_told():
+        """Record a repeated request, which is not executed again."""
+        if reply is receipt.first and self._is_recorded():
             text = f"{_name(ask)} asked again: the first answer was given again"
             self._add(EventKind.COMMAND, text, ask, data={"repeat": True})
 
     @never_raises
     def _drove(self, ask: Setpoint | JointSetpoint, reply: Reply) -> None:
-        """Write the first velocity of a row, and now and then one that is refused."""
+        """Record the first velocity of a series, and refused ones at a limited rate."""
         now, asker = self._clock.monotonic(), requester_of(ask.origin)
         if reply.ok:
             if asker != self._driver or now - self._drove_at > ROW_ENDS:
@@ -174,12 +173,12 @@ class HistoryRecorder:
         asker: Requester | None = None,
         data: dict[str, object] | None = None,
     ) -> None:
-        """Write one event about an ask."""
+        """Put one event about a request into the history."""
         now, who = self._clock.time(), asker or requester_of(ask.origin)
         self._put(EventReport(now, kind, text, severity, who, _name(ask), request_of(ask), data or {}))
 
     def _is_repeat(self, request: str) -> bool:
-        """Return whether this was asked before, and remember it."""
+        """Return whether this id was seen before; remember it."""
         if not request:
             return False
         known = request in self._known
@@ -187,30 +186,30 @@ class HistoryRecorder:
         return known
 
     def _remember(self, request: str, *, proven: bool) -> None:
-        """Remember a request."""
+        """Remember a request id, up to ``REMEMBERED`` of them."""
         self._known[request] = proven
         if len(self._known) > REMEMBERED:
             self._known.popitem(last=False)
 
-    def _is_told(self) -> bool:
-        """Return whether one more refusal is written; else it is counted."""
+    def _is_recorded(self) -> bool:
+        """Return whether one more refusal is recorded; else count it."""
         now = self._clock.monotonic()
         if now - self._window > WINDOW:
             self._window, self._refused = now, 0
         self._refused += 1
-        self._untold += self._refused > REFUSALS
+        self._unrecorded += self._refused > REFUSALS
         return self._refused <= REFUSALS
 
 
 def _name(ask: Ask) -> str:
-    """Return what an ask is called: a control of an action by its own word."""
+    """Return the name of a request; for an action, with its control word."""
     if isinstance(ask, Navigate) and isinstance(ask.ask, str):
         return f"{ask.name} {ask.ask}"
     return ask.name
 
 
 def _data(ask: Ask) -> dict[str, object]:
-    """Return what was asked, in plain JSON values."""
+    """Return the content of a request as plain JSON values."""
     if isinstance(ask, JointSetpoint):
         return {"positions": dict(ask.positions), **({"relative": True} if ask.relative else {})}
     if isinstance(ask, Command):

@@ -1,4 +1,4 @@
-"""The last thing that was asked of a robot, and how it went: for people."""
+"""Last command of a robot and its outcome, for people."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from fleet.host.safety.admission import JOIN, LEAVE
 from fleet.model.command import Reply
 
 BOOKKEEPING = frozenset({JOIN, LEAVE})
-"""Who has the robot: nobody asks for it by hand, and people are not shown it as what the robot did last."""
+"""Commands of mission runs that only take and return control; not shown as the robot's last command."""
 
 
 class LastCommand:
@@ -18,15 +18,15 @@ class LastCommand:
         self.outcome = ""
 
     def follow(self, command: str, receipt: Receipt) -> None:
-        """Note a command that is under way, and from its receipt how it goes on."""
+        """Record a command as running, and follow its receipt."""
         if command in BOOKKEEPING:
             return
         self.command, self.outcome = command, "under way"
-        receipt.watch(self._heard)
+        receipt.watch(self._on_reply)
 
     def accepted(self, command: str) -> None:
-        """Note a velocity that is held."""
+        """Record an accepted velocity."""
         self.command, self.outcome = command, "accepted"
 
-    def _heard(self, reply: Reply) -> None:
+    def _on_reply(self, reply: Reply) -> None:
         self.outcome = reply.outcome

@@ -1,4 +1,4 @@
-"""One ask's answer: exactly one receipt, and one end for whoever waits for it."""
+"""The answer to one request: exactly one receipt, and one final result for a sender that waits."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ _STATUS: tuple[tuple[type[Exception], ReplyStatus], ...] = (
     (CommandError, ReplyStatus.DENIED),
     (LinkError, ReplyStatus.TIMEOUT),
 )
-"""What an error means to the asker; the first that fits."""
+"""Reply status of an error; the first class that matches."""
 
 
 class Receipt:
-    """The answer to one ask; ``waits``: the asker also wants to hear how it ended.
+    """Answer to one request; ``waits``: the sender also wants the final result.
 
-    It is kept for minutes, for repeats of the ask: once it has ended it holds on to nobody.
+    The dedup cache keeps it for minutes. Once ended, it therefore holds no references to its sender or
+    watchers.
     """
 
     __slots__ = ("_answer", "_waits", "_watchers", "command", "ended", "first")
@@ -37,11 +38,11 @@ class Receipt:
 
     @property
     def reason(self) -> str:
-        """Why it failed; empty before it ended, and when it was done."""
+        """Reason of the failure; empty before the end, and after success."""
         return self.ended.reason if self.ended is not None else ""
 
     def watch(self, seen: Callable[[Reply], None]) -> None:
-        """Also tell ``seen`` the receipt and the end, those that are out already at once."""
+        """Pass the receipt and the final result to ``seen`` as well; at once if they are already out."""
         if self.ended is None:
             self._watchers.append(seen)
         if self.first is not None:
@@ -50,30 +51,30 @@ class Receipt:
             seen(self.ended)
 
     def accept(self) -> None:
-        """Say that the robot took it; saying it again changes nothing."""
+        """Send the receipt: accepted. Later calls have no effect."""
         self._receive(Reply(self.command, ReplyStatus.ACCEPTED))
 
     def follow(self, first: Receipt) -> None:
-        """Give the answers that the first of its repeats got, and those that it is still to get."""
+        """Repeat the answers of the first request, past and future."""
         first.watch(lambda reply: self._receive(reply) if reply.done is None else self._end(reply))
 
     def done(self, data: object = None) -> None:
-        """Say that the robot was seen to have done it; ``data`` is what was asked for.
+        """End it as done; ``data`` is the result of a query.
 
-        Where nothing was answered yet this is the one answer: receipt and end.
+        Without an earlier receipt this is the only answer: receipt and end in one.
         """
         self._end(Reply(self.command, ReplyStatus.ACCEPTED, done=True, data=data))
 
     def do(self, work: Callable[[], object]) -> None:
-        """Do it, and say that it was done, with what came of it."""
+        """Call ``work`` and end as done, with its result."""
         self.done(work())
 
     def reject(self, reason: str, *, hint: str = "") -> None:
-        """Say that the host refused it."""
+        """End it as refused by the host."""
         self._fail(Reply(self.command, ReplyStatus.REJECTED, reason, hint))
 
     def fail(self, error: CommandError | LinkError) -> None:
-        """Say what went wrong in the robot's own words."""
+        """End it with the error, in the robot's own words."""
         status = next(status for kind, status in _STATUS if isinstance(error, kind))
         if isinstance(error, CommandError):
             reply = Reply(self.command, status, error.reason, error.hint, error.device_result, error.messages)
@@ -82,7 +83,7 @@ class Receipt:
         self._fail(reply)
 
     def _fail(self, reply: Reply) -> None:
-        """Send a failure as the receipt, or as the end when the receipt is out."""
+        """Send a failure as the receipt, or as the end if the receipt is out."""
         self._receive(reply)
         self._end(Reply(**{name: getattr(reply, name) for name in _FIELDS}, done=False))
 
@@ -94,9 +95,9 @@ class Receipt:
             self._send(reply)
 
     def _end(self, reply: Reply) -> None:
-        """Send the end, once, to whoever waits; a refused receipt was the end already.
+        """Send the final result, once, to a sender that waits; a refused receipt was already the end.
 
-        Where nothing was answered yet, the end is the receipt.
+        Without an earlier receipt, it is the receipt.
         """
         if self.ended is not None:
             return
@@ -107,23 +108,23 @@ class Receipt:
             self._tell(reply)
             if self._waits and self.first.ok:
                 self._send(reply)
-        self._answer, self._watchers = _nobody, []
+        self._answer, self._watchers = _discard, []
 
     def _send(self, reply: Reply) -> None:
-        """Answer the asker; that he cannot be reached is no fault of the robot's."""
+        """Send a reply; an unreachable sender is not an error of the robot."""
         try:
             self._answer(reply)
         except Exception:
             log.exception("the answer to %s could not be given", self.command)
 
     def _tell(self, reply: Reply) -> None:
-        """Tell the watchers."""
+        """Call the watchers."""
         for seen in self._watchers:
             seen(reply)
 
 
-def _nobody(_reply: Reply) -> None:
-    """Answer nobody: whoever asked has heard the end."""
+def _discard(_reply: Reply) -> None:
+    """Discard a reply: the sender has received the final one."""
 
 
 _FIELDS = tuple(name for name in Reply.__struct_fields__ if name != "done")

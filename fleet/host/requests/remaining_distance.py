@@ -1,28 +1,28 @@
-"""How far it is still to go, and how long that takes at the pace of the last seconds; pure."""
+"""Remaining distance of a task, and the time left at the pace of the last seconds. Pure."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
 
-WINDOW = 5.0  # s over which the pace is seen
-SHORTEST = 1.0  # s before a pace is one
-SLOWEST = 0.05  # m/s; slower is no pace
+WINDOW = 5.0  # s over which the pace is measured
+SHORTEST = 1.0  # s of data that a pace needs
+SLOWEST = 0.05  # m/s; below it the robot makes no progress
 
 
 class RemainingDistance:
-    """The metres that are left of one task, as its leader tells them, and the seconds that follow from them.
+    """Remaining metres of one task, as its follower reports them, and the seconds that result from them.
 
-    Both are None while they are unknown; ``seconds`` also while the robot rests or does not get nearer.
+    Both are None while unknown; ``seconds`` also while the robot rests or does not get nearer.
     """
 
     def __init__(self) -> None:
         self.metres: float | None = None
         self.seconds: float | None = None
-        self._seen: deque[tuple[float, float]] = deque()  # when (monotonic s), and how many metres then
+        self._seen: deque[tuple[float, float]] = deque()  # (monotonic s, metres left)
 
     def take(self, metres: float | None, now: float) -> None:
-        """Note how far it is at ``now`` (monotonic s)."""
+        """Record the distance left at ``now`` (monotonic s)."""
         self.metres, self.seconds = None, None
         if metres is None or not math.isfinite(metres):
             self._seen.clear()
@@ -36,6 +36,6 @@ class RemainingDistance:
             self.seconds = metres / pace
 
     def rest(self) -> None:
-        """Forget the pace: the robot rests."""
+        """Drop the pace: the robot rests."""
         self.seconds = None
         self._seen.clear()

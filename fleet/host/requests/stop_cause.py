@@ -1,6 +1,6 @@
-"""Who asked for an emergency stop, and why, as it comes with a stop on the bus or by the supervisor.
+"""Cause of an emergency stop: its sender and reason, as sent with a stop over the bus or by the supervisor.
 
-A stop is never refused for what is wrong with this: it is cut, or left out.
+An invalid cause never refuses a stop: it is shortened or left out.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from fleet.model.event import Requester
 from fleet.runtime.decoding import decode_json
 from fleet.supervisor.protocol import LONGEST_REASON
 
-LARGEST = 1 << 14  # bytes of a note that is read
+LARGEST = 1 << 14  # bytes of the largest note that is decoded
 _BY, _WHY, _ID = "by", "why", "id"
 _WAYS: Mapping[Transport, str] = {
     Transport.CLOUD: "over the cloud",
@@ -26,7 +26,7 @@ _WAYS: Mapping[Transport, str] = {
 
 
 class StopCause(msgspec.Struct, frozen=True):
-    """Who stops, in whose words why, and by which ``request``: one stop may come by several ways."""
+    """Sender and reason of a stop; ``request`` identifies it, since one stop may use several transports."""
 
     asker: Requester
     reason: str = ""
@@ -34,35 +34,35 @@ class StopCause(msgspec.Struct, frozen=True):
 
     @property
     def why(self) -> str:
-        """Say it in a sentence: what stands at the robot until its release."""
+        """Sentence for people, shown with the robot until the release."""
         if not self.asker.name and self.reason:
             return self.reason
         asked = f"asked by {requester_text(self.asker)}"
         return f"{asked}: {self.reason}" if self.reason else asked
 
 
-THE_KEY = StopCause(Requester(Transport.BUS), "the stop key")
-"""Of a stop that says nothing of itself."""
+STOP_KEY_CAUSE = StopCause(Requester(Transport.BUS), "the stop key")
+"""Cause of a stop that states none."""
 
 
 def cause_in(parameters: Mapping[str, str]) -> StopCause:
-    """Return what the parameters of a question on the stop key say; what they say is claimed."""
+    """Return the cause in the parameters of a query on the stop key; its sender is only claimed."""
     said = {name: _clipped(_read(parameters.get(name, ""))) for name in (_BY, _WHY, _ID)}
     if not (said[_BY] or said[_WHY]):
-        return THE_KEY
+        return STOP_KEY_CAUSE
     return StopCause(Requester(Transport.BUS, said[_BY]), said[_WHY], said[_ID])
 
 
 def parameters_of(by: str, why: str, request: str) -> dict[str, str]:
-    """Return the parameters that say who stops, why, and by which request; in hexadecimal digits."""
+    """Return sender, reason and request id of a stop as query parameters, in hexadecimal."""
     said = {_BY: by, _WHY: why, _ID: request}
     return {name: _clipped(value).encode(errors="replace").hex() for name, value in said.items() if value}
 
 
 def note_of(cause: StopCause) -> bytes:
-    """Return the note that goes beside a published stop: who stops, why, and by which request.
+    """Return the attachment of a published stop: sender, reason and request id.
 
-    Empty where that cannot be written: the stop goes without it.
+    Empty if it cannot be encoded: the stop is sent without it.
     """
     try:
         return msgspec.json.encode(_cut(cause))
@@ -71,32 +71,32 @@ def note_of(cause: StopCause) -> bytes:
 
 
 def cause_noted(note: bytes) -> StopCause:
-    """Return what the note of a published stop says; it is claimed. What cannot be read is the stop key."""
+    """Return the cause in the attachment of a published stop, claimed; STOP_KEY_CAUSE if it is invalid."""
     if not note or len(note) > LARGEST:
-        return THE_KEY
+        return STOP_KEY_CAUSE
     try:
         said = _cut(decode_json(note, StopCause))
-    except (ValueError, RecursionError):  # of which msgspec's own errors are some
-        return THE_KEY
+    except (ValueError, RecursionError):  # includes msgspec's own errors
+        return STOP_KEY_CAUSE
     return msgspec.structs.replace(said, asker=msgspec.structs.replace(said.asker, proven=False))
 
 
 def local_cause(name: str, reason: str = "", request: str = "") -> StopCause:
-    """Return the cause of a stop of this computer's own, whose sender is proven."""
+    """Return the cause of a stop from this computer, whose sender is proven."""
     return StopCause(
         Requester(Transport.LOCAL, _clipped(name), proven=True), _clipped(reason), _clipped(request)
     )
 
 
 def requester_text(asker: Requester) -> str:
-    """Return an asker for people: ``anna (claimed, tele, over the cloud)``."""
+    """Return a sender as text for people: ``anna (claimed, tele, over the cloud)``."""
     known = "proven" if asker.proven else "claimed"
     words = [known, *filter(None, [asker.source_type]), _WAYS[asker.way]]
     return f"{asker.name or 'somebody'} ({', '.join(words)})"
 
 
 def _cut(cause: StopCause) -> StopCause:
-    """Return a cause whose words are safe to show, and not too long."""
+    """Return a cause with its texts shortened and safe to print."""
     who = cause.asker
     source = None if who.source_type is None else _clipped(who.source_type)
     asker = Requester(who.way, _clipped(who.name), source, proven=who.proven)
@@ -104,12 +104,12 @@ def _cut(cause: StopCause) -> StopCause:
 
 
 def _clipped(text: str) -> str:
-    """Return text of others that is safe to show, and not too long."""
+    """Return untrusted text shortened and safe to print."""
     return printable(text[:LONGEST_REASON])
 
 
 def _read(digits: str) -> str:
-    """Return the text of a parameter; nothing for what is none."""
+    """Return the decoded text of a parameter; empty if it is invalid."""
     try:
         return bytes.fromhex(digits).decode(errors="replace")
     except ValueError:

@@ -1,4 +1,4 @@
-"""What happens to one robot unasked: it comes and goes, its health changes, it acts by itself."""
+"""Events of one robot without a request: connected, lost, changed health, fail-safe of the autopilot."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SEVERITIES = {
 
 
 class UnrequestedEvents:
-    """One robot's; ``event_reporter`` tells them."""
+    """Unrequested events of one robot, reported by its ``event_reporter``."""
 
     def __init__(self, event_reporter: EventReporter) -> None:
         self._event_reporter = event_reporter
@@ -24,18 +24,18 @@ class UnrequestedEvents:
         self._failsafe = False
 
     def level_is(self, health: Health) -> None:
-        """Tell a new level of its health: that it was found, or lost, or that it is otherwise now."""
+        """Report a new health level: the robot was found, was lost, or changed."""
         kind, answered = EventKind.HEALTH, self._answers
         if health.level is Level.OFFLINE:
             kind, self._answers = EventKind.LOST, False
-        elif health.level is not Level.FAULT:  # which it may have without anybody's reaching it
+        elif health.level is not Level.FAULT:  # a fault may be known without a connection
             kind, self._answers = EventKind.HEALTH if answered else EventKind.FOUND, True
         text = f"{health.level.word}: {health.cause}" if health.cause else health.level.word
         data = {"level": health.level.word, "cause": health.cause}
         self._event_reporter.event(kind, text, severity=_SEVERITIES[health.level], data=data, logs=False)
 
     def see(self, report: Report) -> None:
-        """Tell that an autopilot has begun to act by itself."""
+        """Report that an autopilot's own fail-safe became active."""
         if not isinstance(report, FlightControllerReport) or report.failsafe == self._failsafe:
             return
         self._failsafe = report.failsafe

@@ -1,4 +1,4 @@
-"""Both kinds of adapter, Adapter and FrameAdapter, seen as one by the rest of the host."""
+"""Common form of both kinds of adapter, Adapter and FrameAdapter, for the rest of the host."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from fleet.wire.verbs import VERBS
 log = logging.getLogger(__name__)
 
 AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
-_NOTHING = 0.01  # m/s: less of a velocity is noise of who computed it
+_NOISE = 0.01  # m/s; below it a velocity component is rounding noise
 
 
 class Capabilities(msgspec.Struct, frozen=True):
-    """What a kind of robot declares; the host refuses the rest before it reaches the adapter.
+    """Capabilities that a kind of robot declares; the host refuses everything else.
 
-    ``lacking`` is what this robot does not have of it, by name, with the reason. Its adapter may change it.
+    ``lacking`` maps a declared name that this robot does not have to the reason. Its adapter may change it.
     """
 
     commands: Mapping[str, CommandSpec]
@@ -43,7 +43,7 @@ class Capabilities(msgspec.Struct, frozen=True):
     combines_keys: bool = False
     moves_joints: bool = False
     lacking: dict[str, str] = {}
-    plans: frozenset[str] = frozenset()  # what missions may be made for; none: anything
+    plans: frozenset[str] = frozenset()  # kinds of vehicle whose plans it accepts; empty: any
     body: tuple[BodyPart, ...] = ()  # for drawings
 
     def command(self, name: str) -> CommandSpec | None:
@@ -54,24 +54,24 @@ class Capabilities(msgspec.Struct, frozen=True):
         """Return why the robot cannot move like this at all; None when it can."""
         if not self.drives:
             return "it takes no velocities"
-        if not self.holonomic and abs(velocity.linear.y) > _NOTHING:
+        if not self.holonomic and abs(velocity.linear.y) > _NOISE:
             return "it does not move sideways"
-        if self.limits.vertical_speed is None and abs(velocity.linear.z) > _NOTHING:
+        if self.limits.vertical_speed is None and abs(velocity.linear.z) > _NOISE:
             return "it stays on the ground"
         return self._lacked(velocity) if self.lacking else None
 
     def _lacked(self, velocity: Velocity) -> str | None:
-        """Return why this robot does not have a direction of a velocity; None when it has them all."""
+        """Return why this robot lacks a direction of the velocity; None when it lacks none."""
         linear = velocity.linear
         along = {"x": linear.x, "y": linear.y, "z": linear.z, "yaw": velocity.yaw_rate}
         for name, verb in VERBS.items():
-            if verb.sign * along[verb.axis] > _NOTHING and name in self.lacking:
+            if verb.sign * along[verb.axis] > _NOISE and name in self.lacking:
                 return self.lacking[name]
         return None
 
     @property
     def moves_any_way(self) -> bool:
-        """True for a robot that moves sideways as well; that its kind does is not enough."""
+        """True for a robot that moves sideways; its kind does, and it does not lack the verbs."""
         return self.holonomic and self.lacking.keys().isdisjoint(("strafe_left", "strafe_right"))
 
     @property
@@ -80,7 +80,7 @@ class Capabilities(msgspec.Struct, frozen=True):
         return None if self.moves_joints else "it takes no joint targets"
 
     def cannot(self, task: AnyTask) -> str | None:
-        """Return why the robot cannot carry out such a task at all; None when it can."""
+        """Return why the robot cannot execute such a task at all; None when it can."""
         if isinstance(task, FlyMission) and not self.navigates:
             return "it carries out no missions: it has no autopilot with a memory for them; send it goals"
         if isinstance(task, FollowRobot) and not self.drives:
@@ -88,17 +88,17 @@ class Capabilities(msgspec.Struct, frozen=True):
         return self.lacking.get("plan" if isinstance(task, FlyMission) else "goto")
 
     def on(self, autopilot: str, vehicle: str) -> Capabilities:
-        """Return these once the robot has told what it is: plans made for another kind are not flown."""
+        """Return these with the plans for the reported vehicle; plans for other kinds are then refused."""
         return msgspec.structs.replace(self, plans=plans_of(self.plans, autopilot, vehicle))
 
     @property
     def moves(self) -> bool:
-        """True where anything that is declared may move the robot."""
+        """True if any declared capability may move the robot."""
         streamed = self.drives or self.moves_joints
         return streamed or self.navigates or any(spec.moves for spec in self.commands.values())
 
     def hint(self, name: str) -> str:
-        """Say why the robot lacks a command, or which was perhaps meant by one that is not declared."""
+        """Return why the robot lacks a command, or the closest match to an undeclared name."""
         if name in self.lacking:
             return self.lacking[name]
         near = difflib.get_close_matches(name, self.commands, n=1)
@@ -108,7 +108,7 @@ class Capabilities(msgspec.Struct, frozen=True):
 
 
 def configured(can: Capabilities, config: AdapterConfig) -> Capabilities:
-    """Return one robot's own capabilities: when its commands are given up, which plans it flies, its body."""
+    """Return one robot's capabilities: with its own command timeouts, plans and body."""
     commands = {
         name: spec
         if (limit := config.timeout_of(name)) is None
@@ -121,17 +121,17 @@ def configured(can: Capabilities, config: AdapterConfig) -> Capabilities:
 
 
 def _body_of(config: AdapterConfig) -> tuple[BodyPart, ...]:
-    """Return the parts of a robot's body; none, and a word in the log, where they cannot be told."""
+    """Return the parts of a robot's body for drawings; none, with a warning, if they cannot be computed."""
     try:
         return call_guarded(config.body_parts)
-    except Exception as error:  # noqa: BLE001 - a drawing is no reason not to run a robot
+    except Exception as error:  # noqa: BLE001 - a robot runs without its drawing
         log.warning("%s cannot be drawn: %s", config.name, error)
         return ()
 
 
 @functools.lru_cache(maxsize=64)  # a thousand robots of one kind share it
 def capabilities(plugin: AdapterClass) -> Capabilities:
-    """Return what the class declares."""
+    """Return the capabilities that the class declares."""
     if issubclass(plugin, FrameAdapter):
         moves_joints = plugin.joint_ranges is not FrameAdapter.joint_ranges
     else:
@@ -159,10 +159,10 @@ def create_adapter(plugin: AdapterClass, config: AdapterConfig, robot: Robot) ->
 
 
 def start_command(adapter: Adapter[Any], spec: CommandSpec, command: Command) -> Any:
-    """Begin a command: an async iterator of Progress when ``spec.streams``, else a coroutine.
+    """Start a command: an async iterator of Progress when ``spec.streams``, else a coroutine.
 
     Raises Refused for data that the command does not take.
     """
-    if type(adapter) is FrameAdapterRunner:  # which has no kinds; to ask an abstract class takes a while
+    if type(adapter) is FrameAdapterRunner:  # not isinstance: a check against an abstract class is slow
         return adapter.perform(spec, command)
     return getattr(adapter, spec.method)(**arguments(spec, command.data))

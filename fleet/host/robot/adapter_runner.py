@@ -1,9 +1,9 @@
-"""The wall around one robot: runs its adapter, again and again, and keeps its failures to itself.
+"""Exception barrier around one robot: runs its adapter, restarts it, and contains its failures.
 
-what ends a run        what happens                                                    health
-LinkLost               halted, opened again after a growing wait                       offline
-LinkRefused, Fault     halted, tried again at the longest wait: a person must act      fault
-anything else          traceback, halted, tried again; 3 in 60 s: quarantine           fault
+end of a run           reaction                                                        health
+LinkLost               halted, reopened after a growing delay                          offline
+LinkRefused, Fault     halted, retried at the longest delay: a person must act         fault
+anything else          traceback, halted, retried; 3 in 60 s: quarantine               fault
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from fleet.host.runtime.cancellation import result_of, retrieve_exception
 from fleet.model.health import Health, Level
 from fleet.runtime.exception_barrier import call_guarded, failure_of, guarded
 
-SLOW_RETRY = 30.0  # s between tries of what only a person can mend
-NOTHING_STOPS_IT = Health(
+SLOW_RETRY = 30.0  # s between retries of a failure that only a person can fix
+NO_FAILSAFE = Health(
     Level.DEGRADED,
     "nothing stops it if this process dies: its adapter declares no failsafe and leaves no halt",
 )
-LEAVE_WITHIN = 2.0  # s that a run gets to end once it is cancelled
+LEAVE_WITHIN = 2.0  # s for a cancelled run to end
 
 
 class _Restart(Exception):
-    """Somebody asked for the run to begin anew."""
+    """A person asked to restart the run."""
 
 
-class _End(msgspec.Struct, frozen=True):
-    """What the end of a run means; ``slow``: only a person can mend it."""
+class _RunEnd(msgspec.Struct, frozen=True):
+    """Meaning of the end of a run; ``slow``: only a person can fix it, so retry slowly."""
 
     health: Health
     slow: bool = False
@@ -53,13 +53,13 @@ _ENDS: tuple[tuple[type[Exception], Level, bool], ...] = (
     (LinkRefused, Level.FAULT, True),
     (Fault, Level.FAULT, True),
 )
-"""What an error means; whatever is not here is a failure of the adapter itself."""
+"""Meaning of an error, by its class; any other is a failure of the adapter itself."""
 
 
 class AdapterRunner:
-    """One robot's life. ``handle`` gives a fresh handle for each attempt, ``make`` a fresh adapter with it.
+    """Lifecycle of one robot: each attempt gets a new handle from ``handle`` and a new adapter from ``make``.
 
-    ``told`` hears of each new level of its health, but for the steps of a start.
+    ``told`` receives each new health level except the steps of a start.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class AdapterRunner:
         told: Callable[[Health], None],
     ) -> None:
         self.controller = controller
-        self.leftover: asyncio.Future[None] | None = None  # a run that does not end when it is cancelled
+        self.leftover: asyncio.Future[None] | None = None  # a run that does not end after its cancellation
         self._make = make
         self._handle = handle
         self._new_waits = waits
@@ -84,8 +84,8 @@ class AdapterRunner:
         self._crash: asyncio.Future[None] | None = None
         self._strikes = Strikes()
         self._lifted = asyncio.Event()
-        self._leaving: asyncio.Event | None = None  # an attempt ends; set once the robot was stopped
-        self._stopped_by: Callable[[], object] = lambda: True  # what stops the robot when this process dies
+        self._ending: asyncio.Event | None = None  # while an attempt ends; set once the robot was stopped
+        self._has_failsafe: Callable[[], object] = lambda: True  # true if something stops it after our death
 
     @property
     def health(self) -> Health:
@@ -93,7 +93,7 @@ class AdapterRunner:
         return self._health.now
 
     async def run(self) -> None:
-        """Serve the robot until cancelled; then bring it to a standstill."""
+        """Run the robot until cancelled; then bring it to a standstill."""
         waits = self._new_waits()
         while True:
             self._lifted.clear()
@@ -102,15 +102,15 @@ class AdapterRunner:
             if self._clock.monotonic() - began > SLOW_RETRY:
                 waits = self._new_waits()
             self._health.set(end.health)
-            await self._outlive()
+            await self._wait_for_leftover()
             if self._strikes.are_out:
                 await self._quarantine(end.health)
                 waits = self._new_waits()
             else:
-                await self._rest(SLOW_RETRY if end.slow else next(waits))
+                await self._wait_to_retry(SLOW_RETRY if end.slow else next(waits))
 
     def crashed(self, error: Exception) -> None:
-        """End the run because the adapter raised what it may not; on the loop."""
+        """End the run because the adapter raised an unexpected error; on the event loop."""
         if self._crash is not None and not self._crash.done():
             self._crash.set_exception(failure_of(error))
 
@@ -127,25 +127,25 @@ class AdapterRunner:
             )
 
     def restart(self) -> None:
-        """End a quarantine or a wait at once; a run that is under way ends and begins anew."""
+        """End a quarantine or a delay at once; a run in progress ends and starts again."""
         self._lifted.set()
         self.crashed(_Restart("it is being restarted, as somebody asked"))
 
     def stand_by(self, cause: str) -> None:
-        """Note why the robot is not run at all."""
+        """Set the reason for which the robot is not run at all."""
         self._health.set(Health(Level.OFFLINE, cause))
 
-    async def _once(self) -> _End:
-        """Run the adapter once; return what its end means."""
-        self._leaving = None
+    async def _once(self) -> _RunEnd:
+        """Run the adapter once; return the meaning of its end."""
+        self._ending = None
         self._crash = asyncio.get_running_loop().create_future()
         self._health.begin_start()
         handle = self._handle(self)
-        end = _End(Health(Level.OFFLINE, "the adapter ended by itself"))
+        end = _RunEnd(Health(Level.OFFLINE, "the adapter ended by itself"))
         try:
             await self._serve(handle)
-        except Exception as error:  # noqa: BLE001 - the wall: one adapter's failure is its own robot's
-            end = self._judged(error)
+        except Exception as error:  # noqa: BLE001 - exception barrier: one robot's failure must not stop the others
+            end = self._meaning_of(error)
         finally:
             handle.close()
             self._health.end_start()
@@ -155,21 +155,21 @@ class AdapterRunner:
             await _uninterrupted(handle.take_halt_back())
         return end
 
-    def _judged(self, error: Exception) -> _End:
-        """Return what an error means; count it when it is a failure of the adapter itself."""
+    def _meaning_of(self, error: Exception) -> _RunEnd:
+        """Return the meaning of an error; a failure of the adapter itself counts towards quarantine."""
         cause = _cause(error)
         for kind, level, slow in _ENDS:
             if isinstance(cause, kind):
-                return _End(Health(level, str(cause)), slow)
+                return _RunEnd(Health(level, str(cause)), slow)
         self._log.error("the adapter failed", exc_info=error)
         self._strikes.count(self._clock.monotonic())
-        return _End(Health(Level.FAULT, f"{type(cause).__name__}: {cause}"))
+        return _RunEnd(Health(Level.FAULT, f"{type(cause).__name__}: {cause}"))
 
     async def _serve(self, handle: RobotHandle) -> None:
-        """Run until the adapter ends, crashes elsewhere, or we are cancelled; then stop the robot."""
+        """Run until the adapter ends, crashes elsewhere, or the task is cancelled; then stop the robot."""
         assert self._crash is not None
         work = asyncio.ensure_future(guarded(lambda: self._attempt(handle)))
-        why = "the host lets go of the robot"
+        why = "the edge has stopped running it"
         try:
             await asyncio.wait({work, self._crash}, return_when=asyncio.FIRST_COMPLETED)
             if self._crash.done():
@@ -179,13 +179,13 @@ class AdapterRunner:
             why = str(_cause(error))
             raise
         finally:
-            await _uninterrupted(self._leave(work, why))
+            await _uninterrupted(self._end_attempt(work, why))
 
     async def _attempt(self, handle: RobotHandle) -> None:
-        """Connect and serve; what was entered is left after the robot was brought to a standstill."""
+        """Connect and run; contexts are exited only after the robot was brought to a standstill."""
         async with handle.contexts:
             adapter = call_guarded(self._make, handle)
-            self._stopped_by = lambda: (
+            self._has_failsafe = lambda: (
                 adapter.failsafe or handle.has_left_halt or not self.controller.can.moves
             )
             await adapter.connect()
@@ -199,11 +199,11 @@ class AdapterRunner:
                 raise
             finally:
                 await _uninterrupted(self._stand(why, open_still=False))
-                handle.close()  # nothing is asked of an adapter whose link is being closed
+                handle.close()  # the adapter gets no calls while its link is being closed
                 self.controller.detach(why)
 
-    async def _leave(self, work: asyncio.Future[None], why: str) -> None:
-        """Stop a robot that we were moving, while its link may still be open, and end the attempt."""
+    async def _end_attempt(self, work: asyncio.Future[None], why: str) -> None:
+        """Stop the robot, if we controlled it, while its link may still be open; then end the attempt."""
         await self._stand(why, open_still=not work.done())
         work.cancel()
         work.add_done_callback(retrieve_exception)
@@ -211,26 +211,26 @@ class AdapterRunner:
         self.leftover = work if pending else None
 
     async def _stand(self, why: str, *, open_still: bool) -> None:
-        """Bring the robot to a standstill at the end of an attempt, once; whoever comes second waits for it.
+        """Bring the robot to a standstill at the end of an attempt, once; a second caller waits for it.
 
-        ``open_still``: its run goes on, so its link is known to be open.
+        ``open_still``: the run still goes on, so its link is known to be open.
         """
-        if self._leaving is not None:
-            await self._leaving.wait()
+        if self._ending is not None:
+            await self._ending.wait()
             return
-        self._leaving = asyncio.Event()
+        self._ending = asyncio.Event()
         motion = self.controller.motion
         in_control = motion.in_control
         self.controller.lost(why)
         if in_control:
             self.controller.halt()
-            with contextlib.suppress(Exception):  # the run is over; what matters was the halt
+            with contextlib.suppress(Exception):  # the run is over; only the halt mattered
                 await motion.hold(why)
                 motion.may_be_moving &= not open_still
-        self._leaving.set()
+        self._ending.set()
 
-    async def _outlive(self) -> None:
-        """Wait for a run that goes on though it was cancelled: two of them must never have one robot."""
+    async def _wait_for_leftover(self) -> None:
+        """Wait for a run that ignores its cancellation: two runs must never control one robot."""
         if self.leftover is None:
             return
         self._health.set(
@@ -240,7 +240,7 @@ class AdapterRunner:
         self.leftover = None
 
     async def _quarantine(self, health: Health) -> None:
-        """Leave the robot alone until a person lifts it."""
+        """Suspend the robot until a person lifts the quarantine."""
         self._health.set(
             Health(
                 Level.FAULT,
@@ -253,17 +253,17 @@ class AdapterRunner:
         self._strikes.clear()
         self._health.set(Health(Level.OFFLINE, "starting again"))
 
-    async def _rest(self, seconds: float) -> None:
-        """Wait before the next try, or until a person asks for it."""
+    async def _wait_to_retry(self, seconds: float) -> None:
+        """Wait before the next attempt, or until a person asks for it."""
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._lifted.wait(), seconds)
 
     def healthy(self, health: Health) -> None:
-        """Take the adapter's own word of how the way to the robot is."""
-        if self._leaving is not None:
+        """Apply the adapter's own report of its connection's health."""
+        if self._ending is not None:
             return
-        if health.level is Level.OK and not self._stopped_by():
-            health = NOTHING_STOPS_IT
+        if health.level is Level.OK and not self._has_failsafe():
+            health = NO_FAILSAFE
         if health.level is Level.FAULT:
             self.controller.faulted(health.cause)
         elif health.level is Level.OFFLINE:
@@ -276,7 +276,7 @@ class AdapterRunner:
 
 
 def _cause(error: BaseException) -> BaseException:
-    """Return what went wrong; of a task group's errors one that is not the link's, where there is one."""
+    """Return the root cause; of a task group's errors preferably one that is not a link error."""
     leaves = [error]
     while groups := [leaf for leaf in leaves if isinstance(leaf, BaseExceptionGroup)]:
         leaves = [leaf for leaf in leaves if leaf not in groups]
@@ -285,7 +285,10 @@ def _cause(error: BaseException) -> BaseException:
 
 
 async def _uninterrupted(work: Coroutine[object, object, None]) -> None:
-    """Await to the end what is bounded in time, though we be cancelled meanwhile; then pass that on."""
+    """Await ``work`` to its end even if cancelled meanwhile, then pass the cancellation on.
+
+    ``work`` has to be bounded in time.
+    """
     task = asyncio.ensure_future(work)
     cancelled: asyncio.CancelledError | None = None
     while not task.done():

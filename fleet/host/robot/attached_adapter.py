@@ -1,4 +1,4 @@
-"""The adapter of one robot's present run, and whether the robot answers through it."""
+"""The adapter of one robot's current run, and whether the robot can be reached through it."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from fleet.runtime.exception_barrier import call_guarded
 
 
 class AttachedAdapter:
-    """The adapter that a robot has now, if any, and what is known of the way to the robot."""
+    """The current adapter of a robot, if any, and the reachability of the robot."""
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.adapter: Adapter[Any] | None = None
-        self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
+        self.offline = "it has not been reached yet"  # why it cannot be reached; empty while it can
         self._answered = False  # since the adapter's run began
 
     def attach(self, adapter: Adapter[Any]) -> None:
-        """Take the adapter of a fresh run; the robot has not answered through it yet."""
+        """Attach the adapter of a new run, through which the robot has not answered yet."""
         self.adapter, self._answered = adapter, False
 
     def detach(self) -> None:
-        """Take the adapter away, at the end of its run."""
+        """Detach the adapter at the end of its run."""
         self.adapter = None
 
     def answers(self) -> None:
-        """Note that the robot answers: it can be asked from now on."""
+        """Note that the robot answers: it can be reached from now on."""
         self.offline, self._answered = "", True
 
     @property
     def reachable(self) -> Adapter[Any] | None:
-        """The adapter while the robot can be asked through it; else None."""
+        """The adapter while the robot can be reached through it; else None."""
         return None if self.offline else self.adapter
 
     @property
     def absence(self) -> str:
-        """Why the robot cannot be asked, in a sentence for whoever asked it."""
+        """The refusal of a request while the robot cannot be reached."""
         return f"{self.name} is offline: {self.offline or 'its adapter is being restarted'}"
 
     def halt(self, *, emergency: bool = False) -> None:
@@ -51,9 +51,9 @@ class AttachedAdapter:
 
     @property
     def halt_outcome(self) -> str:
-        """What became of the halt of a robot that cannot be asked."""
+        """The probable effect of a halt on a robot that cannot be reached, for the answer to a stop."""
         if self.adapter is None:
             return "the stop was not written: no link to it is open"
         if not self._answered:
             return "the stop may not have been written: it has not been heard since its adapter began"
-        return "the stop was written, nobody answers"
+        return "the stop was written, but the robot does not answer"

@@ -1,4 +1,4 @@
-"""A robot's low battery is told and acted upon, and what the battery cannot carry is not begun."""
+"""Battery policy of one robot: reports a low battery, acts on it, and refuses tasks beyond the reserve."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from fleet.model.event import EventKind, Severity
 from fleet.robot_config import BatteryPolicy
 
 BATTERY = Origin(Transport.MISSION, session="battery")
-"""Who asks for what a battery policy does."""
+"""Sender of the commands that a battery policy gives."""
 
 
 class BatteryWatch:
-    """One robot's battery, by its policy.
+    """Battery watch of one robot.
 
-    ``event_reporter`` tells what happened; ``ask`` sends the robot a command of ours; ``free``
-    tells whether nobody else has it, and nothing makes it safer already. ``forced`` says what was done with
-    the robot because of its battery, until that was charged; empty while nothing was.
+    ``event_reporter`` reports events; ``ask`` sends a command to the robot; ``free`` returns whether no other
+    party controls it and no stop or landing is in progress. ``forced`` describes the policy's action until
+    the battery is charged; empty without one.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class BatteryWatch:
         self.forced = ""
 
     def see(self, percent: float | None) -> None:
-        """Tell once of a low battery, and act on it once the robot is free; again after it was charged."""
+        """Report a low battery once and act once the robot is free; again after it was charged."""
         self._percent = percent
         if percent is None:
             return
@@ -60,7 +60,7 @@ class BatteryWatch:
         if self._action != "warn" and not self._acted and self._free():
             receipt = Receipt(self._action, lambda _: None)
             self._ask(Command(self._action, origin=BATTERY), receipt)
-            self._acted = receipt.ended is None  # else it was refused at once: it is asked again
+            self._acted = receipt.ended is None  # refused at once: retried with the next report
             self.forced = f"{self._action} by battery_policy: the battery was at {percent:.0f} %"
             if self._acted:
                 done = {"percent": percent, "action": self._action}
@@ -68,16 +68,16 @@ class BatteryWatch:
             receipt.watch(self._ended)
 
     def _ended(self, reply: Reply) -> None:
-        """Note that what was done about the battery failed."""
+        """Record that the policy's action failed."""
         if reply.done is False and self.forced:
             self.forced = f"{self._action} by battery_policy failed: {reply.reason}"
             failed = {"action": self._action, "reason": reply.reason}
             self._event_reporter.event(EventKind.BATTERY, self.forced, severity=Severity.ERROR, data=failed)
 
     def start_trouble(self) -> str:
-        """Return why a flight may not begin; empty: it may."""
+        """Return why a flight may not start; empty when it may."""
         return self._reserve.start_trouble(self._percent)
 
     def trouble(self, metres: float = 0.0, speed: float | None = None) -> str:
-        """Return why a way of ``metres`` (there and home, at ``speed`` m/s) may not begin; empty: it may."""
+        """Return why a path of ``metres``, there and home at ``speed`` m/s, may not start; else empty."""
         return self._reserve.trouble(self._percent, metres, speed)

@@ -1,4 +1,4 @@
-"""What a robot takes, from what its adapter declares and what admission says now; pure."""
+"""Description of a robot's commands, from its adapter's declarations and present admission. Pure."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fleet.wire.stops import STOP_WORDS
 from fleet.wire.verbs import VERBS
 
 Refusal = Callable[[str, CommandSpec | None], str]
-"""Why a command would be refused now; None for the spec of one that the host answers itself."""
+"""Returns why a command would be refused now; the spec is None for a command of the host itself."""
 _WORDS: Mapping[object, str] = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 _HOST = {
     "release_emergency_stop": "Let the robot move again after an emergency stop.",
@@ -39,7 +39,7 @@ _HOST = {
     "join_run": "A run of a mission takes the robot.",
     "leave_run": "A run of a mission gives the robot back.",
 }
-"""What the host itself does for every robot."""
+"""Commands that the host itself executes for every robot."""
 
 
 def description(
@@ -52,7 +52,7 @@ def description(
     refusal: Refusal,
     fence: Fence | None = None,
 ) -> RobotDescription:
-    """Return what a robot takes. ``own`` are the commands that the host answers itself; stops come first."""
+    """Return the description of a robot. ``own``: commands of the host itself; stops are listed first."""
     names = [*sorted(STOP_WORDS), *sorted(own)]
     hosts = [CommandDescription(name, _HOST.get(name, ""), refusal=refusal(name, None)) for name in names]
     had = {name: spec for name, spec in sorted(can.commands.items()) if name not in can.lacking}
@@ -74,14 +74,14 @@ def description(
 
 
 def _fence(fence: Fence | None) -> FenceDescription | None:
-    """Return the polygons of a fence, None without any."""
+    """Return the polygons of a fence; None without any."""
     if fence is None or not (fence.inclusion or fence.exclusion):
         return None
     return FenceDescription(fence.inclusion, fence.exclusion)
 
 
 def command_of(spec: CommandSpec, refusal: str = "") -> CommandDescription:
-    """Return one declared command; ``refusal``: why it would not be taken now."""
+    """Return the description of one declared command; ``refusal``: why it would be refused now."""
     parameters = tuple(_parameter(spec, field) for field in msgspec.structs.fields(spec.parameters))
     return CommandDescription(
         spec.name, spec.summary, parameters, spec.moves, spec.safe, spec.timeout, refusal
@@ -89,7 +89,7 @@ def command_of(spec: CommandSpec, refusal: str = "") -> CommandDescription:
 
 
 def _parameter(spec: CommandSpec, field: msgspec.structs.FieldInfo) -> ParameterDescription:
-    """Return one parameter."""
+    """Return the description of one parameter."""
     bounds = spec.ranges.get(field.name)
     default = "" if field.required or field.default in (None, msgspec.NODEFAULT) else str(field.default)
     return ParameterDescription(
@@ -104,7 +104,7 @@ def _parameter(spec: CommandSpec, field: msgspec.structs.FieldInfo) -> Parameter
 
 
 def words(kind: object) -> str:
-    """Return a type in words for people."""
+    """Return the name of a type for people."""
     while typing.get_origin(kind) is typing.Annotated:
         kind = typing.get_args(kind)[0]
     origin, parts = typing.get_origin(kind), typing.get_args(kind)

@@ -1,7 +1,7 @@
-"""The controller of one robot: every request to it takes the same path through here.
+"""The controller of one robot: admits and executes every request to it.
 
-A decoded request passes admission (who, how old, whose turn), then the adapter; what was observed is its
-answer. Runs on the event loop, except ``emergency`` and ``halt``, which any thread may call.
+A decoded request passes admission (sender, age, control lease), then goes to the adapter; the answer is the
+observed outcome. Runs on the event loop, except ``emergency`` and ``halt``, which any thread may call.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from fleet.wire.stops import EMERGENCY, STOP_WORDS
 class RobotController:
     """Admits, executes and answers the requests to one robot.
 
-    ``publish`` takes reports; ``crashed`` hears of an adapter's crash; ``restart`` begins its run anew;
-    ``journal`` knows what was asked before this process began.
+    ``publish`` takes reports; ``crashed`` is called when the adapter crashes; ``restart`` restarts its run;
+    ``journal`` has the requests of earlier processes.
 
-    ``attached`` is the robot's adapter, ``motion`` everything that moves the robot because of us. Velocities
-    and joint targets are taken by ``SetpointRequests``, goals by ``goals``; commands, and every stop, here.
+    ``attached`` is the robot's adapter, ``motion`` all motion that this edge causes. ``SetpointRequests``
+    takes velocities and joint targets, ``goals`` takes goals; commands and all stops are taken here.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class RobotController:
             journal=journal,
         )
         self.doing, self.statuses = motion.navigator.doing, motion.navigator.statuses
-        # ``can`` changes with the configuration, and once the robot has told what it lacks.
+        # ``can`` changes with the configuration, and when the adapter reports what this robot lacks.
         self._setpoints = SetpointRequests(attached, motion, admission, can=lambda: self.can, last=self.last)
         self.goals = GoalRequests(
             config,
@@ -106,7 +106,7 @@ class RobotController:
             repeats=self._repeats,
             last=self.last,
         )
-        self.unable, self.see = self.goals.unable, self.goals.follower.see  # see: the poses it is led by
+        self.unable, self.see = self.goals.unable, self.goals.follower.see  # see: the follower's poses
         self.own = own_commands(
             release=self.latch.release,
             restart=restart,
@@ -123,39 +123,39 @@ class RobotController:
 
     @property
     def offline(self) -> str:
-        """Why the robot cannot be asked; empty while it can."""
+        """Why the robot cannot be reached; empty while it can."""
         return self.attached.offline
 
     @property
     def activity(self) -> str:
-        """What the robot is doing for somebody, in a word or two; empty when nothing."""
+        """The current activity in a word or two, "emergency stop" while one is set; empty when idle."""
         return "emergency stop" if self.latched else self.motion.activity
 
     @property
     def in_motion(self) -> bool:
-        """True while the robot moves, or may move, because of us."""
+        """True while the robot moves, or may move, because of a request to this edge."""
         return self.motion.under_way
 
     @property
     def free(self) -> bool:
-        """True when the host may act by itself: it is ours, not latched, no stop or landing in progress."""
+        """True when the host may act by itself: in control, no emergency stop, no landing in progress."""
         return self.motion.in_control and not (self.latched or self.motion.executor.safe)
 
-    # -- the robot comes and goes --------------------------------------------------------------------
+    # -- reachability of the robot -------------------------------------------------------------------
 
     def attach(self, adapter: Adapter[Any]) -> None:
-        """Take the adapter of a fresh run; it is asked nothing but to stop until ``found``."""
+        """Attach the adapter of a new run; until ``found`` it is only asked to stop."""
         self.attached.attach(adapter)
         self.joints.attach(adapter)
 
     def found(self) -> None:
-        """Note that the robot answers: it can be asked from now on."""
+        """Handle the robot's first answer: it takes requests from now on."""
         self.attached.answers()
         self._admission.fault = ""
         self.motion.found()
 
     def faulted(self, why: str) -> None:
-        """Note a fault of a robot that answers: it moves no more until ``found``; a landing goes on."""
+        """Handle a fault that the robot reports: it is halted until ``found``; a landing continues."""
         before, self._admission.fault = self._admission.fault, why
         self.attached.answers()
         self.motion.found()
@@ -166,9 +166,9 @@ class RobotController:
         self.motion.fail(why)
 
     def lost(self, why: str) -> None:
-        """Note that the robot does not answer; what was under way has failed and is never taken up again.
+        """Handle the loss of the robot: its running requests fail, and are never resumed.
 
-        A robot that somebody else moves is not touched.
+        A robot that is controlled by others is not halted.
         """
         if not self.offline and self.motion.in_control:
             self.motion.lost()
@@ -177,7 +177,7 @@ class RobotController:
         self.motion.fail(why)
 
     def detach(self, why: str) -> None:
-        """Take the adapter away."""
+        """Detach the adapter at the end of its run."""
         self.lost(why)
         self._admission.taken_over(f"lost: {why}")
         self.joints.forget()
@@ -185,14 +185,14 @@ class RobotController:
         self.motion.in_control = False
 
     def authority_lost(self, reason: str) -> None:
-        """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
+        """Handle the loss of control to a pilot or another station: motion ends until a new command."""
         self.event_reporter.authority_lost(reason)
         self.motion.fail(f"authority lost: {reason}")
         self._admission.taken_over(f"taken: authority lost: {reason}")
         self.motion.in_control, self.motion.may_be_moving, self.guard.taken = False, False, True
 
     def end(self, why: str) -> None:
-        """End motion of ours that must not go on, for this reason; a landing or a way home goes on."""
+        """End motion that this edge causes, for a reason; a landing or a return home continues."""
         if self.free and self.in_motion:
             self.motion.fail(why)
             self.motion.settle_later(why)
@@ -200,16 +200,16 @@ class RobotController:
     # -- stops ---------------------------------------------------------------------------------------
 
     def emergency(self, why: str) -> None:
-        """Latch, write the emergency halt, record; the last two may hang; any thread. ``receive`` follows."""
+        """Latch, write the halt, record; the last two may block. On any thread; ``receive`` follows."""
         self.latch.engage(why)
         run_in_turn((partial(self.halt, emergency=True), self.latch.record), wait=HALT_WAIT)
 
     def halt(self, *, emergency: bool = False) -> None:
-        """Write the halt at once; from any thread (the watchdog's); never raises."""
+        """Write the halt at once; from any thread, such as the watchdog; never raises."""
         self.attached.halt(emergency=emergency)
 
     def _stop(self, ask: Command, receipt: Receipt) -> None:
-        """End all motion; never refused, never a repeat."""
+        """End all motion; a stop is never refused, and never treated as a repeat."""
         if ask.name == EMERGENCY:
             self.emergency(f"asked by {ask.origin.session or ask.origin.way}")
         self.motion.cancel(ask.name)
@@ -221,13 +221,13 @@ class RobotController:
         else:
             self.motion.stand(ask.name, receipt)
         self.last.follow(ask.name, receipt)
-        if ask.name == EMERGENCY and self.latch.is_news():  # last: a log may be held up
+        if ask.name == EMERGENCY and self.latch.is_news():  # last: logging may block
             self.event_reporter.emergency_stop(ask, self.latch.why)
 
     # -- requests ------------------------------------------------------------------------------------
 
     def receive(self, ask: Ask, receipt: Receipt) -> None:
-        """Take a request; its receipt is answered exactly once."""
+        """Handle a request; its receipt is answered exactly once."""
         if isinstance(ask, Setpoint):
             self._setpoints.velocity(ask, receipt)
         elif isinstance(ask, JointSetpoint):
@@ -238,7 +238,7 @@ class RobotController:
             self.goals.take(ask, receipt)
 
     def _command(self, ask: Command, receipt: Receipt) -> None:
-        """Take a discrete command."""
+        """Admit a discrete command and execute it."""
         if ask.name in STOP_WORDS:
             self._stop(ask, receipt)
             return

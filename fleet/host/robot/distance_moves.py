@@ -1,4 +1,4 @@
-"""A motion verb with a distance (``move_forward {"distance": 1}``): a goal, with a bound; pure."""
+"""Motion verbs with a distance (``move_forward {"distance": 1}``): a goal with a bound. Pure."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from fleet.wire.commands import Defaults
 from fleet.wire.envelope import BadCommand
 from fleet.wire.verbs import VERBS, Verb
 
-SHORTEST = 2 * TIGHTEST  # m; less is within what counts as arrived
-LONGEST = 30.0  # s that such a way may take
+SHORTEST = 2 * TIGHTEST  # m; anything shorter counts as arrived
+LONGEST = 30.0  # s that such a move may take
 
 
 def goal_of(ask: Ask | None, can: Capabilities, defaults: Defaults) -> Ask | None:
-    """Return the goal that a verb with a distance means; any other ask as it is.
+    """Return the goal for a verb with a distance; any other request unchanged.
 
-    Verbs that the adapter declares are its own business. Raises BadCommand for what is no way, with the
-    reason, and for one that takes longer than ``LONGEST`` at the speed of a verb, which ``defaults`` gives.
+    Verbs that the adapter declares are left to it. Raises BadCommand with the reason for an invalid distance,
+    and for one that takes longer than ``LONGEST`` at the speed of a verb, which ``defaults`` gives.
     """
     if not isinstance(ask, Command) or ask.name not in VERBS or ask.name in can.commands:
         return ask
@@ -34,12 +34,12 @@ def goal_of(ask: Ask | None, can: Capabilities, defaults: Defaults) -> Ask | Non
         raise BadCommand(WireError(refusal, where="data.distance"), command=ask.name)
     way = Vector3(**{verb.axis: verb.sign * distance})
     constraints = Constraints(max_speed=speed, tolerance=None if can.navigates else TIGHTEST)
-    # The id of the message becomes the action's, so that its repeat does not move the robot once more.
+    # The message id becomes the action id, so that a repeat does not move the robot again.
     return Navigate(RelativeMove(way, constraints=constraints), ask.id, ask.origin, ask.stamp, ask.name)
 
 
 def _refusal(verb: Verb, can: Capabilities) -> str:
-    """Return why a robot cannot go along an axis for a distance; empty when it can."""
+    """Return why a robot cannot move along an axis for a distance; empty when it can."""
     if verb.axis == "yaw":
         return f"a turn has no distance; say {verb.own_field} (rad/s)"
     if verb.axis == "y" and not can.holonomic:

@@ -1,4 +1,4 @@
-"""Whether a command would be taken now: the rules that it would meet, asked without carrying it out."""
+"""Dry run of a request: the rules that it would meet now, without executing it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from fleet.model.navigation import Control, Navigate
 
 
 def would_refuse(controller: RobotController, name: str, spec: CommandSpec | None) -> str:
-    """Return why a command from this computer would be refused now; empty when it would be taken.
+    """Return why a command from this computer would be refused now; empty when it would be accepted.
 
-    ``spec`` is None for what the host answers itself.
+    ``spec`` is None for a command of the host itself.
     """
     ask = Command(name, origin=Origin(Transport.BUS))
     moves, safe = (spec.moves, spec.safe) if spec else (name in MOTION, name not in MOTION)
@@ -27,10 +27,10 @@ def would_refuse(controller: RobotController, name: str, spec: CommandSpec | Non
 
 
 def against(controller: RobotController, ask: Command | Navigate, spec: CommandSpec | None) -> str:
-    """Return why a robot would not begin what it is asked if it stood as it does now; empty when it would.
+    """Return why a robot would not start a request from standstill now; empty when it would.
 
-    ``spec`` is that of a command. Stricter than to ask it: one that does anything, even for the same asker,
-    does not begin something else together with others.
+    ``spec`` is that of a command. Stricter than a request: a robot that is busy, even for the same sender,
+    does not start together with others.
     """
     if controller.offline or controller.activity:
         return (

@@ -1,4 +1,4 @@
-"""Runs discrete commands on an adapter: one moving command at a time, each answered exactly once."""
+"""Executor of discrete commands: one moving command at a time, each answered exactly once."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from fleet.runtime.exception_barrier import failure_of
 
 log = logging.getLogger(__name__)
 
-AT_ONCE = 8  # commands that do not move, under way together; more are refused
+AT_ONCE = 8  # commands without motion in progress at once; more are refused
 
 
 class _Job(msgspec.Struct, frozen=True):
-    """One command on its way; ``failed`` is called when it failed by itself."""
+    """One running command; ``failed`` is called if it fails by itself."""
 
     adapter: Adapter[Any]
     spec: CommandSpec
@@ -36,11 +36,11 @@ class _Job(msgspec.Struct, frozen=True):
 
 
 class Executor:
-    """The running commands of one robot.
+    """Running commands of one robot.
 
-    The asker is told at once when a command is ended or runs out of time; what its method does with its
-    cancellation is not waited for. Each is in the ``journal`` before its method is called; one that
-    moves waits until the stops before it have ended.
+    The sender is answered at once when a command is cancelled or times out, however the adapter's method
+    reacts to the cancellation. Each command is in the ``journal`` before its method is called; a moving
+    command waits until earlier stops have ended.
     """
 
     def __init__(
@@ -52,9 +52,9 @@ class Executor:
         self._tasks: set[asyncio.Task[None]] = set()
         self._stops: set[asyncio.Task[None]] = set()
         self._mover: asyncio.Task[None] | None = None
-        self._receipt: Receipt | None = None  # the mover's
+        self._receipt: Receipt | None = None  # of the moving command
         self.moving = ""
-        self.safe = False  # what moves it only makes things safer
+        self.safe = False  # the moving command only makes things safer (a landing)
 
     def start(
         self,
@@ -65,9 +65,9 @@ class Executor:
         *,
         failed: Callable[[], None],
     ) -> None:
-        """Run a command; a moving one takes the place of the moving one before it.
+        """Run a command; a moving one replaces the moving one before it.
 
-        ``failed`` is called when it failed by itself: not for one that was ended, nor for a crash.
+        ``failed`` is called if it fails by itself, not if it was cancelled or crashed.
         """
         if spec.moves:
             self.cancel(f"superseded by {ask.name}")
@@ -80,10 +80,10 @@ class Executor:
             self._mover, self._receipt, self.moving = task, receipt, ask.name
             self.safe = spec.safe
             task.add_done_callback(self._moved)
-        asyncio.get_running_loop().call_soon(self._limit, task, job)  # once it has begun: that comes first
+        asyncio.get_running_loop().call_soon(self._limit, task, job)  # call_soon: only after its first step
 
     def _limit(self, task: asyncio.Task[None], job: _Job) -> None:
-        """Give a command that did not end at once its time."""
+        """Start the timeout of a command that has not ended at once."""
         if task.done():
             return
         name, seconds = job.ask.name, job.spec.timeout
@@ -98,7 +98,7 @@ class Executor:
         task.add_done_callback(lambda _: timer.cancel())
 
     def cancel(self, why: str) -> None:
-        """End the moving command; its receipt is told why."""
+        """Cancel the moving command; its receipt gets the reason."""
         if self._mover is not None and self._receipt is not None:
             mover, receipt = self._mover, self._receipt
             self._moved(mover)
@@ -106,30 +106,30 @@ class Executor:
             cancel_and_wait(mover, why, self._crashed)
 
     def stop(self, work: Coroutine[object, object, None], name: str) -> None:
-        """Carry out a stop; what is asked from now on waits for its end."""
+        """Execute a stop; later moving commands wait for its end."""
         stop = self.spawn(work, name=name)
         self._stops.add(stop)
         stop.add_done_callback(self._stops.discard)
 
     @property
     def stopping(self) -> bool:
-        """True while a stop is under way."""
+        """True while a stop is in progress."""
         return bool(self._stops)
 
     async def standing(self) -> None:
-        """Wait until the stops under way have ended, so that what was asked after a stop follows it."""
+        """Wait until all stops in progress have ended, so that a command given after a stop follows it."""
         while self._stops:
             await asyncio.wait(set(self._stops))
 
     def spawn(self, work: Coroutine[object, object, None], *, name: str) -> asyncio.Task[None]:
-        """Run something of this robot's, kept alive until it ends."""
+        """Start a task of this robot; it is referenced until it ends."""
         task = make_task(asyncio.get_running_loop(), work, name=f"command:{name}")
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
 
     def _moved(self, task: asyncio.Task[None]) -> None:
-        """Note that the moving command has ended."""
+        """Record the end of the moving command."""
         if self._mover is task:
             self._mover, self._receipt, self.moving, self.safe = None, None, "", False
 
@@ -142,7 +142,7 @@ class Executor:
                 await self.standing()
             call = start_command(job.adapter, job.spec, job.ask)
             data = await (_stepped(call, job.receipt) if job.spec.streams else call)
-            msgspec.json.encode(data)  # what cannot be said is no answer, and the asker must have one
+            msgspec.json.encode(data)  # raises if it cannot be encoded: the sender must get an answer
             job.receipt.done(data)
         except asyncio.CancelledError:
             if was_cancelled():
@@ -150,11 +150,11 @@ class Executor:
             self._ended_badly(RuntimeError("it was cancelled from within"), job)
         except (KeyboardInterrupt, GeneratorExit):
             raise
-        except BaseException as error:  # noqa: BLE001 - told to the asker, and to the runner when it is a crash
+        except BaseException as error:  # noqa: BLE001 - passed to the sender, and to the runner if it is a crash
             self._ended_badly(failure_of(error), job)
 
     def _ended_badly(self, error: Exception, job: _Job) -> None:
-        """Answer a command that raised; what was cancelled has been answered, and says nothing more."""
+        """Answer a command that raised; a cancelled command has been answered already."""
         name, receipt = job.ask.name, job.receipt
         if isinstance(error, TimeoutError):
             error = TimedOut(f"{name}: the robot did not answer in time")
@@ -170,16 +170,16 @@ class Executor:
 
 
 async def _stepped(call: AsyncIterator[object], receipt: Receipt) -> None:
-    """Take the steps of a command; the first is the receipt."""
+    """Run a command through its steps; the first one sends the receipt."""
     async with closing(call) as steps:
         async for _ in steps:
             receipt.accept()
 
 
 def takes(spec: CommandSpec, ask: Command, receipt: Receipt, doing: str) -> bool:
-    """Return whether a command takes its data, refused else: what the robot does is not broken off for it.
+    """Return whether a command is valid now; if not, refuse it and leave the robot's activity alone.
 
-    Nor for one that interrupts nothing, while the robot is ``doing`` something.
+    A command that does not interrupt is also refused while the robot is ``doing`` something.
     """
     if doing and not spec.interrupts:
         receipt.reject(f"busy with {doing}")
@@ -193,10 +193,10 @@ def takes(spec: CommandSpec, ask: Command, receipt: Receipt, doing: str) -> bool
 
 
 def may_still_move(spec: CommandSpec, receipt: Receipt, *, superseding: bool) -> bool:
-    """Return True when the robot may be moving after a command that failed, and has to be held.
+    """Return True if the robot may be moving after a failed command, and has to be stopped.
 
-    One that the robot refused leaves it at what it did before. One that it took, or did not answer to, may
-    still move it; but what only makes things safer (a landing) is not broken off.
+    After a refusal by the robot, its previous motion continues. A command that it accepted, or did not
+    answer, may still move it, but one that only makes things safer (a landing) is not interrupted.
     """
     refused = receipt.first is not None and receipt.first.status in (
         ReplyStatus.REJECTED,

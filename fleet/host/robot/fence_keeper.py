@@ -1,6 +1,6 @@
-"""Keeps one robot in its fence: draws it where its corners can be placed, and judges what the robot does.
+"""Fence of one robot: places its corners in the robot's world, and judges positions and velocities.
 
-The configuration says where the fence is; home and the origin of the world say where that is for this robot.
+The configuration has the corners; home and the origin of the robot's world place them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fleet.robot_config import FenceConfig, Limits
 class FenceKeeper:
     """The ``fence`` of one robot, None while its corners cannot be placed.
 
-    ``trouble`` says where the robot is that it may not be; empty while it is nowhere such.
+    ``trouble`` describes a forbidden position of the robot; empty while its position is allowed.
     """
 
     def __init__(self, place: RobotPlace, config: FenceConfig | None, limits: Limits) -> None:
@@ -29,16 +29,16 @@ class FenceKeeper:
         self.configure(config, limits)
 
     def configure(self, config: FenceConfig | None, limits: Limits) -> None:
-        """Keep another fence, and other limits, from now on."""
+        """Apply a changed fence and changed limits."""
         self._config, self._limits = config, limits
         self._has_no_border = config is None and limits.distance is None
         self.is_open = self._has_no_border and limits.altitude is None
         if self.is_open:
-            self.trouble = ""  # nothing judges the robot from now on, so nothing would end it
+            self.trouble = ""  # nothing would clear it, since positions are no longer judged
         self.draw()
 
     def draw(self) -> None:
-        """Make the fence of what is configured, as soon as its corners can be placed."""
+        """Place the configured fence, once that is possible."""
         config = self._config or FenceConfig()
         world = self._place.world()
         if config.frame == "geodetic" and world is None:
@@ -53,7 +53,7 @@ class FenceKeeper:
         )
 
     def look(self) -> bool:
-        """Judge where the robot is; return True when it has broken the fence only now."""
+        """Judge the robot's position; return True only when it has just breached the fence."""
         pose = self._place.pose
         if self.is_open or self.fence is None or pose is None:
             return False
@@ -61,7 +61,7 @@ class FenceKeeper:
         return bool(self.trouble) and not before
 
     def leads_out(self, velocity: Velocity) -> bool:
-        """Return whether a body velocity leads a robot out of the fence, or may: its pose is too old."""
+        """Return whether a body velocity leads out of the fence, or may, because the pose is too old."""
         if self.fence is None or self._place.pose is None:
             return False
         try:
@@ -70,14 +70,14 @@ class FenceKeeper:
             return True
 
     def inside(self, velocity: Velocity) -> Velocity:
-        """Return the part of a body velocity that keeps the fence; raises Refused while that is unknown."""
+        """Return the part of a body velocity that stays in the fence; raises Refused if that is unknown."""
         if self.is_open or (self._has_no_border and velocity.linear.z <= 0) or velocity.is_zero:
             return velocity
         pose = self._place.fresh()
         if pose is None or self.fence is None:
             if self._config is None:
                 return velocity
-            raise Refused("the fence cannot be kept: where the robot is, is unknown")
+            raise Refused("the fence cannot be kept: the robot's position is unknown")
         yaw = pose.rotation.yaw
         wanted = rotate_to_world(velocity.linear, yaw)
         admitted = self.fence.admitted(pose.position, wanted, self._place.home_point())
@@ -87,7 +87,7 @@ class FenceKeeper:
 
 
 def _placed(corners: Iterable[tuple[float, float]], config: FenceConfig, world: GeoOrigin | None) -> Polygon:
-    """Return the corners of a polygon in the world."""
+    """Return the corners of a polygon in the robot's world."""
     if config.frame == "world" or world is None:
         return tuple(corners)
     points = [world_from_geo(world, GeoPoint(*corner, world.altitude)) for corner in corners]

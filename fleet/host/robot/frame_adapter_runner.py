@@ -1,6 +1,6 @@
-"""The shell that runs a FrameAdapter as an Adapter: link, cutting, hello, tick, motion, silence.
+"""Runs a FrameAdapter as an Adapter: link, framing, hello, tick, motion, silence.
 
-A FrameAdapter only translates. Here its frames are written and what arrives is handed to it.
+A FrameAdapter only translates; its frames are written here, and received bytes are passed to it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class FrameAdapterRunner(Adapter[Any]):
         self._last_resort = tuple(inner.halt())
         if not self._last_resort:
             raise Fault(f"{type(inner).__name__}.halt() yields no frame", hint="a robot must be stoppable")
-        # One that listens does not know whom to greet until the robot speaks.
+        # A listening socket has no peer address until the robot speaks.
         self._robot_speaks_first = parse_link_url(inner.config.link).scheme == "udpin"
         self._peer: Address = None
         self._session: _Session
@@ -49,7 +49,7 @@ class FrameAdapterRunner(Adapter[Any]):
         self._commands: FrameCommands
 
     async def connect(self) -> None:
-        """Open the link and greet; raises LinkLost or LinkRefused."""
+        """Open the link and send the hello; raises LinkLost or LinkRefused."""
         url, self._session = self.config.link, _Session(self)
         self._link = await self.robot.enter(opened_link(url, self._session.arrived))
         self._slot = LatestMotion(self._link, self.robot.clock, baud=parse_link_url(url).baud)
@@ -63,14 +63,14 @@ class FrameAdapterRunner(Adapter[Any]):
         self._session.begin(self._motion)
 
     async def run(self) -> None:
-        """Serve the link; raises LinkLost, or what the translation raised."""
+        """Serve the link; raises LinkLost, or the translation's error."""
         try:
             await _first_failure(self._link.lost(), self._session.failure)
         finally:
             self._motion.halt()
 
     def _leave_halt(self) -> None:
-        """Leave what halts the robot with the supervisor."""
+        """Register the halt frames with the supervisor."""
         self.robot.leave_halt(self._link, self._last_resort, self._peer)
 
     def write(self, frames: Iterable[bytes]) -> None:
@@ -79,11 +79,11 @@ class FrameAdapterRunner(Adapter[Any]):
 
     @property
     def held_back(self) -> int:
-        """How many motions a newer one replaced, because the line was not free."""
+        """Number of motions that a newer one replaced because the line was busy."""
         return self._slot.held_back
 
     def greet(self, address: Address) -> bool:
-        """Return True for what comes from the robot; the first to speak on the link is the robot."""
+        """Return True for data from the robot; the first sender on the link is the robot."""
         if address is None or address == self._peer:
             return True
         if self._peer is not None:
@@ -95,7 +95,7 @@ class FrameAdapterRunner(Adapter[Any]):
         return True
 
     def drive(self, velocity: Velocity) -> None:
-        """Write this velocity and go on repeating it; raises NotReady when the link is gone."""
+        """Write this velocity and keep repeating it; raises NotReady when the link is gone."""
         self._motion.drive(velocity)
 
     def _encode(self, velocity: Velocity) -> MotionFrames:
@@ -103,11 +103,11 @@ class FrameAdapterRunner(Adapter[Any]):
         return tuple(self.inner.drive(velocity))
 
     async def perform(self, spec: CommandSpec, command: Command) -> None:
-        """Carry out a declared command; raises as ``FrameCommands.perform``."""
+        """Execute a declared command; raises as ``FrameCommands.perform``."""
         await self._commands.perform(spec, command)
 
     def decoded(self) -> None:
-        """Let commands go on that have waited for what the last frame showed."""
+        """Resume commands that waited for the last frame."""
         self._commands.decoded()
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
@@ -115,7 +115,7 @@ class FrameAdapterRunner(Adapter[Any]):
         return self.inner.joint_ranges()
 
     def move_joints(self, targets: Mapping[str, float]) -> None:
-        """Write where joints are to go; raises NotReady without a link, or when it was halted meanwhile."""
+        """Write joint targets; raises NotReady without a link, or after a halt meanwhile."""
         turn = self._motion.turn
         self._motion.carry_out(tuple(self.inner.encode_joints(targets)), turn)
 
@@ -125,7 +125,7 @@ class FrameAdapterRunner(Adapter[Any]):
         self.halt()
 
     def halt(self) -> None:
-        """Write the safe-stop frames at once and forget the velocity; from any thread."""
+        """Write the safe-stop frames at once and drop the velocity; from any thread."""
         self._motion.halt()
 
     def _halt_frames(self) -> MotionFrames:
@@ -138,7 +138,7 @@ class FrameAdapterRunner(Adapter[Any]):
 
 
 class _Session:
-    """The open link: arriving bytes, periodic work, and the first failure of either."""
+    """Open link: received bytes, periodic work, and the first failure of either."""
 
     def __init__(self, framed: FrameAdapterRunner) -> None:
         self.failure: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -147,14 +147,14 @@ class _Session:
         self._robot = framed.robot
         self._cutter: Framer = framed.inner.framing.cutter()
         self._heard = 0.0
-        self._early: list[tuple[bytes, Address]] | None = []  # what came before ``begin``
+        self._early: list[tuple[bytes, Address]] | None = []  # data received before ``begin``
         self._understood = False
         self._slow = False
 
     def begin(self, motion: MotionSender) -> None:
-        """Ask the host for periodic calls, and take what has arrived while the link was being opened."""
+        """Start the periodic calls, and process the data received while the link was being opened."""
         inner = self._inner
-        self._heard = self._robot.clock.monotonic()  # the line may have taken long to open
+        self._heard = self._robot.clock.monotonic()  # opening the link may have taken long
         self._robot.every(POLL_INTERVAL, motion.look)
         self._robot.every(inner.tick_every, self._tick)
         if inner.silence > 0:
@@ -167,20 +167,20 @@ class _Session:
             self.arrived(data, address)
 
     def _tick(self) -> None:
-        """Write keep-alives and polls; say once when the line is too slow for what is asked."""
+        """Write keep-alives and polls; log once that the line is too slow."""
         self._framed.write(self._inner.tick())
         if self._framed.held_back and not self._slow:
             self._slow = True
             self._robot.log.warning("the line is slow: of several motions only the newest is written")
 
     def _listen(self) -> None:
-        """Notice a robot that has gone silent; raises LinkLost."""
+        """Detect a silent robot; raises LinkLost."""
         quiet = self._robot.clock.monotonic() - self._heard
         if quiet > self._inner.silence:
             raise LinkLost(f"{self._framed.config.link}: nothing heard for {quiet:.1f} s")
 
     def arrived(self, data: bytes, address: Address) -> None:
-        """Take what the link received; a failure of the translation ends the run, not the loop."""
+        """Process received data; an error of the translation ends the run, not the event loop."""
         if self._early is not None:
             self._early.append((data, address))
             return
@@ -188,11 +188,11 @@ class _Session:
             if not self.failure.done() and self._framed.greet(address):
                 for frame in self._cutter.feed(data):
                     self._decoded(frame)
-        except BaseException as error:  # noqa: BLE001 - handed to ``run``, which raises it
+        except BaseException as error:  # noqa: BLE001 - passed to ``run``, which raises it
             self.failure.set_exception(failure_of(error))
 
     def _decoded(self, frame: bytes) -> None:
-        """Report or answer what one frame says."""
+        """Pass on the contents of one frame: reports, health or answers."""
         self._heard = self._robot.clock.monotonic()
         for said in self._inner.decode(frame, self._robot.clock.time()):
             self._say(said)
@@ -213,7 +213,7 @@ class _Session:
 
 
 async def _first_failure(lost: Any, failure: asyncio.Future[None]) -> None:
-    """Wait for either, and raise what it raises."""
+    """Wait for the first of the two to end, and raise its error."""
     losing = asyncio.ensure_future(lost)
     try:
         done, _ = await asyncio.wait({losing, failure}, return_when=asyncio.FIRST_COMPLETED)

@@ -1,4 +1,4 @@
-"""Commands of a FrameAdapter: their frames are written, in between they wait for what the robot reports."""
+"""Commands of a FrameAdapter: writes their frames, and waits between them for reports of the robot."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 
 class FrameCommands:
-    """The commands of one FrameAdapter on one open link; ``write`` writes frames that are not motion."""
+    """Commands of one FrameAdapter on one open link; ``write`` writes frames without motion."""
 
     def __init__(
         self, inner: FrameAdapter[Any], motion: MotionSender, write: Callable[[Iterable[bytes]], None]
@@ -33,11 +33,11 @@ class FrameCommands:
         self._waiting: list[tuple[Until, asyncio.Future[None]]] = []
 
     async def perform(self, spec: CommandSpec, command: Command) -> None:
-        """Write the frames of a declared command, and wait where it waits for what the robot reports.
+        """Write the frames of a declared command, and wait wherever it yields an ``Until``.
 
-        Raises Refused, Unsupported or NotReady, and what an ``Until`` raises.
+        Raises Refused, Unsupported or NotReady, and the error of an ``Until``.
         """
-        turn = self._motion.turn  # a stop from here on leaves nothing of the command to be written
+        turn = self._motion.turn  # taken first: a stop from here on drops the command's remaining frames
         steps = self._steps_of(spec, command)
         while True:
             frames, until = self._next_frames(steps, command)
@@ -50,14 +50,14 @@ class FrameCommands:
             await self._seen(until)
 
     def _steps_of(self, spec: CommandSpec, command: Command) -> Iterator[bytes | Until]:
-        """Begin the translation of a command."""
+        """Start the translation of a command."""
         with self._translating(command):
             return iter(getattr(self._inner, spec.method)(**arguments(spec, command.data)))
 
     def _next_frames(
         self, steps: Iterator[bytes | Until], command: Command
     ) -> tuple[MotionFrames, Until | None]:
-        """Return the frames up to where the command waits next; no Until at its end."""
+        """Return the frames up to the next ``Until``, and that one; None at the end of the command."""
         frames: list[bytes] = []
         with self._translating(command):
             for step in steps:
@@ -68,7 +68,7 @@ class FrameCommands:
 
     @contextlib.contextmanager
     def _translating(self, command: Command) -> Iterator[None]:
-        """Refuse a command whose data make the translation raise: that is the asker's fault."""
+        """Refuse a command whose data make the translation raise: that is the sender's error."""
         try:
             yield
         except _BAD_DATA as error:
@@ -76,7 +76,7 @@ class FrameCommands:
             raise Refused(f"{command.name} cannot be encoded: {error!r}", hint="check its data") from error
 
     async def _seen(self, until: Until) -> None:
-        """Wait until a frame has shown what a command waits for."""
+        """Wait until a frame has satisfied the condition of a command."""
         if until.seen():
             return
         waiter = (until, asyncio.get_running_loop().create_future())
@@ -87,7 +87,7 @@ class FrameCommands:
             self._waiting.remove(waiter)
 
     def decoded(self) -> None:
-        """Let commands go on that have waited for what the last frame showed."""
+        """Resume commands whose condition the last frame satisfied."""
         for until, future in self._waiting:
             if future.done():
                 continue
@@ -98,7 +98,7 @@ class FrameCommands:
                 future.set_exception(failure_of(error))
 
     def _ready(self, frames: MotionFrames) -> None:
-        """Write frames of a command that moves nothing."""
+        """Write frames of a command without motion."""
         try:
             self._write(frames)
         except LinkLost as error:

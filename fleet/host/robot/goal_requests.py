@@ -1,4 +1,4 @@
-"""The goals of one robot: admitted, begun, paused, resumed and stopped; led by its adapter or by the host."""
+"""Requests of one robot's navigation: goals, and controls (stop, pause, resume) of the running action."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from fleet.robot_config import AdapterConfig, Limits
 
 
 class GoalRequests:
-    """Takes goals, and controls of the running action.
+    """Admits navigation requests and executes them.
 
-    ``can`` tells what the robot is able to do now, ``stop`` takes a stop, ``repeats`` knows the requests
-    that were answered before. ``follower`` leads a robot that does not navigate by itself.
+    ``can`` returns the robot's capabilities now, ``stop`` executes a stop, ``repeats`` has the answers to
+    earlier requests. ``follower`` drives a robot to its goal that does not navigate by itself.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class GoalRequests:
         self._navigator.start(leader, ask, ask.ask, receipt)
 
     def unable(self, task: AnyTask) -> str | None:
-        """Return why the robot would not begin a task now, whoever asks for it; None when it would."""
+        """Return why the robot cannot start a task now, whoever sends it; None if it can."""
         can, moving = self._can(), self._motion.executor.moving
         busy = f"busy with {moving}" if moving else None
         refusal = can.cannot(task) or self._guard.task(task) or busy
@@ -90,21 +90,21 @@ class GoalRequests:
         return f"{self._attached.name} does not navigate" + ": it has told no pose" * can.drives
 
     def _leader(self) -> GoalNavigator | None:
-        """Return who leads the robot to a goal: its adapter, or the host; None when neither can."""
+        """Return the navigator of the robot: its adapter or the host's follower; None without one."""
         can = self._can()
         return goal_navigator(
             self._attached.adapter, self.follower, navigates=can.navigates, drives=can.drives
         )
 
     def _lead(self, velocity: Velocity) -> None:
-        """Drive on behalf of the host's own follower; raises Refused once the robot must stand."""
+        """Drive for the host's follower; raises Refused when motion is not allowed any more."""
         refusal, adapter = self._admission.motion(), self._attached.reachable
         if refusal is not None or adapter is None:
             raise Refused(refusal or self._attached.absence)
         self._motion.driving.hold(adapter, velocity, LEASE)
 
     def _control(self, ask: Navigate, control: Control, receipt: Receipt) -> None:
-        """Stop, pause or resume the running action; a stop and a pause are never a repeat."""
+        """Stop, pause or resume the running action; only a resume is checked for repeats."""
         if control is Control.STOP:
             self._stop(Command("stop", origin=ask.origin, stamp=ask.stamp), receipt)
         elif control is Control.PAUSE and self._navigator.pause():
@@ -115,7 +115,7 @@ class GoalRequests:
             self._resume(ask, receipt)
 
     def _resume(self, ask: Navigate, receipt: Receipt) -> None:
-        """Go on with the paused action, once for each message that asks it."""
+        """Resume the paused action, once for each message."""
         if not self._navigator.statuses.knows(ask.action_id):
             identity = ask.action_id and f"resume {ask.action_id}"
             first = self._repeats.first(identity, receipt, self._clock.monotonic())

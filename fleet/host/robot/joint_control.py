@@ -1,8 +1,8 @@
-"""The joints of one robot that somebody leads: within their ranges and speeds, under a dead-man of their own.
+"""Joint targets of one robot: within ranges and speeds, under a dead-man of their own.
 
-Targets are a stream. Each lives for the lease and not a moment longer; then the joint holds where it is. The
-first begins where the joint was measured, and none goes faster than the robot declares, so a leader that is
-far from its follower is approached and not jumped to.
+Targets are a stream. Each is valid for its lease and no longer; then the joint holds its position. The first
+starts at the measured position, and no joint moves faster than the robot declares, so a leader that is far
+from its follower is approached and not jumped to.
 """
 
 from __future__ import annotations
@@ -26,28 +26,28 @@ from fleet.model.report import JointReport
 from fleet.runtime.exception_barrier import call_guarded
 from fleet.wire.joints import LEADER
 
-STEP = 0.04  # s between two steps of joints that are led
-LONGEST_STEP = 0.1  # s that a step counts at most: a loop that was held up does not catch up in a jump
-MEASURED = 1.0  # s after which it is no longer known where a joint is
+STEP = 0.04  # s between two steps of the joints
+LONGEST_STEP = 0.1  # s that one step covers at most: after a blocked loop, joints do not jump to catch up
+MEASURED = 1.0  # s after which a measured joint position is stale
 
 
-class _Led(msgspec.Struct):
-    """One joint that is led: where it was sent last, where it is to go, until when (monotonic s)."""
+class _DrivenJoint(msgspec.Struct):
+    """One driven joint: last commanded position, target, and expiry (monotonic s)."""
 
     at: float
     target: float
     until: float
 
 
-class _NotTaken(Refused):
-    """A target was refused that changes nothing of what is led."""
+class _TargetRefused(Refused):
+    """Refusal of a target without effect on the present targets."""
 
 
-class JointDriving:
-    """``followers`` hear where the joints are. ``lease``: seconds that a target lives.
+class JointControl:
+    """Joint control of one robot. ``followers`` receive joint reports. ``lease``: lifetime of a target, s.
 
-    ``barred`` says why nothing may move the robot now, if so, ``halt`` writes its halt, ``crashed`` hears of
-    an adapter that raised what it may not.
+    ``barred`` returns why nothing may move the robot now, else None; ``halt`` writes its halt; ``crashed``
+    receives an unexpected error of the adapter.
     """
 
     def __init__(
@@ -67,22 +67,22 @@ class JointDriving:
         self._halt = halt
         self._crashed = crashed
         self._adapter: Adapter[Any] | None = None
-        self._led: dict[str, _Led] = {}
-        self._measured: dict[str, tuple[float, float]] = {}  # by joint: where, and when (monotonic s)
+        self._led: dict[str, _DrivenJoint] = {}
+        self._measured: dict[str, tuple[float, float]] = {}  # by joint: position, time (monotonic s)
         self._stepped = 0.0
         self._repeats: DedupCache[bool] = DedupCache()
-        self._by: Origin | None = None  # who had it follow its leader
+        self._by: Origin | None = None  # sender of the request to follow the leader
 
     def follow(self, ask: Command) -> None:
-        """Follow the leader from now on, if it tells where its joints are within a lease; until any stop."""
+        """Start following the leader, whose next report must arrive within a lease; until any stop."""
         self._led, self._by = {}, ask.origin
         self.deadman.feed(self._clock.monotonic(), self.lease)
 
     def following(self, leader: JointReport) -> JointSetpoint | None:
-        """Return where a leader's joints lead those of the same names; None while it is not followed.
+        """Return the targets that a leader's report gives the joints of the same names; None if not followed.
 
-        They do so in the name of who asked to follow it, as ``edge_leader``. A leader that fell silent is
-        followed again when somebody asks for it, and not by itself.
+        Their source type is ``edge_leader``, their session that of the sender of the request to follow. After
+        a silent leader, following needs a new request.
         """
         by = self._by
         if by is None or not self.deadman.armed:
@@ -96,25 +96,25 @@ class JointDriving:
         return JointSetpoint(common or leader.positions, origin=origin, stamp=leader.stamp)
 
     def attach(self, adapter: Adapter[Any]) -> None:
-        """Take the adapter of a fresh run."""
+        """Use the adapter of a new run."""
         self._adapter = adapter
 
     def see(self, report: JointReport) -> None:
-        """Take where joints were measured, and tell those that follow them."""
+        """Record measured joint positions, and pass them to the followers."""
         now = self._clock.monotonic()
-        if _role(report) != "leader":  # of two arms on one twin the follower is led
+        if _role(report) != "leader":  # with two arms on one twin, only the follower's positions count
             self._measured.update({joint: (at, now) for joint, at in report.positions.items()})
         for tell in self.followers:
             tell(report)
 
     def forget(self) -> None:
-        """Forget where the joints are: whatever tells it begins anew."""
+        """Forget the adapter and the measured positions, at the end of its run."""
         self.let_go()
         self._adapter = None
         self._measured.clear()
 
     def take(self, ask: JointSetpoint, receipt: Receipt) -> bool:
-        """Lead joints to where was asked, and answer; return whether it is done."""
+        """Set joint targets and answer; return whether they were accepted."""
         now = self._clock.monotonic()
         if self._repeats.first(ask.id, True, now):
             receipt.reject("it came before: it would move the joints once more")
@@ -122,13 +122,13 @@ class JointDriving:
         try:
             self._lead(ask, now)
             self._step(now)
-        except _NotTaken as error:  # where the joints go already, they go on to, for their lease
+        except _TargetRefused as error:  # earlier targets stay valid for their lease
             receipt.reject(error.reason, hint=error.hint)
         except (CommandError, LinkError) as error:
             self.let_go()
             self.hold()
             receipt.fail(error)
-        except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which stops the robot
+        except Exception as error:  # noqa: BLE001 - exception barrier: passed to the runner, which stops the robot
             self._failed(error)
             receipt.reject(f"the adapter failed: {type(error).__name__}: {error}")
         else:
@@ -137,7 +137,7 @@ class JointDriving:
         return False
 
     def _lead(self, ask: JointSetpoint, now: float) -> None:
-        """Note where joints are to go; raises _NotTaken, with nothing noted, when one may not."""
+        """Set targets; raises _TargetRefused, with nothing changed, if one is refused."""
         ranges = self._ranges()
         known = [joint for joint in ask.positions if joint in ranges]
         starts = {joint: self._where(joint, now) for joint in known}
@@ -147,11 +147,11 @@ class JointDriving:
         }
         why = refusal(wanted, ranges)
         if why is not None:
-            raise _NotTaken(why)
+            raise _TargetRefused(why)
         if not self.deadman.armed:
             self._led, self._by, self._stepped = {}, None, now - STEP
         for joint, target in wanted.items():
-            self._led[joint] = _Led(starts[joint], target, now + self.lease)
+            self._led[joint] = _DrivenJoint(starts[joint], target, now + self.lease)
         self.deadman.feed(now, self.lease)
 
     def _ranges(self) -> Mapping[str, JointRange]:
@@ -159,16 +159,18 @@ class JointDriving:
         return {} if self._adapter is None else call_guarded(self._adapter.joint_ranges)
 
     def _where(self, joint: str, now: float) -> float:
-        """Return from where a joint goes on; raises _NotTaken when nobody knows."""
+        """Return the position at which a joint continues; raises _TargetRefused if it is unknown."""
         if self.deadman.armed and joint in self._led:
             return self._led[joint].at
         at, seen = self._measured.get(joint, (0.0, float("-inf")))
         if now - seen > MEASURED:
-            raise _NotTaken(f"where joint {joint} is, is unknown", hint="it must be told before it is led")
+            raise _TargetRefused(
+                f"the position of joint {joint} is unknown", hint="it must be reported first"
+            )
         return at
 
     def step(self) -> None:
-        """Lead the joints on; called on the event loop every ``STEP`` s."""
+        """Move the joints one step further; called on the event loop every ``STEP`` s."""
         if not self.deadman.armed:
             return
         try:
@@ -177,13 +179,13 @@ class JointDriving:
             self.hold()
             if self._adapter is not None:
                 robot_log(self._adapter.config.name).warning("joints are led no further: %s", error)
-        except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which stops the robot
+        except Exception as error:  # noqa: BLE001 - exception barrier: passed to the runner, which stops the robot
             self._failed(error)
 
     def _step(self, now: float) -> None:
-        """Send each joint as far as its speed allows; raises what the adapter raises.
+        """Send each joint as far as its speed allows; raises the adapter's errors.
 
-        A stop and the dead-man may come from another thread meanwhile. What was written after them is undone.
+        A stop or the dead-man may intervene from another thread; the hold afterwards undoes a later write.
         """
         adapter, why = self._adapter, self._barred()
         if adapter is None or why:
@@ -199,34 +201,34 @@ class JointDriving:
             self.hold()
 
     def let_go(self) -> None:
-        """Lead nothing any more."""
+        """Drop all targets."""
         self.deadman.clear()
         self._led, self._by = {}, None
 
     def end(self) -> None:
-        """End what is led, before the robot moves otherwise."""
+        """End joint motion before the robot moves in another way."""
         if self.deadman.armed:
             self.hold()
 
     def hold(self) -> None:
-        """Have the joints hold where they are, at once; from any thread; never raises."""
+        """Make the joints hold their positions at once; from any thread; never raises."""
         self.deadman.clear()
         adapter = self._adapter
         if adapter is None:
             return
         try:
             call_guarded(adapter.hold_joints)
-        except Exception:  # noqa: BLE001 - told
+        except Exception:  # noqa: BLE001 - logged
             robot_log(adapter.config.name).exception("its joints could not be held: it is halted")
             self._halt()
 
     def _failed(self, error: Exception) -> None:
-        """Stop a robot whose adapter failed, and tell it."""
+        """Stop a robot whose adapter failed, and report the error."""
         self.let_go()
         self._halt()
         self._crashed(error)
 
 
 def _role(report: JointReport) -> str | None:
-    """Return which of two arms a report is of, where one twin has both."""
+    """Return which of two arms a report belongs to, if one twin has both."""
     return report.tags.role if report.tags is not None else None

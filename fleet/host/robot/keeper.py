@@ -1,4 +1,4 @@
-"""Wires what keeps one robot apart from the others of its edge to the robot's controller."""
+"""Wiring of a robot's separation keeper to its controller."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def keeper_of(
     traffic: RobotPositions,
     clock: Clock,
 ) -> SeparationKeeper:
-    """Return what keeps a robot apart from the others in ``traffic``."""
+    """Return the keeper that separates a robot from the others in ``traffic``."""
     guard, can = controller.guard, controller.can
     return SeparationKeeper(
         config,

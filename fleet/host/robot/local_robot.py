@@ -72,7 +72,7 @@ class LocalRobot:
         self._drop_in, self._supervised = drop_in, supervised
         self.name, self.twin = config.name, str(config.twin)
         self.source_type, self.legacy_status = config.source_type, config.legacy_status
-        self._simulated = config.simulated  # here once: the state is asked for often
+        self._simulated = config.simulated  # cached: the state is built often
         self._edge, self._worker = edge, worker
         self.clock, self._scheduler, self._shared = clock, scheduler, shared
         self._send = outbox.sender(self.twin)
@@ -109,7 +109,8 @@ class LocalRobot:
         )
         self._changed = changed
         self._limits = config.limits.over(can.limits)
-        self._kept: tuple[dict[str, Any], BlockingCalls] = {}, BlockingCalls(config.name)  # over attempts
+        # Both are kept over restarts of the adapter.
+        self._kept: tuple[dict[str, Any], BlockingCalls] = {}, BlockingCalls(config.name)
         self.runner = AdapterRunner(
             self.controller,
             make=lambda handle: create_adapter(plugin, self.config, handle),
@@ -121,7 +122,7 @@ class LocalRobot:
         )
 
     def configure(self, config: AdapterConfig) -> None:
-        """Take over another configuration of the same robot: its host at once, its adapter when it begins."""
+        """Apply another configuration of the robot: at once here, in the adapter at its next start."""
         can = configured(capabilities(self.plugin), config)
         can = msgspec.structs.replace(can, lacking=self.controller.can.lacking)
         self.controller.can, self.config, self._limits = can, config, config.limits.over(can.limits)
@@ -130,7 +131,7 @@ class LocalRobot:
             part.configure(config, self._limits)
 
     def share_space(self, traffic: RobotPositions) -> None:
-        """Be one of the robots of the edge that are kept apart from each other."""
+        """Keep the robot apart from the other robots of the edge."""
         guard = self.controller.guard
         self._traffic = traffic
         apart = keeper_of(self.config, self._limits, self.controller, traffic, self.clock)
@@ -154,32 +155,32 @@ class LocalRobot:
         unread: str = "",
         proven: str | None = None,
     ) -> Request | None:
-        """Read a message, from any thread; what is returned takes it, on the loop."""
+        """Decode a message, on any thread; the returned request is called on the loop."""
         return self.requests.read(
             kind, payload, way=way, request_id=request_id, waits=waits, unread=unread, proven=proven
         )
 
     def spec_of(self, command: str) -> CommandSpec | None:
-        """Return what the adapter declares of a command, None for one that it does not have."""
+        """Return the adapter's declaration of a command, None for an unknown one."""
         return self.controller.can.command(command)
 
     @property
     def in_use(self) -> bool:
-        """True once the robot was moved through this edge, until another edge has it."""
+        """True from the first motion through this edge until another edge takes the robot."""
         return self.requests.in_use
 
     def start(self) -> asyncio.Task[None]:
-        """Begin to serve the robot."""
+        """Start to run the robot."""
         self.controller.statuses.recall()
         return self._loop.create_task(self.runner.run(), name=f"robot:{self.name}", context=self._context)
 
     def stand_by(self, why: str) -> None:
-        """Note that the robot is not run, and why: another edge has it."""
+        """Note that the robot is not run, with the cause, such as another edge that has it."""
         self.requests.in_use = False
         self.runner.stand_by(why)
 
     def be_watched(self, watchdog: Watchdog) -> None:
-        """Have the watchdog end a velocity, and what leads the joints, when their lease has run out."""
+        """Have the watchdog end velocities and joint targets whose lease has expired."""
 
         def expired() -> None:
             self._loop.call_soon_threadsafe(self._lease_ran_out)
@@ -191,13 +192,13 @@ class LocalRobot:
             self._scheduler.every(STEP, joints.step, owner=self.name, failed=self.runner.crashed)
 
     def follow(self, report: JointReport) -> None:
-        """Take where the leader's joints are; on the loop. They ask nothing before ``follow_leader``."""
+        """Follow the leader's joint positions, once ``follow_leader`` was commanded; on the loop."""
         ask = self.controller.joints.following(report)
         if ask is not None:
             self.requests.take("joints", ask, False, self.clock.monotonic(), self.requests.log_refusal)
 
     def publish(self, report: Report) -> None:
-        """Send a report on its way; what happened goes into the edge's history too."""
+        """Send a report to the bus; events are recorded in the edge's history too."""
         if isinstance(report, EventReport):
             self._record(report)
         if type(report) in READ and is_known(report):
@@ -214,12 +215,12 @@ class LocalRobot:
         self._send(report)
 
     def _reported(self, report: Report) -> None:
-        """Take a report of the adapter's: the robot was heard."""
+        """Publish a report of the adapter, and note when the robot was last heard."""
         self._seen.heard = self.clock.monotonic()
         self.publish(report)
 
     def state(self) -> RobotState:
-        """Return what the robot looks like now."""
+        """Return the state of the robot now."""
         health = self._health()
         placed = self._traffic.in_site(self.name) if self._traffic else None
         return RobotState(
@@ -257,7 +258,7 @@ class LocalRobot:
         )
 
     def describe(self) -> RobotDescription:
-        """Return what the robot takes, and whether it would now."""
+        """Describe the commands of the robot, and whether it would take them now."""
         return description(
             self.name,
             self._adapter,
@@ -269,12 +270,12 @@ class LocalRobot:
         )
 
     def _health(self) -> Health:
-        """Return how the robot is: well, but for what its battery or another robot made us do with it."""
+        """Return the health; degraded after an action forced by the battery or by another robot."""
         health, cause = self.runner.health, self.controller.guard.cause
         return Health(Level.DEGRADED, cause) if cause and health.level is Level.OK else health
 
     def _new_handle(self, runner: AdapterRunner) -> RobotHandle:
-        """Return the handle of a new run."""
+        """Return the handle for a new run of the adapter."""
         return RobotHandle(
             self.name,
             limits=self._limits,
@@ -294,17 +295,17 @@ class LocalRobot:
         )
 
     def _joints_expired(self) -> None:
-        """Tell that the watchdog had the joints hold."""
+        """Log and record that the watchdog stopped the joints."""
         self._loop.call_soon_threadsafe(self._recorder.lease_ran_out)
         self._log.warning("no joint target within its lease: the joints hold where they are")
 
     def _lease_ran_out(self) -> None:
-        """Follow the watchdog's halt."""
+        """Record that the watchdog halted the robot, and stop it through the adapter."""
         self._recorder.lease_ran_out()
         self.controller.motion.lease_ran_out()
 
     def _health_changed(self) -> None:
-        """Say on the telemetry channel when the robot comes and goes, in the order of the SDK."""
+        """Publish on the telemetry channel when the robot connects and disconnects, in the SDK's order."""
         online = not self.controller.offline
         if online != self._online:
             self._online = online

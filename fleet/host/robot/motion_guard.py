@@ -1,7 +1,7 @@
-"""Keeps one robot in its fence, within its battery and apart from others.
+"""Motion guard: keeps one robot in its fence, within its battery and apart from others.
 
-Goals before they begin, motion as it happens. It knows the robot by its reports: pose, home, battery.
-Whoever leads the robot (a person, the host's follower, its own autopilot) is judged alike.
+It judges goals before they start and motion while it happens, from the robot's reports of pose, home and
+battery. The same rules hold for a person, the host's follower and the robot's own autopilot.
 """
 
 from __future__ import annotations
@@ -30,37 +30,37 @@ from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport
 from fleet.robot_config import AdapterConfig, BatteryPolicy, Limits
 
 BEGINNINGS = frozenset({"takeoff", "arm"})
-"""Commands that begin a flight: refused outside the fence and with too little battery."""
+"""Commands that start a flight: refused outside the fence and with too little battery."""
 
 CLIMBS = {"takeoff": ("altitude", 0), "ascend": ("distance", 1), "descend": ("distance", -1)}
-"""Commands that lead straight up or down: the field that says how far, and which way (0: above home)."""
+"""Vertical commands: the parameter with the distance, and its sign (0: height above home)."""
 
 LANDINGS = frozenset({"land", "return_to_home"})
-"""Commands that lead down, which is safe: to one that flies they are never refused for another robot's sake,
-only told."""
+"""Commands that lead down, which is safe: for a flying robot they are never refused because of another
+robot, only reported."""
 
 
 class GuardActions(Protocol):
-    """What the guard asks of the robot's controller."""
+    """Functions of the robot's controller that the guard uses."""
 
     can: Capabilities
 
     @property
     def free(self) -> bool:
-        """True while nobody else has it, and nothing makes it safer already."""
+        """True while no other party has it, and no stop or landing is in progress."""
 
     def end(self, why: str) -> None:
-        """End what we do with the robot."""
+        """End motion that this edge commanded."""
 
     def receive(self, ask: Command, receipt: Receipt) -> None:
-        """Take a command of ours."""
+        """Execute a command of the host."""
 
 
 class MotionGuard:
-    """One robot's fence, the watch on its battery, and on the other robots of its edge (``apart``).
+    """Fence, battery watch and separation (``apart``) of one robot.
 
-    ``robot`` is its controller. ``held`` is the body velocity that is being held; ``taken``:
-    somebody took the robot, and it has done nothing for us since.
+    ``robot`` is its controller. ``held`` is the body velocity that is being held; ``taken``: another party
+    took the robot, and it has obeyed no request of ours since.
     """
 
     def __init__(
@@ -84,11 +84,11 @@ class MotionGuard:
         self._place = RobotPlace(config.origin, clock)
         self.fencing = FenceKeeper(self._place, config.fence, limits)
         self._armed = False
-        self._circle = 0.0  # m about its end in which it stays that cannot stand
+        self._circle = 0.0  # m; radius at the end of a task, for a robot that cannot hover
         self.configure(config, limits)
 
     def configure(self, config: AdapterConfig, limits: Limits) -> None:
-        """Keep another fence, other limits and another battery policy from now on, motion included."""
+        """Apply a changed fence, limits and battery policy, also to present motion."""
         self._config, self._limits = config, limits
         self.fencing.configure(config.fence, limits)
         before, self._policy = self._policy, config.battery_policy
@@ -106,10 +106,10 @@ class MotionGuard:
             self.apart.configure(config, limits)
         self._look()
 
-    # -- what the robot tells ------------------------------------------------------------------------
+    # -- reports of the robot ------------------------------------------------------------------------
 
     def see(self, report: Report) -> None:
-        """Take a report; a pose out of bounds and a low battery are acted upon."""
+        """Process a report; a pose out of bounds and a low battery have consequences."""
         match report:
             case PoseReport():
                 pose = Pose(report.position, report.rotation)
@@ -128,25 +128,25 @@ class MotionGuard:
                 pass
 
     def circles(self, radius: float) -> None:
-        """Take how wide it circles where it ends, m; 0: it stands."""
+        """Set the circling radius at the end of a task, m; 0: the robot stands."""
         self._circle = radius
         if self.apart is not None:
             self.apart.circle = radius
 
     def _moves_home(self) -> None:
-        """Place the fence, and the robot among others, by its new home."""
+        """Place the fence, and the robot among the others, relative to its new home."""
         self.fencing.draw()
         if self.apart is not None:
             self.apart.world_is(self._place.world())
 
     def _takes_off(self, *, armed: bool) -> None:
-        """Take whether it may be in the air."""
+        """Record whether the robot may be in the air."""
         self._armed = armed
         if self.apart is not None:
             self.apart.flies = armed
 
     def _charged(self, percent: float | None) -> None:
-        """Take how full the battery is."""
+        """Record the battery level."""
         self._percent = percent
         if self._battery is not None:
             self._battery.see(percent)
@@ -154,13 +154,13 @@ class MotionGuard:
             self.apart.battery = percent
 
     def share_space(self, apart: SeparationKeeper) -> None:
-        """Keep the robot apart from the others from now on."""
+        """Enable separation from the other robots."""
         self.apart = self.others.among = apart
         apart.circle, apart.flies = self._circle, self._armed
         apart.world_is(self._place.world())
 
     def obeyed(self, reply: Reply) -> None:
-        """Take the answer to what moves the robot: one that did it is ours again."""
+        """Process a reply to a moving request; a robot that has obeyed is under our control again."""
         self.taken = self.taken and not reply.done
         begins = reply.ok and reply.done is None
         if begins:
@@ -169,7 +169,7 @@ class MotionGuard:
             self.apart.comes_down(self._place.way_down(reply.command) if begins else ())
 
     def _look(self) -> None:
-        """Tell once that the robot is where it may not be, and end what leads it out."""
+        """Report a fence breach once, and end motion that leads out of the fence."""
         if self.fencing.look():
             trouble = f"it is {self.fencing.trouble}"
             told = {"reason": self.fencing.trouble}
@@ -180,14 +180,14 @@ class MotionGuard:
 
     @property
     def cause(self) -> str:
-        """What the battery, or another robot, made us do with it; empty while that is nothing."""
+        """What the host did to the robot because of battery or separation; empty for nothing."""
         forced = self._battery.forced if self._battery is not None else ""
         return forced or (self.apart.cause if self.apart is not None else "")
 
-    # -- what may be asked of it ---------------------------------------------------------------------
+    # -- checks of requests --------------------------------------------------------------------------
 
     def beginning(self, ask: Command) -> str | None:
-        """Return why a command may not begin a flight or change its height; None when it may, or does not."""
+        """Return why a command may not start a flight or change the height; else None."""
         begins = self._start_trouble() if ask.name in BEGINNINGS else None
         apart = self.apart if _drives_home(ask, self._robot.can) else None
         met = (
@@ -196,7 +196,7 @@ class MotionGuard:
         return begins or self._climb_trouble(ask) or (f"its way home is not free: {met}" if met else None)
 
     def _tell_landing(self, name: str) -> None:
-        """Say that a landing or a way home meets another robot; it goes on all the same."""
+        """Report that a landing or return leads past another robot; it is not refused for that."""
         if name not in LANDINGS or self.apart is None:
             return
         trouble = self.apart.trouble_on(self._place.way_down(name))
@@ -207,12 +207,12 @@ class MotionGuard:
             )
 
     def _climb_trouble(self, ask: Command) -> str:
-        """Return why a robot may not go straight up, or down; empty when it may, or is not asked to."""
+        """Return why a robot may not move straight up or down; empty when it may, or for other commands."""
         if ask.name not in CLIMBS or self.apart is None or not self.apart.is_judged:
             return ""
         pose, home = self._place.fresh(), self._place.home_point()
         if pose is None:
-            return "where the robot is, is unknown, so its separation cannot be kept"
+            return "the robot's position is unknown, so its separation cannot be kept"
         field, sign = CLIMBS[ask.name]
         metres = ask.data.get(field, getattr(self._config, "takeoff_altitude", 0.0))
         if not isinstance(metres, int | float) or not math.isfinite(metres):
@@ -222,13 +222,13 @@ class MotionGuard:
         return self.apart.task_trouble(task, (pose.position + task.translation,))
 
     def _start_trouble(self) -> str | None:
-        """Return why nothing may begin whose way is not known, as a flight; None when it may."""
+        """Return why a task whose path is unknown, such as a flight, may not start; None when it may."""
         if self.fencing.trouble:
             return f"it is {self.fencing.trouble}"
         return (self._battery.start_trouble() or None) if self._battery else None
 
     def task(self, task: AnyTask | None) -> str | None:
-        """Return why a task may not begin, or go on, None when it may, or is none."""
+        """Return why a task may not start or resume; None when it may, or without a task."""
         if isinstance(task, FollowRobot):
             return self.others.trouble(task.robot) or self._start_trouble()
         shares = self.apart is not None and self.apart.is_judged
@@ -251,25 +251,25 @@ class MotionGuard:
         return trouble or None
 
     def _way(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
-        """Return where a task begins and leads; raises Refused while that, or the fence, is unknown."""
+        """Return start and points of a task; raises Refused while they, or the fence, are unknown."""
         if self.fencing.fence is None:
-            raise Refused("where the fence is, is unknown until the robot tells of its home")
+            raise Refused("the fence cannot be placed until the robot reports its home")
         return self._place.way(task)
 
     def points(self, task: AnyTask) -> tuple[Vector3, ...]:
-        """Return where a task leads in the robot's world, nowhere while that is unknown."""
+        """Return the points of a task in the robot's world; none while they are unknown."""
         try:
             return self._way(task)[1]
         except Refused:
             return ()
 
     def means(self, task: AnyTask | None) -> None:
-        """Note where a task leads that the robot is prepared for: others keep away; None: nowhere."""
+        """Reserve the path of a task that the robot is prepared for; None releases it."""
         if self.apart is not None:
             self.apart.means(() if task is None else self.points(task))
 
     def within(self, velocity: Velocity) -> Velocity:
-        """Return the part of a body velocity that keeps the fence, and the robot apart from others.
+        """Return the part of a body velocity that keeps the fence and the separation from others.
 
         Raises Refused while the fence is unknown.
         """
@@ -278,15 +278,15 @@ class MotionGuard:
 
 
 def _length(points: Iterable[Vector3]) -> float:
-    """Return metres along a way."""
+    """Return the length of a path, m."""
     points = tuple(points)
     return sum((later - sooner).norm() for sooner, later in itertools.pairwise(points))
 
 
 def _drives_home(ask: Command, can: Capabilities) -> bool:
-    """Return whether a way home is judged like a goal; what the battery policy asks for is not.
+    """Return whether a return home is judged like a goal; one by the battery policy is not.
 
-    One that flies home is let through: it climbs first, to a height that is its autopilot's own, and one that
-    stays in the air for another lands later with less battery.
+    Flying robots are exempt: they first climb to a height that is set in the autopilot, and one that waits in
+    the air for another lands later with less battery.
     """
     return ask.name == "return_to_home" and can.command("land") is None and ask.origin != BATTERY

@@ -22,11 +22,11 @@ log = logging.getLogger(__name__)
 
 
 class Navigator:
-    """The actions of one robot.
+    """Navigation actions of one robot.
 
-    ``hold`` brings the robot to a standstill and never raises; ``crashed`` hears of an adapter that raised
-    what it may not; ``ready`` waits until stops that were asked before have ended. Each action is in the
-    ``journal`` before it begins. ``statuses`` says what is said of actions, by their ids.
+    ``hold`` brings the robot to a standstill and never raises; ``crashed`` receives an unexpected error of
+    the adapter; ``ready`` waits until earlier stops have ended. Each action is in the ``journal`` before it
+    starts. ``statuses`` publishes and repeats the statuses of actions.
     """
 
     def __init__(
@@ -45,10 +45,10 @@ class Navigator:
         self._crashed = crashed
         self._clock = clock
         self._work: asyncio.Task[None] | None = None
-        self._tasks: set[asyncio.Task[None]] = set()  # also those that are still being cancelled
+        self._tasks: set[asyncio.Task[None]] = set()  # includes tasks that are still being cancelled
         self._journal = journal
         self.action: Action | None = None
-        self._asked = Navigate(Control.STOP)  # what the action was asked by
+        self._asked = Navigate(Control.STOP)  # request for the present action
 
     @property
     def active(self) -> bool:
@@ -56,25 +56,25 @@ class Navigator:
         return self.action is not None and not self.action.over
 
     def doing(self) -> tuple[AnyTask, int] | None:
-        """Return the task under way and how many of its goals are behind, None when there is none."""
+        """Return the running task and the number of goals already reached; None when there is none."""
         if self.action is None or self.action.over or self.action.paused:
             return None
         return self.action.task, self.action.reached
 
     @property
     def ahead(self) -> AnyTask | None:
-        """What is left of the paused action; None when none is paused."""
+        """Rest of the paused action; None when none is paused."""
         return self.action.ahead if self.active and self.action and self.action.paused else None
 
     @property
     def activity(self) -> str:
-        """What is under way, in a word or two; empty when nothing."""
+        """Short text about the action in progress; empty without one."""
         if self.action is None or self.action.over:
             return ""
         return self.action.words
 
     def start(self, who: GoalNavigator, ask: Navigate, task: AnyTask, receipt: Receipt) -> None:
-        """Begin the ``task`` that a message asks, led by ``who``; whatever was under way is cancelled."""
+        """Start the ``task`` of a message with the navigator ``who``; a running action is cancelled."""
         self.cancel("superseded by a newer goal")
         self._asked = ask
         self.action = Action(
@@ -88,15 +88,15 @@ class Navigator:
         self._begin(who, self.action)
 
     def cancel(self, why: str) -> None:
-        """End what is under way with ``cancelled``; the robot is not stopped here."""
+        """End the action as ``cancelled``; this does not stop the robot."""
         self._end(ActionState.CANCELLED, why)
 
     def fail(self, why: str) -> None:
-        """End what is under way with ``failed``; the robot is not stopped here."""
+        """End the action as ``failed``; this does not stop the robot."""
         self._end(ActionState.FAILED, why)
 
     def pause(self) -> bool:
-        """Interrupt what is under way; False when there is nothing."""
+        """Interrupt the action; False when there is none."""
         if self.action is None or self.action.over:
             return False
         if isinstance(self.action.task, RelativeMove):
@@ -107,7 +107,7 @@ class Navigator:
         return True
 
     def resume(self, who: GoalNavigator) -> bool:
-        """Go on with what was paused; False when nothing was."""
+        """Continue a paused action; False when there is none."""
         if self.action is None or self.action.over or not self.action.paused:
             return False
         self.action.resume()
@@ -115,29 +115,29 @@ class Navigator:
         return True
 
     def _begin(self, who: GoalNavigator, action: Action) -> None:
-        """Run the task of an action."""
+        """Start the task of an action."""
         self._work = asyncio.create_task(self._run(who, action), name=f"action:{action.id}")
         self._tasks.add(self._work)
         self._work.add_done_callback(self._tasks.discard)
 
     def _end(self, state: ActionState, why: str) -> None:
-        """Interrupt the work and say the terminal status."""
+        """Interrupt the work and publish the terminal status."""
         self._interrupt()
         if self.action is not None:
             self.action.move(state, message=why)
             self.action = None
 
     def _interrupt(self) -> None:
-        """Cancel the work, which then says nothing more."""
+        """Cancel the work; it publishes nothing any more."""
         if self._work is not None:
             cancel_and_wait(self._work, "the action was ended", self._crashed)
             self._work = None
 
     async def _run(self, who: GoalNavigator, action: Action) -> None:
-        """Drive the iteration of who leads and turn its end into the terminal status."""
+        """Run the navigator's iteration and turn its end into the terminal status."""
         action.move(ActionState.RUNNING)
         try:
-            way = self._asked.origin.way if self._asked.is_command else ""  # others' end is their status
+            way = self._asked.origin.way if self._asked.is_command else ""  # others only get a status
             self._journal.note(action.id, self._asked.name, action=True, way=way)
             await self._ready()
             await guarded(lambda: self._follow(who, action))
@@ -156,11 +156,11 @@ class Navigator:
             self._crashed(error)
 
     def _is_current(self) -> bool:
-        """Return False for work that was cancelled and goes on all the same: it has no say any more."""
+        """Return False for work that goes on despite its cancellation: it has no effect any more."""
         return self._work is asyncio.current_task()
 
     async def _follow(self, who: GoalNavigator, action: Action) -> None:
-        """Take the progress of who leads for as long as somebody wants it."""
+        """Publish the navigator's progress until the action is cancelled."""
         async with closing(who.navigate(action.task)) as steps:
             async for progress in steps:
                 if not self._is_current():
@@ -168,14 +168,14 @@ class Navigator:
                 action.progress(progress)
 
     async def _fail(self, action: Action, why: str) -> None:
-        """Say that the work failed, and hold the robot."""
+        """Report that the work failed, and hold the robot."""
         if self._is_current():
             action.move(ActionState.FAILED, message=why)
             await self._hold(f"navigation failed: {why}")
 
 
 def _answer(receipt: Receipt, status: NavigationReport) -> None:
-    """Tell whoever waits for an action how it ended."""
+    """Give the end of an action to a sender that waits for it."""
     if status.state is ActionState.COMPLETED:
         receipt.done()
     else:

@@ -1,4 +1,4 @@
-"""The commands that the host itself carries out for a robot, and answers."""
+"""Commands that the host itself executes for a robot."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from fleet.host.safety.emergency_stop import RELEASE
 from fleet.model.command import Command
 from fleet.wire.commands import SETTINGS
 
-RESTART = "restart_adapter"  # end a quarantine, or begin the run anew
-FOLLOW = "follow_leader"  # be led by the joints of the leader that fleet.yaml names, until any stop
-MOTION = frozenset({FOLLOW, *SETTINGS})  # of these, what may move the robot, or how fast it moves later
+RESTART = "restart_adapter"  # end a quarantine, or restart the run
+FOLLOW = "follow_leader"  # follow the joints of the leader named in fleet.yaml, until any stop
+MOTION = frozenset({FOLLOW, *SETTINGS})  # those that may move the robot, or set its later speed
 
 OwnCommands = dict[str, Callable[[Command, Receipt], None]]
 
@@ -25,9 +25,9 @@ def own_commands(
     drives: bool,
     follow: Callable[[Command], Any] | None,
 ) -> OwnCommands:
-    """Return what carries them out by name; ``store`` keeps the speed of later verbs.
+    """Return the host's commands by name; ``store`` sets the speed of later verbs.
 
-    ``drives``: there are such verbs. ``follow`` begins to follow the robot's leader; None without one.
+    ``drives``: the robot has such verbs. ``follow`` starts following the leader; None without one.
     """
     followed = {} if follow is None else {FOLLOW: lambda ask, receipt: receipt.done(follow(ask))}
     return {

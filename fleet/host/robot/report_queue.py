@@ -1,7 +1,7 @@
-"""Reports on their way to the bus: the newest of each state, every event, put once a turn of the wheel.
+"""Queue of reports for the bus: the newest of each state and every event, sent once per tick.
 
-What nobody on the bus listens to is not put: that costs more than all the rest. The bridge of this process
-gets the reports themselves.
+Reports without a subscriber are not put on the bus, which would cost more than all the rest. The bridge of
+this process gets the reports directly.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ log = logging.getLogger(__name__)
 
 EVENTS = (NavigationReport, TelemetryReport, LogReport, EventReport)
 ALL = "cw/*/data/**"
-STEP = 8  # states in one step of a flush
-WAITING = 200  # events of one robot in one turn; a robot that reports more loses its newest, counted
+STEP = 8  # states per step of a flush
+WAITING = 200  # events of one robot per tick; beyond it the newest are dropped and counted
 
 
 class BridgePort(Protocol):
-    """The bridge of this process, as reports see it."""
+    """Bridge of this process, as the report queue uses it."""
 
     def open(self, key: str) -> object:
-        """Return where the reports of a key cross; None where none do."""
+        """Return the outbound channel for a key; None where there is none."""
 
-    def cross(self, batch: Sequence[tuple[Any, Report]]) -> None:
-        """Take reports, each with where it crosses."""
+    def forward(self, batch: Sequence[tuple[Any, Report]]) -> None:
+        """Forward reports, each with its outbound channel."""
 
     def arrived(self, key: str, sample: bytes) -> None:
-        """Take a sample of the bus."""
+        """Process a sample of the bus."""
 
 
 class _Channel:
-    """One channel of one twin: its newest report, whether that waits, and how many samples were put.
+    """Channel of one twin: its newest report, whether it is queued, and the number of samples put.
 
-    ``last`` is the last that left; ``way`` is where they cross to the cloud, None where they do not.
+    ``last`` is the last report sent; ``way`` is its channel to the cloud, None without one.
     """
 
     __slots__ = ("key", "last", "newest", "refused", "sequence", "waits", "way")
@@ -59,17 +59,17 @@ class _Channel:
         self.refused = False
 
     def refuse(self, line: str, *values: object) -> None:
-        """Tell why a report cannot be said, the first of a row only."""
+        """Log why a report cannot be encoded, for the first of a series only."""
         if not self.refused:
             self.refused = True
             log.warning(line, *values)
 
 
 class _Robot:
-    """What one robot has to say: its channels, and the events that wait.
+    """Channels and queued events of one robot.
 
-    An adapter may report from a thread of its own: each step is whole, and what is to be found is there
-    before it can be found.
+    An adapter may report from its own thread, so each step is atomic, and an entry is complete before it can
+    be found.
     """
 
     def __init__(self, twin: str, outbox: ReportQueue) -> None:
@@ -79,7 +79,7 @@ class _Robot:
         self._channels: dict[tuple[type[Report], str], _Channel] = {}
 
     def put(self, report: Report) -> None:
-        """Take a report; it leaves with the next ``flush``."""
+        """Queue a report; it is sent with the next ``flush``."""
         if isinstance(report, EVENTS):
             self._put_event(report)
             return
@@ -100,7 +100,7 @@ class _Robot:
         return channel
 
     def _put_event(self, report: Report) -> None:
-        """Take an event, unless too many wait."""
+        """Queue an event, unless too many are queued."""
         if type(report) is NavigationReport:
             self._outbox.navigates(report)
         if len(self.events) < WAITING:
@@ -111,47 +111,47 @@ class _Robot:
 
 
 class ReportQueue:
-    """All reports of one process; ``bridge`` is the one of this process, where there is one."""
+    """All reports of one process; ``bridge`` is the bridge of this process, if there is one."""
 
     def __init__(self, bus_session: ZenohSession) -> None:
         self._bus_session = bus_session
         self._publishers = bus_session.publishers(ALL)
         self._channels: list[_Channel] = []
-        self.states: deque[_Channel] = deque()  # which wait, each once
-        self.eventful: deque[_Robot] = deque()  # each once for each of its events
+        self.states: deque[_Channel] = deque()  # queued channels, each once
+        self.eventful: deque[_Robot] = deque()  # one entry for each queued event
         self.bridge: BridgePort | None = None
-        self.navigates: Callable[[NavigationReport], None] = lambda _report: None  # hears of each action
-        self.pictured: Callable[[str, PhotoReport], None] = lambda _twin, _report: None  # of each picture
+        self.navigates: Callable[[NavigationReport], None] = lambda _report: None  # for each action status
+        self.pictured: Callable[[str, PhotoReport], None] = lambda _twin, _report: None  # for each picture
         self.dropped = 0
         bus_session.answer(ALL, self._asked)
 
     def sender(self, twin: str) -> Callable[[Report], None]:
-        """Return what takes one robot's reports; they leave with the next ``flush``."""
+        """Return the function that queues one robot's reports, to be sent with the next ``flush``."""
         return _Robot(twin, self).put
 
     def drop(self, twin: str) -> None:
-        """Forget what was said last of a robot that this process does not run any more."""
+        """Forget the last reports of a robot that this process no longer runs."""
         begin = f"cw/{twin}/"
         self._channels = [channel for channel in self._channels if not channel.key.startswith(begin)]
 
     def put_document(self, key: str, sample: bytes) -> None:
-        """Put a document on the bus at once; this process's bridge, which hears only others, gets it too."""
+        """Put a document on the bus at once, and pass it to this process's bridge (it hears only others)."""
         self._bus_session.put(key, sample)
         if self.bridge is not None:
             self.bridge.arrived(key, sample)
 
     def flush(self) -> None:
-        """Put everything that waits."""
+        """Send all queued reports."""
         for _ in self.flushing():
             pass
 
     def flushing(self) -> Iterator[None]:
-        """Put everything that waits, a few reports a step; what comes meanwhile waits for the next time.
+        """Send all queued reports, a few per step; later reports wait for the next time.
 
-        Who leaves off in the middle, or fails, loses nothing of the rest: the next time goes on with it.
+        A caller that stops in the middle, or fails, loses none of the rest: the next flush continues with it.
         """
         for _ in range(len(self.eventful)):
-            if self.eventful:  # or somebody else has taken it meanwhile
+            if self.eventful:  # another flush may have taken it meanwhile
                 robot = self.eventful.popleft()
                 report = robot.events.popleft()
                 self._send([(robot.channel(report), report)])
@@ -163,16 +163,16 @@ class ReportQueue:
             yield
 
     def _newest(self, most: int) -> list[tuple[_Channel, Report]]:
-        """Remove and return so many states that wait."""
+        """Dequeue up to ``most`` states."""
         batch: list[tuple[_Channel, Report]] = []
-        while self.states and len(batch) < most:  # or somebody else has taken one meanwhile
+        while self.states and len(batch) < most:  # another flush may have taken some meanwhile
             channel = self.states.popleft()
             channel.waits = False
             batch.append((channel, channel.newest))
         return batch
 
     def open(self, twin: str, name: str, sensor: str) -> _Channel:
-        """Begin a channel; that of a sensor that cannot be part of a key has no key, and nothing leaves."""
+        """Open a channel; for a sensor name that is invalid in a key, one without key that sends nothing."""
         try:
             key = data_key(twin, name, sensor or None)
         except (WireError, TypeError) as error:
@@ -183,17 +183,17 @@ class ReportQueue:
         return channel
 
     def _send(self, batch: Sequence[tuple[_Channel, Report]]) -> None:
-        """Put reports, where anybody listens; what cannot be said is dropped and counted."""
+        """Send reports to the bridge and to subscribers; invalid ones are dropped and counted."""
         crossing = [
             (channel.way, report)
             for channel, report in batch
             if self._say(channel, report) and channel.way is not None
         ]
         if crossing and self.bridge:
-            self.bridge.cross(crossing)
+            self.bridge.forward(crossing)
 
     def _say(self, channel: _Channel, report: Report) -> bool:
-        """Say a report on the bus, where anybody listens; tell whether it can be said at all."""
+        """Put a report on the bus if anyone subscribes; return whether it is valid."""
         if not channel.key:
             self.dropped += 1
             return False
@@ -203,7 +203,7 @@ class ReportQueue:
             if publisher is not None:
                 publisher.put(encode_report(report, channel.sequence))
                 channel.sequence += 1
-        except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
+        except Exception as error:  # noqa: BLE001 - exception barrier: an adapter may put anything into its reports
             self.dropped += 1
             channel.refuse("a report on %s was dropped: %s", channel.key, error)
             return False
@@ -211,7 +211,7 @@ class ReportQueue:
         return True
 
     def _asked(self, question: Query) -> None:
-        """Answer with the last report of each channel that was asked for; on the bus's thread."""
+        """Answer with the last report of each channel in the query; on the bus's thread."""
         try:
             for channel in list(self._channels):
                 if channel.last is not None and keys_intersect(question.asked, channel.key):
@@ -221,8 +221,8 @@ class ReportQueue:
 
 
 def _reply(question: Query, channel: _Channel, report: Report) -> None:
-    """Answer with one report; one that cannot be said, or sent, keeps the asker from no other."""
+    """Answer with one report; one that cannot be encoded or sent does not prevent the others."""
     try:
         question.reply(encode_report(report, channel.sequence), channel.key)
-    except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
+    except Exception as error:  # noqa: BLE001 - exception barrier: an adapter may put anything into its reports
         channel.refuse("%s cannot be told to who asks: %s", channel.key, error)

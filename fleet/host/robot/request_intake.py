@@ -1,4 +1,4 @@
-"""Reads the messages to one robot, on any thread, and brings what they ask to its controller, on the loop."""
+"""Intake of the requests to one robot: decoded on any thread, executed by its controller on the loop."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from fleet.wire.stops import EMERGENCY
 
 
 class RequestIntake:
-    """The way of a request from its bytes to the robot's controller, and into the history.
+    """Decodes requests, passes them to the robot's controller and records them in the history.
 
-    ``changed`` hears by name that the robot's state has changed beyond what its controller reports.
-    ``arrival`` returns since when (monotonic s) a message may have waited for the loop, ``home_altitude`` the
-    robot's home as far as it is known. ``context`` is the robot's, which its controller runs in. ``in_use``:
-    the robot was moved through this edge, which has kept it since.
+    ``changed`` is called with the robot's name when its state is to be published. ``arrival`` returns since
+    when (monotonic s) a message may have waited for the loop, ``home_altitude`` that of the robot's home, if
+    known. ``context`` is the context that the controller runs in. ``in_use``: the robot was moved through
+    this edge, and no other edge has taken it since.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class RequestIntake:
         self.in_use = False
 
     def configure(self, config: AdapterConfig) -> None:
-        """Judge by another configuration how long a request may wait."""
+        """Use the age limits of another configuration."""
         self._config = config
 
     def read(
@@ -81,12 +81,12 @@ class RequestIntake:
         unread: str = "",
         proven: str | None = None,
     ) -> Request | None:
-        """Read a message, from any thread; an emergency stop halts and latches there and then.
+        """Decode a message, on any thread; an emergency stop is latched and halts the robot at once.
 
-        What is returned takes the message, on the loop: it stops, obeys, answers and records. The answers
-        are the receipt, and the end when the asker waits. None for a reply, which asks nothing. What waits
-        too long for a loop that is held up is refused. ``unread``: why the payload must not be read;
-        ``proven``: the sender's name, where it is known to be true; empty: the one in the message.
+        The returned request is called on the loop with a function that takes the answers: the receipt, and
+        with ``waits`` the outcome. A request that waited too long for a blocked loop is refused. Returns None
+        for a reply. ``unread``: why the payload must not be decoded; ``proven``: the sender's authenticated
+        name, empty if the name in the message is authentic.
         """
         arrived = self._arrival()
         try:
@@ -104,12 +104,12 @@ class RequestIntake:
     def ask_of(
         self, kind: Kind, payload: bytes, *, way: Transport, request_id: str, unread: str = ""
     ) -> Ask | None:
-        """Return what a message asks of the robot, None for a reply; raises WireError."""
+        """Decode the request in a message, None for a reply; raises WireError."""
         ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
         return goal_of(ask, self._controller.can, self._controller.speeds.of)
 
     def take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
-        """Bring a request to the controller, unless it is late; no stamp: as old as its arrival."""
+        """Pass a request to the controller, or refuse it if it has waited too long since ``arrived``."""
         if isinstance(ask, Command) and ask.flaw:
             self._refusals.add("flawed", "took a message that was refused for %s: %s", ask.name, ask.flaw)
             answer = reply_with_flaw(answer, ask.flaw)
@@ -125,23 +125,23 @@ class RequestIntake:
         self._report_failed(kind, getattr(ask, "action_id", ""), why)
 
     def begin(self, ask: Ask, receipt: Receipt) -> None:
-        """Bring a request to the robot's controller, and record it; on the loop."""
+        """Record a request, and pass it to the controller; on the loop."""
         self._recorder.asked(ask, receipt)
         self._context.run(self._controller.receive, ask, receipt)
         self.in_use = self.in_use or self._controller.motion.in_control
 
     def log_refusal(self, reply: Reply) -> None:
-        """Log that a setpoint was refused which was published on the bus: nobody waits for its answer."""
+        """Log the refusal of a setpoint that was published on the bus, which has no answer."""
         if not reply.ok:
             self._refusals.add("setpoint", "refused a setpoint of the bus: %s", reply.reason)
 
     def follow_emergency(self, cause: StopCause) -> None:
-        """Have the loop follow an emergency stop with the adapter's own stop; from any thread."""
+        """Have the adapter stop the robot, on the loop, after an emergency stop was set; from any thread."""
         self._loop.call_soon_threadsafe(self._follow_emergency, cause)
         self._recorder.stopped(cause)
 
     def _follow_emergency(self, cause: StopCause) -> None:
-        """Let the adapter bring the robot to its own standstill."""
+        """Have the adapter stop the robot."""
         asker = cause.asker
         ask = Command(EMERGENCY, origin=Origin(asker.way, session=asker.name or cause.why), id=cause.request)
         receipt = Receipt(EMERGENCY, lambda _: None)
@@ -152,7 +152,7 @@ class RequestIntake:
     def _refuse(  # noqa: PLR0917 - by position
         self, kind: Kind, way: Transport, name: str, action_id: str, why: str, answer: Answer
     ) -> None:
-        """Refuse a message that cannot be read; of the error nothing is kept that holds the message."""
+        """Refuse a message that cannot be decoded. ``why`` is text: an error would keep the message alive."""
         self._refusals.add(kind, "refused a %s message: %s", kind, why)
         receipt = Receipt(name, answer)
         self._recorder.unread(kind, Origin(way), receipt)
@@ -160,7 +160,7 @@ class RequestIntake:
         self._report_failed(kind, action_id, why)
 
     def _stop_at_once(self, origin: Origin, request: str) -> None:
-        """Latch and halt, on whatever thread; when that fails, the loop still stops the orderly way."""
+        """Latch the stop and halt the robot, on any thread; if that fails, the loop still stops the robot."""
         try:
             self._controller.emergency(StopCause(requester_of(origin)).why)
         except Exception:  # noqa: BLE001 - logged: the stop that follows on the loop does not depend on it
@@ -168,7 +168,7 @@ class RequestIntake:
         self._recorder.emergency(origin, request)
 
     def _report_failed(self, kind: Kind, action_id: str, why: str) -> None:
-        """Report a goal or a mission that could not be read as failed, by its id where it had one."""
+        """Report a refused goal or mission as failed, with its action id if it has one."""
         if kind in ("navigate", "mission"):
             step = 0 if kind == "mission" else None
             self._publish(NavigationReport(self._clock.time(), action_id, ActionState.FAILED, 0.0, why, step))

@@ -1,14 +1,14 @@
-"""Whether a robot rests: only then is its adapter ended, or what holds it back loosened."""
+"""Rest check: only at rest is a robot's adapter ended, or a restriction loosened."""
 
 from __future__ import annotations
 
 from fleet.host.robot.local_robot import LocalRobot
 
-STILL = 0.05  # m/s: slower is noise of what a robot tells
+STILL = 0.05  # m/s; below it the reported speed is noise
 
 
 def moving(robot: LocalRobot) -> str:
-    """Return how a robot moves, or may; empty for one that stands and has nothing to do."""
+    """Return how a robot moves, or may move; empty for one that stands and is idle."""
     controller, state = robot.controller, robot.state()
     if controller.in_motion:
         return f"{state.name} is commanded ({controller.activity or 'moving'}); stop it first"
@@ -22,7 +22,7 @@ def moving(robot: LocalRobot) -> str:
 
 
 def not_resting(robot: LocalRobot) -> str:
-    """Return what a robot does that the end of its adapter would cut off; empty for one that rests."""
+    """Return what the end of the robot's adapter would interrupt; empty for a robot at rest."""
     if moves := moving(robot):
         return moves
     state = robot.state()

@@ -1,4 +1,4 @@
-"""The host's side of a robot for one attempt to run it: reports, health, timers, contexts, blocking calls."""
+"""Host side of one attempt to run a robot: reports, health, timers, contexts, blocking calls."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from fleet.model.report import Report
 from fleet.robot_config import Limits
 from fleet.supervisor.client import SupervisorClient
 
-KEPT_WITHIN = 2.0  # s that the supervisor has to say that it keeps a halt
-LOOK = 0.5  # s between looks whether it has
+KEPT_WITHIN = 2.0  # s for the supervisor to confirm that it keeps a halt
+LOOK = 0.5  # s between checks of that
 
 OpenT = TypeVar("OpenT")
 ResultT = TypeVar("ResultT")
@@ -28,9 +28,10 @@ ParamsT = ParamSpec("ParamsT")
 
 
 class RobotHandle:
-    """The ``Robot`` of one attempt. After ``close`` it does nothing more, whoever still holds it.
+    """The ``Robot`` of one attempt. After ``close`` its methods have no effect.
 
-    ``contexts`` is what was entered; the runner leaves it. ``state`` and ``calls`` outlive the attempt.
+    ``contexts`` are the contexts that the attempt has entered; the runner exits them. ``state`` and ``calls``
+    outlive the attempt.
     """
 
     def __init__(
@@ -59,9 +60,9 @@ class RobotHandle:
         self._calls = calls
         self._connected = self._reported = False
         self._supervised = supervised
-        self._sent = self._kept = 0  # the halts that were left, and the one that the supervisor keeps
-        self._kept_by = 0.0  # when it must have said so (monotonic s)
-        self._counts = True  # what the runner was told of it last
+        self._sent = self._kept = 0  # halts sent to the supervisor; number of the one that it confirmed
+        self._kept_by = 0.0  # deadline of its confirmation (monotonic s)
+        self._counts = True  # has_left_halt at the last health report
         self._watches = False
         self._said: Health | None = None
         self.clock = clock
@@ -84,7 +85,7 @@ class RobotHandle:
         return self._latched()
 
     def report(self, report: Report) -> None:
-        """Publish a report; the first says that the robot answers, unless its adapter speaks for itself."""
+        """Publish a report; the first one shows that the robot answers, unless its adapter reports health."""
         if self._closed:
             return
         self._publish(report)
@@ -93,32 +94,32 @@ class RobotHandle:
             self.health(Health())
 
     def health(self, health: Health) -> None:
-        """Say how the robot is; it is passed on once the adapter has connected and can be asked to stop."""
+        """Set the health; passed on once the adapter has connected and accepts stops."""
         if not self._closed:
             self._said, self._counts = health, self.has_left_halt
             if self._connected:
                 self._healthy(health)
 
     def connected(self, *, answers: bool) -> None:
-        """Note that the adapter can be asked from now on; ``answers``: connecting showed that it is there."""
+        """Record that the adapter accepts requests; ``answers``: connecting proved the robot's presence."""
         self._connected = True
         health = self._said or (Health() if answers or self._reported else None)
         if health is not None:
             self.health(health)
 
     def authority_lost(self, reason: str) -> None:
-        """Say that somebody else took the robot."""
+        """Report that another party took control of the robot."""
         if not self._closed:
             self._lost_authority(reason)
 
     def lacks(self, reasons: Mapping[str, str]) -> None:
-        """Say what of the declared vocabulary the robot does not have."""
+        """Set the declared capabilities that the robot does not have."""
         if not self._closed:
             self._lacking.clear()
             self._lacking.update(reasons)
 
     def circles(self, radius: float) -> None:
-        """Say that the robot circles where it ends, within so many metres; 0: it stands."""
+        """Set the radius in metres at which the robot circles at the end of a task; 0: it stands."""
         if not math.isfinite(radius) or radius < 0.0:
             raise ValueError(f"{radius} m is no radius of a circle")
         if not self._closed:
@@ -126,11 +127,11 @@ class RobotHandle:
 
     @property
     def has_left_halt(self) -> bool:
-        """True while the supervisor keeps the robot's halt, or may still say in time that it does."""
+        """True while the supervisor keeps the robot's halt, or may still confirm it in time."""
         return bool(self._sent) and (self._kept == self._sent or self.clock.monotonic() <= self._kept_by)
 
     def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
-        """Leave what halts the robot with the supervisor, which answers; that is not waited for."""
+        """Register the halt with the supervisor; its confirmation is not waited for."""
         if self._closed:
             return
         self._sent += 1
@@ -142,17 +143,17 @@ class RobotHandle:
             self._kept_by = -math.inf
 
     def _keeps(self, number: int) -> None:
-        """Note that the supervisor keeps the halt of this number; on its thread."""
+        """Record the confirmation of this halt; on the supervisor client's thread."""
         self._kept = number
 
     def _watch_halt(self) -> None:
-        """Look from now on whether the halt that was left counts."""
+        """Start the periodic check whether the halt is confirmed."""
         if not self._watches:
             self._watches = True
             self.every(LOOK, self._look_at_halt)
 
     def _look_at_halt(self) -> None:
-        """Say the health once more when the halt that was left has come to count, or does not any more."""
+        """Repeat the health report when the halt's confirmation has come or is overdue."""
         counts = self.has_left_halt
         if counts == self._counts or self._said is None:
             return
@@ -161,13 +162,13 @@ class RobotHandle:
         self.health(self._said)
 
     async def take_halt_back(self) -> None:
-        """Have the supervisor let go of the robot's link, so that it can be opened again; bounded in time."""
+        """Make the supervisor release the robot's link, so that it can be reopened; bounded in time."""
         if self._sent:
             self._sent = self._kept = 0
             await self._supervised.drop(self.name)
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
-        """Call back about every ``seconds`` until the attempt ends."""
+        """Call ``call`` about every ``seconds`` until the attempt ends."""
         if not self._closed:
             self._periodics.append(self._scheduler.every(seconds, call, owner=self.name, failed=self._failed))
 
@@ -178,13 +179,13 @@ class RobotHandle:
     def share(
         self, key: str, make: Callable[[], AbstractAsyncContextManager[OpenT]]
     ) -> AbstractAsyncContextManager[OpenT]:
-        """Return what all robots with the same key use together."""
+        """Return the resource that all robots with this key share."""
         return self._shared.share(key, make)
 
     async def blocking(
         self, call: Callable[ParamsT, ResultT], *args: ParamsT.args, **kwargs: ParamsT.kwargs
     ) -> ResultT:
-        """Make a call that blocks on a thread of its own."""
+        """Make a blocking call on its own thread."""
         return await self._calls.call(call, *args, **kwargs)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""The motion of one robot that this edge causes: how it begins, how it ends, how the robot is stopped."""
+"""The motion of one robot that this edge causes: its start, its end, and bringing the robot to a stop."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from fleet.model.report import NavigationReport
 
 
 class RobotMotion:
-    """Everything that moves one robot because of us.
+    """Starts and ends all motion of one robot that this edge causes.
 
-    ``driving`` holds velocities and leads joints, ``executor`` runs commands, ``navigator`` runs actions.
-    ``in_control``: the robot was moved through this edge, and nobody else has taken it since.
-    ``may_be_moving``: it moved because of us when it was lost, and may still.
+    ``driving`` holds velocities and joint targets, ``executor`` runs commands, ``navigator`` runs actions.
+    ``in_control``: this edge moved the robot last, and has not lost control since.
+    ``may_be_moving``: the robot was lost while this edge moved it, and may still move.
     """
 
     def __init__(
@@ -51,6 +51,7 @@ class RobotMotion:
         )
         self.in_control = False
         self.may_be_moving = journal.cut_off
+        self._stop_unconfirmed = False  # a stop has begun, and no standstill was seen since
         self._attached = attached
         self._guard = guard
         self._event_reporter = event_reporter
@@ -58,33 +59,33 @@ class RobotMotion:
 
     @property
     def activity(self) -> str:
-        """What the robot is doing for somebody, in a word or two; empty when nothing."""
+        """The current activity in a word or two; empty when idle."""
         return self.navigator.activity or self.executor.moving or self.driving.activity
 
     @property
     def under_way(self) -> bool:
-        """True while the robot moves, or may move, because of us."""
+        """True while the robot moves, or may move, because of a request to this edge."""
         return bool(self.driving.activity or self.executor.moving or self.navigator.active)
 
     def begin(self, ask: Ask) -> None:
-        """Note that the robot moves for a request from now on: it is ours."""
-        self.in_control = True
+        """Note that a request moves the robot from now on: this edge is in control."""
+        self.in_control, self._stop_unconfirmed = True, False
         self._event_reporter.moves(ask)
 
     def end_driving(self, adapter: Adapter[Any]) -> None:
-        """End a velocity that is held, or was until its lease ran out, before the robot moves otherwise."""
+        """End a held velocity, also one whose lease has just expired, before another kind of motion."""
         self.driving.joints.end()
         if not self._guard.held.is_zero:
             self.driving.stand(adapter)
 
     def cancel(self, stop: str) -> None:
-        """End what is under way, because of a stop of this name; ``stand`` follows."""
+        """Cancel all running motion because of the stop of this name; ``stand`` follows."""
         self.executor.cancel(f"superseded by {stop}")
         self.navigator.cancel(f"stopped by {stop}")
         self.driving.let_go()
 
     def fail(self, why: str) -> None:
-        """End what is under way, as failed; the robot itself is not stopped here."""
+        """End all running motion as failed; the robot itself is not stopped here."""
         self._event_reporter.ended()
         self.driving.let_go()
         self.executor.cancel(why)
@@ -92,10 +93,11 @@ class RobotMotion:
 
     def lost(self) -> None:
         """Note that the robot is out of reach: whether it may go on moving, since nothing can stop it now."""
-        self.may_be_moving = (self.under_way or self.executor.stopping) and not self.executor.safe
+        moving = self.under_way or self.executor.stopping or self._stop_unconfirmed
+        self.may_be_moving = moving and not self.executor.safe
 
     def found(self) -> None:
-        """Stop a robot that was lost in motion and is back: it may be moving still."""
+        """Stop a robot that is back after it was lost in motion: it may still be moving."""
         if self.may_be_moving:
             self.may_be_moving = False
             self.settle_later("it was lost while it moved", anyway=True)
@@ -110,33 +112,34 @@ class RobotMotion:
     # -- to a standstill -----------------------------------------------------------------------------
 
     async def hold(self, why: str) -> None:
-        """Bring the robot to a standstill in time, or halt it; raises CommandError, LinkError, a crash."""
+        """Stop the robot in time, or halt it; raises CommandError, LinkError, or what the adapter raised."""
         self.driving.let_go()
         adapter = self._attached.adapter
-        if adapter is not None:
-            await stand_still(adapter, why, name=self._attached.name, halt=self._attached.halt)
+        if adapter is None:
+            return
+        # A link that fails often fails the action or the stop first, and is lost only after that.
+        self._stop_unconfirmed = True
+        await stand_still(adapter, why, name=self._attached.name, halt=self._attached.halt)
+        self._stop_unconfirmed = False
 
     def stand(self, why: str, receipt: Receipt) -> None:
-        """Bring the robot to a standstill and answer once it stands; what is asked meanwhile waits."""
+        """Stop the robot, and answer once it stands; later moving requests wait for that."""
         self.executor.stop(self._hold_and_answer(why, receipt), why)
 
     async def _hold_and_answer(self, why: str, receipt: Receipt) -> None:
-        """Bring the robot to a standstill, and answer."""
+        """Stop the robot, and answer."""
 
-        def absence() -> str:  # as it is once the robot stands: an adapter says nothing of a lost link
+        def absence() -> str:  # evaluated once the robot stands: adapters do not report a lost link
             return self._attached.absence if self._attached.offline else ""
 
         await answer_stop(self.hold(why), receipt, absence=absence, crashed=self._crashed)
 
     def settle_later(self, why: str, *, anyway: bool = False) -> None:
-        """Begin to ``settle``; what is asked meanwhile waits for its end."""
+        """Begin to ``settle``; later moving requests wait for its end."""
         self.executor.stop(self.settle(why, anyway=anyway), "stop")
 
     async def settle(self, why: str, *, anyway: bool = False) -> None:
-        """Bring the robot to a standstill that nobody asked for, after something failed.
-
-        One that is not ours is left alone, unless ``anyway``.
-        """
+        """Stop the robot by ourselves, after a failure; without control over it only with ``anyway``."""
         if anyway or self.in_control:
             self._event_reporter.log.warning("%s: it is brought to a standstill", why)
             await self._hold_and_answer(why, Receipt("stop", lambda _: None))

@@ -1,4 +1,4 @@
-"""Where one robot is, and where its tasks lead: pose, home and the origin of its world.
+"""Position of one robot, and the points of its tasks: pose, home and the origin of its world.
 
 All points are in the robot's own world frame, metres, z up.
 """
@@ -15,11 +15,11 @@ from fleet.model.navigation import AnyTask, FlyMission, FollowPath, FollowRobot,
 from fleet.robot_config import WorldOrigin
 from fleet.runtime.decoding import convert_strictly
 
-STALE = 1.0  # s after which a pose is too old to keep a fence by
+STALE = 1.0  # s after which a pose is too old for the fence
 
 
 class RobotPlace:
-    """What is known of one robot's place; ``origin`` is that of fleet.yaml, None where home is the origin."""
+    """Place of one robot; ``origin`` is that of fleet.yaml, None where home is the origin."""
 
     def __init__(self, origin: WorldOrigin | None, clock: Clock) -> None:
         self._clock = clock
@@ -29,12 +29,12 @@ class RobotPlace:
         self._seen = 0.0
 
     def see(self, pose: Pose) -> None:
-        """Take the newest pose."""
+        """Record the newest pose."""
         self.pose = pose
         self._seen = self._clock.monotonic()
 
     def fresh(self) -> Pose | None:
-        """Return the pose, None when it is too old."""
+        """Return the pose; None when it is too old."""
         return self.pose if self._clock.monotonic() - self._seen <= STALE else None
 
     def world(self) -> GeoOrigin | None:
@@ -44,13 +44,13 @@ class RobotPlace:
         return GeoOrigin(self.home.latitude, self.home.longitude, self.home.altitude)
 
     def home_point(self) -> Vector3:
-        """Return home in the world; the origin for a robot that tells of none."""
+        """Return home in the world; the origin for a robot that reports no home."""
         if self._origin is None or self.home is None:
             return Vector3()
         return world_from_geo(self._origin, self.home)
 
     def way_down(self, name: str) -> tuple[Vector3, ...]:
-        """Return where a landing leads: straight down, or home at the height that it has, and down there."""
+        """Return the path of a landing: straight down, or home at the present height and down there."""
         pose, home = self.fresh(), self.home_point()
         if pose is None:
             return ()
@@ -60,10 +60,10 @@ class RobotPlace:
         return (Vector3(home.x, home.y, max(here.z, home.z)), home)
 
     def way(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
-        """Return where a task begins and where it leads; raises Refused while that is unknown."""
+        """Return start and points of a task; raises Refused while they are unknown."""
         pose = self.fresh()
         if pose is None:
-            raise Refused("where the robot is, is unknown: its fence, battery and separation cannot be kept")
+            raise Refused("the robot's position is unknown: its fence, battery and separation cannot be kept")
         match task:
             case GoTo():
                 return pose.position, (self._point(task.goal),)
@@ -72,7 +72,7 @@ class RobotPlace:
                 return pose.position, points if task.loops == 1 else (*points, *points[:1])
             case FlyMission():
                 return pose.position, tuple(self._points_of(task))
-            case FollowRobot():  # nobody knows where the other one goes; its velocities are judged
+            case FollowRobot():  # the other robot's path is unknown; the velocities are judged instead
                 return pose.position, ()
         step = task.translation
         if task.body_frame:
@@ -80,7 +80,7 @@ class RobotPlace:
         return pose.position, (pose.position + step,)
 
     def _points_of(self, mission: FlyMission) -> Iterable[Vector3]:
-        """Yield the places of a mission in the world."""
+        """Yield the points of a mission in the world."""
         ground = 0.0 if mission.above_sea or self.home is None else self.home.altitude
         for item in mission.items:
             if item.point is not None:
@@ -88,7 +88,7 @@ class RobotPlace:
                 yield self._point(Goal(geo=GeoPoint(item.point.latitude, item.point.longitude, height)))
 
     def _point(self, goal: Goal) -> Vector3:
-        """Return a goal in the world; one that has no height of its own stays at the robot's."""
+        """Return a goal in the world; a goal without a height keeps the robot's."""
         if goal.position is not None:
             return goal.position
         world = self.world()

@@ -1,8 +1,8 @@
-"""Positions of the robots of an edge and of its partners, as far as one process knows.
+"""Positions of the robots of an edge and of its partners, as far as one process knows them.
 
-Each process judges the motion of its own robots, against all. What it must know of the robots of another
-process, of its edge or of a partner, comes over the bus, ten times a second. A process that falls silent
-leaves its robots where they were heard last; how far they may have gone since is part of the judgement.
+Each process judges the motion of its own robots against all others. Positions from other processes, of this
+edge or of a partner, arrive over the bus ten times a second. The robots of a silent process stay at their
+last position; the distance that they may have covered since is part of the judgement.
 """
 
 from __future__ import annotations
@@ -29,37 +29,37 @@ from fleet.runtime.decoding import decode_json
 
 log = logging.getLogger(__name__)
 
-TELL = 0.1  # s between sheets for other processes
-SPEEDING_UP = 1.0  # m that a robot of another process may be nearer than its last speed lets it be
+TELL = 0.1  # s between messages to other processes
+SPEEDING_UP = 1.0  # m that a robot of another process may be nearer than its last speed implies
 
 
-class _Told(msgspec.Struct, frozen=True):
-    """A robot of another process; ``on_earth``: placed by its place on Earth; ``lost``: not any more."""
+class _ReportedRobot(msgspec.Struct, frozen=True):
+    """A robot of another process; ``on_earth``: placed by geodetic position; ``lost``: no longer placed."""
 
     robot: Occupant
     on_earth: bool
     lost: bool = False
 
 
-class _Sheet(msgspec.Struct, frozen=True):
-    """What a process tells of its robots; ``anchor``: the origin of those on Earth, None without any.
+class _PositionsMessage(msgspec.Struct, frozen=True):
+    """Message of a process about its robots; ``anchor``: the origin of those on Earth, None without any.
 
-    ``located``: the anchor is the origin of the site, so that all of its robots are on Earth. ``gone``: those
-    that the process had before and does not know any more.
+    ``located``: the anchor is the origin of the site, so all of its robots are on Earth. ``gone``: robots
+    that the process no longer has.
     """
 
-    robots: tuple[_Told, ...]
+    robots: tuple[_ReportedRobot, ...]
     anchor: GeoOrigin | None = None
     located: bool = False
     gone: tuple[str, ...] = ()
 
 
 class RobotPositions:
-    """The robots of one edge and of its partners, in the site's frame.
+    """Robots of one edge and of its partners, in the site's frame.
 
-    ``names`` are those of all robots of ``edge``, ``partners`` the edges of the others by their names.
-    Without a site's origin, robots on Earth have a frame of their own, around the first that is known, and
-    nobody knows how far they are from the others.
+    ``names`` are all robots of ``edge``; ``partners`` maps the names of the others to their edges. Without a
+    site origin, robots on Earth have a frame of their own, around the first known one, and their distance
+    from the other robots is unknown.
     """
 
     def __init__(
@@ -77,8 +77,8 @@ class RobotPositions:
         self._site = site
         self._anchor = site
         self._own: dict[str, SeparationKeeper] = {}
-        self._told: dict[str, tuple[float, _Told]] = {}
-        self._tellers: dict[str, str] = {}  # which process told of a robot last
+        self._reported: dict[str, tuple[float, _ReportedRobot]] = {}
+        self._reporters: dict[str, str] = {}  # process that reported a robot last
         self._gone: set[str] = set()
 
     @property
@@ -88,83 +88,85 @@ class RobotPositions:
 
     @property
     def edges(self) -> frozenset[str]:
-        """The edges whose robots are known here: this one and its partners."""
+        """This edge and its partners."""
         return frozenset({self.edge, *self._edges.values()})
 
     def join(self, robot: SeparationKeeper) -> None:
-        """Have a robot of this process known to the others."""
+        """Add a robot of this process, and share its position with the other processes."""
         self._own[robot.name] = robot
         self.expect(robot.name)
 
     def expect(self, name: str) -> None:
-        """Know a robot of the edge, here or in another process, that is not placed yet."""
+        """Add a robot of this edge, in any process, that is not placed yet."""
         self._edges[name] = self.edge
         self._gone.discard(name)
 
     def leave(self, name: str) -> None:
-        """Forget a robot that the edge has no more, and have the other processes of the edge forget it."""
-        for table in (self._own, self._told, self._edges, self._tellers):
+        """Remove a robot from this edge, also in its other processes."""
+        for table in (self._own, self._reported, self._edges, self._reporters):
             table.pop(name, None)
         self._gone.add(name)
 
     def place(self, world: GeoOrigin) -> Placement:
-        """Return where a world on Earth lies; the first one there is lies around the origin."""
+        """Return the placement of a world on Earth; the first such world becomes the origin."""
         if self._anchor is None:
             self._anchor = world
         return placed_on_earth(self._anchor, world)
 
     def one(self, name: str) -> Occupant | None:
-        """Return a robot as it is now, None while nobody knows where."""
+        """Return a robot's present occupant; None while its position is unknown."""
         if name in self._own:
             return self._own[name].occupant()
-        if name not in self._told:
+        if name not in self._reported:
             return None
-        since, told = self._told[name]
-        return msgspec.structs.replace(told.robot, age=told.robot.age + self._clock.monotonic() - since)
+        since, reported = self._reported[name]
+        return msgspec.structs.replace(
+            reported.robot, age=reported.robot.age + self._clock.monotonic() - since
+        )
 
     def others(self, name: str) -> list[Occupant]:
-        """Return all robots but one whose place is known in the frame of that one."""
+        """Return all other robots whose position in this robot's frame is known."""
         frame = self._frame(name)
         there = (self.one(other) for other in self._edges if other != name and self._frame(other) == frame)
         return [robot for robot in there if robot is not None]
 
     def seen(self, name: str, other: str) -> Occupant | None:
-        """Return a robot in the frame of one; None where nobody knows."""
+        """Return another robot in this robot's frame; None when it is unknown."""
         frame = self._frame(name)
         return self.one(other) if frame and self._frame(other) == frame else None
 
     def near(self, name: str, at: Vector3, reach: float) -> tuple[Occupant, ...]:
-        """Return those of them that a robot may meet before long, by how far each of the two may go."""
+        """Return the other robots that may come near, by the distance that each of the two may cover."""
         frame = self._frame(name)
         found = []
         for other, own in self._own.items():
             if own.at is not None and other != name and (at - own.at).norm() <= reach + own.reach:
                 found.append(other)
-        found += [other for other in self._told if other != name]
+        found += [other for other in self._reported if other != name]
         there = (self.one(other) for other in found if self._frame(other) == frame)
         return tuple(robot for robot in there if robot is not None and _may_meet(robot, at, reach))
 
     def _frame(self, name: str) -> str:
-        """Return the frame that a robot is placed in, empty while it is in none."""
+        """Return the frame that a robot is placed in; empty for none."""
         own = self._own.get(name)
         if own is not None:
             placed, on_earth = own.at is not None, own.on_earth
         else:
-            placed = name in self._told
-            on_earth = placed and self._told[name][1].on_earth
+            placed = name in self._reported
+            on_earth = placed and self._reported[name][1].on_earth
         if not placed:
             return ""
         return "earth" if on_earth and self._site is None else "site"
 
     def in_site(self, name: str) -> SeparationKeeper | None:
-        """Return a robot of this process, None unless it is placed in the site's frame."""
+        """Return a robot of this process; None unless it is placed in the site's frame."""
         robot = self._own.get(name)
         if robot is None or robot.placement is None or self._frame(name) != "site":
             return None
         return robot
 
     def unknown(self, name: str) -> str:
-        """Return why nobody knows how far a robot is from others, empty when that is known of all."""
+        """Return why a robot's distance from others is unknown; empty when all are known."""
         own = self._own.get(name)
         if own is None or self.alone:
             return ""
@@ -173,7 +175,7 @@ class RobotPositions:
         frame = self._frame(name)
         if not frame:
             placed = own.placement is not None
-            return "unknown: " + ("it has not told where it is" if placed else "it is not placed")
+            return "unknown: " + ("it has not reported its position" if placed else "it is not placed")
         hidden = [
             other
             for other in self._edges
@@ -182,68 +184,75 @@ class RobotPositions:
         return f"unknown to {', '.join(hidden)}" if hidden else ""
 
     def _is_lost(self, name: str) -> bool:
-        """Return whether nobody knows any more where a robot is that was placed."""
+        """Return whether a robot was placed and no longer is."""
         if name in self._own:
             return bool(self._own[name].lost)
-        return name in self._told and self._told[name][1].lost
+        return name in self._reported and self._reported[name][1].lost
 
     # -- between processes -----------------------------------------------------------------------------
 
     def sheet(self) -> bytes:
-        """Return what other processes must know of the robots of this one."""
+        """Return the message for other processes about this process's robots."""
         robots = [
-            _Told(occupant, robot.on_earth, bool(robot.lost))
+            _ReportedRobot(occupant, robot.on_earth, bool(robot.lost))
             for robot in self._own.values()
             if (occupant := robot.occupant()) is not None
         ]
         gone = tuple(sorted(self._gone))
-        return msgspec.json.encode(_Sheet(tuple(robots), self._anchor, self._site is not None, gone))
+        return msgspec.json.encode(
+            _PositionsMessage(tuple(robots), self._anchor, self._site is not None, gone)
+        )
 
     def hear(self, payload: bytes, edge: str, process: str = "") -> None:
-        """Take what another process of this edge or of a partner tells of its robots; on the loop.
+        """Process the message of another process of this edge or of a partner; on the event loop.
 
-        A partner's robot without a place on Earth is in a frame that is not ours: it stays unknown. A robot
-        of this edge that nobody named before was added to it while it runs.
+        A partner's robot that is not on Earth is in an unrelated frame and stays unknown. An unknown robot of
+        this edge was added while it runs.
         """
         try:
-            sheet = decode_json(payload, _Sheet)
+            sheet = decode_json(payload, _PositionsMessage)
         except msgspec.DecodeError as error:
             log.warning("positions of robots from edge %s cannot be read: %s", edge, error)
             return
         now = self._clock.monotonic()
         placement = None if sheet.anchor is None else self.place(sheet.anchor)
-        for told in sheet.robots:
-            name, on_earth = told.robot.name, told.on_earth or sheet.located
+        for reported in sheet.robots:
+            name, on_earth = reported.robot.name, reported.on_earth or sheet.located
             known = self._edges.get(name, self.edge)
             if name in self._own or known != edge or not (on_earth or edge == self.edge):
                 continue
-            self._edges[name], self._tellers[name] = edge, process
-            self._told[name] = now, _moved(msgspec.structs.replace(told, on_earth=on_earth), placement)
+            self._edges[name], self._reporters[name] = edge, process
+            self._reported[name] = (
+                now,
+                _moved(msgspec.structs.replace(reported, on_earth=on_earth), placement),
+            )
         for name in sheet.gone if edge == self.edge else ():
-            if process == MAIN or self._tellers.get(name) == process:  # the edge's own process knows of all
-                for table in (self._told, self._tellers, self._edges):
+            if process == MAIN or self._reporters.get(name) == process:  # the edge's own process knows of all
+                for table in (self._reported, self._reporters, self._edges):
                     table.pop(name, None)
 
 
 def _may_meet(robot: Occupant, at: Vector3, reach: float) -> bool:
-    """Return whether a robot may meet before long what goes ``reach`` metres from ``at`` at the most."""
-    theirs = robot.radius + robot.doubt + stopping(robot.speed, robot.braking) + robot.speed + SPEEDING_UP
+    """Return whether a robot may soon meet one that moves at most ``reach`` metres from ``at``."""
+    theirs = (
+        robot.radius + robot.uncertainty + stopping(robot.speed, robot.braking) + robot.speed + SPEEDING_UP
+    )
     return (at - robot.at).norm() <= reach + theirs
 
 
-def _moved(told: _Told, placement: Placement | None) -> _Told:
-    """Return a robot in our frame that another process told in its own."""
-    if not told.on_earth or placement is None or placement == Placement():
-        return told
-    robot = told.robot
+def _moved(reported: _ReportedRobot, placement: Placement | None) -> _ReportedRobot:
+    """Return a robot of another process, converted into our frame."""
+    if not reported.on_earth or placement is None or placement == Placement():
+        return reported
+    robot = reported.robot
     moved = msgspec.structs.replace(
         robot, at=placement.to_site(robot.at), way=tuple(map(placement.to_site, robot.way))
     )
-    return msgspec.structs.replace(told, robot=moved)
+    return msgspec.structs.replace(reported, robot=moved)
 
 
 def positions_of(config: FleetConfig, clock: Clock) -> RobotPositions:
-    """Return the robots of a fleet file and of its partners, none of which is placed yet."""
+    """Return the robots of a fleet file and of its partners, none of them placed yet."""
     origin = config.site.origin
     return RobotPositions(
         GeoOrigin(*origin) if origin else None,
@@ -255,12 +264,12 @@ def positions_of(config: FleetConfig, clock: Clock) -> RobotPositions:
 
 
 def partner_robots(config: FleetConfig) -> dict[str, str]:
-    """Return the edges of the partners' robots, by the names of the robots."""
+    """Return the edges of the partners' robots, by robot name."""
     return {robot: edge for edge, partner in config.partners.items() for robot in partner.robots}
 
 
 def exchange(traffic: RobotPositions, process: str, control: ZenohSession, scheduler: TickScheduler) -> None:
-    """Tell the other processes where the robots of this one are, and hear of theirs and of the partners'."""
+    """Exchange robot positions with the other processes of this edge and with its partners."""
     loop, publisher = asyncio.get_running_loop(), control.publisher(keys.places(traffic.edge, process))
 
     def heard(edge: str, key: str, payload: bytes) -> None:
@@ -271,7 +280,7 @@ def exchange(traffic: RobotPositions, process: str, control: ZenohSession, sched
             publisher.put(traffic.sheet())
 
     def tell_on(error: Exception) -> None:
-        log.error("where the robots are could not be told", exc_info=error)
+        log.error("the positions of the robots could not be published", exc_info=error)
         scheduler.every(TELL, tell, failed=tell_on)
 
     for edge in sorted(traffic.edges):

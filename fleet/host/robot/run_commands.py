@@ -1,4 +1,4 @@
-"""Commands that say who has a robot: a run of a mission takes and leaves it, a person takes it back."""
+"""Commands that change control of a robot: a mission run joins and leaves, a person takes over."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ Carries = Callable[[Command, Receipt], None]
 
 
 def run_commands(admission: Admission, stop: Carries) -> dict[str, Carries]:
-    """Return what carries each of them out, and answers; ``stop`` ends the robot's motion."""
+    """Return the handlers by command; ``stop`` ends the robot's motion."""
 
     def take(ask: Command, receipt: Receipt) -> None:
         if not admission.lease.run:
             receipt.reject("it is in no run")
             return
         admission.leave(ask)
-        stop(Command("stop", origin=ask.origin, stamp=ask.stamp), receipt)  # nobody follows what it does now
+        stop(Command("stop", origin=ask.origin, stamp=ask.stamp), receipt)  # nothing monitors its motion now
 
     return {JOIN: _answered(admission.join), LEAVE: _answered(admission.leave), TAKE: take}
 
 
 def _answered(work: Callable[[Command], None]) -> Carries:
-    """Return what does some work and answers that it was done, or why it was refused."""
+    """Return a handler that calls ``work`` and answers done, or the refusal."""
 
     def own(ask: Command, receipt: Receipt) -> None:
         try:

@@ -1,4 +1,4 @@
-"""Health of one robot's run: which of its changes are told, and how loudly they are logged."""
+"""Health of one robot's run: decides which changes are reported, and at which log level."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Callable
 
 from fleet.model.health import Health, Level
 
-COMING_UP = 10.0  # s in which the steps of a start are no trouble: a line that is silent yet, a set-up
+COMING_UP = 10.0  # s in which the steps of a start are normal: silent line, set-up
 
 
 class RunHealth:
-    """The health of a robot ``now``.
+    """The health of a robot, ``now``.
 
-    ``changed`` hears of each change, ``level_changed`` of each new level, but for the steps of a start.
+    ``changed`` is called at each change, ``level_changed`` with each new level except the steps of a start.
     """
 
     def __init__(
@@ -28,29 +28,29 @@ class RunHealth:
         self._start: asyncio.TimerHandle | None = None  # while it runs, levels are steps of a start
 
     def set(self, health: Health) -> None:
-        """Note a health, and tell it if it is another."""
+        """Set the health; report it if it changed."""
         if health != self.now:
             self.now = health
             self._tell()
             self._changed()
 
     def begin_start(self) -> None:
-        """Begin a start: its steps are logged, and its levels not told, until it ends or takes too long."""
+        """Begin a start: until it ends or takes too long, its steps are logged but not reported."""
         self._start = asyncio.get_running_loop().call_later(COMING_UP, self._start_is_over)
 
     def end_start(self) -> None:
-        """End the start early: what follows is told at once."""
+        """End the start early: later changes are reported at once."""
         if self._start is not None:
             self._start.cancel()
             self._start = None
 
     def _start_is_over(self) -> None:
-        """End a start that takes too long: what is still wrong after it is told."""
+        """End a start that takes too long; a remaining problem is reported."""
         self._start = None
         self._tell()
 
     def _tell(self) -> None:
-        """Log the health: the first of a level aloud, what follows on it and the steps of a start quietly."""
+        """Log the health: a new level from degraded up as a warning, everything else as information."""
         level, cause = self.now.level, self.now.cause
         is_new = level is not self._told and self._start is None
         loud = is_new and level >= Level.DEGRADED

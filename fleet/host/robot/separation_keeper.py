@@ -1,8 +1,8 @@
-"""Keeps one robot apart from the others of its edge: goals before they begin, motion as it happens.
+"""Separation keeper: keeps one robot apart from the others of its edge, before and during motion.
 
-Its own place and motion, and those of the others as far as this process knows them (``traffic``), are judged
-by the rules of ``safety/separation.py``. Ten times a second while something of ours moves it; a velocity on
-its way is only compared with who was near at the last look.
+Its position and motion and those of the others, as far as this process knows them (``traffic``), are judged
+by the rules of ``safety/separation.py``, ten times a second while this edge moves it. A new velocity is only
+compared with the robots that were near at the last check.
 """
 
 from __future__ import annotations
@@ -33,57 +33,57 @@ from fleet.model.navigation import AnyTask, FollowPath, FollowRobot
 from fleet.model.site import Placement, placed_at_start
 from fleet.robot_config import AdapterConfig, Limits, Separation
 
-LOOK = 0.1  # s between looks at the others while it moves
-STALE = 2 * LOOK  # s after which a look is too old for a velocity
-JUDGED = 0.05  # s for which what was found of a velocity is so of those that are alike
-ALIKE = 0.1  # m/s, and rad/s
-MEASURED = 0.2  # s of way that make a speed
-GAP = 1.0  # s without a pose after which what lies between says nothing of its speed
-JUMP = 1.0  # m beyond what it can have gone that mean that its odometry began anew
-SPEEDING_UP = 0.8  # m/s that a robot which leads itself may have gained since it was measured
+LOOK = 0.1  # s between checks of the others while it moves
+STALE = 2 * LOOK  # s after which a check is too old for a velocity
+JUDGED = 0.05  # s for which a judgement holds for similar velocities
+ALIKE = 0.1  # m/s, and rad/s; velocities this close count as similar
+MEASURED = 0.2  # s of poses over which the velocity is measured
+GAP = 1.0  # s without a pose after which the measurement restarts
+JUMP = 1.0  # m beyond the possible distance that mean an odometry reset
+SPEEDING_UP = 0.8  # m/s that an autopilot may have added since the last measurement
 SAID = 1.0  # s for which a robot that was held counts as held
 NO_LIMIT = 2.0  # m/s for a robot that declares no limit
 
 
 class OtherRobots(Protocol):
-    """Where the other robots of the edge are, as far as a process knows."""
+    """Positions of the other robots of the edge, as far as this process knows them."""
 
     @property
     def alone(self) -> bool:
-        """True on an edge of one robot: there is nothing to keep it apart from."""
+        """True on an edge with one robot: there are no others."""
 
     def place(self, world: GeoOrigin) -> Placement:
-        """Return where a world on Earth lies in the frame that is judged in."""
+        """Return the placement of a world on Earth in the common frame."""
 
     def others(self, name: str) -> Sequence[Occupant]:
-        """Return all robots but one whose place is known in the frame of that one."""
+        """Return all other robots whose position in this robot's frame is known."""
 
     def seen(self, name: str, other: str) -> Occupant | None:
-        """Return a robot in the frame of one; None where nobody knows."""
+        """Return another robot in this robot's frame; None when it is unknown."""
 
     def near(self, name: str, at: Vector3, reach: float) -> tuple[Occupant, ...]:
-        """Return those of them that may be met before long, by how far each may go."""
+        """Return the others that may come near, by the distance that each may cover."""
 
 
 class MovingRobot(Protocol):
-    """What moves the robot: its controller."""
+    """Controller of the robot, as the keeper uses it."""
 
     @property
     def in_motion(self) -> bool:
-        """True while the robot moves, or may move, because of us."""
+        """True while the robot moves, or may move, because of this edge."""
 
     def doing(self) -> tuple[AnyTask, int] | None:
-        """Return the task under way, and how many of its goals are behind."""
+        """Return the running task and the number of goals already reached."""
 
     def end(self, why: str) -> None:
-        """End motion of ours that must not go on."""
+        """End motion of this edge that must not go on."""
 
     def hold_again(self) -> None:
-        """Hold the wanted velocity as far as the guard lets it pass now; raises what the adapter raises."""
+        """Hold the requested velocity as far as the guard admits it now; raises the adapter's errors."""
 
 
 class HoldNotice:
-    """Why a robot does not go as it was asked, told once; ``cause`` is empty while it does."""
+    """Reason why a robot is slowed or held, reported once; ``cause`` is empty while it is not."""
 
     def __init__(self, clock: Clock, event_reporter: EventReporter) -> None:
         self.cause = ""
@@ -92,7 +92,7 @@ class HoldNotice:
         self._until = float("-inf")
 
     def say(self, what: str, robot: Occupant, other: Occupant) -> str:
-        """Note that the robot is slowed or held because of another; return it in words."""
+        """Record that the robot is slowed or held because of another; return the text."""
         distance = (robot.at - other.at).norm()
         before, self.cause = self.cause, f"{what}: {distance:.1f} m from {other.name}, closing"
         self._until = self._clock.monotonic() + SAID
@@ -102,13 +102,13 @@ class HoldNotice:
         return self.cause
 
     def expire(self) -> None:
-        """Forget why it was held, once it has not been for a while."""
+        """Clear the cause once the robot has not been held for a while."""
         if self.cause and self._clock.monotonic() > self._until:
             self.cause = ""
 
 
 class MeasuredVelocity:
-    """The velocity of a robot (``value``, m/s) from where it was seen."""
+    """Velocity of a robot (``value``, m/s) measured from its positions."""
 
     def __init__(self) -> None:
         self.value = Vector3()
@@ -116,7 +116,7 @@ class MeasuredVelocity:
         self._time = 0.0
 
     def see(self, at: Vector3, now: float) -> None:
-        """Take where it is; the velocity is measured over a few looks."""
+        """Add a position; the velocity is measured over several of them."""
         elapsed = now - self._time
         if elapsed < MEASURED:
             return
@@ -125,10 +125,10 @@ class MeasuredVelocity:
 
 
 class SeparationKeeper:
-    """One robot among the others; ``separation`` holds where its configuration says nothing.
+    """Separation of one robot from the others; ``separation`` is the default of its kind.
 
-    ``led``: the host leads it to its goals, by velocities. ``held`` tells the body velocity that is being
-    held, ``points`` the places of a task in the robot's world.
+    ``led``: the host guides it to its goals by velocities. ``held`` returns the body velocity being held,
+    ``points`` the points of a task in the robot's world.
     """
 
     def __init__(
@@ -146,11 +146,11 @@ class SeparationKeeper:
         event_reporter: EventReporter,
     ) -> None:
         self.name = config.name
-        self.on_earth = False  # placed by its place on Earth, not by where it started
-        self.lost = ""  # why it is not placed any more
+        self.on_earth = False  # placed by its geodetic position, not by its start
+        self.lost = ""  # why it is no longer placed
         self.placement: Placement | None = None
-        self.at: Vector3 | None = None  # where it was last, in the frame that is judged in
-        self.circle = 0.0  # m about its end in which it stays that cannot stand
+        self.at: Vector3 | None = None  # last position, in the common frame
+        self.circle = 0.0  # m; radius at the end of a task, for a robot that cannot hover
         self.flies = False  # its motors run
         self._start = config.start
         self._usual = separation
@@ -163,28 +163,28 @@ class SeparationKeeper:
         self._points = points
         self._event_reporter = event_reporter
         self._notice = HoldNotice(clock, event_reporter)
-        self.battery: float | None = None  # percent: of two alike the fuller one gives way
+        self.battery: float | None = None  # percent; of two equals the fuller one gives way
         self._yaw = 0.0
         self._seen = 0.0
         self._velocity = MeasuredVelocity()
         self._task: AnyTask | None = None
         self._way: tuple[Vector3, ...] = ()
-        self._down: tuple[Vector3, ...] = ()  # the way of a landing that is under way
-        self._meant: tuple[Vector3, ...] = ()  # the way that it is prepared for
-        self._near: tuple[tuple[float, Occupant], ...] = ()  # by how far the robot may go in any direction
-        self._free = math.inf  # m/s that pass in any direction
-        self._judged = ZERO_VELOCITY  # the velocity that was judged last, and what of it passes until when
+        self._down: tuple[Vector3, ...] = ()  # path of a landing in progress
+        self._meant: tuple[Vector3, ...] = ()  # path reserved for a prepared task
+        self._near: tuple[tuple[float, Occupant], ...] = ()  # (metres free in any direction, robot)
+        self._free = math.inf  # m/s admitted in any direction
+        self._judged = ZERO_VELOCITY  # velocity judged last; its admitted share and expiry follow
         self._share = 1.0
         self._judged_by = float("-inf")
         self._look_by = float("-inf")
 
     @property
     def cause(self) -> str:
-        """Why the robot does not go as it was asked; empty while it does."""
+        """Why the robot is slowed or held; empty while it is not."""
         return self._notice.cause
 
     def configure(self, config: AdapterConfig, limits: Limits) -> None:
-        """Keep the others away by another configuration from the next look on."""
+        """Apply a changed configuration from the next check on."""
         separation = config.separation.over(self._usual)
         self._radius = separation.radius or 1.0
         self._braking = separation.braking or 0.5
@@ -195,18 +195,18 @@ class SeparationKeeper:
 
     @property
     def is_judged(self) -> bool:
-        """True when the robot is placed, and has others to be kept apart from."""
+        """True when the robot is placed and there are others."""
         return self.placement is not None and not self.others.alone
 
-    # -- where it is -----------------------------------------------------------------------------------
+    # -- position --------------------------------------------------------------------------------------
 
     def world_is(self, world: GeoOrigin | None) -> None:
-        """Take the place on Earth of the origin of the robot's world; None while nobody knows it."""
+        """Place the robot by the geodetic origin of its world; None while that is unknown."""
         if world is not None and self._start is None:
             self.placement, self.on_earth = self.others.place(world), True
 
     def see(self, pose: Pose) -> None:
-        """Take where the robot is in its own world."""
+        """Record the robot's pose in its own world."""
         now = self._clock.monotonic()
         if self.placement is None and self._start is not None and not self.lost:
             self.placement = placed_at_start(self._start, pose)
@@ -219,7 +219,7 @@ class SeparationKeeper:
         self._velocity.see(at, now)
 
     def _has_jumped(self, at: Vector3, now: float) -> bool:
-        """Return whether it can not have come there: then nobody knows where it is."""
+        """Return whether the position is impossible; the robot's placement is then lost."""
         assert self.at is not None
         gone = (at - self.at).horizontal()
         if gone <= JUMP + self._fastest * min(now - self._seen, GAP):
@@ -232,7 +232,7 @@ class SeparationKeeper:
 
     @property
     def reach(self) -> float:
-        """Metres around its last place that it cannot leave before it is looked at again and stands."""
+        """Metres around its last position that it cannot leave before the next check and a full stop."""
         return (
             self._reach
             + 2 * self.circle
@@ -240,13 +240,13 @@ class SeparationKeeper:
         )
 
     def occupant(self) -> Occupant | None:
-        """Return what the robot takes up now, None while nobody knows where it is."""
+        """Return the robot's present occupant; None while its position is unknown."""
         if self.at is None:
             return None
         held, way = self._held(), self._ahead()
         asked, turn = rotate_to_world(held.linear, self._yaw), held.yaw_rate
         if way and not self._led:
-            # Its size alone counts.
+            # only the magnitude counts
             asked = Vector3(min(self._fastest, self._velocity.value.norm() + SPEEDING_UP))
         return Occupant(
             self.name,
@@ -263,7 +263,7 @@ class SeparationKeeper:
         )
 
     def _ahead(self) -> tuple[Vector3, ...]:
-        """Return the rest of the way that it is sent."""
+        """Return the remaining path of the present task."""
         doing = self._mover.doing()
         if self.placement is None:
             return ()
@@ -277,14 +277,14 @@ class SeparationKeeper:
         return self._way[behind:] if once else self._way
 
     def _in_site(self, points: Sequence[Vector3]) -> tuple[Vector3, ...]:
-        """Return points of the robot's world in the frame that is judged in."""
+        """Return points of the robot's world in the common frame."""
         assert self.placement is not None
         return tuple(map(self.placement.to_site, points))
 
-    # -- what may be asked of it -----------------------------------------------------------------------
+    # -- checks of requests ----------------------------------------------------------------------------
 
     def task_trouble(self, task: AnyTask, points: Sequence[Vector3]) -> str:
-        """Return why the robot may not be sent through these points of its world, empty when it may."""
+        """Return why the robot may not be sent through these points of its world; empty when it may."""
         robot = self.occupant()
         if robot is None or self.placement is None:
             return ""
@@ -296,24 +296,24 @@ class SeparationKeeper:
         return trouble
 
     def trouble_on(self, points: Sequence[Vector3]) -> str:
-        """Return what is met on a way that is taken all the same, empty for nothing."""
+        """Return the conflict on a path that is not refused for it; empty for none."""
         robot = self.occupant()
         if robot is None or self.placement is None or not points:
             return ""
         return way_trouble(robot, self._in_site(points), self.others.others(self.name))
 
     def means(self, points: Sequence[Vector3]) -> None:
-        """Note the way that the robot is prepared for, which others keep away from; no points: none."""
+        """Reserve the path of a prepared task; no points release it."""
         self._meant = self._in_site(points) if self.placement is not None else ()
 
     def comes_down(self, points: Sequence[Vector3]) -> None:
-        """Note the way of a landing, which others keep away from; no points: it has ended."""
+        """Reserve the path of a landing; no points release it."""
         self._down = self._in_site(points) if self.placement is not None else ()
 
     def within(self, velocity: Velocity) -> Velocity:
         """Return a body velocity, slowed so far that the robot can stop before it is too near another.
 
-        Most pass by a comparison; of those that do not, one is judged for all that are much like it.
+        Most velocities pass by a comparison; of the others, one judgement serves all similar ones.
         """
         now = self._clock.monotonic()
         if now > self._look_by:
@@ -328,7 +328,7 @@ class SeparationKeeper:
         return Velocity(velocity.linear.scaled(self._share), velocity.yaw_rate, velocity.gait)
 
     def _judge(self, velocity: Velocity) -> None:
-        """Find what share of a velocity keeps the robot apart from those who are near."""
+        """Find the share of a velocity that keeps the robot apart from those nearby."""
         self._share = 1.0
         robot = self.occupant()
         if robot is None:
@@ -343,10 +343,10 @@ class SeparationKeeper:
         if self._share < 1.0:
             self._notice.say("slowed" if self._share else "held", robot, whose)
 
-    # -- as it moves -----------------------------------------------------------------------------------
+    # -- during motion ---------------------------------------------------------------------------------
 
     def look(self) -> None:
-        """Look at who is near while something of ours moves the robot; slow it, or end its motion."""
+        """Check the robots nearby while this edge moves the robot; slow it, or end its motion."""
         self._notice.expire()
         if not self._mover.in_motion:
             return
@@ -357,7 +357,7 @@ class SeparationKeeper:
             self._mover.end(f"it could not be slowed: {error}")
 
     def _keep_apart(self) -> None:
-        """Slow the velocity that is held; end a way that its autopilot flies too near another."""
+        """Slow the velocity that is held; end an autopilot's task that comes too near another robot."""
         if not self._near:
             return
         doing = self._mover.doing()
@@ -372,7 +372,7 @@ class SeparationKeeper:
                 return
 
     def _look_around(self) -> None:
-        """Note who is so near that the robot could meet it before the next look."""
+        """Find the robots near enough to be met before the next check."""
         self._look_by = self._clock.monotonic() + STALE
         self._judged_by, self._near, self._free = float("-inf"), (), math.inf
         if self.at is None:
@@ -385,5 +385,5 @@ class SeparationKeeper:
 
 
 def _alike(one: Velocity, other: Velocity) -> bool:
-    """Return whether two velocities lead to the same place, as far as it matters here."""
+    """Return whether two velocities are similar enough to share a judgement."""
     return abs(one.yaw_rate - other.yaw_rate) <= ALIKE and (one.linear - other.linear).norm() <= ALIKE

@@ -1,4 +1,4 @@
-"""The streams that move one robot: velocities and joint targets, admitted and handed to what holds them."""
+"""Requests of one robot's setpoint streams: velocities and joint targets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fleet.model.command import JointSetpoint, Setpoint
 
 
 class SetpointRequests:
-    """Takes the setpoints of one robot; ``can`` tells what the robot is able to do now."""
+    """Admits the setpoints of one robot and executes them; ``can`` returns its capabilities now."""
 
     def __init__(
         self,
@@ -34,7 +34,7 @@ class SetpointRequests:
         self._last = last
 
     def velocity(self, ask: Setpoint, receipt: Receipt) -> None:
-        """Take a velocity: the newest wins, at once; a zero that comes late ends motion, and no more."""
+        """Take a velocity: the newest wins, at once. A late zero only ends motion."""
         untimely = self._admission.is_untimely_zero(ask)
         judge = self._admission.untimely_zero if untimely else self._admission.setpoint
         adapter = self._adapter_for(self._can().refusal(ask.velocity) or judge(ask), receipt)
@@ -42,7 +42,7 @@ class SetpointRequests:
             return
         motion = self._motion
         if untimely:
-            if motion.under_way:  # end it, all keys included; one that stands is told nothing
+            if motion.under_way:  # end it, held keys included; a standing robot gets no command
                 motion.navigator.cancel("teleoperation took over")
                 motion.driving.stand(adapter)
             receipt.done()
@@ -54,7 +54,7 @@ class SetpointRequests:
             self._last.accepted(ask.name)
 
     def joints(self, ask: JointSetpoint, receipt: Receipt) -> None:
-        """Take joint targets: each joint has its newest, until its lease runs out."""
+        """Take joint targets: each joint follows its newest one until the lease expires."""
         adapter = self._adapter_for(self._can().joint_refusal or self._admission.joints(ask), receipt)
         if adapter is not None:
             self._motion.begin(ask)
@@ -62,7 +62,7 @@ class SetpointRequests:
                 self._last.accepted(ask.name)
 
     def _adapter_for(self, refusal: str | None, receipt: Receipt) -> Adapter[Any] | None:
-        """Return the adapter that takes a setpoint; None when it is refused, for this or another reason."""
+        """Return the adapter for a setpoint; None after rejecting it, for ``refusal`` or another reason."""
         moving, adapter = self._motion.executor.moving, self._attached.reachable
         if refusal is None and moving:
             refusal = f"busy with {moving}; send stop first"

@@ -1,4 +1,4 @@
-"""What a robot looks like to people, gathered from the reports that pass."""
+"""Summary of a robot for people, collected from its reports."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from fleet.model.report import (
     Report,
 )
 
-MEASURED = 0.5  # s of way that make a speed
-GAP = 2.0  # s without a pose after which what lies between says nothing of the speed
-STALE = 2.0  # s after which a speed is no longer that of now
+MEASURED = 0.5  # s of poses over which the speed is measured
+GAP = 2.0  # s without a pose after which the speed measurement restarts
+STALE = 2.0  # s after which a measured speed is stale
 
 READ = frozenset({PoseReport, BatteryReport, FlightStateReport, FlightControllerReport})
-"""What the host itself reads of a robot's reports, to show it, to lead and to guard it; the rest passes."""
+"""Reports that the host itself uses to show, guide and guard a robot; others are only passed on."""
 
 
 class Snapshot:
-    """The last mode, autopilot, vehicle, arming, battery, position, speed and home (m AMSL) of one robot.
+    """Last mode, autopilot, vehicle, arming, battery, position, speed and home (m AMSL) of one robot.
 
-    ``heard`` is when it last said anything (monotonic s); None while it never did.
+    ``heard`` is the time of its last report (monotonic s); None before the first.
     """
 
     def __init__(self) -> None:
@@ -38,13 +38,13 @@ class Snapshot:
         self.position: Vector3 | None = None
         self.heading: float | None = None  # radians counter-clockwise from +x of its world
         self.home_altitude: float | None = None
-        self._way: NavigationReport | None = None  # of the action under way
+        self._way: NavigationReport | None = None  # of the action in progress
         self.heard: float | None = None
-        self._mark: PoseReport | None = None  # from which the next speed is measured
+        self._mark: PoseReport | None = None  # start of the present speed measurement
         self._speed: float | None = None
 
     def take(self, report: Report) -> None:
-        """Note what a report says."""
+        """Record the contents of a report."""
         match report:
             case PoseReport():
                 self.position, self.heading = report.position, report.rotation.yaw
@@ -65,7 +65,7 @@ class Snapshot:
                 pass
 
     def with_way(self, report: MetricsReport) -> MetricsReport:
-        """Return numbers for people with what is left of the goal under way, where its leader tells that."""
+        """Return metrics with the remaining distance and time of the present goal, where they are known."""
         if self._way is None:
             return report
         left = {"distance_remaining_m": self._way.remaining, "eta_seconds": self._way.eta}
@@ -73,7 +73,7 @@ class Snapshot:
         return msgspec.structs.replace(report, navigation={**report.navigation, **known})
 
     def _measure(self, pose: PoseReport) -> None:
-        """Measure the speed between poses: by their own stamps, so that late ones do not look fast."""
+        """Measure the speed by the poses' own stamps, so that delayed poses do not look fast."""
         if self._mark is None or not 0.0 <= pose.stamp - self._mark.stamp <= GAP:
             self._mark, self._speed = pose, None
             return
@@ -83,18 +83,18 @@ class Snapshot:
             self._mark = pose
 
     def speed(self, now: float) -> float | None:
-        """Return the speed in m/s at ``now`` (Unix s); None while unknown, also once poses end."""
+        """Return the speed in m/s at ``now`` (Unix s); None while unknown, also after poses have ended."""
         if self._mark is None or abs(now - self._mark.stamp) > STALE + MEASURED:
             return None
         return self._speed
 
     def age(self, now: float) -> float | None:
-        """Return how many seconds ago the robot was heard (``now``: monotonic s); None while it never was."""
+        """Return the seconds since the last report (``now``: monotonic s); None before the first."""
         return None if self.heard is None else max(0.0, now - self.heard)
 
 
 def is_known(report: Report) -> bool:
-    """Return False for a pose that is no place: nothing is led or kept within a fence by not-a-number."""
+    """Return False for a pose with NaN or infinity, which can neither guide a robot nor be fenced."""
     if not isinstance(report, PoseReport):
         return True
     at, turned = report.position, report.rotation
@@ -102,5 +102,5 @@ def is_known(report: Report) -> bool:
 
 
 def rounded(value: float | None) -> float | None:
-    """Return a figure for people."""
+    """Return a number rounded for display."""
     return None if value is None else round(value, 2)

@@ -1,4 +1,4 @@
-"""Bringing a robot to a standstill, whatever its adapter does."""
+"""Brings a robot to a standstill, whatever its adapter does."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from fleet.host.runtime.blocking_calls import STOPPING
 from fleet.host.runtime.cancellation import wait_bounded
 from fleet.runtime.exception_barrier import guarded
 
-STOP_TIMEOUT = 5.0  # s; the longest an adapter may take to bring its robot to a standstill
+STOP_TIMEOUT = 5.0  # s; limit for an adapter to bring its robot to a standstill
 
 
 async def stand_still(adapter: Adapter[Any], why: str, *, name: str, halt: Callable[[], None]) -> None:
-    """Have an adapter stop its robot within ``STOP_TIMEOUT``; one that does not, or raises, is halted.
+    """Make an adapter stop its robot within ``STOP_TIMEOUT``; if it does not, or raises, halt the robot.
 
-    Raises CommandError, LinkError, or a crash of the adapter's.
+    Raises CommandError, LinkError, or the error of an adapter that crashed.
     """
     try:
         await wait_bounded(guarded(lambda: _stop(adapter, why)), STOP_TIMEOUT)
@@ -39,20 +39,20 @@ async def answer_stop(
     absence: Callable[[], str],
     crashed: Callable[[Exception], None],
 ) -> None:
-    """Wait until a robot stands, and answer who stopped it; ``absence``: why it does not answer by then."""
+    """Wait until a robot stands, then answer; ``absence`` returns why it is unreachable by then."""
     try:
         await standing
     except (CommandError, LinkError) as error:
         receipt.fail(error)
-    except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
+    except Exception as error:  # noqa: BLE001 - exception barrier: passed to the runner, which ends the run
         receipt.reject(f"the adapter failed: {type(error).__name__}: {error}")
         crashed(error)
-    else:  # an adapter says nothing of a link that fell meanwhile
+    else:  # an adapter does not report a link that failed meanwhile
         why = absence()
         receipt.reject(why) if why else receipt.done()
 
 
 async def _stop(adapter: Adapter[Any], why: str) -> None:
-    """Stop the robot; no blocking call that this takes is refused."""
+    """Stop the robot; the adapter's blocking calls are exempt from their limit."""
     STOPPING.set(True)
     await adapter.stop(why)

@@ -1,1 +1,1 @@
-"""The process's own machinery: periodic calls, threads, cancellation, watchdog, shutdown."""
+"""Machinery of a process: periodic calls, threads, cancellation, watchdog, shutdown."""

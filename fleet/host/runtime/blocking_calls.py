@@ -1,7 +1,7 @@
-"""Calls of an SDK that blocks, each on a thread of its own, so that none is queued behind another.
+"""Calls of a blocking SDK, each on its own thread, so that none queues behind another.
 
-A pool would queue: a stop would wait behind calls that hang. Ordinary calls are bounded in number instead,
-and what is called on behalf of a stop is never refused.
+A thread pool would queue: a stop would wait behind calls that hang. Instead the number of ordinary calls is
+limited, and calls on behalf of a stop are never refused.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from typing import Any, TypeVar
 from fleet.errors import NotReady
 from fleet.runtime.exception_barrier import failure_of
 
-MOST = 8  # calls of one robot under way, beside those of stops; each holds a thread
+MOST = 8  # calls of one robot in progress, except those of stops; each holds a thread
 STOPPING: ContextVar[bool] = ContextVar("fleet_stopping", default=False)
-"""True in the task that stops a robot: what it calls is not counted."""
+"""True in the task that stops a robot: its calls are not counted."""
 
 ResultT = TypeVar("ResultT")
 
 
 class BlockingCalls:
-    """The blocking calls of one robot. They outlive its attempts, for a thread cannot be ended."""
+    """Blocking calls of one robot. They outlive its attempts, because a thread cannot be ended."""
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._inflight = 0
 
     async def call(self, call: Callable[..., ResultT], /, *args: Any, **kwargs: Any) -> ResultT:
-        """Return what the call returns; raises what it raises, or NotReady while too many hang."""
+        """Return the result of a call; raises its error, or NotReady while too many calls hang."""
         counts = not STOPPING.get()
         if counts and self._inflight >= MOST:
             raise NotReady(f"{MOST} calls to its SDK hang", hint="restart the robot, then its adapter")

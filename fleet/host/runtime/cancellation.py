@@ -1,4 +1,4 @@
-"""Waiting for an adapter's coroutine no longer than is given, whatever it does with its cancellation."""
+"""Bounded waiting for an adapter's coroutine, even if it ignores its cancellation."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, TypeVar
 
 ResultT = TypeVar("ResultT")
 
-DEAF_AFTER = 2.0  # s after which a task that was cancelled and goes on is a failure of the adapter
+IGNORED_AFTER = 2.0  # s after which a cancelled task that goes on counts as a failure of the adapter
 
 
 async def wait_bounded(work: Coroutine[object, object, ResultT], seconds: float) -> ResultT:
-    """Return what ``work`` returns. What ignores its cancellation is left behind, not waited for.
+    """Return the result of ``work``. If it ignores its cancellation it is abandoned, not waited for.
 
     Raises TimeoutError after ``seconds``, RuntimeError when ``work`` was cancelled from within.
     """
@@ -29,36 +29,36 @@ async def wait_bounded(work: Coroutine[object, object, ResultT], seconds: float)
 
 
 def result_of(task: asyncio.Future[ResultT]) -> ResultT:
-    """Return or raise what a finished task did; its cancellation is not ours: a RuntimeError."""
+    """Return or raise the result of a finished task; RuntimeError if it was cancelled, since not by us."""
     if task.cancelled():
         raise RuntimeError("the adapter was cancelled from within")
     return task.result()
 
 
 def retrieve_exception(task: asyncio.Future[Any]) -> None:
-    """Look at a finished task's exception, which nobody else will ask for."""
+    """Retrieve a finished task's exception, so that asyncio does not log it as never retrieved."""
     if not task.cancelled():
         task.exception()
 
 
-def cancel_and_wait(task: asyncio.Task[None], why: str, deaf: Callable[[Exception], None]) -> None:
-    """Cancel a task; ``deaf`` hears of one that goes on for ``DEAF_AFTER`` seconds all the same."""
+def cancel_and_wait(task: asyncio.Task[None], why: str, on_ignored: Callable[[Exception], None]) -> None:
+    """Cancel a task; ``on_ignored`` gets an error if it is still running after ``IGNORED_AFTER`` seconds."""
 
     def look() -> None:
-        deaf(RuntimeError(f"{task.get_name()} goes on though it was ended ({why})"))
+        on_ignored(RuntimeError(f"{task.get_name()} goes on though it was ended ({why})"))
 
     task.cancel(why)
-    timer = asyncio.get_running_loop().call_later(DEAF_AFTER, look)
+    timer = asyncio.get_running_loop().call_later(IGNORED_AFTER, look)
     task.add_done_callback(lambda _: timer.cancel())
 
 
 def closing(steps: AsyncIterator[object]) -> AbstractAsyncContextManager[AsyncIterator[Any]]:
-    """Close an iteration when it is left early: its clean-up happens now, not some time later."""
+    """Close an iteration when it is left early, so that its cleanup runs now, not at garbage collection."""
     return aclosing(steps) if isinstance(steps, AsyncGenerator) else nullcontext(steps)
 
 
 def was_cancelled() -> bool:
-    """Return True when somebody cancelled the task that runs; False for a stray CancelledError in it."""
+    """Return True if the current task was cancelled; False for a CancelledError raised inside it."""
     task = asyncio.current_task()
     return task is not None and task.cancelling() > 0
 

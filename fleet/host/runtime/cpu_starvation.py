@@ -1,16 +1,16 @@
-"""Whether this process gets the processor when it wants it; pure.
+"""Detects that this process does not get enough processor time. Pure.
 
-A computer with too much to do makes every robot look late. That is the computer's fault, and is told as such.
+An overloaded computer makes every robot look late; the report names the computer as the cause.
 """
 
 from __future__ import annotations
 
-STARVED = 0.5  # share of the time that the event loop's thread waited for a processor
-REMEMBERED = 5.0  # s for which it is told
+STARVED = 0.5  # share of the time for which the event loop's thread waited for a processor
+REMEMBERED = 5.0  # s for which the problem is reported
 
 
 class CpuStarvation:
-    """Looked at about once a second; ``problem`` is empty while there is none."""
+    """CPU starvation, checked about once a second; ``problem`` is empty without any."""
 
     def __init__(self, now: float, waited: float) -> None:
         self._now = now
@@ -19,7 +19,7 @@ class CpuStarvation:
         self._until = now
 
     def look(self, now: float, waited: float) -> None:
-        """Take how many seconds the thread has waited for a processor so far, at ``now`` (monotonic s)."""
+        """Add a sample: the thread's total waiting time for a processor in s, at ``now`` (monotonic s)."""
         elapsed, more = now - self._now, waited - self._waited
         self._now, self._waited = now, waited
         if elapsed > 0 and more / elapsed >= STARVED:
@@ -27,7 +27,7 @@ class CpuStarvation:
 
     @property
     def problem(self) -> str:
-        """What is wrong, in words."""
+        """Text of the problem; empty without one."""
         if self._now >= self._until:
             return ""
         return f"this computer is overloaded: the edge waited {self._share:.0%} of the time for a processor"

@@ -1,4 +1,4 @@
-"""Whose code the event loop is in, seen from another thread: for the watchdog, to name who blocks it."""
+"""Shows other threads what code the event loop is executing; the watchdog names a blocking robot by it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fleet.runtime.event_loop import OwnedCall, OwnedTask
 
 
 class LoopMonitor:
-    """The thread that runs ``loop``; made on it."""
+    """Monitor of the thread that runs ``loop``; created on that thread."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -24,13 +24,13 @@ class LoopMonitor:
         self.waited = _waited_of(threading.get_native_id())
 
     def frame(self) -> FrameType | None:
-        """Return where the thread is."""
+        """Return the thread's present stack frame."""
         return sys._current_frames().get(self._ident)  # noqa: SLF001 - there is no public way
 
     def owner(self) -> str:
-        """Return the robot on whose behalf the loop runs what it is in, empty when it is nobody's.
+        """Return the robot for which the loop is executing code; empty for the host's own.
 
-        Tasks, timers and the callbacks of links know their owners; other callbacks are nobody's.
+        Tasks, timers and the callbacks of links know their owners; other callbacks belong to the host.
         """
         task = asyncio.current_task(self._loop)
         if isinstance(task, OwnedTask):
@@ -52,11 +52,11 @@ class LoopMonitor:
 
 
 class LoopSilence:
-    """How long an event loop has been silent through its own fault; looked at every ``period`` seconds.
+    """Duration for which an event loop has been silent by its own fault; checked every ``period`` seconds.
 
-    A process that does not get the processor is silent too. Then this thread is late as well, so only the
-    time counts in which it was awake, or in which the loop's thread itself used the processor (a call that
-    keeps the interpreter to itself makes this thread late, too).
+    A process without processor time is silent too, but then this thread is late as well. So only time counts
+    in which this thread was awake, or in which the loop's thread used the processor: a call that holds the
+    interpreter lock makes this thread late, too.
     """
 
     def __init__(self, period: float) -> None:
@@ -66,13 +66,13 @@ class LoopSilence:
         self._looked = 0.0
         self._cpu = 0.0
         self._waited = 0.0
-        self.blamed = 0.0  # s of it that are somebody's fault in here: the loop could have gone on
+        self.attributable = 0.0  # s of it in which the loop could have run but did not
 
     def look(self, now: float, beat: float, cpu: float, waited: float) -> float:
         """Return the seconds of silence that count, at ``now`` (monotonic s).
 
-        ``beat``: the loop's last turn (monotonic s); ``cpu`` and ``waited``: of its thread, as
-        ``LoopMonitor`` tells them.
+        ``beat``: the loop's last tick (monotonic s); ``cpu`` and ``waited``: totals of its thread, from
+        ``LoopMonitor``.
         """
         if beat != self._beat:
             self._beat, self._cpu, self._waited = beat, cpu, waited
@@ -80,17 +80,17 @@ class LoopSilence:
         self._awake += min(now - self._looked, 2 * self._period)
         self._looked = now
         silent = min(now - beat, max(self._awake, cpu - self._cpu))
-        self.blamed = max(silent - (waited - self._waited), cpu - self._cpu)
+        self.attributable = max(silent - (waited - self._waited), cpu - self._cpu)
         return silent
 
 
 def _is_library(filename: str) -> bool:
-    """Return True for code that only carries out what somebody else asked."""
+    """Return True for standard library code, which only executes calls of others."""
     return "/lib/python3" in filename and "/site-packages/" not in filename
 
 
 def _waited_of(number: int) -> Callable[[], float]:
-    """Return what tells the seconds that a thread was ready to run and had no processor; else always 0.
+    """Return a function for the seconds that a thread was runnable without a processor; 0 where unknown.
 
     Source: the second number of /proc/self/task/TID/schedstat, ns (Linux, Documentation/scheduler).
     """
@@ -106,7 +106,7 @@ def _waited_of(number: int) -> Callable[[], float]:
 
 
 def _cpu_of(ident: int) -> Callable[[], float]:
-    """Return what tells the CPU seconds that a thread has used; always 0 where the system does not say."""
+    """Return a function for the CPU seconds that a thread has used; 0 where unknown."""
     if not hasattr(time, "pthread_getcpuclockid"):
         return lambda: 0.0
     clock = time.pthread_getcpuclockid(ident)

@@ -1,4 +1,4 @@
-"""Resources that several robots of one process use together (a UDP port, a simulator process)."""
+"""Resources that several robots of one process share (a UDP port, a simulator process)."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ SharedT = TypeVar("SharedT")
 
 
 class _Held:
-    """One open resource: entered and left by a task of its own, because its users come and go."""
+    """One open resource: entered and exited by its own task, because its users come and go."""
 
     def __init__(self, key: str, make: Callable[[], AbstractAsyncContextManager[object]]) -> None:
         self.users = 0
         self.ready: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         self.released = asyncio.Event()
-        # What runs for all of its users must not be blamed on the one that came first.
+        # A failure or block in shared code must not count against the first user.
         context = contextvars.copy_context()
         context.run(OWNER.set, "")
         loop = asyncio.get_running_loop()
         self.task = loop.create_task(self._hold(make), name=f"shared:{key}", context=context)
 
     async def _hold(self, make: Callable[[], AbstractAsyncContextManager[object]]) -> None:
-        """Serve the resource to its users; whoever waits for it hears why it cannot be had."""
+        """Serve the resource to its users; those that wait for it get the error if it cannot be opened."""
         try:
             await guarded(lambda: self._serve(make))
         except Exception as error:
@@ -41,13 +41,13 @@ class _Held:
                 self.ready.set_exception(error)
 
     async def _serve(self, make: Callable[[], AbstractAsyncContextManager[object]]) -> None:
-        """Enter, hand the value to whoever waits, and leave when the last user has gone."""
+        """Enter, pass the value to the waiting users, and exit after the last one."""
         async with make() as value:
             self.ready.set_result(value)
             await self.released.wait()
 
     async def release(self) -> None:
-        """Leave the resource and wait until it is closed; whoever waits may be cancelled, the closing not."""
+        """Close the resource and wait for that; cancelling the caller does not cancel the closing."""
         self.released.set()
         if not self.ready.done():
             self.task.cancel()
@@ -64,7 +64,7 @@ class SharedResources:
     async def share(
         self, key: str, make: Callable[[], AbstractAsyncContextManager[SharedT]]
     ) -> AsyncIterator[SharedT]:
-        """Enter what ``make`` gives, or what is already open under ``key``."""
+        """Enter the resource that is open under ``key``, or open it with ``make``."""
         held = await self._open(key, make)
         held.users += 1
         try:
@@ -75,7 +75,7 @@ class SharedResources:
                 await held.release()
 
     async def _open(self, key: str, make: Callable[[], AbstractAsyncContextManager[object]]) -> _Held:
-        """Return what is open under ``key``; what is being closed is waited for, then opened anew."""
+        """Return the resource under ``key``; if it is being closed, wait and reopen it."""
         while (held := self._held.get(key)) is not None and held.released.is_set():
             await asyncio.wait({held.task})
         if held is None:

@@ -1,4 +1,4 @@
-"""The end of a process: an adapter's thread that never ends must not keep it for ever."""
+"""End of a process, which a hanging thread of an adapter must not prevent."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import sys
 import threading
 import time
 
-PATIENCE = 2.0  # s that threads get to end by themselves once everything of ours has ended
+PATIENCE = 2.0  # s for remaining threads to end by themselves
 
 
 def shutdown(code: int) -> int:
-    """Return the exit code once no thread keeps the process; with one that goes on, end at once."""
+    """Return the exit code once all threads have ended; if one hangs, exit at once."""
     end = time.monotonic() + PATIENCE
     others = [
         each for each in threading.enumerate() if not each.daemon and each is not threading.main_thread()

@@ -1,4 +1,4 @@
-"""What ends a process that has robots, and what must not suspend it."""
+"""Signals that end a process with robots, and SIGTSTP, which must not suspend it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 def end_by_signal(end: Callable[[], None]) -> None:
     """Call ``end`` on Ctrl-C, on SIGTERM, and when the terminal is closed, unless under nohup.
 
-    Ctrl-Z is told and does nothing: a robot that moves would be without its host, dead-man and all.
+    Ctrl-Z only logs a warning: suspended, a moving robot would be without its host and its dead-man.
     """
     loop = asyncio.get_running_loop()
     hangs_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN

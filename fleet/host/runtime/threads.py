@@ -1,4 +1,4 @@
-"""Calls that may be held up, made on threads of their own: a halt, a line to a log that is stuck."""
+"""Calls that may block, made on their own threads: a halt, a line for a log that hangs."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections import deque
 from collections.abc import Callable, Iterable
 
 NAME = "fleet-aside"
-HALT_WAIT = 0.02  # s that one robot's halt may keep who makes it from the next robot
+HALT_WAIT = 0.02  # s that one robot's halt may delay the next one
 
 
 def run_in_thread(call: Callable[[], None], *, wait: float = 0.0) -> None:
-    """Make a call on a thread of its own, and wait for it at most ``wait`` seconds.
+    """Make a call on its own thread, and wait for it at most ``wait`` seconds.
 
-    Where no thread is to be had, it is made here. ``call`` must not raise.
+    If no thread can be started, the call is made here. ``call`` must not raise.
     """
     thread = threading.Thread(target=call, name=NAME, daemon=True)
     try:
@@ -26,9 +26,9 @@ def run_in_thread(call: Callable[[], None], *, wait: float = 0.0) -> None:
 
 
 def run_in_turn(calls: Iterable[Callable[[], None]], *, wait: float) -> None:
-    """Make calls one after another on a thread beside; one that is held up keeps the next at most ``wait`` s.
+    """Make calls one after another on another thread; one that blocks delays the next by at most ``wait`` s.
 
-    A thread for each call would be late on a busy interpreter: each start waits for it several times.
+    A thread per call would be slower on a busy interpreter: each start waits for it several times.
     """
     left = deque(calls)
 

@@ -1,8 +1,8 @@
-"""One timer for everything that is periodic in this process.
+"""Tick scheduler: one timer for all periodic work of this process.
 
-A wake-up costs ten times the work it does, so robots do not own timers: they hang on this wheel, which
-turns every ``TICK`` seconds, and what they produced is flushed once at the end of a turn. A turn is done in
-slices: a command that arrives in the middle of it waits for a slice, not for fifty robots.
+A wake-up costs ten times as much as its work, so robots have no timers of their own: the scheduler runs every
+``TICK`` seconds, and flushes their output once at the end of the tick. A tick runs in slices: a command that
+arrives during it waits for one slice, not for fifty robots.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ log = logging.getLogger(__name__)
 
 TICK = 0.02  # s
 DUE_TOLERANCE = (
-    1e-6  # s that a call may be early: sums of periods miss the loop's whole milliseconds by as little
+    1e-6  # s that a call may be early: sums of periods miss the loop's whole milliseconds by this much
 )
-SLICE = 0.00015  # s of work after which whatever else waits for the loop has its turn
+SLICE = 0.00015  # s of work after which other callbacks of the loop get to run
 
 
 def log_failure(error: Exception) -> None:
-    """Tell of the host's own periodic work, which is not expected to fail."""
+    """Log a failure of the host's own periodic work, which is not expected to fail."""
     log.error("a timer of the host's own failed", exc_info=error)
 
 
@@ -48,15 +48,15 @@ class PeriodicCall:
         self.context = contextvars.copy_context()
 
     def cancel(self) -> None:
-        """End it; harmless when it has ended."""
+        """End it; no effect if it has ended."""
         self.cancelled = True
 
 
 class TickScheduler:
-    """The periodic calls of one event loop.
+    """Periodic calls of one event loop.
 
-    ``owner`` names who is being called right now, so that whoever blocks the loop can be named; ``beat``
-    is when (monotonic) it last had the loop.
+    ``owner`` is the robot whose call is running now, so that a blocking one can be named; ``beat`` is the
+    time (monotonic s) of the last slice.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, clock: Clock) -> None:
@@ -78,74 +78,74 @@ class TickScheduler:
         owner: str = "",
         failed: Callable[[Exception], None] = log_failure,
     ) -> PeriodicCall:
-        """Call about every ``period`` seconds; whatever it raises goes to ``failed`` and ends it.
+        """Call about every ``period`` seconds; an exception goes to ``failed`` and ends the calls.
 
-        ``owner`` is the robot on whose behalf it is, empty for the host's own work.
+        ``owner`` is the robot on whose behalf it is called, empty for the host's own work.
         """
         periodic = PeriodicCall(owner, max(period, TICK), call, failed)
-        self._hang(self._loop.time() + periodic.period, periodic)
+        self._queue(self._loop.time() + periodic.period, periodic)
         return periodic
 
     def end(self, owner: str) -> None:
-        """End all calls on behalf of a robot: the process does not run it any more."""
+        """End all calls of a robot that this process no longer runs."""
         for _, periodic in itertools.chain.from_iterable(self._due.values()):
             if periodic.owner == owner:
                 periodic.cancel()
 
     def at_end(self, call: Callable[[], Iterable[None]]) -> None:
-        """Carry out at the end of every turn (flushing), step by step; must not raise."""
+        """Run ``call`` at the end of every tick (flushing), step by step; it must not raise."""
         self._ends.append(call)
 
     def start(self) -> None:
-        """Begin to turn."""
+        """Start ticking."""
         self.beat = self._clock.monotonic()
-        self._handle = self._loop.call_later(TICK, self._turn)
+        self._handle = self._loop.call_later(TICK, self._tick)
 
     def stop(self) -> None:
-        """Stop turning."""
+        """Stop ticking."""
         self._stopped = True
         if self._handle is not None:
             self._handle.cancel()
 
-    def _turn(self) -> None:
-        """Begin a turn."""
+    def _tick(self) -> None:
+        """Begin a tick."""
         now = self._loop.time()
         self._work = self._calls(now + DUE_TOLERANCE)
-        self._give_way(now + TICK)
+        self._yield_to_loop(now + TICK)
 
-    def _go_on(self, next_turn: float) -> None:
-        """Do a slice of the turn, then leave the loop to others; there is a next one whatever it raises."""
+    def _run_slice(self, next_tick: float) -> None:
+        """Do a slice of the tick, then yield to the loop; an exception does not end the ticking."""
         self.beat = self._clock.monotonic()
         end = self.beat + SLICE
-        rest: tuple[Any, ...] = (self._loop.call_at, next_turn, self._turn)
+        rest: tuple[Any, ...] = (self._loop.call_at, next_tick, self._tick)
         try:
             for _ in self._work:
                 if self._clock.monotonic() >= end:
-                    rest = (self._loop.call_soon, self._give_way, next_turn)
+                    rest = (self._loop.call_soon, self._yield_to_loop, next_tick)
                     break
         finally:
             self._schedule(*rest)
 
-    def _give_way(self, next_turn: float) -> None:
-        """Let what was read after the last slice begin before the next one.
+    def _yield_to_loop(self, next_tick: float) -> None:
+        """Let callbacks of data read after the last slice run before the next slice.
 
-        That is why every slice begins from here, the first too: what the loop reads as soon as one is done
-        then stands in its queue before the next. What comes in the instant between waits for one slice.
+        Every slice is started from here, also the first: whatever the loop reads right after a slice is then
+        queued before the next one. Data that arrive in the instant between wait for one slice.
         """
-        self._schedule(self._loop.call_soon, self._go_on, next_turn)
+        self._schedule(self._loop.call_soon, self._run_slice, next_tick)
 
     def _schedule(self, how: Callable[..., asyncio.Handle], *arguments: object) -> None:
-        """Go on later, unless one of the calls stopped the wheel."""
+        """Schedule the next step, unless one of the calls stopped the scheduler."""
         self.owner = ""
         if not self._stopped:
             self._handle = how(*arguments)
 
-    def _hang(self, due: float, periodic: PeriodicCall) -> None:
-        """Have a call made in the first turn that is not before ``due``."""
+    def _queue(self, due: float, periodic: PeriodicCall) -> None:
+        """Queue a call for the first tick that is not before ``due``."""
         self._due.setdefault(int(due / TICK), deque()).append((due, periodic))
 
     def _calls(self, now: float) -> Iterator[None]:
-        """Make the calls that are due, then flush, one by one; what is left off half-way is still due."""
+        """Make the calls that are due, then flush, one per step; an interrupted tick leaves the rest due."""
         for tick in sorted(tick for tick in self._due if tick * TICK <= now):
             periodics = self._due[tick]
             for _ in range(len(periodics)):
@@ -156,42 +156,42 @@ class TickScheduler:
                     continue
                 self._call(periodic)
                 if not periodic.cancelled:
-                    self._hang(_next_due(due, periodic.period, now), periodic)
+                    self._queue(_next_due(due, periodic.period, now), periodic)
                 yield
             if not periodics:
                 del self._due[tick]
         self.owner = ""
         for end in self._ends:
-            yield from _walled(end)
+            yield from _guarded(end)
 
     def _call(self, periodic: PeriodicCall) -> None:
-        """Make one call; what it raises is reported and ends only this call."""
+        """Make one call; an exception is reported and ends only this call."""
         self.owner = periodic.owner
         try:
             periodic.context.run(periodic.call)
         except KeyboardInterrupt:
             raise
-        except BaseException as error:  # noqa: BLE001 - the wall: one robot's fault must not stop the wheel
+        except BaseException as error:  # noqa: BLE001 - exception barrier: one robot's fault must not stop the scheduler
             periodic.cancel()
-            _tell(periodic, failure_of(error))
+            _report_failure(periodic, failure_of(error))
 
 
 def _next_due(due: float, period: float, now: float) -> float:
-    """Return when a call that was due is due again: in step, after ``now``, without those it missed."""
+    """Return the next due time of a call: in phase, after ``now``, skipping missed periods."""
     after = due + period * ((now - due) // period + 1)
     return after if after > now else after + period
 
 
-def _tell(periodic: PeriodicCall, failure: Exception) -> None:
-    """Tell of a failure; who cannot take it must not stop the wheel either."""
+def _report_failure(periodic: PeriodicCall, failure: Exception) -> None:
+    """Report a failure; an exception in ``failed`` must not stop the scheduler either."""
     try:
         periodic.failed(failure)
     except Exception:
         log.exception("a timer of %s failed, and nobody took it: %r", periodic.owner or "the host", failure)
 
 
-def _walled(end: Callable[[], Iterable[None]]) -> Iterator[None]:
-    """Carry out one of a turn's ends; the others are carried out whatever it raises."""
+def _guarded(end: Callable[[], Iterable[None]]) -> Iterator[None]:
+    """Run one end-of-tick call behind an exception barrier, so that the others still run."""
     try:
         yield from end()
     except Exception:

@@ -1,8 +1,7 @@
-"""The watchdog thread: ends velocities whose lease ran out, and names whoever blocks the event loop.
+"""Watchdog thread: ends velocities with an expired lease, and names the robot that blocks the event loop.
 
-It shares nothing with the loop but the leases, so it works while the loop is stuck. It waits for nothing
-for long: halts, and what there is to tell, are made on threads beside it, because a robot's halt or the log
-may be what the loop is stuck in.
+It shares only the leases with the loop, so it works while the loop is blocked. It never waits long: halts and
+log messages run on other threads, because the loop may be blocked in a robot's halt or in the log.
 """
 
 from __future__ import annotations
@@ -22,16 +21,16 @@ from fleet.host.safety.deadman import DeadMan
 
 log = logging.getLogger(__name__)
 
-PERIOD = 0.02  # s between looks, at most: a lease that runs out before is awaited to its end
-SHORTEST = 0.001  # s between looks, at least
-BLOCKED = 0.25  # s without a turn of the wheel after which the loop counts as blocked
-STUCK = 10.0  # s after which the process is given up
-ASLEEP = 0.25  # s without a look after which the whole process counts as having been stopped
-BACKLOG = 1.0  # s after such a sleep in which what is read may have come during it
+PERIOD = 0.02  # s between checks, at most; an earlier lease end is waited for exactly
+SHORTEST = 0.001  # s between checks, at least
+BLOCKED = 0.25  # s without a tick after which the loop counts as blocked
+STUCK = 10.0  # s after which the process is ended
+ASLEEP = 0.25  # s without a check after which the whole process counts as having been stopped
+BACKLOG = 1.0  # s after such a stop in which data being read may have arrived during it
 
 
 class Watched(msgspec.Struct, frozen=True):
-    """One robot under watch; both are called on a thread beside, ``expired`` must hand over to the loop."""
+    """One robot under watch. Both functions run on another thread; ``expired`` must hand over to the loop."""
 
     deadman: DeadMan
     halt: Callable[[], None]
@@ -39,12 +38,12 @@ class Watched(msgspec.Struct, frozen=True):
 
 
 class LoopWatch(msgspec.Struct, frozen=True):
-    """How the watchdog sees the loop, and what it does about it.
+    """The watchdog's view of the event loop, and its reactions.
 
-    ``beat``: its last turn (monotonic s); ``cpu``: the processor seconds that its thread has used;
-    ``waited``: those for which it was ready to run and got no processor, which is nobody's fault in here;
-    ``running``: on whose behalf it runs. ``blocked`` gets the name and the seconds, once per block;
-    ``stuck`` is the last resort.
+    ``beat``: time of the last tick (monotonic s); ``cpu``: processor seconds of its thread; ``waited``:
+    seconds for which it was runnable without a processor, which is no robot's fault; ``running``: owner of
+    the code being run. ``blocked`` gets the owner and the seconds, once per block; ``stuck`` is the last
+    resort.
     """
 
     beat: Callable[[], float]
@@ -59,35 +58,35 @@ _END = operator.attrgetter("until")
 
 
 class Watchdog:
-    """The thread; robots are added while it runs."""
+    """The watchdog thread; robots are added while it runs."""
 
     def __init__(self, clock: Clock, loop: LoopWatch) -> None:
         self._clock = clock
         self._loop = loop
         self._robots: dict[str, Watched] = {}
-        self._running: set[DeadMan] = set()  # those of the robots that hold a lease
+        self._running: set[DeadMan] = set()  # those with a running lease
         self._ended = threading.Event()
         self._silence = LoopSilence(PERIOD)
         self._named = ""
         self._looked = math.inf
-        self._asleep = (0.0, -math.inf)  # from when to when the process last was
+        self._asleep = (0.0, -math.inf)  # begin and end of the last stop of the process
         self._thread = threading.Thread(target=self._run, name="fleet-watchdog", daemon=True)
 
     def start(self) -> None:
-        """Begin to watch."""
+        """Start watching."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End; returns when the thread has ended."""
+        """Stop; returns when the thread has ended, or after 1 s."""
         self._ended.set()
         self._looked = math.inf
         if self._thread.is_alive():
             self._thread.join(timeout=1.0)
 
     def arrival(self) -> float:
-        """Return since when (monotonic s) what is read now may have waited to be read; from any thread.
+        """Return since when (monotonic s) a message read now may have been waiting; from any thread.
 
-        That is now, but for a process that was stopped, or had no processor: nobody in it could read.
+        Usually now; earlier if the process was stopped or had no processor, so that it could not read.
         """
         now, looked = self._clock.monotonic(), self._looked
         if now - looked > ASLEEP:
@@ -96,37 +95,37 @@ class Watchdog:
         return since if now - until < BACKLOG else now
 
     def add(self, name: str, watched: Watched) -> None:
-        """Watch a robot, in place of one of its name."""
+        """Watch a robot, instead of an earlier one of the same name."""
         if name in self._robots:
             self._robots[name].deadman.join(set())
         self._robots = {**self._robots, name: watched}
         watched.deadman.join(self._running)
 
     def remove(self, name: str) -> None:
-        """Watch a robot no more; harmless for one that is not watched."""
+        """Stop watching a robot; no effect for an unknown name."""
         watched = self._robots.get(name)
         if watched is not None:
             self._robots = {other: each for other, each in self._robots.items() if other != name}
             watched.deadman.join(set())
 
     def _run(self) -> None:
-        """Look at everything until the end."""
+        """Check until the end."""
         patience = PERIOD
         while not self._ended.wait(patience):
             patience = PERIOD
             try:
                 patience = self.look(self._clock.monotonic())
-            except Exception as error:  # noqa: BLE001 - without this thread no lease would end
-                _tell_aside(error)
+            except Exception as error:  # noqa: BLE001 - without this thread no lease would expire
+                _log_failure(error)
 
     def _first_end(self) -> float:
         """Return when the first lease ends (monotonic s)."""
         return min(map(_END, self._running.copy()), default=math.inf)
 
     def look(self, now: float) -> float:
-        """Look once, at the monotonic time ``now``; never raises.
+        """Check once, at the monotonic time ``now``; never raises.
 
-        Returns how long to sleep from ``now``: to the end of the first lease, at most ``PERIOD``.
+        Returns how long to sleep from ``now``: until the first lease ends, at most ``PERIOD``.
         """
         if now - self._looked > ASLEEP:
             self._asleep = (self._looked, now)
@@ -139,15 +138,15 @@ class Watchdog:
         return max(SHORTEST, min(first - now, PERIOD))
 
     def _look_at_loop(self, now: float) -> None:
-        """Name who blocks the loop, once; give the process up when it never comes back.
+        """Name the owner of a blocked loop, once; end the process if the loop stays blocked.
 
-        Nobody is named for the time in which the computer gave the loop no processor.
+        Time in which the computer gave the loop no processor counts against no robot.
         """
         silent = self._silence.look(now, self._loop.beat(), self._loop.cpu(), self._loop.waited())
         if silent < BLOCKED:
             self._named = ""
             return
-        if not self._named and self._silence.blamed >= BLOCKED:
+        if not self._named and self._silence.attributable >= BLOCKED:
             name = self._named = self._loop.running() or "the host"
             run_in_thread(lambda: _safely(lambda: self._loop.blocked(name, silent)))
         if silent > STUCK:
@@ -156,12 +155,12 @@ class Watchdog:
 
 
 def _halting(watched: Watched) -> Callable[[], None]:
-    """Return what halts a robot."""
+    """Return a call that halts a robot."""
     return lambda: _safely(watched.halt)
 
 
 def _expiry(watched: Watched) -> Callable[[], None]:
-    """Return what is done when a robot's lease has run out."""
+    """Return the call for an expired lease: halt, then notify the loop."""
 
     def expire() -> None:
         _safely(watched.halt)
@@ -171,13 +170,13 @@ def _expiry(watched: Watched) -> Callable[[], None]:
 
 
 def _safely(call: Callable[[], None]) -> None:
-    """Make a call of which nothing must keep the watchdog from the next."""
+    """Make a call whose failure must not keep the watchdog from the next."""
     try:
         call()
-    except Exception as error:  # noqa: BLE001 - told aside; the watchdog goes on
-        _tell_aside(error)
+    except Exception as error:  # noqa: BLE001 - logged on another thread; the watchdog goes on
+        _log_failure(error)
 
 
-def _tell_aside(failure: Exception) -> None:
-    """Tell of a failure, on a thread beside."""
+def _log_failure(failure: Exception) -> None:
+    """Log a failure on another thread."""
     run_in_thread(lambda: log.error("the watchdog goes on", exc_info=failure))

@@ -1,1 +1,1 @@
-"""Who may move a robot, when, and how far: pure rules and state machines, the clock passed in."""
+"""Rules for who may move a robot, when, and how far: pure functions and state machines."""

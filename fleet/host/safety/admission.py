@@ -1,6 +1,6 @@
-"""Admission of one robot's requests, in one order: source type, age, emergency stop, fault, control lease.
+"""Admission of one robot's requests by source type, age, emergency stop, fault and control lease, in order.
 
-Each rule is a module of this folder, with the text of its own refusal.
+Each rule is a module of this folder, which also words its refusal.
 """
 
 from __future__ import annotations
@@ -21,73 +21,74 @@ from fleet.wire.envelope import LONGEST_NAME
 from fleet.wire.stops import STOP_WORDS
 
 JOIN, LEAVE, TAKE = "join_run", "leave_run", "take"
-"""The host's own: a run of a mission takes the robot, gives it back; a person takes it out of the run."""
+"""Commands of the host: a mission run takes the robot or gives it back; a person takes it from the run."""
 
 
 class Admission:
-    """The safety rules of one robot together; each method returns a refusal, or None to let it through."""
+    """The safety rules of one robot. A judging method returns the refusal, or None to admit the request."""
 
     def __init__(
         self, config: AdapterConfig, clock: Clock, latch: EmergencyStopLatch, speeds: VerbSpeeds
     ) -> None:
         self._clock = clock
         self._ages = AgeCheck(config.clock_skew)
-        self.offsets = self._ages.offsets  # of the senders' clocks, s
+        self.offsets = self._ages.offsets  # senders' clock offsets, s
         self.latch = latch
         self.speeds = speeds
-        self.fault = ""  # the robot's own latched fault, in its words
+        self.fault = ""  # text of the fault that the robot itself latched; empty without one
         self.permit = MotionPermit()
         self.lease = ControlLease(config.control_lease)
-        self._let_go = StickReleaseInterlock(config.setpoint_lease)
+        self._stick_release = StickReleaseInterlock(config.setpoint_lease)
         self.configure(config)
 
-    def configure(self, config: AdapterConfig, limits: Limits | None = None) -> None:  # noqa: ARG002 - of others
-        """Judge by another configuration from now on; what is known of stops and senders stays."""
+    def configure(self, config: AdapterConfig, limits: Limits | None = None) -> None:  # noqa: ARG002 - shared signature
+        """Apply a changed configuration; recorded stops and sender clocks stay."""
         self._max_age, self._command_max_age = config.max_age, config.command_max_age
         self._policy = SourcePolicy(config.accepts, simulated=config.simulated)
         self.lease.seconds = config.control_lease
-        self._let_go.pause = config.setpoint_lease
+        self._stick_release.pause = config.setpoint_lease
 
     def stopped(self, ask: Command) -> None:
-        """Take note of a stop: its asker lets go of the robot, and what he asked before it is late.
+        """Record a stop: it ends the sender's lease and makes earlier requests of the sender late.
 
-        Whoever else drives has to let go, too. Those who give no session may be several, each with a clock
-        of his own.
+        All other drivers have to release their sticks. Requests without a session may come from several
+        senders, each with its own clock.
         """
         self.permit.stopped()
         self.speeds.forget()
         self.lease.let_go(ask.origin.session)
         self.lease.others_moved(ask.origin.session, f"stopped: {ask.name} by {_named(ask.origin)}")
-        self._let_go.stopped(_asker(ask.origin), self._clock.monotonic())
+        self._stick_release.stopped(_asker(ask.origin), self._clock.monotonic())
         wall, now = self._clock.time(), self._clock.monotonic()
         shared = not ask.origin.session
         self._ages.stopped(_asker(ask.origin), ask.stamp, wall=wall, now=now, shared=shared)
 
     def taken_over(self, why: str) -> None:
-        """Take note that somebody else has the robot, or that its adapter begins anew."""
+        """Record a change of authority: another party controls the robot, or its adapter restarts."""
         self.speeds.forget()
         self.lease.free(why)
 
     def command(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
-        """Judge a discrete command; stops are let through whoever sends them and however late."""
+        """Judge a discrete command; stops are admitted from any sender at any age."""
         if ask.name in STOP_WORDS:
             return None
         ends_a_stop = ask.name == RELEASE or (moves and not safe)
-        asked_for = ask.name == JOIN and not ask.origin.session.startswith(RUN_SESSION)  # by its starter
+        asked_for = ask.name == JOIN and not ask.origin.session.startswith(RUN_SESSION)  # by a person
         refusal = self._policy_refusal(ask) or self._age(
             _asker(ask.origin), ask.stamp, self._command_max_age, moves=ends_a_stop or asked_for
         )
         refusal = refusal or self._standing(ask, moves=moves, safe=safe)
         if refusal is None and ends_a_stop and ask.name != RELEASE:
             self._take(ask.origin)
-        if refusal is None and moves:  # what is safe passes though a run has the robot
+        if refusal is None and moves:  # a safe command does not take the robot out of its run
             self.lease.others_moved(ask.origin.session, f"taken: {ask.name} by {_named(ask.origin)}")
         return refusal
 
     def _policy_refusal(self, ask: Command) -> str | None:
-        """Judge who asks. A run joins its robots in the name of who started it, to command or to lead them.
+        """Judge the sender.
 
-        Each of its steps is judged again. Whoever let it join lets it leave.
+        A run joins its robots in the name of the person who started it, whose rights may cover commands or
+        only navigation. The run's steps are judged again one by one. The same rights are needed to leave.
         """
         refusal = self._policy.refusal(ask.origin)
         if refusal is not None and ask.name in (JOIN, LEAVE):
@@ -95,20 +96,20 @@ class Admission:
         return refusal
 
     def join(self, ask: Command) -> None:
-        """Give the robot to a run of a mission until it leaves; raises Refused."""
+        """Give the robot to a mission run until it leaves; raises Refused."""
         refusal = self.motion() or self.lease.join(_run_in(ask), self._clock.monotonic())
         if refusal is not None:
             raise Refused(refusal)
 
     def leave(self, ask: Command) -> None:
-        """Take the robot out of its run: the run has ended, or a person takes the robot."""
+        """Take the robot out of its run because the run ended or a person takes over."""
         if ask.name == TAKE:
             self.lease.leave(f"taken: by {_named(ask.origin)}")
         elif self.lease.run == _run_in(ask):
             self.lease.leave("the run ended")
 
     def would_refuse(self, ask: Command | Navigate, *, moves: bool, safe: bool) -> str | None:
-        """Return why a command or a goal would be refused that was asked now; takes the robot for nobody."""
+        """Return why a command or goal would be refused now; dry run, the lease does not change."""
         if isinstance(ask, Navigate):
             turn = self.lease.refusal(ask.origin.session, self._clock.monotonic())
             return self._policy.refusal(ask.origin, navigation=True) or self.motion() or turn
@@ -117,12 +118,12 @@ class Admission:
         return self._policy.refusal(ask.origin) or self._standing(ask, moves=moves, safe=safe)
 
     def _standing(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
-        """Judge a command by what is so now: a stop that is set, a fault, somebody's turn."""
+        """Judge a command by the present state: a set stop, a fault, the control lease."""
         if ask.name == RELEASE:
             return self.latch.held or None
         if ask.origin.session.startswith(RUN_SESSION) and ask.name not in (JOIN, LEAVE):
             refusal = self.lease.refusal(ask.origin.session, self._clock.monotonic())
-            if refusal is not None:  # a robot that left its run is not touched by it, not even to land
+            if refusal is not None:  # a run may not touch a robot that left it, not even to land it
                 return refusal
         if safe:
             return None
@@ -131,51 +132,51 @@ class Admission:
         return self.motion() or self.lease.refusal(ask.origin.session, self._clock.monotonic())
 
     def setpoint(self, ask: Setpoint) -> str | None:
-        """Judge a velocity; one that is refused for its age still shows that its driver holds the stick."""
+        """Judge a velocity. One that is refused for its age still counts as a held stick."""
         return self._stream(ask, zero=ask.velocity.is_zero)
 
     def joints(self, ask: JointSetpoint) -> str | None:
-        """Judge joint targets: a stream of motion as velocities are, of which none is zero."""
+        """Judge joint targets: a motion stream like velocities, but without a zero that ends it."""
         return self._stream(ask, zero=False)
 
     def _stream(self, ask: Setpoint | JointSetpoint, *, zero: bool) -> str | None:
-        """Judge one of a stream that moves the robot; ``zero``: its sender lets go of the stick by it."""
+        """Judge one message of a motion stream; ``zero``: it releases the stick."""
         asker, now = _asker(ask.origin), self._clock.monotonic()
         refusal = self._policy.refusal(ask.origin)
         if refusal is not None:
             return refusal
         late = self._setpoint_age(ask)
         if late is not None:
-            self._let_go.drove(asker, now)
+            self._stick_release.drove(asker, now)
             return late
-        # Asked before the latch, behind which a stick that is held would pass for one that is let go.
-        holds = self._let_go.refusal(asker, now, zero=zero)
+        # Before the latch: while the stop is set, a held stick would otherwise pass for a released one.
+        holds = self._stick_release.refusal(asker, now, zero=zero)
         refusal = self.motion() or holds or self.lease.refusal(ask.origin.session, now)
         if refusal is None:
             self._take(ask.origin)
-            self._let_go.drove(asker, now)
+            self._stick_release.drove(asker, now)
         return refusal
 
     def is_untimely_zero(self, ask: Setpoint) -> bool:
-        """Return whether a velocity is zero, and any other would be refused for its age or as motion."""
+        """Return whether this is a zero where another velocity would be refused for its age or as motion."""
         return ask.velocity.is_zero and (self.motion() or self._setpoint_age(ask)) is not None
 
     def untimely_zero(self, ask: Setpoint) -> str | None:
-        """Judge a velocity of zero that is late, stamped by a clock that is off, or while nothing may move.
+        """Judge a zero velocity that is late, has a wrong stamp, or arrives while nothing may move.
 
-        It may end motion, and gives back the control that its sender has; it never takes control. One that is
-        late is no word of who holds the stick now: it may be from before the stop that he is to let go after.
+        It may end motion and gives up the sender's lease, but never takes control. A late one proves nothing
+        about the stick: it may be from before the stop after which the driver has to release it.
         """
         session, now = ask.origin.session, self._clock.monotonic()
         refusal = self._policy.refusal(ask.origin) or self.lease.refusal(session, now)
         if refusal is None:
             self.lease.let_go(session)
             if self._setpoint_age(ask) is None:
-                self._let_go.refusal(_asker(ask.origin), now, zero=True)
+                self._stick_release.refusal(_asker(ask.origin), now, zero=True)
         return refusal
 
     def navigate(self, ask: Navigate) -> str | None:
-        """Judge a navigation message; stop and pause are let through, resume is motion."""
+        """Judge a navigation message; stop and pause are always admitted, resume counts as motion."""
         if ask.ask in (Control.STOP, Control.PAUSE):
             return None
         refusal = (
@@ -189,7 +190,7 @@ class Admission:
         return refusal
 
     def motion(self) -> str | None:
-        """Return why nothing may move the robot, whoever asks; None when it may be moved."""
+        """Return why nothing may move the robot, independent of the sender; None when motion is possible."""
         fault = f"it has a fault: {self.fault}" if self.fault else None
         return self.latch.refusal() or self.permit.refusal() or fault
 
@@ -208,17 +209,17 @@ class Admission:
         )
 
     def _setpoint_age(self, ask: Setpoint | JointSetpoint) -> str | None:
-        """Judge the age of one of a stream; asking twice of one gives one answer."""
+        """Judge the age of a stream message; a second call with the same message gives the same answer."""
         return self._age(_asker(ask.origin), ask.stamp, self._max_age, ordered=True)
 
     def _take(self, origin: Origin) -> None:
-        """Give the robot to an asker."""
+        """Give the control lease to the sender."""
         self.lease.take(origin.session, self._clock.monotonic())
         self.speeds.driven_by(origin.session)
 
 
 def _run_in(ask: Command) -> str:
-    """Return the run that a command names; raises Refused."""
+    """Return the run id in a command; raises Refused."""
     run = ask.data.get("run")
     if not isinstance(run, str) or not 0 < len(run) <= LONGEST_NAME:
         raise Refused(f"{ask.name} needs run, the id of a run")
@@ -226,10 +227,10 @@ def _run_in(ask: Command) -> str:
 
 
 def _named(origin: Origin) -> str:
-    """Return who asked, for people."""
+    """Return the sender's name for people."""
     return origin.session or origin.way
 
 
 def _asker(origin: Origin) -> str:
-    """Return whose clock a message is stamped by."""
+    """Return the key of a sender's clock."""
     return origin.way + "/" + origin.session

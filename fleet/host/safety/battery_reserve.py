@@ -1,16 +1,16 @@
-"""What must be left in the battery: goals beyond it are refused, and a low one is acted upon. Pure."""
+"""Battery reserve: refuses goals that would use it up and detects a low battery. Pure."""
 
 from __future__ import annotations
 
 import msgspec
 
-CHARGED = 5.0  # percent above ``low`` from which a battery counts as charged again: a reading wavers
+CHARGED = 5.0  # percent above ``low`` at which a battery counts as charged again: hysteresis against noise
 
 
 class BatteryReserve(msgspec.Struct, frozen=True):
-    """Percent: ``keep`` must be left when the robot is back home, at ``low`` it is acted upon.
+    """Thresholds in percent: ``keep`` must be left after the return home, at ``low`` the policy acts.
 
-    ``endurance`` is how many seconds a full battery moves the robot, None when nobody knows.
+    ``endurance`` is the motion time of a full battery in seconds, None when unknown.
     """
 
     keep: float
@@ -18,9 +18,9 @@ class BatteryReserve(msgspec.Struct, frozen=True):
     endurance: float | None = None
 
     def trouble(self, percent: float | None, metres: float = 0.0, speed: float | None = None) -> str:
-        """Return why a way of ``metres``, there and home, may not be begun; empty when it may."""
+        """Return why a path of ``metres``, there and home, must not be started; empty when it may."""
         if percent is None:
-            return "how full the battery is is unknown"
+            return "its battery level is unknown"
         needed = 0.0
         if self.endurance is not None and speed:
             needed = 100 * metres / speed / self.endurance
@@ -30,16 +30,16 @@ class BatteryReserve(msgspec.Struct, frozen=True):
         return f"the battery is at {percent:.0f} %{what} and {self.keep:g} % must be left"
 
     def start_trouble(self, percent: float | None) -> str:
-        """Return why a flight may not be begun; empty when it may: what is low is acted upon at once."""
+        """Return why a take-off is refused, empty when not. At ``low`` the policy would act at once."""
         if self.is_low(percent):
             needed = max(self.low, self.keep)
             return f"the battery is at {percent:.0f} %, a take-off needs more than {needed:g} %"
         return self.trouble(percent)
 
     def is_low(self, percent: float | None) -> bool:
-        """Return whether it must be acted upon now."""
+        """Return whether the policy must act now."""
         return percent is not None and percent <= self.low
 
     def is_charged(self, percent: float) -> bool:
-        """Return whether it is so far above low that the next time it is low is another one."""
+        """Return whether the charge is so far above ``low`` that the next low level is a new one."""
         return percent >= self.low + CHARGED

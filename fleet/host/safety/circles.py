@@ -1,4 +1,4 @@
-"""How wide a robot circles about the places of a task: what cannot stand never ends at a point. Pure."""
+"""Circling radius around the places of a task: a fixed wing cannot hover at a point. Pure."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from fleet.model.navigation import AnyTask, FlyMission, FollowPath
 
 
 def circled(task: AnyTask, radius: float) -> Iterable[float]:
-    """Yield how wide it circles about each place of a task, m; ``radius`` is its own, 0 for what stands.
+    """Yield the circling radius at each place of a task, m; ``radius`` is the robot's own, 0 if it can stand.
 
-    A mission passes those of its waypoints that are not its last item, and stands where it lands.
+    A mission flies through all waypoints but the last item, and stands where it lands.
     """
     if not radius:
         return
     if not isinstance(task, FlyMission):
-        places = len(task.goals) + 1 if isinstance(task, FollowPath) else 1  # loops lead back to the first
+        places = len(task.goals) + 1 if isinstance(task, FollowPath) else 1  # loops return to the first
         yield from [radius] * places
         return
     for number, item in enumerate(task.items, 1):

@@ -1,7 +1,7 @@
-"""Who has the robot: the last one to move it keeps it for a while, so that two cannot fight over it.
+"""Control lease: the last sender to move a robot keeps it for a while, so that two cannot fight over it.
 
-Stops pass from anyone. Teleoperation takes the robot from navigation; nothing takes it from a person but
-time. A run of a mission has its robots until it ends, or until somebody takes one out of it.
+Stops pass from any sender. Teleoperation takes the robot from navigation; only time takes it from a person.
+A mission run keeps its robots until it ends, or until a person takes one out of it.
 """
 
 from __future__ import annotations
@@ -10,10 +10,9 @@ from fleet.model.command import RUN_SESSION, session_of
 
 
 class ControlLease:
-    """One robot's lease; ``seconds`` after the holder's last motion it is free.
+    """Control lease of one robot; it expires ``seconds`` after the holder's last motion.
 
-    ``run`` is the run of a mission that has it, empty when none has; ``left`` why the last one has it no
-    more.
+    ``run`` is the mission run that has the robot, empty when none has; ``left`` is why the last run lost it.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -24,7 +23,7 @@ class ControlLease:
         self.left = ""
 
     def refusal(self, session: str, now: float) -> str | None:
-        """Return why this session may not move the robot now, None when it may."""
+        """Return why this session may not move the robot now; None when it may."""
         if self.run:
             if session == session_of(self.run):
                 return None
@@ -36,20 +35,20 @@ class ControlLease:
         return f"{self._holder or 'another operator'} has control for {self._until - now:.1f} s more"
 
     def holder(self, now: float) -> str:
-        """Return the session that has the robot now, empty when none has; a run of a mission is ``run``."""
+        """Return the session that holds the lease, empty when none does; for a mission run see ``run``."""
         return self._holder if now < self._until and not self.run else ""
 
     def control(self, now: float) -> str:
-        """Return who has control now, in words; empty while nobody has."""
+        """Return the holder of the lease as text for people; empty when it is free."""
         return f"{self._holder or 'an operator'} has control" if now < self._until else ""
 
     def take(self, session: str, now: float) -> None:
-        """Give the robot to this session from now on."""
+        """Start or renew the lease of this session."""
         self._holder = session
         self._until = now + self.seconds
 
     def join(self, run: str, now: float) -> str | None:
-        """Give the robot to a run of a mission until it leaves; return why not, None when it is given."""
+        """Give the robot to a mission run until it leaves; return the refusal, None when it was given."""
         if self.run and self.run != run:
             return f"it is in run {self.run}"
         if not self.run and now < self._until:
@@ -58,21 +57,21 @@ class ControlLease:
         return None
 
     def leave(self, why: str) -> None:
-        """Take the robot out of the run that has it, if one has."""
+        """Take the robot out of its run, if it is in one."""
         if self.run:
             self.run, self.left = "", why
 
     def others_moved(self, session: str, why: str) -> None:
-        """Take the robot out of its run when somebody else moves or stops it."""
+        """Take the robot out of its run when another sender moves or stops it."""
         if self.run and session != session_of(self.run):
             self.leave(why)
 
     def let_go(self, session: str) -> None:
-        """End the lease of this session, if it is the holder: it has stopped what it moved."""
+        """End this session's lease, if it is the holder: it has stopped the robot."""
         if session == self._holder:
             self._until = float("-inf")
 
     def free(self, why: str) -> None:
-        """End the lease at once, and take the robot out of its run."""
+        """End the lease at once and take the robot out of its run."""
         self._until = float("-inf")
         self.leave(why)

@@ -1,7 +1,7 @@
-"""The dead-man: a velocity lives for its lease and not a moment longer.
+"""Dead-man: a velocity is held for its lease and no longer.
 
 ``DeadMan`` is the state of one robot, fed by the event loop and expired by the watchdog thread. Its lock is
-held for a few instructions only, so a stuck loop cannot hold it.
+held for a few instructions only, so a blocked loop cannot hold it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import threading
 
 
 class DeadMan:
-    """One robot's running lease; ``until``: when it runs out (monotonic s), infinity without one."""
+    """Dead-man lease of one robot; ``until`` is its expiry (monotonic s), infinity without a lease."""
 
     __slots__ = ("_lock", "_running", "expired", "until")
 
@@ -22,10 +22,10 @@ class DeadMan:
         self.expired = 0
 
     def join(self, running: set[DeadMan]) -> None:
-        """Be one of ``running`` while a lease runs: few of many robots are driven at a time.
+        """Register in ``running`` while a lease runs: only a few of many robots are driven at a time.
 
-        Who looks through them takes a ``copy``, which no other thread can come between; what makes its object
-        while it reads (``tuple``, a loop) can be interrupted by a collection of garbage, and others let in.
+        Readers in other threads take a ``copy()``, which is atomic. ``tuple()`` or a loop allocates while it
+        iterates, so the garbage collector may run and let another thread change the set.
         """
         with self._lock:
             self._running.discard(self)
@@ -45,12 +45,12 @@ class DeadMan:
             self._running.add(self)
 
     def clear(self) -> None:
-        """Nothing is moving any more."""
+        """End the lease: nothing moves any more."""
         with self._lock:
             self._end()
 
     def expire(self, now: float) -> bool:
-        """Return True, once, when the lease has run out."""
+        """Return True once when the lease has expired."""
         with self._lock:
             if now < self.until:
                 return False
@@ -59,6 +59,6 @@ class DeadMan:
             return True
 
     def _end(self) -> None:
-        """End the lease; under the lock."""
+        """End the lease; the caller holds the lock."""
         self.until = math.inf
         self._running.discard(self)

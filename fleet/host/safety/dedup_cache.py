@@ -1,6 +1,6 @@
-"""Answering a repeated ask with its first answer instead of doing it twice.
+"""Deduplication: a repeated request gets the first answer and is not executed again.
 
-QoS 1 redelivers without a reliable DUP flag, so repeats are known by content: the request id, the
+QoS 1 redelivers without a reliable DUP flag, so repeats are recognized by content: the request id, the
 action id, or the digest of a stamped message.
 """
 
@@ -17,20 +17,20 @@ AnswerT = TypeVar("AnswerT")
 
 
 class DedupCache(Generic[AnswerT]):
-    """The ids seen lately, and what answers each."""
+    """Recent request ids and their answers; at most ``KEPT``, for ``LIFETIME``."""
 
     def __init__(self) -> None:
         self._seen: OrderedDict[str, tuple[float, AnswerT]] = OrderedDict()
-        self._look = -math.inf  # when the oldest may have to be forgotten
+        self._next_expiry = -math.inf  # when the oldest entry may expire (monotonic s)
 
     def first(self, identity: str, answer: AnswerT, now: float) -> AnswerT | None:
-        """Return what answered the first of this id; None when this is the first, which is remembered.
+        """Return the answer to the first request with this id; None when this is the first, now stored.
 
         An empty id is never a repeat. ``now``: monotonic seconds.
         """
         if not identity:
             return None
-        if now > self._look:
+        if now > self._next_expiry:
             self._forget(now)
         if identity in self._seen:
             return self._seen[identity][1]
@@ -40,11 +40,11 @@ class DedupCache(Generic[AnswerT]):
         return None
 
     def _forget(self, now: float) -> None:
-        """Forget those whose time is over."""
+        """Remove expired entries."""
         while self._seen and now - self._oldest() > LIFETIME:
             self._seen.popitem(last=False)
-        self._look = (self._oldest() if self._seen else now) + LIFETIME
+        self._next_expiry = (self._oldest() if self._seen else now) + LIFETIME
 
     def _oldest(self) -> float:
-        """Return when the oldest was seen."""
+        """Return the time of the oldest entry."""
         return next(iter(self._seen.values()))[0]

@@ -1,7 +1,7 @@
-"""The fence of one robot: where it may be, which ways it may take, which velocities it may hold.
+"""Fence of one robot: the positions, paths and velocities that it allows.
 
-Pure. Points are metres in the robot's world frame, heights metres above home. A way is straight: it must not
-lead through an exclusion or out of the inclusions, though both its ends be allowed.
+Pure. Points are metres in the robot's world frame, heights metres above home. Paths are straight: one must
+not cross an exclusion or leave the inclusions, even if both of its ends are allowed.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ import msgspec
 from fleet.model.geometry import Vector3
 from fleet.model.polygon import Point, Polygon, crosses, distance_to_border, polygon_contains
 
-SLACK = 1.0  # m out of bounds that is put down to the position's noise and to overshooting
-STEP = 0.1  # m
-LOOK_AHEAD = 1.5  # s of motion that must stay inside: an old pose, the answer, and the braking
+SLACK = 1.0  # m out of bounds that count as position noise and overshoot
+STEP = 0.1  # m of a first small step of motion
+LOOK_AHEAD = 1.5  # s of motion that must stay inside: age of the pose, reaction time and braking
 
 
 class Fence(msgspec.Struct, frozen=True):
-    """``inclusion``: it must be in one of them, where there are any; ``exclusion``: in none of these.
+    """Fence geometry. The robot must be in an ``inclusion``, if there are any, and in no ``exclusion``.
 
-    ``ceiling`` is metres above home, ``distance`` metres from home, ``margin`` metres that a held velocity
-    keeps from the border besides; None is no limit.
+    ``ceiling`` is metres above home, ``distance`` metres from home; None is no limit. ``margin`` is the
+    additional distance in metres that a held velocity keeps from the border.
     """
 
     inclusion: tuple[Polygon, ...] = ()
@@ -33,7 +33,7 @@ class Fence(msgspec.Struct, frozen=True):
     margin: float = 1.0
 
     def trouble(self, point: Vector3, home: Vector3, around: float = 0.0) -> str:
-        """Return why it may not be at a point, or circle ``around`` metres about it; empty when it may."""
+        """Return why the robot may not be at a point, or circle it at ``around`` metres; empty if it may."""
         trouble = self._trouble(point, home)
         if trouble or not around:
             return trouble
@@ -48,7 +48,7 @@ class Fence(msgspec.Struct, frozen=True):
         return f"{left:.0f} m from the fence, and it circles {around:.0f} m about it" if left < around else ""
 
     def _trouble(self, point: Vector3, home: Vector3) -> str:
-        """Return why the robot may not be at a point, empty when it may."""
+        """Return why the robot may not be at a point; empty when it may."""
         flat = (point.x, point.y)
         if any(polygon_contains(polygon, flat) for polygon in self.exclusion):
             return "in an exclusion of the fence"
@@ -63,16 +63,16 @@ class Fence(msgspec.Struct, frozen=True):
         return ""
 
     def breach(self, point: Vector3, home: Vector3) -> str:
-        """Return why a robot that is at a point has broken the fence, empty when it has not."""
+        """Return why a robot at a point has breached the fence; empty when it has not."""
         over = -math.inf if self.ceiling is None else point.z - home.z - self.ceiling
         return self.trouble(point, home) if max(over, self._beyond(point, home)) > SLACK else ""
 
     def way_trouble(
         self, start: Vector3, points: Iterable[Vector3], home: Vector3, around: Iterable[float] = ()
     ) -> str:
-        """Return why a robot may not go from ``start`` through these points, empty when it may.
+        """Return why a robot may not go from ``start`` through these points; empty when it may.
 
-        One that is outside already may come in. ``around``: how wide it circles about each point, metres.
+        A robot that is outside already may come in. ``around``: circling radius at each point, metres.
         """
         inside, wide = not self.trouble(start, home), iter(around)
         for number, point in enumerate(points, 1):
@@ -85,14 +85,14 @@ class Fence(msgspec.Struct, frozen=True):
         return ""
 
     def _leaves(self, start: Point, end: Point) -> bool:
-        """Return whether a straight way between allowed points meets what is not."""
+        """Return whether a straight path between two allowed points crosses forbidden ground."""
         if any(crosses(polygon, start, end) for polygon in self.exclusion):
             return True
         homes = [polygon for polygon in self.inclusion if polygon_contains(polygon, start)]
         return bool(homes) and all(crosses(polygon, start, end) for polygon in homes)
 
     def admitted(self, point: Vector3, velocity: Vector3, home: Vector3) -> Vector3:
-        """Return the part of a world velocity (m/s) that keeps the robot inside, or brings it back."""
+        """Return the part of a world velocity (m/s) that keeps the robot inside or brings it back."""
         flat, climb = Vector3(velocity.x, velocity.y, 0.0), velocity.z
         if self._worse(point, flat, home):
             flat = Vector3()
@@ -101,11 +101,11 @@ class Fence(msgspec.Struct, frozen=True):
         return Vector3(flat.x, flat.y, climb)
 
     def _worse(self, point: Vector3, velocity: Vector3, home: Vector3) -> bool:
-        """Return whether a level velocity leads out, or farther out."""
+        """Return whether a horizontal velocity leads out, or farther out."""
         speed = velocity.horizontal()
         if speed == 0:
             return False
-        # The first step too: who is out may not go through the depth of it, though that leads in again.
+        # The first small step counts: a robot outside must not go deeper first, even if its path ends inside.
         steps = (STEP / speed, LOOK_AHEAD, LOOK_AHEAD + self.margin / speed)
         ways = [point + Vector3(velocity.x, velocity.y, 0.0).scaled(seconds) for seconds in steps]
         beyond = max(self._beyond(ahead, home) for ahead in ways)
@@ -114,7 +114,7 @@ class Fence(msgspec.Struct, frozen=True):
         return passes or (beyond > 0 and beyond >= before)
 
     def _beyond(self, point: Vector3, home: Vector3) -> float:
-        """Return how many metres a point is out of bounds, 0 inside."""
+        """Return the metres by which a point is out of bounds, 0 inside."""
         flat = (point.x, point.y)
         worst = [distance_to_border(each, flat) for each in self.exclusion if polygon_contains(each, flat)]
         if self.inclusion and not any(polygon_contains(polygon, flat) for polygon in self.inclusion):
@@ -125,5 +125,5 @@ class Fence(msgspec.Struct, frozen=True):
 
 
 def _away(point: Vector3, home: Vector3) -> float:
-    """Return metres over ground between two points."""
+    """Return the horizontal distance between two points, m."""
     return math.hypot(point.x - home.x, point.y - home.y)

@@ -1,7 +1,7 @@
-"""Keys that are held together: their velocities add up, opposite ones cancel; pure.
+"""Motion keys held together: their velocities add up, opposite ones cancel. Pure.
 
 Each verb (``move_forward``, ``turn_left``, ...) is a key that is down for its own lease. The sum may be held
-only until the first of its keys is due, so no key outlives its lease because another is pressed.
+only until the first key expires, so no key outlives its lease because another is pressed.
 """
 
 from __future__ import annotations
@@ -9,19 +9,19 @@ from __future__ import annotations
 from fleet.model.geometry import Vector3, Velocity
 from fleet.wire.verbs import VERBS
 
-RELEASED = 0.15  # s before the end of its lease at which a key counts as up: the others go on without a halt
+RELEASED = 0.15  # s before the end of its lease at which a key counts as up: no halt for the others
 
 
 class HeldKeys:
-    """The keys of one robot that are down."""
+    """Keys of one robot that are down."""
 
     def __init__(self) -> None:
         self._down: dict[str, tuple[Velocity, float]] = {}
 
     def press(self, verb: str, velocity: Velocity, now: float, lease: float) -> tuple[Velocity, float]:
-        """Return what to hold, and for how many seconds from ``now`` (monotonic).
+        """Return the velocity to hold, and for how many seconds from ``now`` (monotonic).
 
-        What is no key (a joystick, a contract) stands alone and lifts all keys.
+        A velocity that is not from a key (a joystick, a contract) replaces all keys.
         """
         if verb not in VERBS:
             self.lift()
@@ -32,11 +32,11 @@ class HeldKeys:
         return self._sum(), until - now
 
     def lift(self) -> None:
-        """All keys are up."""
+        """Release all keys."""
         self._down = {}
 
     def _sum(self) -> Velocity:
-        """Add up, axis by axis; an axis that is pulled both ways stands."""
+        """Combine the velocities axis by axis; opposite values on one axis give zero."""
         down = [velocity for velocity, _ in self._down.values()]
         return Velocity(
             Vector3(
@@ -49,7 +49,7 @@ class HeldKeys:
 
 
 def _added(values: list[float]) -> float:
-    """Return the value that is largest, 0 when some pull the other way."""
+    """Return the value of largest magnitude, 0 when signs differ."""
     if min(values) < 0.0 < max(values):
         return 0.0
     return max(values, key=abs)

@@ -1,4 +1,4 @@
-"""Joint targets kept within what the robot declares: beyond a range refused, beyond a speed slowed; pure."""
+"""Limits of joint targets: refuse a target outside its range, slow down one beyond its speed. Pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fleet.model.joints import JointRange
 
 
 def refusal(targets: Mapping[str, float], ranges: Mapping[str, JointRange]) -> str | None:
-    """Return why a robot with joints of these ranges does not take targets (rad, or m); None when it does."""
+    """Return why joints with these ranges cannot take the targets (rad, or m); None when they can."""
     if not ranges:
         return "it takes no joint targets"
     for joint, target in targets.items():
@@ -24,9 +24,9 @@ def refusal(targets: Mapping[str, float], ranges: Mapping[str, JointRange]) -> s
 
 
 def approach(at: float, target: float, bounds: JointRange, seconds: float) -> float:
-    """Return how far a joint may go from ``at`` towards its target in so many seconds, within its range.
+    """Return the joint's position after ``seconds`` of approach from ``at`` to its target, within its range.
 
-    One that is outside its range, because it was pushed there, comes back at its speed.
+    A joint outside its range, because it was pushed there, returns at its own speed.
     """
     most = bounds.speed * seconds
     return at + max(-most, min(most, min(max(target, bounds.least), bounds.most) - at))

@@ -1,15 +1,15 @@
-"""How old a message is when it arrives, though the sender's clock may be off.
+"""Age of a message at arrival, although the sender's clock may be off.
 
-Per session the smallest lag seen (arrival minus stamp) is the sender's clock offset plus the fastest way
-here; what a message lags beyond that is its age. The offset is never believed beyond ``clock_skew``, so a
-first message that is an hour old is refused, not taken for a clock that is an hour slow. A stream of
-velocities whose every message lags more is refused: a slow clock and a slow way look alike.
+The smallest lag seen in a session (arrival minus stamp) is the offset of the sender's clock plus the shortest
+transit time; a message's lag beyond it is its age. The offset is trusted only up to ``clock_skew``, so a
+first message that is an hour old is refused instead of being taken for a clock that is an hour slow. A
+velocity stream in which every message lags more is refused: a slow clock and a slow network look alike.
 
-Nothing from before a stop moves the robot after it. Within the stopper's own session the stamps decide, be
-the stop the first that is heard of it. Others' clocks may be off by ``clock_skew``: what may be from before
-by that much is refused.
+Nothing sent before a stop moves the robot after it. Within the session that sent the stop the stamps decide,
+even if the stop is its first message. Other clocks may be off by ``clock_skew``: a message that may be from
+before the stop by that much is refused.
 
-A velocity of zero is judged like any other; what is refused of it here still ends motion (``Admission``).
+A zero velocity is judged like any other; if it is refused here it still ends motion (``Admission``).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from collections import OrderedDict
 import msgspec
 
 SESSIONS = 256  # sessions remembered, oldest forgotten
-WINDOW = 60.0  # s after which an estimate is made afresh, so that a corrected clock is followed
-SHOWN = 8  # senders whose offset is shown, those heard last
+WINDOW = 60.0  # s until an estimate starts anew, so that it follows a corrected clock
+SHOWN = 8  # senders whose offset is shown, the most recent ones
 
 
 class _Stop(msgspec.Struct, frozen=True):
-    """A stop: its stamp, when it came (``wall`` Unix, ``at`` monotonic), and who sent it.
+    """A stop: its stamp, its arrival (``wall`` Unix, ``at`` monotonic) and its sender ``by``.
 
-    ``shared``: who sent it gives no session, so several may stand behind that, each with a clock of his own.
+    ``shared``: the sender gives no session, so it may stand for several, each with its own clock.
     """
 
     stamp: float = -math.inf
@@ -39,9 +39,9 @@ class _Stop(msgspec.Struct, frozen=True):
 
 
 class _Session:
-    """What is known of one sender's clock.
+    """Clock estimate and newest stop of one sender.
 
-    ``offset`` is the smallest lag of this window and the one before, within ``skew``.
+    ``offset`` is the smallest lag of this window and the previous one, within ``skew``.
     """
 
     def __init__(self, now: float, skew: float) -> None:
@@ -53,26 +53,26 @@ class _Session:
 
     @property
     def smallest(self) -> float:
-        """The smallest lag of this window and the one before, as it was measured, s."""
+        """Smallest lag of this window and the previous one as measured, s."""
         return min(self.current, self.previous)
 
     def learn(self, lag: float, now: float) -> None:
-        """Take the smallest lag of this window into account, or the first of the next."""
+        """Set the smallest lag of this window, or start the next window with it."""
         if now - self.since > WINDOW:
             self.previous, self.since = self.current, now
         self.current = lag
         self.offset = max(-self._skew, min(self._skew, self.smallest))
 
     def follow(self, stamp: float, ordered: bool) -> str | None:  # noqa: FBT001 - by position
-        """Return that a setpoint was overtaken by another; note the newest."""
+        """Return the refusal of a setpoint that a newer one overtook; record the newest stamp."""
         if stamp >= self.newest:
             self.newest = stamp
             return None
-        return "older than a setpoint that came before it" if ordered else None
+        return "older than a setpoint that arrived before it" if ordered else None
 
 
 class AgeCheck:
-    """The age rule of one robot; ``clock_skew`` in seconds."""
+    """Age check of one robot; ``clock_skew`` in seconds."""
 
     def __init__(self, clock_skew: float) -> None:
         self._skew = clock_skew
@@ -82,10 +82,10 @@ class AgeCheck:
     def stopped(
         self, session: str, stamp: float | None, *, wall: float, now: float, shared: bool = False
     ) -> None:
-        """Note a stop: what was asked before it may arrive later, by whomever and whichever way.
+        """Record a stop: requests sent before it may arrive later, from any sender, over any transport.
 
-        ``stamp`` is None where the stop has none. ``shared``: several may stand behind the session; their
-        stamps decide of commands, but not of velocities, of which the next comes soon.
+        ``stamp`` is None where the stop has none. ``shared``: the session may stand for several senders.
+        Their stamps decide for commands but not for velocities, since the next velocity follows soon.
         """
         self._last_stop = _Stop(wall=wall, at=now)
         if stamp is not None:
@@ -94,7 +94,7 @@ class AgeCheck:
             known.stop = self._last_stop = _Stop(latest, wall, now, session, shared)
 
     def offsets(self) -> dict[str, float]:
-        """Return the smallest lag of each sender heard lately: its clock's offset and its way, s."""
+        """Return the smallest lag of recent senders, s: offset of the clock plus transit time."""
         latest = itertools.islice(reversed(self._sessions.items()), SHOWN)
         return {name: round(known.smallest, 3) for name, known in latest if math.isfinite(known.smallest)}
 
@@ -109,11 +109,12 @@ class AgeCheck:
         ordered: bool = False,
         moves: bool = True,
     ) -> str | None:
-        """Return why a message is too old (or from the future), None when it is fresh.
+        """Return why a message is too old (or from the future); None when it is fresh.
 
-        ``stamp`` and ``wall`` are Unix seconds, ``now`` monotonic. ``ordered``: it is one of a stream, of
-        which nothing overtaken is obeyed, and nothing that always lags. ``moves``: it is refused after a
-        stop by anybody, if it may be from before. One without a stamp is as old as its arrival.
+        ``stamp`` and ``wall`` are Unix seconds, ``now`` monotonic. ``ordered``: it belongs to a stream, in
+        which a message that was overtaken is refused, and so is a sender that always lags. ``moves``: it is
+        refused after any sender's stop if it may be from before it. A message without a stamp is as old as
+        its arrival.
         """
         if stamp is None:
             return None
@@ -124,13 +125,13 @@ class AgeCheck:
         if lag < known.current or now - known.since > WINDOW:
             known.learn(lag, now)
         late = self._late(known, lag, max_age, ordered=ordered)
-        # Later than that none from before a stop is young enough, and clocks that were set do not matter.
+        # Beyond this time no message from before the stop is young enough, and changed clocks do not matter.
         since = now - 2 * self._skew - max_age
         overtaken = self._overtaken(session, stamp, since, ordered=ordered, moves=moves)
         return late or overtaken or known.follow(stamp, ordered)
 
     def _late(self, known: _Session, lag: float, max_age: float, *, ordered: bool) -> str | None:
-        """Return why a message that lags so much is too late."""
+        """Return why a message with this lag is too late; None when it is not."""
         if ordered and known.smallest > self._skew:
             return f"its sender's clock, or its way, is {known.smallest:.2f} s late; {self._advice()}"
         age = max(lag - known.offset, lag - self._skew)
@@ -139,21 +140,23 @@ class AgeCheck:
     def _overtaken(
         self, session: str, stamp: float, since: float, *, ordered: bool, moves: bool
     ) -> str | None:
-        """Return that a message is, or may be, from before a stop that came after ``since``."""
-        own, last = self._sessions[session].stop, self._last_stop
+        """Return the refusal of a message that may be from before a stop that arrived after ``since``."""
+        last = self._last_stop
+        # The sender's own record may have been evicted since, by many other senders.
+        own = last if last.by == session else self._sessions[session].stop
         if stamp < own.stamp and own.at >= since and (moves or not own.shared):
-            return "asked before a stop that came before it"
+            return "sent before a stop that arrived first"
         decided = last.by == session and not (last.shared and ordered)
         if moves and not decided and last.at >= since and stamp - self._skew < last.wall:
-            return "asked before somebody's stop, or so soon after it that nobody can tell"
+            return "sent before another sender's stop, or too soon after it to be sure"
         return None
 
     def _advice(self) -> str:
-        """Say what is allowed, and what to do."""
+        """Return the allowed skew and the cure, for a refusal."""
         return f"clock_skew is {self._skew:g} s: set the clock, or allow more in fleet.yaml"
 
     def _session(self, session: str, now: float) -> _Session:
-        """Return the sender's record."""
+        """Return the sender's record; create it at its first message."""
         known = self._sessions.get(session)
         if known is None:
             known = self._sessions[session] = _Session(now, self._skew)

@@ -1,4 +1,4 @@
-"""Whether an edge may move a robot at all: of a pair, only the one that has the lease, and not at once."""
+"""Motion permit of an edge: in a pair, only the holder of the lease may move robots, and not at once."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from collections.abc import Callable
 
 
 def _always() -> str | None:
-    """Permit motion, as an edge does that belongs to no pair."""
+    """Permit motion: an edge that is not in a pair."""
     return None
 
 
-def _nothing() -> None:
-    """Take no note."""
+def _ignore_stop() -> None:
+    """Ignore a stop."""
 
 
 class MotionPermit:
-    """The permit of one robot; ``refusal`` says why nothing may move it, ``stopped`` hears of each stop."""
+    """Motion permit of one robot: ``refusal`` says why nothing may move it; each stop calls ``stopped``."""
 
     def __init__(self) -> None:
         self.refusal: Callable[[], str | None] = _always
-        self.stopped: Callable[[], None] = _nothing
+        self.stopped: Callable[[], None] = _ignore_stop

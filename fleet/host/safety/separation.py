@@ -1,11 +1,12 @@
-"""The rules that keep the robots of one edge apart: ways before they begin, motion as it happens. Pure.
+"""Separation of the robots of one edge: checks paths before they start, and motion while it happens. Pure.
 
-Everything is in the site's frame, metres. A robot is a ball around its place: two are too near when their
-centres are less than their radii from each other. Before a robot is sent anywhere, the whole of its straight
-way is compared with where the others are and with the whole of theirs, without time. While it moves, what is
-compared is the stopping way: how far it goes until it stands. What brings nobody nearer always passes.
+Everything is in the site's frame, metres. A robot is a ball around its position: two are too near when their
+centres are closer than the sum of their radii. Before a robot is sent anywhere, its whole straight path is
+compared with the positions and whole paths of the others, independent of time. While it moves, stopping paths
+are compared: where a robot goes until it stands. Motion that brings no two robots nearer is always admitted.
 
-A place that was not told for a while is not forgotten: it grows by how far the robot may have gone since.
+A robot that has not reported for a while is not forgotten: its ball grows by the distance that it may have
+covered since.
 """
 
 from __future__ import annotations
@@ -18,26 +19,26 @@ import msgspec
 from fleet.model.geometry import Vector3, rotate_to_world
 from fleet.model.polyline import apart, beginning
 
-REACTION = 0.8  # s until a robot brakes: the age of its pose, the look at it, the way to it, its answer
-SOONER = 0.5  # s by which the one that gives way brakes before the one that has it
-ADMITTED = 0.2  # m beyond the radii that a way must keep: no robot keeps to its way by the centimetre
+REACTION = 0.8  # s until a robot brakes: age of its pose, control period, transmission and its own reaction
+SOONER = 0.5  # s by which the robot that gives way brakes earlier than the one with precedence
+ADMITTED = 0.2  # m beyond the radii that a planned path must keep: robots deviate from it
 HELD = 0.1  # m beyond the radii at which a robot in motion must stand
-FRESH = 1.0  # s for which a place is taken as it was told
-LONGEST = 10.0  # s for which a robot that is not heard may have gone on
-ASTRAY = 0.3  # m/s off its way that are more than a noisy place and a turn towards it
-STILL = 0.1  # m/s and below: it stands, and its place is noisy
-SLACK = 0.01  # m that is no change of a distance
-ARC = 3  # straight pieces for an arc
-_STEPS = 6  # halvings, in the search for how far a robot may go
+FRESH = 1.0  # s for which a reported position is taken as exact
+LONGEST = 10.0  # s of continued motion that are assumed at most for a silent robot
+ASTRAY = 0.3  # m/s across its path, beyond position noise and a turn towards the path
+STILL = 0.1  # m/s and below: the robot stands, the rest is position noise
+SLACK = 0.01  # m of tolerance in comparing distances
+ARC = 3  # straight pieces that approximate an arc
+_STEPS = 6  # bisection steps in the search for the admitted share of a velocity
 
 
 class Occupant(msgspec.Struct, frozen=True):
-    """What one robot takes up.
+    """Space and motion of one robot.
 
-    ``way``: where it is sent from ``at`` on, by the host or by its autopilot; empty for one that stands or
-    is driven. ``velocity`` (m/s) is measured, ``asked`` what it is to have, turning with ``turn`` (rad/s).
-    ``braking``: m/s2 that it surely brakes with.
-    ``age``: seconds since it told its place. ``moves``: something of ours moves it. Of two that are in each
+    ``way`` is its path from ``at`` on, given by the host or its autopilot; empty when it stands or is driven.
+    ``velocity`` (m/s) is measured, ``asked`` is requested and turns with ``turn`` (rad/s).
+    ``braking`` is the deceleration (m/s2) that it surely reaches.
+    ``age`` is seconds since its last position. ``moves``: its edge moves it. Of two that are in each
     other's way the one with the lower ``precedence`` gives way; of equals, the later name.
     """
 
@@ -55,27 +56,27 @@ class Occupant(msgspec.Struct, frozen=True):
 
     @property
     def speed(self) -> float:
-        """How fast it is or is to be, m/s."""
+        """Larger of measured and requested speed, m/s."""
         return max(self.velocity.norm(), self.asked.norm())
 
     @property
-    def doubt(self) -> float:
-        """Metres that it may be from where it was heard last."""
+    def uncertainty(self) -> float:
+        """Uncertainty of its position since the last report, m."""
         return gone_since(self.speed, self.age)
 
     @property
     def claim(self) -> tuple[Vector3, ...]:
-        """The line that is its own: its place, and the way that it is sent."""
+        """Polyline that it occupies: its position and its path."""
         return (self.at, *self.way)
 
     def gives_way_to(self, other: Occupant) -> bool:
-        """Return whether it is the one to brake first."""
+        """Return whether this robot must brake first."""
         return (self.precedence, other.name) < (other.precedence, self.name)
 
     def stopping_way(self, late: float = 0.0) -> tuple[Vector3, ...]:
-        """Return the line that it goes until it stands, when it is told to in ``late`` seconds.
+        """Return the polyline that it covers until it stands, if it brakes in ``late`` seconds.
 
-        Where it is to go otherwise than it goes, that is the line around all ways between the two.
+        If requested and measured motion differ, the polyline encloses everything between the two.
         """
         speed = self.speed
         if self.way and speed > STILL:
@@ -88,7 +89,7 @@ class Occupant(msgspec.Struct, frozen=True):
         return (*reversed(drift), *asked[1:], drift[-1]) if len(asked) > 1 else drift
 
     def aside(self, goal: Vector3) -> Vector3:
-        """Return how far (m) its speed bears it off the straight way to a goal, before it is on it."""
+        """Return how far (m) its momentum carries it off the straight path to a goal."""
         way = goal - self.at
         along = way.scaled(1 / way.norm()) if way.norm() > SLACK else Vector3()
         ahead = self.velocity.x * along.x + self.velocity.y * along.y + self.velocity.z * along.z
@@ -97,10 +98,10 @@ class Occupant(msgspec.Struct, frozen=True):
         return off.scaled(stopping(speed, self.braking) / speed) if speed > ASTRAY else Vector3()
 
     def course(self, velocity: Vector3, late: float = 0.0) -> tuple[Vector3, ...]:
-        """Return the line that it would go at a velocity, turning as it does, until it stands.
+        """Return the polyline that it would cover at a velocity, including its turn, until it stands.
 
-        It brakes straight ahead, whenever it is told to: where it turns, the line also goes to where it
-        would stand if it were told to at once, and ends there.
+        It brakes straight ahead, at any moment. In a turn the polyline therefore also goes to the point where
+        the robot would stand if it braked now, and ends there.
         """
         line = self._course(velocity, self.turn, late)
         if not self.turn or len(line) == 1:
@@ -109,7 +110,7 @@ class Occupant(msgspec.Struct, frozen=True):
         return (*line, ahead, self.at, ahead)
 
     def _course(self, velocity: Vector3, turn: float, late: float) -> tuple[Vector3, ...]:
-        """Return an arc for as long as it takes until it brakes, and the straight way on which it does."""
+        """Return the arc up to the start of braking, and the straight braking distance."""
         speed = velocity.norm()
         if speed == 0.0:
             return (self.at,)
@@ -122,28 +123,28 @@ class Occupant(msgspec.Struct, frozen=True):
 
 
 def gone_since(speed: float, age: float) -> float:
-    """Return how many metres a robot may have gone that told its place and speed ``age`` seconds ago."""
+    """Return the metres that a robot may have covered since it reported its speed ``age`` seconds ago."""
     return 0.0 if age <= FRESH or speed <= STILL else speed * min(age, LONGEST)
 
 
 def stopping(speed: float, braking: float) -> float:
-    """Return the metres until a robot of this speed (m/s) stands, from when it should."""
+    """Return the stopping distance (m) at this speed (m/s), with the reaction time."""
     return speed * REACTION + speed * speed / (2 * braking)
 
 
 def speed_within(metres: float, braking: float) -> float:
-    """Return the speed (m/s) from which a robot stands within these metres."""
+    """Return the highest speed (m/s) from which a robot stops within these metres."""
     late = braking * REACTION
     return math.sqrt(late * late + 2 * braking * max(0.0, metres)) - late
 
 
 def needed(one: Occupant, other: Occupant) -> float:
-    """Return the metres between their centres that two robots must keep."""
-    return one.radius + other.radius + one.doubt + other.doubt
+    """Return the required distance between the centres of two robots, m."""
+    return one.radius + other.radius + one.uncertainty + other.uncertainty
 
 
 def way_trouble(robot: Occupant, points: Iterable[Vector3], others: Iterable[Occupant]) -> str:
-    """Return why a robot may not go through these points, empty when it may."""
+    """Return why a robot may not go through these points; empty when it may."""
     steps = list(enumerate(points, 1))
     ways = [steps]
     if steps and (aside := robot.aside(steps[0][1])).norm():
@@ -159,9 +160,9 @@ def way_trouble(robot: Occupant, points: Iterable[Vector3], others: Iterable[Occ
 
 
 def _step_trouble(start: Vector3, steps: Sequence[tuple[int, Vector3]], other: Occupant, least: float) -> str:
-    """Return which goal is too near another robot, or the way to it; one that is too near may leave.
+    """Return which goal, or path to it, is too near another robot; one that is too near already may leave.
 
-    ``steps`` are the points with their numbers; 0 is no goal, but where its speed bears it.
+    ``steps`` are the points with their numbers; 0 is not a goal but the end of the robot's momentum.
     """
     before = apart((start,), other.claim)
     for number, point in steps:
@@ -178,14 +179,14 @@ def _step_trouble(start: Vector3, steps: Sequence[tuple[int, Vector3]], other: O
 
 
 def _silence(other: Occupant) -> str:
-    """Say how long a robot has not told its place, when that is long."""
-    return f" ({other.name} has not said where it is for {other.age:.0f} s)" if other.age > FRESH else ""
+    """Return how long a robot has been silent, as text; empty when it is not."""
+    return f" ({other.name} has not reported its position for {other.age:.0f} s)" if other.age > FRESH else ""
 
 
 def must_brake(robot: Occupant, other: Occupant) -> bool:
-    """Return whether a robot in motion must be brought to a standstill now for another.
+    """Return whether a robot in motion must be stopped now because of another.
 
-    It must when the stopping ways of the two come too near each other and its own motion is part of that.
+    It must when their stopping paths come too near each other and its own motion contributes to that.
     """
     least = needed(robot, other) + HELD
     mine, theirs = robot.stopping_way(_sooner(robot, other)), other.stopping_way()
@@ -196,7 +197,7 @@ def must_brake(robot: Occupant, other: Occupant) -> bool:
 
 
 def _sooner(robot: Occupant, other: Occupant) -> float:
-    """Return the seconds by which a robot brakes before it would have to, because it gives way."""
+    """Return by how many seconds a robot brakes early because it gives way."""
     return SOONER if other.moves and robot.gives_way_to(other) else 0.0
 
 
@@ -207,9 +208,9 @@ def gap(robot: Occupant, other: Occupant, ahead: float) -> float:
 
 
 def free_speed(gap: float, braking: float, ahead: float) -> float:
-    """Return the speed (m/s) at which a robot goes at most that far, until it stands, and is looked at again.
+    """Return the highest speed (m/s) that ``ahead`` seconds from now still stops within ``gap`` metres.
 
-    It is what makes most velocities pass without a closer look.
+    A cheap bound that admits most velocities without the exact check.
     """
     return max(0.0, speed_within(gap, braking) - braking * ahead)
 
@@ -217,13 +218,13 @@ def free_speed(gap: float, braking: float, ahead: float) -> float:
 def admitted(robot: Occupant, velocity: Vector3, other: Occupant) -> float:
     """Return the share (0 to 1) of a velocity (m/s) that a robot may hold in the presence of another.
 
-    The direction stays: it goes where it was asked to, but no faster than it can stop. What comes no nearer
-    than it is passes whole. What it has of speed in another direction is not gone at once: all between the
-    two must be clear.
+    The direction stays; the speed shrinks to one at which it can stop. Motion that brings it no nearer passes
+    unchanged. Its momentum in another direction does not vanish at once, so everything between measured and
+    requested motion must be clear.
     """
     least = needed(robot, other) + HELD
     theirs = other.stopping_way(_sooner(robot, other))
-    # One whose way may reach the robot itself is no farther anywhere: then the way that is sure counts.
+    # Within the other's early-braking path no position counts as nearer: then its sure path decides.
     ways = (theirs, other.stopping_way())
     here = [apart((robot.at,), way) for way in ways]
     drift = msgspec.structs.replace(robot, asked=Vector3()).stopping_way()

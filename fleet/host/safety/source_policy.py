@@ -1,8 +1,8 @@
-"""Which source types a robot obeys (contract 2.2).
+"""Source types that a robot obeys (contract 2.2).
 
-A real robot obeys ``tele``, and for navigation also ``edge`` (the SDK stamps its goals so); a simulated
-one ``sim_tele`` and ``sim``. Stops are obeyed from anyone. A local program that says nothing is obeyed:
-who can open the bus's socket can already do anything to the robot.
+A real robot obeys ``tele``, and for navigation also ``edge``, with which the SDK stamps its goals; a
+simulated robot obeys ``sim_tele`` and ``sim``. Stops pass from any sender. A local program without a source
+type is obeyed: a process that can open the bus's socket can already do anything to the robot.
 """
 
 from __future__ import annotations
@@ -16,23 +16,24 @@ SIMULATED = frozenset({"sim_tele", "sim"})
 
 
 class SourcePolicy:
-    """The two sets of one robot."""
+    """Accepted source types of one robot, for commands, navigation and missions."""
 
     def __init__(self, accepts: Accepts, *, simulated: bool) -> None:
         command, navigate = (SIMULATED, SIMULATED) if simulated else (REAL_COMMAND, REAL_NAVIGATE)
-        # An empty list is no default: it lets nobody in.
+        # An empty list is not the default: it admits no sender.
         self.command: frozenset[str] = command if accepts.command is None else accepts.command
         self.navigate: frozenset[str] = navigate if accepts.navigate is None else accepts.navigate
         self.mission: frozenset[str] = accepts.mission or frozenset()
 
     def refusal(self, origin: Origin, *, navigation: bool = False) -> str | None:
-        """Return why this asker is not obeyed, None when he is."""
+        """Return why this sender is not obeyed; None when it is."""
         return _refusal(origin, self.navigate if navigation else self.command)
 
     def mission_refusal(self, origin: Origin, *, commands: bool, navigates: bool) -> str | None:
-        """Return why this asker may not start a mission that commands the robot, or leads it; None if so.
+        """Return why this sender may not start a mission that commands or navigates the robot, else None.
 
-        He must be let in for missions, and for each thing that the mission asks: it gives nobody rights.
+        It needs the right to start missions and the right to each kind of request in the mission: a mission
+        gives its sender no further rights.
         """
         return (
             _refusal(origin, self.mission)
@@ -42,7 +43,7 @@ class SourcePolicy:
 
 
 def _refusal(origin: Origin, accepted: frozenset[str]) -> str | None:
-    """Return why an asker is not among those who are accepted; None when he is."""
+    """Return why a sender's source type is not accepted; None when it is."""
     if origin.source_type in accepted:
         return None
     if origin.way is Transport.MISSION or (origin.way is Transport.BUS and origin.source_type is None):

@@ -1,6 +1,6 @@
-"""Two configurations of one robot to one that is as strict as both: what a robot in motion may be held to.
+"""Merge of two configurations of one robot into one as strict as both, for a robot in motion.
 
-Pure. Only what the host enforces is changed: whose commands are obeyed, limits, fence, battery, separation.
+Pure. Only rules that the host enforces change: accepted sources, limits, fence, battery, separation.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from fleet.robot_config import Accepts, AdapterConfig, BatteryPolicy, FenceConfi
 def as_strict_as_both(
     old: AdapterConfig, new: AdapterConfig, *, limits: Limits, separation: Separation
 ) -> AdapterConfig:
-    """Return the old configuration with all that is stricter in the new one.
+    """Return the old configuration with every setting that is stricter in the new one.
 
-    ``limits`` and ``separation`` are the adapter's own, which hold where a configuration says nothing.
+    ``limits`` and ``separation`` are the adapter's defaults, for settings that a configuration leaves out.
     """
     return old.model_copy(
         update={
@@ -34,15 +34,15 @@ def as_strict_as_both(
 def held_back(
     old: AdapterConfig, new: AdapterConfig, *, limits: Limits, separation: Separation
 ) -> AdapterConfig:
-    """Return the new configuration, with all that is stricter in the old one."""
+    """Return the new configuration with every setting that is stricter in the old one."""
     both = as_strict_as_both(old, new, limits=limits, separation=separation)
     return new.model_copy(update={name: getattr(both, name) for name in SETTINGS})
 
 
 def may_loosen(old: AdapterConfig, new: AdapterConfig) -> bool:
-    """Return whether the new configuration may allow more, as far as that can be told without the adapter.
+    """Return whether the new configuration may allow more, as far as is known without the adapter.
 
-    What holds where a configuration says nothing is the adapter's own, and unknown here.
+    Settings that a configuration leaves out are the adapter's own and unknown here.
     """
     unknown = any(
         before is None and after is not None
@@ -54,7 +54,7 @@ def may_loosen(old: AdapterConfig, new: AdapterConfig) -> bool:
 
 
 def holds_alike(config: AdapterConfig, other: AdapterConfig, limits: Limits, separation: Separation) -> bool:
-    """Return whether the host holds a robot to the same by both."""
+    """Return whether the host enforces the same rules under both configurations."""
     one, two = _policy(config), _policy(other)
     return (
         (one.command, one.navigate, one.mission) == (two.command, two.navigate, two.mission)
@@ -70,7 +70,7 @@ def _policy(config: AdapterConfig) -> SourcePolicy:
 
 
 def _accepts(old: AdapterConfig, new: AdapterConfig) -> Accepts:
-    """Return who is let in by both."""
+    """Return the sources that both accept."""
     one, two = _policy(old), _policy(new)
     both = {
         "command": one.command & two.command,
@@ -81,7 +81,7 @@ def _accepts(old: AdapterConfig, new: AdapterConfig) -> Accepts:
 
 
 def _limits(old: Limits, new: Limits) -> Limits:
-    """Return the smaller of each."""
+    """Return the smaller value of each limit."""
     smaller = {
         name: min((each for each in (value, getattr(new, name)) if each is not None), default=None)
         for name, value in old
@@ -90,7 +90,7 @@ def _limits(old: Limits, new: Limits) -> Limits:
 
 
 def _separation(old: Separation, new: Separation) -> Separation:
-    """Return the larger radius and the weaker brake; who gives way stays as it is."""
+    """Return the larger radius and the weaker braking; precedence stays."""
     return old.model_copy(
         update={
             "radius": max(old.radius or 0.0, new.radius or 0.0) or None,
@@ -100,12 +100,12 @@ def _separation(old: Separation, new: Separation) -> Separation:
 
 
 def default_braking(old: Separation, new: Separation) -> float:
-    """Return what a robot that says nothing brakes with where one of two says nothing; else no bound."""
+    """Return the default deceleration (m/s2) if one of the two leaves it out; else no bound."""
     return math.inf if old.braking and new.braking else 0.5
 
 
 def _battery(old: BatteryPolicy | None, new: BatteryPolicy | None) -> BatteryPolicy | None:
-    """Return what holds back more battery and acts sooner."""
+    """Return the policy that keeps the larger reserve and acts earlier."""
     if old is None or new is None:
         return old or new
     endurance = min(old.endurance or math.inf, new.endurance or math.inf)
@@ -120,7 +120,7 @@ def _battery(old: BatteryPolicy | None, new: BatteryPolicy | None) -> BatteryPol
 
 
 def is_within(new: FenceConfig | None, old: FenceConfig | None) -> bool:
-    """Return whether a fence surely lets a robot be nowhere where the other does not."""
+    """Return whether the new fence surely allows no position that the old one forbids."""
     if old is None or new == old:
         return True
     if new is None or new.frame != old.frame or new.margin < old.margin:
@@ -133,7 +133,7 @@ def is_within(new: FenceConfig | None, old: FenceConfig | None) -> bool:
 
 
 def _inside(inner: Polygon, outer: Polygon) -> bool:
-    """Return whether a polygon lies in another, or is the same; borders that touch count as crossing."""
+    """Return whether a polygon equals or lies inside another; touching borders count as crossing."""
     if inner == outer:
         return True
     sides = zip(inner, (*inner[1:], inner[0]), strict=True)

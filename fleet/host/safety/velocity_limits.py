@@ -1,4 +1,4 @@
-"""Velocities kept within a robot's limits: the direction stays, the length shrinks."""
+"""Velocity limits: keep the direction, reduce the magnitude."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from fleet.robot_config import Limits
 
 
 def clamp(velocity: Velocity, limits: Limits) -> Velocity:
-    """Return the velocity within ``limits``; horizontal, vertical and yaw each on their own."""
+    """Return the velocity within ``limits``; horizontal, vertical and yaw are limited separately."""
     linear = velocity.linear
     level = _scale(linear.horizontal(), limits.speed)
     climb = _scale(abs(linear.z), limits.vertical_speed)

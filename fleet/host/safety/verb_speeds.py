@@ -1,8 +1,8 @@
-"""The speeds that motion verbs mean when they say none, and the setting that an operator stores of them.
+"""Speeds of motion verbs without a magnitude, and the operator's setting of them.
 
-``set_linear_velocity`` and ``set_angular_velocity`` move nothing: they store how fast the later verbs of the
-same session are, within the robot's limits. The setting is forgotten with a stop, when somebody else takes
-the robot, and when its adapter begins anew, so that nobody finds a robot faster than it usually is.
+``set_linear_velocity`` and ``set_angular_velocity`` move nothing: they store the speed of later verbs of the
+same session, within the robot's limits. The setting is dropped at a stop, when another sender takes the
+robot, and when the adapter restarts, so that a robot is never unexpectedly fast.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from fleet.model.command import Command
 from fleet.robot_config import AdapterConfig, Limits
 from fleet.wire.commands import SETTINGS, MotionDefaults
 
-VERB_SPEED = 0.5  # m/s, and rad/s: what a verb means that says no magnitude, where nothing was set
+VERB_SPEED = 0.5  # m/s, and rad/s: a verb without a magnitude, where no session set one
 
 
 class _Setting(msgspec.Struct, frozen=True):
-    """What one session has set; ``linear`` in m/s and ``angular`` in rad/s, None where it has not."""
+    """Setting of one session: ``linear`` in m/s and ``angular`` in rad/s, None where not set."""
 
     session: str
     linear: float | None = None
@@ -25,7 +25,7 @@ class _Setting(msgspec.Struct, frozen=True):
 
 
 class VerbSpeeds:
-    """One robot's. ``of`` may be asked from any thread, the rest is for the event loop."""
+    """Verb speeds of one robot. ``of`` may be called from any thread, the rest from the event loop."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -33,20 +33,20 @@ class VerbSpeeds:
         self._setting: _Setting | None = None
 
     def configure(self, _config: AdapterConfig, limits: Limits) -> None:
-        """Keep other limits from now on; what was set is forgotten."""
+        """Apply other limits; the operator's setting is dropped."""
         self._limits = limits
         self._plain = self._defaults(None, None)
         self.forget()
 
     def of(self, session: str) -> MotionDefaults:
-        """Return the magnitudes for a session's verbs that bring none."""
+        """Return the magnitudes for a session's verbs without one."""
         setting = self._setting
         if setting is None or setting.session != session:
             return self._plain
         return self._defaults(setting.linear, setting.angular)
 
     def store(self, ask: Command) -> dict[str, float]:
-        """Store what a command sets; returns the applied value under its name, within the limits."""
+        """Store the setting in a command; return the applied value under its name, within the limits."""
         field = SETTINGS[ask.name]
         limit = self._limits.speed if field == "linear" else self._limits.yaw_rate
         applied = _within(abs(ask.data[field]), limit)
@@ -56,16 +56,16 @@ class VerbSpeeds:
         return {field: applied}
 
     def driven_by(self, session: str) -> None:
-        """Note who moves the robot: the setting of anybody else is forgotten."""
+        """Record the session that moves the robot; a setting of another session is dropped."""
         if self._setting is not None and self._setting.session != session:
             self.forget()
 
     def forget(self) -> None:
-        """Return to the magnitudes that verbs have where nothing was set."""
+        """Return to the default magnitudes."""
         self._setting = None
 
     def _defaults(self, linear: float | None, angular: float | None) -> MotionDefaults:
-        """Return the magnitudes of verbs, each within its own limit."""
+        """Return the magnitudes of verbs, each within its limit."""
         speed = VERB_SPEED if linear is None else linear
         turn = VERB_SPEED if angular is None else angular
         level = _within(speed, self._limits.speed)

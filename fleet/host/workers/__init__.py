@@ -1,1 +1,1 @@
-"""Worker processes: started and watched here, reached over the bus."""
+"""Worker processes: started and monitored here, reached over the bus."""

@@ -1,6 +1,6 @@
-"""Imports a drop-in file in its own process: ``python -m fleet.host.workers.drop_in_inspector FILE``.
+"""Imports a drop-in file in a process of its own: ``python -m fleet.host.workers.drop_in_inspector FILE``.
 
-It writes what it found, then answers about one robot's config after another, until its input ends.
+It writes a description of the file, then checks one robot's config after another, until its input ends.
 ``fleet.plugins.probe`` is the other side.
 """
 
@@ -36,21 +36,21 @@ from fleet.plugins.probe import (
 from fleet.robot_config import AdapterConfig
 from fleet.runtime.decoding import msgpack_decoder
 
-MOST_MEMORY = 2 << 30  # bytes that an import may take: what takes more takes it from robots that run
+MOST_MEMORY = 2 << 30  # bytes that an import may use; more would be at the expense of running robots
 
 
 class _Gathered(Document):
-    """What is reported, gathered for who asks: it has the text of the lines, and the secrets to mask."""
+    """Collected problems for the caller, which has the text of the lines and the secrets to mask."""
 
     flaws: list[Flaw] = []  # noqa: RUF012 - a Struct copies it
 
     def report(self, mark: Mark, message: str, hint: str = "") -> None:
-        """Take a problem."""
+        """Add a problem."""
         self.flaws.append(Flaw(ProblemPlace(mark.file, mark.line, mark.column, mark.path), message, hint))
 
 
 def described(name: str, adapter: AdapterClass, *, schema: bool = True) -> AdapterDescription:
-    """Return a kind of robot in words; without ``schema`` it has none."""
+    """Return the description of an adapter, with the schema of its config unless ``schema`` is False."""
     can = capabilities(adapter)
     commands = tuple(command_of(spec) for _, spec in sorted(can.commands.items()))
     limits = msgspec.to_builtins(can.limits.model_dump(exclude_none=True))
@@ -60,7 +60,7 @@ def described(name: str, adapter: AdapterClass, *, schema: bool = True) -> Adapt
 
 
 def _schema(config: type[AdapterConfig]) -> dict[str, object] | None:
-    """Return the JSON Schema of a Config, None for one that cannot be said in it."""
+    """Return the JSON Schema of a Config; None for one that cannot be expressed in it."""
     try:
         return config.model_json_schema()
     except PydanticInvalidForJsonSchema:
@@ -68,7 +68,7 @@ def _schema(config: type[AdapterConfig]) -> dict[str, object] | None:
 
 
 def checked(case: ConfigCase, imported: Imported) -> CheckedConfig:
-    """Return what an imported adapter's Config makes of a robot; whatever it raises is a flaw."""
+    """Return the result of an imported adapter's Config for a robot; any exception of it is a flaw."""
     adapter = dict(imported.adapters)[case.adapter]
     document = _Gathered(
         marks={steps: Mark(*msgspec.structs.astuple(place)) for steps, place in case.marks},
@@ -96,8 +96,8 @@ def checked(case: ConfigCase, imported: Imported) -> CheckedConfig:
 
 
 def main() -> None:
-    """Import the file, say what it has, and answer until the input ends."""
-    # What the file prints goes nowhere, and what it reads is nothing: both pipes are ours.
+    """Import the file, describe it, and answer until the input ends."""
+    # The file's own input and output go to /dev/null: both pipes are ours.
     given, said = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     with open(os.devnull, "r+b", buffering=0) as nothing:  # noqa: PTH123 - a descriptor, not a path
         os.dup2(nothing.fileno(), 0)
@@ -111,11 +111,11 @@ def main() -> None:
     while size := given.read(4):
         case = cases.decode(given.read(*struct.unpack(">I", size)))
         _say(said, checked(case, imported), ours)
-    os._exit(0)  # whatever threads the file has begun
+    os._exit(0)  # whatever threads the file has started
 
 
 def _say(said: BinaryIO, answer: DropInContent | CheckedConfig, ours: int) -> None:
-    """Write an answer, unless this is a child that the file has forked."""
+    """Write an answer, unless this is a child process that the file has forked."""
     if os.getpid() != ours:
         os._exit(0)
     send(said, msgspec.msgpack.encode(answer))

@@ -1,6 +1,6 @@
-"""Stricter settings for the robots of a worker, and groups, taken over at once and acknowledged.
+"""Stricter settings for the robots of a worker, and groups; applied at once and acknowledged.
 
-What is looser, and what its adapter must know, waits for a restart of the worker, at rest (``reload``).
+Looser settings, and those of the adapter itself, wait for a restart of the worker at rest (``reload``).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 
 class Holding:
-    """Requests for one worker. ``folder``: where relative paths of its configurations begin.
+    """Serves such requests to one worker. ``folder`` is the base of relative paths in its configurations.
 
     ``groups`` are those of its edge, by which stops find robots.
     """
@@ -36,11 +36,11 @@ class Holding:
         self._loop = asyncio.get_running_loop()
 
     def asked(self, question: Query) -> None:
-        """Take a request; on the bus's thread."""
+        """Receive a request; on the bus's thread."""
         self._loop.call_soon_threadsafe(self._answer, question)
 
     def _answer(self, question: Query) -> None:
-        """Hold the robots to it, and say what each is held to; one that cannot be keeps no other from it."""
+        """Apply a request and answer with the result for each robot; a failure affects only its own robot."""
         try:
             asked = decode_json(question.payload, HoldAsked)
         except msgspec.DecodeError as error:
@@ -53,7 +53,7 @@ class Holding:
         question.answer(msgspec.json.encode(held))
 
     def _held(self, name: str, wanted: HoldRobot) -> HeldRobot:
-        """Hold one robot."""
+        """Restrict one robot."""
         robot = self._robots.get(name)
         if robot is None:
             return HeldRobot(why=f"this worker has no robot {name!a}")

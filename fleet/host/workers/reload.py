@@ -1,7 +1,7 @@
-"""A changed drop-in file or configuration, taken into use on request: the worker ends, and is started again.
+"""Reloads a worker on request, after a change of its drop-in file or configuration: it ends and is restarted.
 
-Python cannot forget a module that is in use, so what is reloaded is the process. It goes on with the old file
-for as long as one of its robots moves or is commanded, and when the new one cannot be used.
+Python cannot unload a module that is in use, so the whole process is replaced. It goes on with the old file
+while one of its robots moves or is commanded, and if the new file is unusable.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from fleet.plugins.probe import ConfigCase, Probe, ProbeError, ProblemPlace
 
 log = logging.getLogger(__name__)
 
-RELOADED = 75  # exit code of a worker that is to be started again at once
+RELOADED = 75  # exit code of a worker that is to be restarted at once
 NAME = "reload"
 _LONGEST_NAME = 200  # bytes
 
 
 class Reload:
-    """Requests for a reload of one worker; ``end`` ends it in order.
+    """Serves reload requests of one worker; ``end`` ends it in order.
 
-    ``started_by_hand``: nobody would start it again.
+    ``started_by_hand``: nothing would restart it.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Reload:
         self._under_way: asyncio.Task[None] | None = None
 
     def asked(self, question: Query) -> None:
-        """Take a request, which names an adapter, or none for another configuration; from any thread."""
+        """Receive a request: an adapter's name, or empty for another configuration; from any thread."""
         self._loop.call_soon_threadsafe(self._begin, question)
 
     def _begin(self, question: Query) -> None:
@@ -61,12 +61,12 @@ class Reload:
             self._under_way = asyncio.create_task(self._carry_out(question))
 
     async def _carry_out(self, question: Query) -> None:
-        """Answer a request, and end the worker when nothing speaks against it."""
+        """Answer a request, and end the worker if nothing prevents it."""
         name = question.payload[:_LONGEST_NAME].decode("utf-8", "replace")
         forced = question.parameters.get("force") == "1"
         try:
             refusal = await (self.refusal(name, forced=forced) if name else self.hindrance(forced=forced))
-        except Exception as error:  # a bug here must not end the worker; whoever asks waits
+        except Exception as error:  # a bug here must not end the worker, and the sender waits
             log.exception("the reload of %s failed", name)
             refusal = f"the reload failed: {error}"
         if not refusal:
@@ -77,13 +77,13 @@ class Reload:
         _answer(question, refusal)
 
     async def hindrance(self, *, forced: bool) -> str:
-        """Return why the worker cannot be started again with another configuration; empty when it can."""
+        """Return why the worker cannot be restarted with another configuration; empty when it can."""
         if self._by_hand:
             return f"worker {self._task.worker} was started by hand: end it, and start it with the new file"
         return "" if forced else self._not_resting()
 
     async def refusal(self, adapter: str, *, forced: bool = False) -> str:
-        """Return why the file of an adapter cannot be reloaded now; empty when it can."""
+        """Return why an adapter's file cannot be reloaded now; empty when it can."""
         meant = [task for task in self._task.robots if task.adapter == adapter and task.file]
         if not meant:
             return f"worker {self._task.worker} runs no drop-in file with the adapter {adapter!r}"
@@ -93,16 +93,16 @@ class Reload:
         if moving:
             return moving
         flaw = await asyncio.to_thread(flaw_of, meant, self._task.folder)
-        # What was asked of a robot while the file was tried counts; nothing comes between this and the end.
+        # A robot may have been commanded during the check; no step lies between this and the end.
         return flaw or ("" if forced else self._not_resting())
 
     def _not_resting(self) -> str:
-        """Return which robot of this worker, whatever its adapter, does not rest."""
+        """Return which robot of this worker, of any adapter, is not at rest."""
         return next(filter(None, map(not_resting, self._robots())), "")
 
 
 def flaw_of(robots: Iterable[RobotTask], folder: str) -> str:
-    """Return what is wrong with the changed files of robots, tried in processes of their own. Blocks."""
+    """Return the first flaw of the robots' changed files, each checked in a process of its own. Blocks."""
     for robot in robots:
         path = Path(robot.file)
         unsafe = insecure(path.parent) or insecure(path)
@@ -127,7 +127,7 @@ def flaw_of(robots: Iterable[RobotTask], folder: str) -> str:
 
 
 def _case(robot: RobotTask, folder: str) -> ConfigCase:
-    """Return a robot's config as a case to be checked; its places are the names of its fields."""
+    """Return a robot's config as a case to check; places are the names of its fields."""
     steps = [(), *((name,) for name in msgspec.json.decode(robot.given))]
     marks = tuple((at, ProblemPlace(robot.file, 0, 0, at)) for at in steps)
     return ConfigCase(robot.adapter, robot.given, (), folder, marks=marks)

@@ -32,9 +32,9 @@ from fleet.wire.rules import Kind
 from fleet.wire.stops import EMERGENCY
 
 ANSWER_WITHIN = 120.0  # s; the worker's own command time-outs are shorter
-END_WITHIN = 3600.0  # s; of a long way the worker tells the end later
-SILENT_AFTER = 3.0  # s without a state after which the worker's word no longer counts
-AGAIN = 0.5  # s between two stops that are put again for a worker that does not say that it is stopped
+END_WITHIN = 3600.0  # s; for a long path, the worker sends the end later
+SILENT_AFTER = 3.0  # s without a state after which the last one no longer counts
+AGAIN = 0.5  # s between repeated stops for a worker that does not confirm its stop
 
 
 class RemoteRobot:
@@ -54,7 +54,7 @@ class RemoteRobot:
         publish: Callable[[Report], None],
     ) -> None:
         self.name = config.name
-        self.publish = publish  # what this process has to say of it, beside its worker
+        self.publish = publish  # reports of this process about it, in addition to its worker's
         self._log = robot_log(config.name)
         self.twin = str(config.twin)
         self.source_type = config.source_type
@@ -65,11 +65,11 @@ class RemoteRobot:
         self._control = control
         self._clock = clock
         self._soon = soon
-        self._arrival = arrival  # since when (monotonic s) what is read now may have waited
+        self._arrival = arrival  # since when (monotonic s) a message read now may have been waiting
         self._cause = "its worker is starting"
         self._heard = float("-inf")
-        self._told = clock.monotonic()  # when the state came
-        self._unheard: StopCause | None = None  # of a stop that the worker has not told of yet
+        self._told = clock.monotonic()  # time of the last state (monotonic s)
+        self._unheard: StopCause | None = None  # a stop that the worker has not confirmed yet
         self._put_again_at = float("-inf")
         self._putting_again = threading.Lock()
         self._refusals = RateLimitedCounter(self._log, clock)
@@ -82,7 +82,7 @@ class RemoteRobot:
             simulated=config.simulated,
             worker=self.worker,
         )
-        # Only to see what is asked: the worker decodes with the robot's own limits.
+        # Only to recognize requests: the worker decodes with the robot's own limits.
         self._decoder = RequestDecoder(config, VerbSpeeds(config.limits).of, planar=False)
         self._ends = (
             control.answer(keys.state(edge, self.name), self._state_asked),
@@ -90,17 +90,17 @@ class RemoteRobot:
         )
 
     def close(self) -> None:
-        """Stand for the robot no more: the edge has it no more."""
+        """Stop representing the robot: the edge no longer has it."""
         for end in self._ends:
             end()
 
     def configure(self, config: AdapterConfig) -> None:
-        """Take over what its worker runs with from now on."""
+        """Record the configuration with which its worker runs."""
         self.config = config
 
     @property
     def in_use(self) -> bool:
-        """True once somebody has moved it through this edge, as its worker says."""
+        """True once it was moved through this edge, according to its worker."""
         return self._state.in_use
 
     @property
@@ -110,30 +110,30 @@ class RemoteRobot:
 
     @property
     def unheard(self) -> str:
-        """Why it is to be stopped, while its worker has not told that it is; else empty."""
+        """Cause of a stop that its worker has not confirmed; else empty."""
         return self._unheard.why if self._unheard is not None else ""
 
     def emergency(self, cause: StopCause) -> None:
-        """Stop and latch; from any thread. A bus that is held up keeps nobody else's stop from being read."""
+        """Stop and latch; from any thread. A blocked bus does not delay other stops that are read here."""
         named = _named(cause)
         self.stop_later(named)
         run_in_thread(partial(self._put_stop, named), wait=HALT_WAIT)
 
     def stop_later(self, cause: StopCause) -> None:
-        """Remember an emergency stop until the worker says that it is set; from any thread.
+        """Keep an emergency stop until the worker confirms it; from any thread.
 
-        One that is frozen, dead or away now is stopped as soon as it is there again.
+        A worker that is frozen, dead or absent now gets the stop as soon as it is back.
         """
         self._unheard = self._unheard or _named(cause)
 
     def renew_stop(self, cause: StopCause) -> None:
-        """Put the stop again where the worker's own word is that it has none; from any thread."""
+        """Send the stop again if the worker itself reports that none is set; from any thread."""
         if not self._state.emergency_stop:
             self.stop_later(cause)
             self._put_again()
 
     def _put_again(self) -> None:
-        """Put the stop of which the worker has not told, now and then, and one at a time. Never waits."""
+        """Repeat an unconfirmed stop, at a limited rate and one at a time. Never waits."""
         cause, now = self._unheard, self._clock.monotonic()
         if cause is None or now - self._put_again_at < AGAIN:
             return
@@ -155,7 +155,7 @@ class RemoteRobot:
             self._control.put(
                 keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True, note=note_of(cause)
             )
-        except Exception:  # noqa: BLE001 - told
+        except Exception:  # noqa: BLE001 - logged
             self._log.exception("the emergency stop did not go out at once")
 
     def read(
@@ -168,12 +168,11 @@ class RemoteRobot:
         waits: bool = False,
         unread: str = "",
     ) -> Request | None:
-        """Read a message, from any thread; an emergency stop leaves at once, over the stop key.
+        """Decode a message, from any thread; an emergency stop is sent at once, over the stop key.
 
-        What is returned hands the message to the worker; what that answers goes back, or that nobody
-        answered; with ``waits`` also how it ended. None for a reply on its way back, which asks nothing.
-        ``unread``: why the payload must not
-        be read; then the worker does not get it either.
+        The returned request passes the message to the worker, and the worker's reply, or its absence, back;
+        with ``waits`` also the final result. None for a reply, which is no request. ``unread``: why the
+        payload must not be decoded; then the worker does not get it either.
         """
         parameters = {"kind": kind, "way": way.value}
         if request_id:
@@ -200,7 +199,7 @@ class RemoteRobot:
         return Request(take, is_stop(ask), is_discrete(ask))
 
     def _hand_over_stop(self, ask: Command, parameters: dict[str, str], answer: Answer) -> None:
-        """Hand a stop to the worker whose message was refused, written as it should be."""
+        """Pass a stop from a message that was refused to the worker, in valid form."""
         self._log.warning("took a message that was refused for %s: %s", ask.name, ask.flaw)
         payload = msgspec.json.encode({"command": ask.name})
         told = reply_with_flaw(answer, ask.flaw)
@@ -214,7 +213,7 @@ class RemoteRobot:
         until: float,
         answer: Callable[[Reply], None],
     ) -> None:
-        """Hand a message to the worker, ``until`` it has waited here too long (monotonic s)."""
+        """Pass a message to the worker, unless it has waited here beyond ``until`` (monotonic s)."""
         if self._clock.monotonic() > until:
             answer(Reply(name, ReplyStatus.REJECTED, "it waited too long in here: the edge was held up"))
             return
@@ -230,7 +229,7 @@ class RemoteRobot:
         )
 
     def worker_is(self, cause: str) -> None:
-        """Note what is wrong with the worker, and tell it in its stead; empty when it runs."""
+        """Record the worker's problem and report it in its place; empty when it runs."""
         self._cause = cause or "its worker is silent"
         if not cause:
             return
@@ -243,7 +242,7 @@ class RemoteRobot:
         self._heard = float("-inf")
 
     def state(self) -> RobotState:
-        """Return what the worker last said, or why it says nothing."""
+        """Return the worker's last state; offline with the cause if it is silent."""
         stopped = self._state.emergency_stop or self._unheard is not None
         now, age = self._clock.monotonic(), self._state.age
         age = None if age is None else round(age + now - self._told, 2)
@@ -260,7 +259,7 @@ class RemoteRobot:
         )
 
     def state_arrived(self, payload: bytes) -> None:
-        """Take the worker's word; on the bus's thread."""
+        """Process a state from the worker; on the bus's thread."""
         try:
             state = decode_json(payload, RobotState)
         except msgspec.DecodeError as error:
@@ -279,12 +278,12 @@ class RemoteRobot:
         self._put_again()
 
     def _state_asked(self, question: Query) -> None:
-        """Answer with the state, beside the worker: it may be gone. On the bus's thread."""
+        """Answer with the state, besides the worker, which may be gone. On the bus's thread."""
         question.reply(msgspec.json.encode(self.state()))
         question.close()
 
-    def _came_or_went(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
-        """Set an emergency stop again in a worker that was started anew: only a release ends it."""
+    def _came_or_went(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - signature of the bus
+        """Set an emergency stop again in a restarted worker: only a release ends it."""
         if alive and (self._state.emergency_stop or self._unheard is not None):
             before = self._state.stop_cause or "set before its worker ended"
             self.emergency(self._unheard or local_cause("", before))
@@ -292,7 +291,7 @@ class RemoteRobot:
 
 
 def _named(cause: StopCause) -> StopCause:
-    """Return a cause with a request, by which a stop that is put again is known for the same one."""
+    """Return a cause with a request id, by which a repeated stop is recognized."""
     return cause if cause.request else msgspec.structs.replace(cause, request=os.urandom(8).hex())
 
 
@@ -307,9 +306,10 @@ def ask_robot(
     silent: str,
     cause: Callable[[], str] = lambda: "",
 ) -> None:
-    """Ask a robot of another process something (``name``); ``answer`` hears on the bus's threads.
+    """Send a request (``name``) to a robot of another process; ``answer`` is called on the bus's threads.
 
-    It hears the receipt and, with ``wait``, the end; or that ``silent`` did not say it, and the ``cause``.
+    It gets the receipt and, with ``wait``, the end; or a time-out that ``silent`` did not answer, and
+    ``cause``.
     """
     answered: list[Reply] = []
 

@@ -1,4 +1,4 @@
-"""Starts a worker again with another configuration of its robots, and takes that back when it fails."""
+"""Restarts a worker with a changed configuration, and restores the old one when that fails."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from fleet.model.change import HeldRobot, HoldAsked, HoldRobot, Outcome
 from fleet.model.command import Reply
 from fleet.runtime.decoding import decode_json
 
-ASK_WITHIN = 10.0  # s for a worker to say whether it starts again
-TRY_WITHIN = 90.0  # s for it to try a changed file, and the configurations of its robots by it
-ENDS_WITHIN = 15.0  # s for it to stop its robots, end, and come up again
+ASK_WITHIN = 10.0  # s for a worker to answer whether it restarts
+TRY_WITHIN = 90.0  # s for it to check a changed file, and its robots' configurations with it
+ENDS_WITHIN = 15.0  # s for it to stop its robots, end, and start again
 LATCHED = "emergency stop"
 
 
 class WorkerChanges:
-    """The workers of one edge; on the loop."""
+    """Changes of the workers of one edge; on the event loop."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class WorkerChanges:
         self._workers, self._robots = workers, robots
 
     def hindrance(self, worker: str) -> str:
-        """Return why a worker cannot start again now, as far as the edge knows."""
+        """Return why a worker cannot restart now, as far as the edge knows."""
         if worker not in self._workers:
             return f"worker {worker} was started by hand: end it, and start it with the new file"
         for robot in self._of(worker):
@@ -51,11 +51,11 @@ class WorkerChanges:
         return ""
 
     async def hold(self, worker: str, robots: Mapping[str, HoldRobot]) -> dict[str, HeldRobot]:
-        """Have a worker hold robots to what is stricter in new configurations; empty when it is silent."""
+        """Restrict a worker's robots to the stricter parts of new configurations; empty if it is silent."""
         return await self._ask_to_hold(worker, HoldAsked(dict(robots))) or {}
 
     async def regroup(self, groups: Mapping[str, Iterable[str]]) -> str:
-        """Have all workers know other groups; return which do not answer."""
+        """Replace the groups in all workers; return which of them do not answer."""
         asked = HoldAsked(groups={name: list(robots) for name, robots in groups.items()})
         workers = sorted({robot.worker for robot in self._robots.values()})
         answers = await asyncio.gather(*(self._ask_to_hold(worker, asked) for worker in workers))
@@ -63,7 +63,7 @@ class WorkerChanges:
         return "; ".join(map(_silent, silent))
 
     async def _ask_to_hold(self, worker: str, asked: HoldAsked) -> dict[str, HeldRobot] | None:
-        """Ask a worker; return what it holds its robots to, None when it is silent."""
+        """Ask a worker; return the settings that its robots are held to, None if it is silent."""
         if self._is_silent(worker):
             return None
         loop = asyncio.get_running_loop()
@@ -83,21 +83,21 @@ class WorkerChanges:
         return await heard
 
     def all_run_with(self, after: Loaded) -> None:
-        """Note what all workers run with by now, so that their next processes do."""
+        """Record the configuration of all workers, for their next processes."""
         for worker in self._workers:
             self.runs_with(worker, after)
 
     def runs_with(self, worker: str, after: Loaded) -> None:
-        """Note what a worker runs with by now, so that its next process does."""
+        """Record the configuration of a worker, for its next process."""
         if manager := self._workers.get(worker):
             manager.replace(msgspec.json.encode(task_of(after, worker)))
 
     async def change(self, worker: str, after: Loaded, *, force: bool, gone: str = "") -> tuple[Outcome, str]:
-        """Start a worker with what is ``after``; return what came of it, and why it was not done.
+        """Restart a worker with the configuration ``after``; return the outcome, and why it failed.
 
-        A robot that is ``gone`` then is not waited for.
+        A robot that is ``gone`` afterwards is not waited for.
 
-        PARTLY: it runs with it, but not all robots that answered before do, and another does not rest.
+        PARTLY: it runs with it, but not all robots that were online are back, and another is not at rest.
         """
         manager = self._workers.get(worker)
         if manager is None:
@@ -109,7 +109,7 @@ class WorkerChanges:
         new = msgspec.json.encode(task_of(after, worker))
         old, started = manager.replace(new), manager.started
         refusal = await self.start_again(worker, force=force)
-        if refusal and manager.given != new:  # else it ended by itself, and was started with it
+        if refusal and manager.given != new:  # else it ended by itself, and was restarted with it
             manager.replace(old)
             return Outcome.REFUSED, refusal
         trouble = await self._back(manager, started, answered)
@@ -125,7 +125,7 @@ class WorkerChanges:
         return Outcome.FAILED, f"{trouble}; " + (again or "it has its configuration of before")
 
     async def _back(self, manager: WorkerManager, started: int, robots: list[RemoteRobot]) -> str:
-        """Wait until a worker and its robots are there again; return what is not."""
+        """Wait until a worker and its robots are back; return which are not."""
         if not await seen(lambda: manager.started > started, ENDS_WITHIN):
             return f"worker {manager.name} did not come up within {ENDS_WITHIN:g} s"
         if await seen(lambda: all(robot.state().reachable for robot in robots), BACK_WITHIN):
@@ -145,9 +145,9 @@ class WorkerChanges:
         return bool(robots) and all(robot.silent for robot in robots)
 
     async def start_again(self, worker: str, adapter: str = "", *, force: bool) -> str:
-        """Have a worker end, to be started again; return why it does not.
+        """Make a worker end, so that it is restarted; return why it does not.
 
-        ``adapter``: because its drop-in file has changed, which the worker tries first.
+        ``adapter``: because that adapter's drop-in file has changed; the worker checks it first.
         """
         loop = asyncio.get_running_loop()
         heard: asyncio.Future[str] = loop.create_future()
@@ -179,11 +179,11 @@ def _soon(
     take: Callable[[dict[str, HeldRobot] | None], None],
     held: dict[str, HeldRobot] | None,
 ) -> None:
-    """Hand an answer over to the loop, unless that has been closed."""
+    """Pass an answer to the loop, unless that is closed."""
     with contextlib.suppress(RuntimeError):
         loop.call_soon_threadsafe(take, held)
 
 
 def _silent(worker: str) -> str:
-    """Return what is said of a worker that does not answer, as one that does not run."""
+    """Return the text for a worker that does not answer, for example because it does not run."""
     return f"worker {worker} does not answer"

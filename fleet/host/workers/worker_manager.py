@@ -1,9 +1,8 @@
-"""The edge's worker processes: started, watched, and started again when they die or hang.
+"""Worker processes of the edge: started, monitored, and restarted when they die or hang.
 
-A worker that was killed is noticed by its exit, a frozen one by its liveliness token, which falls after the
-lease (1 s), and one whose event loop hangs because it stops beating. Such a one is told to stop its robots
-on the stop key, which its bus threads still hear, before it is killed; if they do not, the robots' own
-fail-safes stop them.
+A killed worker is detected by its exit, a frozen one by its liveliness token, which expires after 1 s, and
+one with a hanging event loop by its missing heartbeat. A hanging worker gets a halt over the bus, which its
+bus threads still receive, before it is killed; otherwise the robots' own fail-safes stop them.
 """
 
 from __future__ import annotations
@@ -27,20 +26,20 @@ from fleet.supervisor.sockets import VARIABLE
 
 log = logging.getLogger(__name__)
 
-START_WITHIN = 60.0  # s from the start of the process to its first beat; an overloaded computer takes 15
-SILENT_AFTER = 1.5  # s without a beat after which a worker counts as hung
-LOOK = 0.25  # s between looks
-HALT_WITHIN = 0.5  # s that a worker that hangs gets to halt its robots before it is killed
+START_WITHIN = 60.0  # s from the start of the process to its first heartbeat; an overloaded computer takes 15
+SILENT_AFTER = 1.5  # s without a heartbeat after which a worker counts as hung
+LOOK = 0.25  # s between checks
+HALT_WITHIN = 0.5  # s for a hanging worker to halt its robots before it is killed
 _RELOADS = "starts again with what was changed"
-LEAVE_WITHIN = 10.0  # s that a worker gets to stop its robots and end
+LEAVE_WITHIN = 10.0  # s for a worker to stop its robots and end
 STABLE_AFTER = 30.0  # s of life after which the next restart is quick again
 
 
 class WorkerManager:
     """One worker process.
 
-    ``task`` is what it runs: it reads that, and neither fleet.yaml nor the edge's environment. ``told`` hears
-    what is wrong with it, and an empty text when it runs; ``halt`` stops its robots over the bus.
+    ``task`` is all that it gets: neither fleet.yaml nor the edge's environment. ``told`` is called with the
+    problem of the worker, empty when it runs; ``halt`` stops its robots over the bus.
     """
 
     def __init__(
@@ -64,8 +63,8 @@ class WorkerManager:
         self._clock = clock
         self._told = told
         self._halt = halt
-        self.started = 0  # processes that came up, one after the other
-        self.given = b""  # the task of the last process that was started
+        self.started = 0  # number of processes that have come up
+        self.given = b""  # task of the last process that was started
         self._beat = 0.0
         self._gone = asyncio.Event()
         self._loop = asyncio.get_running_loop()
@@ -75,12 +74,12 @@ class WorkerManager:
         )
 
     def close(self) -> None:
-        """Listen to the worker no more, which has ended."""
+        """Unsubscribe, after the worker has ended."""
         for end in self._ends:
             end()
 
     def replace(self, task: bytes) -> bytes:
-        """Have the next process run another task; return the one before."""
+        """Set the task of the next process; return the task before."""
         before, self._task = self._task, task
         return before
 
@@ -103,7 +102,7 @@ class WorkerManager:
         self._beat = 0.0
         self._gone.clear()
         try:
-            # Its own session: a Ctrl-C on the terminal is for the edge, which ends its workers in order.
+            # A session of its own: Ctrl-C on the terminal goes to the edge, which ends its workers in order.
             process = await asyncio.create_subprocess_exec(
                 *self._command,
                 stdin=asyncio.subprocess.PIPE,
@@ -126,7 +125,7 @@ class WorkerManager:
         return cause
 
     def _tell(self, cause: str) -> str:
-        """Say what is wrong, and return it."""
+        """Report a problem, and return it."""
         self._told(self.name, f"worker {self.name}: {cause}")
         return cause
 
@@ -147,17 +146,17 @@ class WorkerManager:
                 self.started += 1
                 self._told(self.name, "")
             if now - looked > 2 * LOOK:
-                # We were asleep ourselves; what came meanwhile may not have been taken in yet.
+                # This process was asleep itself; heartbeats that arrived meanwhile may not be processed yet.
                 deadline += now - looked
                 self._beat = now if running else self._beat
             looked = now
             if self._gone.is_set() and running:
                 return "vanished from the bus (frozen or killed)"
             if (running and now - self._beat > SILENT_AFTER) or (not running and now > deadline):
-                return "hangs: its event loop does not turn" if running else "did not start in time"
+                return "hangs: its event loop is blocked" if running else "did not start in time"
 
     async def _give_up(self, process: asyncio.subprocess.Process, exited: asyncio.Future[int]) -> None:
-        """Have the robots of a process that hangs halted, and kill it."""
+        """Halt the robots of a hanging process, and kill it."""
         if exited.done():
             return
         self._halt(self.name)
@@ -166,7 +165,7 @@ class WorkerManager:
         await exited
 
     async def _end(self, process: asyncio.subprocess.Process, exited: asyncio.Future[int]) -> None:
-        """End the process in an orderly way, or by force."""
+        """Terminate the process, or kill it after ``LEAVE_WITHIN``."""
         _signal(process.terminate)
         done, _ = await asyncio.wait({exited}, timeout=LEAVE_WITHIN)
         if not done:
@@ -175,18 +174,18 @@ class WorkerManager:
             await exited
 
     def _beaten(self, _key: str, _payload: bytes) -> None:
-        """Note a beat; on the bus's thread."""
+        """Record a heartbeat; on the bus's thread."""
         self._beat = self._clock.monotonic()
 
-    def _token_changed(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
-        """Note that the worker came, which is its first sign of life, or went; on the bus's thread."""
+    def _token_changed(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - signature of the bus
+        """Record that the worker appeared (its first sign of life) or is gone; on the bus's thread."""
         if alive:
             self._beat = self._clock.monotonic()
         self._loop.call_soon_threadsafe(self._gone.clear if alive else self._gone.set)
 
 
 def _environment() -> dict[str, str]:
-    """Return what a worker gets of our environment: its supervisor, its log, and nothing that is a secret."""
+    """Return the environment of a worker: its supervisor and its log settings, but no secrets."""
     given = bare_environment()
     given |= {name: os.environ[name] for name in (VARIABLE, *TOLD) if name in os.environ}
     return given
@@ -199,5 +198,5 @@ def _signal(send: Callable[[], None]) -> None:
 
 
 def names_of(workers: Iterable[str]) -> list[str]:
-    """Return the workers to start, each once, in a steady order."""
+    """Return the workers to start, each once, sorted."""
     return sorted({name for name in workers if name})

@@ -1,7 +1,7 @@
-"""The worker process: some of an edge's robots, in a process of their own.
+"""Worker process: some of an edge's robots, in a process of their own.
 
 It joins the edge's bus and runs its robots. Its links, dead-men and stops are here; the edge reaches it only
-over the bus. Started by the edge, which says on its standard input what it is to run, without the edge's
+over the bus. Started by the edge, which writes its task to its standard input, without the edge's
 environment; or on another computer, with a copy of fleet.yaml: ``fleet run --worker arm fleet.yaml``.
 """
 
@@ -43,13 +43,13 @@ from fleet.supervisor.client import connect_supervisor
 
 log = logging.getLogger(__name__)
 
-BEAT = 0.25  # s between signs that the event loop turns
+BEAT = 0.25  # s between heartbeats of the event loop
 
 
 async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
     """Run one worker until a signal ends it, or until ``parent``, the edge that started it, is gone.
 
-    Returns the exit code: ``RELOADED`` for one that is to be started again.
+    Returns the exit code: ``RELOADED`` for a worker that is to be restarted.
     """
     name, edge, kept = task.worker, task.edge, Path(task.state)
     end_logs = start_logging(LogSettings.of_a_worker(name), log_folder(kept) / f"worker-{name}.jsonl")
@@ -86,9 +86,9 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
     bus.control.answer(keys.reload(edge, name), reload.asked)
     bus.control.answer(keys.hold(edge, name), Holding(process.robots, task.groups, task.folder).asked)
     recall = HistoryService(history)
-    if parent is None:  # on another computer, with a file of its own
+    if parent is None:  # on another computer, with a history of its own
         bus.control.answer(keys.history(edge), recall.asked)
-    # Before the robots start: one that hangs at once is noticed too.
+    # Before the robots start: one that hangs at once is detected too.
     bus.control.token(keys.worker(edge, name))
     beat = bus.control.publisher(keys.heartbeat(edge, name))
 
@@ -117,7 +117,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
 
 
 def _end_motion(process: RobotProcess, robot: str, why: str) -> None:
-    """End the motion of a robot that is held from now on; from any thread. A landing goes on."""
+    """End the motion of a robot that has become held; from any thread. A landing goes on."""
     process.loop.call_soon_threadsafe(process.robots[robot].controller.end, why)
 
 

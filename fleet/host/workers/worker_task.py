@@ -1,7 +1,7 @@
-"""What a worker is to run, and nothing else of fleet.yaml: its own robots, and the way to the bus.
+"""Task of a worker: its own robots and its connection to the bus, and nothing else of fleet.yaml.
 
-The edge writes it to the worker's standard input; a worker that is started by hand makes it from its own copy
-of fleet.yaml. The cloud, its token, and what other robots are given are not in it.
+The edge writes it to the worker's standard input; a worker started by hand makes it from its own copy of
+fleet.yaml. It contains neither the cloud and its token nor the configuration of other robots.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from fleet.spool.state_folder import state_folder
 
 
 class RobotTask(msgspec.Struct, frozen=True):
-    """One robot: the name of its adapter, its drop-in file (empty: an installed one), its config (JSON)."""
+    """One robot: name of its adapter, drop-in file (empty: installed adapter), config (JSON)."""
 
     name: str
     adapter: str
@@ -40,12 +40,12 @@ class RobotTask(msgspec.Struct, frozen=True):
 
 
 class WorkerTask(msgspec.Struct, frozen=True):
-    """What one worker runs.
+    """Task of one worker.
 
-    ``state``: the edge's folder of lasting state, with ``history`` of such bounds; ``settle``: seconds to
-    listen for other edges' claims; ``folder``: where relative paths begin; ``names``: of all robots of the
-    edge; ``partners``: the other edges' robots by name, with their edge; ``held``: robots of this worker that
-    a stop input stops.
+    ``state``: the edge's folder of persistent state, with a ``history`` of these bounds; ``settle``: seconds
+    to wait for other edges' claims; ``folder``: base of relative paths; ``names``: all robots of the edge;
+    ``partners``: the other edges' robots by name, with their edge; ``held``: robots of this worker that a
+    stop input stops.
     """
 
     worker: str
@@ -64,7 +64,7 @@ class WorkerTask(msgspec.Struct, frozen=True):
 
 
 def task_of(loaded: Loaded, worker: str) -> WorkerTask:
-    """Return what a worker is to run."""
+    """Return the task of a worker."""
     config = loaded.config
     origin = config.site.origin
     robots = tuple(robot_tasks(loaded, worker))
@@ -94,9 +94,9 @@ def robot_tasks(loaded: Loaded, worker: str) -> Iterable[RobotTask]:
 
 
 def specs_here(loaded: Loaded) -> list[RobotSpec]:
-    """Return the robots that run in the edge's own process; drop-in files among them are imported now.
+    """Return the robots of the edge's own process; drop-in files among them are imported now.
 
-    Raises ConfigError for one that cannot be imported here.
+    Raises ConfigError for an adapter that cannot be imported here.
     """
     importer = Importer(loaded.folder, loaded.registry)
     return [importer.spec(task) for task in robot_tasks(loaded, "")]
@@ -111,7 +111,7 @@ def read_task(payload: bytes) -> WorkerTask:
 
 
 class Importer:
-    """Imports the adapters of the robots that run in this process, each drop-in file once."""
+    """Imports the adapters of the robots of this process, each drop-in file once."""
 
     def __init__(self, folder: Path, registry: Registry | None = None) -> None:
         self._folder = folder
@@ -119,7 +119,7 @@ class Importer:
         self._files: dict[str, Imported] = {}
 
     def spec(self, task: RobotTask) -> RobotSpec:
-        """Return a robot with its own config; raises ConfigError when its adapter cannot be used here."""
+        """Return a robot with its own config; raises ConfigError when its adapter is unusable here."""
         adapter: Any = self._from_file(task) if task.file else self._installed(task)
         try:
             config = checked(adapter.Config, msgspec.json.decode(task.given), {"folder": self._folder})

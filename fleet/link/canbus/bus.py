@@ -1,4 +1,4 @@
-"""A CAN bus over python-can: opened, read, written, and given up when it is dead.
+"""A CAN bus over python-can: opens, reads and writes it, and gives it up when it is dead.
 
 can:socketcan:can0
 can:udp_multicast:239.74.163.2?port=43113
@@ -7,10 +7,10 @@ can:socketcand:can0?host=192.168.1.20&port=29536
 can:kvaser:0
 can:virtual:NAME
 
-The link of one robot says the bit rates, too: can:kvaser:0?bitrate=500000&data_bitrate=2000000 (CAN FD).
+The link of one robot also has the bit rates: can:kvaser:0?bitrate=500000&data_bitrate=2000000 (CAN FD).
 
-A frame that cannot be sent is dropped: a newer one comes in the next cycle. A transmit queue that stays full
-means that nobody acknowledges; what lies in it would be replayed when power returns, so the bus is given up.
+A frame that cannot be sent is dropped: a newer one follows in the next cycle. A transmit queue that stays
+full means that no node acknowledges. Its frames would be sent when power returns, so the bus is given up.
 """
 
 from __future__ import annotations
@@ -36,31 +36,40 @@ from fleet.link.canbus.raw import Packet
 
 _URL = re.compile(r"can:(?P<interface>[a-z0-9_]+):(?P<channel>[^?\s]+)(?:\?(?P<options>\S+))?", re.ASCII)
 _OPTION = re.compile(r"(?:host=[A-Za-z0-9.:_-]+|port=\d{1,5}|(?:data_)?bitrate=[1-9]\d{3,7})", re.ASCII)
-_TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+_OPTIONS_OF: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"udp_multicast": ("port",), "socketcand": ("host", "port")}
 )
-"""Which options an interface takes; all others take none."""
+"""The options of each interface; all others have none."""
 _NO_BITRATE = frozenset({"socketcan", "udp_multicast", "socketcand", "virtual"})
-"""Interfaces whose bit rate somebody else sets: ``ip link``, the daemon, or nobody."""
-_SOCKETCAND_PORT = 29536  # of the daemon, where none is given
-_PCAN_CLOCK = 80_000_000  # Hz, of the interfaces that can CAN FD
-_REACHED = 2.0  # s in which a daemon's host must answer
+"""Interfaces whose bit rate is set elsewhere (``ip link``, the daemon) or that have none."""
+_SOCKETCAND_PORT = 29536  # default of the daemon
+_PCAN_CLOCK = 80_000_000  # Hz, of the PCAN interfaces with CAN FD
+_CONNECT_TIMEOUT = 2.0  # s within which a daemon's host must answer
 _RATES = ("bitrate", "data_bitrate")
-_BLOCKED = 0.01  # s that a bus is left alone after its queue was full
-_FULL_FOR = 0.1  # s of a full queue after which the bus is dead
+_BLOCKED = 0.01  # s that a bus counts as blocked after its queue was full
+_DEAD_AFTER = 0.1  # s of a full queue after which the bus is dead
 _BATCH = 256  # frames read at once
-_BUS_OFF = 0x40  # in the identifier of a SocketCAN error frame
-_FOR_GOOD = {errno.ENODEV, errno.EACCES, errno.EPERM, errno.EAFNOSUPPORT}
+_BUS_OFF = 0x40  # bit in the identifier of a SocketCAN error frame
+_PERMANENT_ERRORS = {errno.ENODEV, errno.EACCES, errno.EPERM, errno.EAFNOSUPPORT}
 
 
-_BROKEN = (can.CanError, OSError, ValueError, ImportError, TypeError, NameError, AttributeError, RuntimeError)
-"""What python-can's interfaces raise when a bus cannot be opened, a missing driver of a maker included."""
+_OPEN_ERRORS = (
+    can.CanError,
+    OSError,
+    ValueError,
+    ImportError,
+    TypeError,
+    NameError,
+    AttributeError,
+    RuntimeError,
+)
+"""Errors of python-can's interfaces when a bus cannot be opened, including a vendor's missing driver."""
 
 
 class BusUrl(NamedTuple):
-    """Which bus: python-can's interface and channel; host and port of a daemon, port of a multicast group.
+    """A parsed bus URL: python-can's interface and channel; host and port of a daemon, or multicast port.
 
-    ``bitrate`` and ``data_bitrate`` (bit/s) of a link; the second makes it one of CAN FD.
+    ``bitrate`` and ``data_bitrate`` (bit/s) are those of a link; the second selects CAN FD.
     """
 
     interface: str
@@ -72,7 +81,7 @@ class BusUrl(NamedTuple):
 
 
 def parse_bus(text: str) -> BusUrl:
-    """Return the parts of a bus URL whose bit rates stand elsewhere; raises LinkRefused with an example."""
+    """Return the parts of a bus URL without bit rates; raises LinkRefused with an example."""
     return _parse(text, rates=False)
 
 
@@ -105,8 +114,8 @@ def _parse(text: str, *, rates: bool) -> BusUrl:
 
 
 def _options(text: str, interface: str, options: str, *, rates: bool) -> dict[str, str]:
-    """Return the options of a bus URL; raises LinkRefused for one that its interface does not take."""
-    takes, given = _TAKES.get(interface, ()), {}
+    """Return the options of a bus URL; raises LinkRefused for one that its interface does not have."""
+    takes, given = _OPTIONS_OF.get(interface, ()), {}
     if rates and interface != "socketcand":
         takes = (*takes, *(_RATES[1:] if interface in _NO_BITRATE else _RATES))
     for option in options.split("&") if options else ():
@@ -127,13 +136,13 @@ def _checked(text: str) -> str:
 
 
 BusText = Annotated[str, AfterValidator(_checked)]
-"""The type of a bus in an adapter's config: checked when fleet.yaml is read."""
+"""Type of a bus in an adapter's config; checked when fleet.yaml is loaded."""
 
 
 class OpenCanBus:
     """One open bus. ``dropped`` counts frames that could not be sent, ``errors`` error frames.
 
-    ``data_bitrate`` (bit/s) makes it a bus of CAN FD.
+    ``data_bitrate`` (bit/s) selects CAN FD.
     """
 
     def __init__(
@@ -152,16 +161,16 @@ class OpenCanBus:
 
     @property
     def dead(self) -> str:
-        """Why it carries nothing any more, empty while it does."""
+        """Why the bus is dead; empty while it works."""
         return self._dead
 
     @property
     def blocked(self) -> bool:
-        """True while its transmit queue was found full a moment ago."""
+        """True shortly after its transmit queue was full."""
         return self._clock.monotonic() - self._full_at < _BLOCKED
 
     def send(self, frame: CanFrame) -> None:
-        """Send a frame, or drop and count it. A dead bus takes nothing more."""
+        """Send a frame, or drop and count it. A dead bus sends nothing."""
         bus = self._bus
         if bus is None or self._dead:
             return
@@ -177,11 +186,11 @@ class OpenCanBus:
             self._full_since = None
 
     def receive(self, wait: float) -> list[CanFrame]:
-        """Return what has arrived, waiting up to ``wait`` s for the first; raises LinkLost."""
+        """Return the received frames, waiting up to ``wait`` s for the first; raises LinkLost."""
         frames: list[CanFrame] = []
         try:
             for packet in self._packets(wait):
-                self._sort(packet, frames)
+                self._classify(packet, frames)
                 if self._dead:
                     break
         except (can.CanError, OSError) as error:
@@ -191,7 +200,7 @@ class OpenCanBus:
         return frames
 
     def close(self) -> None:
-        """Close; what is still in a hardware queue is thrown away where the interface can do that."""
+        """Close; frames in a hardware queue are discarded if the interface supports it."""
         bus, self._bus = self._bus, None
         if bus is None:
             return
@@ -201,14 +210,14 @@ class OpenCanBus:
             bus.shutdown()
 
     def _packets(self, wait: float) -> Iterable[Packet]:
-        """Return what has arrived, by the shortest way that the interface has."""
+        """Return the received packets by the fastest method of the interface."""
         if self._bus is None or self._dead:
             return ()
         if self._socket is not None:
             return raw.read(self._socket, wait, _BATCH)
         return _received(self._bus, wait)
 
-    def _sort(self, packet: Packet, frames: list[CanFrame]) -> None:
+    def _classify(self, packet: Packet, frames: list[CanFrame]) -> None:
         """Keep data frames; count error frames and look for bus-off in them."""
         if packet.error:
             self.errors += 1
@@ -227,16 +236,17 @@ class OpenCanBus:
         self._full_at = now
         if self._full_since is None:
             self._full_since = now
-        elif now - self._full_since > _FULL_FOR:
+        elif now - self._full_since > _DEAD_AFTER:
             channel = _parse(self.url, rates=True).channel
             self._dead = (
-                "its transmit queue stays full, nobody acknowledges: are the drives powered? It may hold old "
-                f"targets: before power comes back run  ip link set {channel} down; ip link set {channel} up"
+                "its transmit queue stays full, no node acknowledges: are the drives powered? It may hold "
+                "old targets: before power comes back run  "
+                f"ip link set {channel} down; ip link set {channel} up"
             )
 
 
 def _message(frame: CanFrame) -> can.Message:
-    """Return a frame as python-can has it."""
+    """Return a frame as a message of python-can."""
     return can.Message(
         arbitration_id=frame.id,
         data=None if frame.remote else frame.data,
@@ -249,7 +259,7 @@ def _message(frame: CanFrame) -> can.Message:
 
 
 def _received(bus: can.BusABC, wait: float) -> Iterator[Packet]:
-    """Yield what python-can has received, waiting up to ``wait`` s for the first."""
+    """Yield the packets that python-can has received, waiting up to ``wait`` s for the first."""
     for _ in range(_BATCH):
         message = bus.recv(wait)
         if message is None:
@@ -261,7 +271,7 @@ def _received(bus: can.BusABC, wait: float) -> Iterator[Packet]:
 
 
 def _socket_of(bus: can.BusABC) -> socket.socket | None:
-    """Return the kernel's CAN socket, where the interface is one."""
+    """Return the kernel's CAN socket of a SocketCAN interface, None for others."""
     return bus.socket if isinstance(bus, SocketcanBus) else None
 
 
@@ -273,7 +283,7 @@ def _open(url: str, bitrate: int, data_bitrate: int | None) -> can.BusABC:
         options |= {"fd": data_bitrate is not None, "hop_limit": 0}
         if parts.port is not None:
             options["port"] = parts.port
-    elif parts.interface == "socketcand":  # the bitrate is the daemon's
+    elif parts.interface == "socketcand":  # the daemon sets the bit rate
         if data_bitrate is not None:
             raise LinkRefused(
                 f"{url}: a socketcand daemon carries no CAN FD; open the bus on its own computer"
@@ -283,15 +293,15 @@ def _open(url: str, bitrate: int, data_bitrate: int | None) -> can.BusABC:
         options["bitrate"] = bitrate
         options |= _fd_options(parts.interface, bitrate, data_bitrate)
     try:
-        if parts.host:  # python-can itself tries for 10 s without a pause
-            socket.create_connection((options["host"], options["port"]), _REACHED).close()
+        if parts.host:  # fail early: python-can retries for 10 s without a pause
+            socket.create_connection((options["host"], options["port"]), _CONNECT_TIMEOUT).close()
         return can.Bus(**options)
-    except _BROKEN as error:
+    except _OPEN_ERRORS as error:
         raise _unopened(url, parts.interface, error) from error
 
 
 def _fd_options(interface: str, bitrate: int, data_bitrate: int | None) -> dict[str, Any]:
-    """Return what python-can's interface needs for CAN FD; SocketCAN has its bit rates by ``ip link``."""
+    """Return python-can's options for CAN FD; SocketCAN has its bit rates from ``ip link``."""
     if data_bitrate is None:
         return {}
     if interface != "pcan":
@@ -307,12 +317,12 @@ def _fd_options(interface: str, bitrate: int, data_bitrate: int | None) -> dict[
 
 
 def _unopened(url: str, interface: str, error: Exception) -> LinkLost | LinkRefused:
-    """Return in words why a bus could not be opened, and whether a person must act first."""
+    """Return the error for a bus that cannot be opened: refused if a person must act, otherwise lost."""
     code = getattr(error, "error_code", None) or getattr(error, "errno", None)
     why = str(getattr(error, "strerror", None) or error)
     if isinstance(error, (ImportError, NameError, AttributeError, can.CanInterfaceNotImplementedError)):
         return LinkRefused(f"{url}: the driver for {interface} is not installed on this computer ({why})")
-    if isinstance(error, (ValueError, TypeError)) or code in _FOR_GOOD:
+    if isinstance(error, (ValueError, TypeError)) or code in _PERMANENT_ERRORS:
         return LinkRefused(f"{url}: {why}")
     if type(error) is OSError and code is None:
         return LinkRefused(f"{url}: the driver for {interface} cannot be loaded ({why})")

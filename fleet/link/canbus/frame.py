@@ -1,4 +1,4 @@
-"""A CAN frame, also as the bytes that links carry; what is asked of a bus."""
+"""A CAN frame, its packed form on links, and the interface of a bus."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol, Self
 import msgspec
 
 STANDARD_ID = 0x7FF
-"""The largest identifier of a standard frame; one beyond it makes an extended frame."""
+"""The highest identifier of a standard frame; a higher one makes an extended frame."""
 
 HIGHEST_ID = 0x1FFFFFFF
 FD_LENGTHS = frozenset({*range(9), 12, 16, 20, 24, 32, 48, 64})
@@ -16,10 +16,10 @@ _HEAD = struct.Struct("<IB")  # identifier; flags: 1 remote, 2 CAN FD
 
 
 class CanFrame(msgspec.Struct, frozen=True, gc=False):
-    """One frame: identifier (extended when it is beyond STANDARD_ID) and up to eight bytes, 64 in CAN FD.
+    """One frame: identifier (extended above STANDARD_ID) and up to eight bytes, 64 in CAN FD.
 
-    ``fd``: a frame of CAN FD, sent with the data bit rate; ``remote``: asks for the frame of that identifier.
-    Thousands are made in a second, so it is what is made quickest.
+    ``fd``: a CAN FD frame, sent with the data bit rate; ``remote``: requests the frame of that identifier.
+    Thousands are created each second, so it is a Struct that the garbage collector does not track.
     """
 
     id: int
@@ -29,17 +29,17 @@ class CanFrame(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def extended(self) -> bool:
-        """True when it is an extended frame."""
+        """True for an extended frame."""
         return self.id > STANDARD_ID
 
     def packed(self) -> bytes:
         """Return it as the bytes that a ``can:`` link carries.
 
-        Raises ValueError for what is no frame: a number or a length that CAN does not have.
+        Raises ValueError for an identifier or a length that CAN does not have.
         """
         size = len(self.data)
         if not 0 <= self.id <= HIGHEST_ID:
-            raise ValueError(f"{self.id:X}h is no identifier; the highest is {HIGHEST_ID:X}h")
+            raise ValueError(f"{self.id:X}h is not a CAN identifier; the highest is {HIGHEST_ID:X}h")
         if (size > 8 and not self.fd) or (self.fd and size not in FD_LENGTHS) or (self.remote and size):
             kind = "remote" if self.remote else "CAN FD" if self.fd else "classic"
             raise ValueError(f"a {kind} frame has no {size} bytes of data")
@@ -47,7 +47,7 @@ class CanFrame(msgspec.Struct, frozen=True, gc=False):
 
     @classmethod
     def unpack(cls, data: bytes) -> Self | None:
-        """Return the frame that a ``can:`` link has received; None for bytes that are none."""
+        """Return the frame that a ``can:`` link has received; None for invalid bytes."""
         if len(data) < _HEAD.size:
             return None
         number, flags = _HEAD.unpack_from(data)
@@ -55,9 +55,9 @@ class CanFrame(msgspec.Struct, frozen=True, gc=False):
 
 
 def is_foreign(identifier: int, *, extended: bool) -> bool:
-    """Tell whether a frame that was read is nobody's here: extended, with the number of a standard one.
+    """Return whether to ignore a received frame: extended, with an identifier in the standard range.
 
-    As a ``CanFrame`` it could not be told from that one.
+    As a ``CanFrame`` it would look like the standard frame of that identifier.
     """
     return extended and identifier <= STANDARD_ID
 
@@ -68,10 +68,10 @@ class CanBus(Protocol):
     name: str
 
     def send(self, frame: CanFrame) -> None:
-        """Send a frame, or drop and count it: a newer one comes in the next cycle."""
+        """Send a frame, or drop and count it: a newer one follows in the next cycle."""
 
     def receive(self, wait: float) -> list[CanFrame]:
-        """Return what has arrived, waiting up to ``wait`` seconds for the first; empty when nothing did.
+        """Return the received frames, waiting up to ``wait`` seconds for the first; empty if there is none.
 
         Raises LinkLost when the bus is gone.
         """

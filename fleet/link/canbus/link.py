@@ -1,6 +1,6 @@
-"""A CAN bus as the link of one robot: what it carries are frames packed into bytes (``CanFrame.packed``).
+"""A CAN bus as the link of one robot; it carries packed frames (``CanFrame.packed``).
 
-A thread reads the bus: most of python-can's interfaces have nothing that an event loop could wait for.
+A thread reads the bus, because most of python-can's interfaces have nothing that an event loop can wait for.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from fleet.link.canbus.frame import CanFrame
 from fleet.link.link_end import LinkEnd
 from fleet.link.tap import tap_of
 
-_POLL = 0.05  # s that one reading waits: how long closing takes at most
-_BACKLOG = 4096  # frames that wait for the loop; of more the oldest are dropped and counted
-_TURN = 256  # frames that are handed over at once
-_FULL = 1 << 20  # bytes: a bus with a full queue takes no motion
-_CLASSIC = 1_000_000  # bit/s, for interfaces that are not told
+_POLL = 0.05  # s that one read waits: bounds the time of a close
+_BACKLOG = 4096  # frames that wait for the loop; beyond it the oldest are dropped and counted
+_BATCH = 256  # frames handed over in one iteration of the loop
+_FULL = 1 << 20  # bytes reported as unsent while the queue is full: more than any motion
+_CLASSIC = 1_000_000  # bit/s, for interfaces without a configured rate
 
 
 class CanLink:
@@ -38,19 +38,19 @@ class CanLink:
         self._loop = asyncio.get_running_loop()
         self._lock = threading.Lock()  # python-can's interfaces send from one thread at a time
         self._arrived: deque[CanFrame] = deque(maxlen=_BACKLOG)
-        self._due = False  # a handing over is scheduled
+        self._due = False  # a hand-over is scheduled
         self._reader = threading.Thread(target=self._read, name="fleet-can", daemon=True)
         self._reader.start()
 
     def fileno(self) -> int:
-        """Return -1: python-can writes."""
+        """Return -1: python-can does the writes."""
         return -1
 
     def unsent(self) -> int:
         """Return more than any motion while the transmit queue is full, so that only the newest waits."""
         return _FULL if self._bus.blocked else 0
 
-    def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - a bus is for all
+    def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - a bus has no addresses
         """Write a packed frame, or drop and count it when the transmit queue is full.
 
         Raises LinkLost when the bus is dead, ValueError for bytes that are no frame of this bus.
@@ -100,13 +100,13 @@ class CanLink:
     def _schedule(self) -> None:
         try:
             self._loop.call_soon_threadsafe(self._hand_over)
-        except RuntimeError:  # the loop has ended, and with it everybody who waits
+        except RuntimeError:  # the loop has ended, with all its waiting tasks
             self._ending.fall("its event loop has ended")
 
     def _hand_over(self) -> None:
-        """Give what has arrived to the receiver; the rest, if it is much, in another turn of the loop."""
+        """Pass received frames to the receiver; a large rest follows in the next iteration of the loop."""
         self._due = False
-        for _ in range(_TURN):
+        for _ in range(_BATCH):
             if self._ending.ended or not self._arrived:
                 return
             self.stats.received += 1

@@ -1,6 +1,6 @@
-"""Frames of a SocketCAN socket as the kernel has them: a third of what python-can's own way costs.
+"""Frames of a SocketCAN socket in the kernel's layout, at a third of the cost of python-can.
 
-``struct can_frame`` of linux/can.h: identifier with flags, length, padding, eight bytes; in the host's order.
+``struct can_frame`` of linux/can.h: identifier with flags, length, padding, eight bytes; in host byte order.
 ``struct canfd_frame``: identifier with flags, length, flags of CAN FD, padding, 64 bytes.
 """
 
@@ -15,16 +15,16 @@ from fleet.link.canbus.frame import STANDARD_ID, CanFrame, is_foreign
 
 _FRAME = struct.Struct("=IB3x8s")
 _FD_FRAME = struct.Struct("=IBB2x64s")
-_FAST = 0x05  # CANFD_BRS | CANFD_FDF: CAN FD, the data at their own bit rate
+_FAST = 0x05  # CANFD_BRS | CANFD_FDF: CAN FD with the data bit rate
 _EXTENDED, _REMOTE, _ERROR = 1 << 31, 1 << 30, 1 << 29
 _EXTENDED_ID = 0x1FFFFFFF
 _PACKET = _FD_FRAME.size  # the longest
 
 
 class Packet(NamedTuple):
-    """What was read: a frame, and whether it is one that tells of errors, or one that is for nobody here.
+    """A received frame; ``error``: an error frame; ``unwanted``: to be ignored.
 
-    ``unwanted``: a remote one, which has no data, a foreign one, or one that was cut short.
+    Unwanted are remote frames, which have no data, foreign ones (``is_foreign``), and truncated ones.
     """
 
     frame: CanFrame
@@ -33,7 +33,7 @@ class Packet(NamedTuple):
 
 
 def pack(frame: CanFrame) -> bytes:
-    """Return a frame as the kernel takes it."""
+    """Return a frame in the kernel's layout."""
     identifier = frame.id | _EXTENDED if frame.extended else frame.id
     if frame.fd:
         return _FD_FRAME.pack(identifier, len(frame.data), _FAST, frame.data)
@@ -43,7 +43,7 @@ def pack(frame: CanFrame) -> bytes:
 
 
 def unpack(data: bytes) -> Packet:
-    """Return what the kernel gave; a frame that is cut short is an empty one that nobody wants."""
+    """Return the packet of the kernel's bytes; a truncated frame becomes an empty, unwanted one."""
     if len(data) < _FRAME.size:
         return Packet(CanFrame(0, b""), unwanted=True)
     fd = len(data) >= _FD_FRAME.size
@@ -60,7 +60,7 @@ def unpack(data: bytes) -> Packet:
 
 
 def read(sock: socket.socket, wait: float, most: int) -> list[Packet]:
-    """Return what has arrived, waiting up to ``wait`` s for the first; raises OSError."""
+    """Return the received packets, waiting up to ``wait`` s for the first; raises OSError."""
     if wait > 0 and not select.select([sock], [], [], wait)[0]:
         return []
     packets: list[Packet] = []
@@ -73,5 +73,5 @@ def read(sock: socket.socket, wait: float, most: int) -> list[Packet]:
 
 
 def write(sock: socket.socket, frame: CanFrame) -> None:
-    """Write a frame, now or not at all; raises OSError (ENOBUFS or EAGAIN for a full queue)."""
+    """Write a frame without waiting; raises OSError (ENOBUFS or EAGAIN for a full queue)."""
     sock.send(pack(frame), socket.MSG_DONTWAIT)

@@ -20,7 +20,7 @@ from fleet.model.schedule import ScheduleAnswer
 from fleet.model.state import EdgeState, RobotState
 
 FOXGLOVE = ("FrameTransform", "JointStates", "LocationFix", "Log", "PoseInFrame")
-"""Foxglove's schemas that are used here, by name without ``foxglove.``."""
+"""Foxglove's schemas in use, by name without ``foxglove.``."""
 DOCUMENT = "fleet.Document"
 """Any JSON object."""
 UNREAD = "fleet.Unread"
@@ -59,10 +59,10 @@ def schema_of(name: str) -> bytes:
 
 
 def _generated(kind: type[msgspec.Struct]) -> dict[str, Any]:
-    """Return the schema of a type, in the part of JSON Schema that Foxglove reads.
+    """Return the schema of a type, in the subset of JSON Schema that Foxglove reads.
 
-    That has neither references nor unions: members are written out, one that may be null is left out of a
-    message instead, and one of several types is not described.
+    The subset has neither references nor unions: references are expanded, nullable members are optional
+    instead, and members of several types are left out.
     """
     schema = msgspec.json.schema(kind)
     definitions: Mapping[str, Any] = schema.get("$defs", {})
@@ -71,7 +71,7 @@ def _generated(kind: type[msgspec.Struct]) -> dict[str, Any]:
 
 
 def _plain(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return a schema without references and unions; None where it has no single type."""
+    """Return a schema without references and unions; None if it has no single type."""
     if "$ref" in schema:
         return _plain(definitions[schema["$ref"].rpartition("/")[2]], definitions)
     choices = [each for each in schema.get("anyOf", ()) if each.get("type") != "null"]
@@ -86,7 +86,7 @@ def _plain(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[st
 
 
 def _plain_value(schema: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the schema of a number, text or truth value; None where it has no single type."""
+    """Return the schema of a number, text or boolean; None if it has no single type."""
     if schema.get("type") in _SCALARS:
         return {name: schema[name] for name in ("type", "contentEncoding") if name in schema}
     words = [word for word in schema.get("enum", ()) if word is not None]
@@ -96,7 +96,7 @@ def _plain_value(schema: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _plain_object(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the schema of an object; a member without a single type is left out of it."""
+    """Return the schema of an object; members without a single type are left out."""
     plain = {name: _plain(each, definitions) for name, each in schema.get("properties", {}).items()}
     described = {name: each for name, each in plain.items() if each is not None}
     text = {"description": schema["description"]} if "description" in schema else {}

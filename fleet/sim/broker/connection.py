@@ -18,7 +18,7 @@ _Reason = mqtt5.DisconnectReasonCode
 
 
 class ReadGate:
-    """Whether a connection reads from its socket: not while it is frozen, or its client does not read.
+    """Controls reading from the socket: paused while frozen, or while the client does not read.
 
     ``transport`` is None before the connection and once it is being closed.
     """
@@ -30,20 +30,20 @@ class ReadGate:
         self._unread = b""
 
     def freeze(self, data: bytes) -> None:
-        """Stop reading for now, and keep the bytes read so far."""
+        """Pause reading, and keep the bytes read so far."""
         self.frozen = True
         self._unread += data
         self._read_or_wait()
 
     def thaw(self) -> bytes:
-        """Resume after a freeze; return the bytes that were kept."""
+        """Resume after a freeze; return the kept bytes."""
         self.frozen = False
         unread, self._unread = self._unread, b""
         self._read_or_wait()
         return unread
 
     def set_full(self, *, full: bool) -> None:
-        """Note whether the client does not read what was written."""
+        """Set whether the client does not read its messages."""
         self.full = full
         self._read_or_wait()
 
@@ -84,7 +84,7 @@ class BrokerConnection(asyncio.Protocol):
         self._everyone.add(self)
 
     def data_received(self, data: bytes) -> None:
-        """Handle received bytes and write all answers at once; a frozen broker keeps them for later."""
+        """Handle received bytes and write all answers together; a frozen broker keeps the bytes for later."""
         if self._is_silent():
             if not self._forgotten:
                 self._reading.freeze(data)
@@ -112,7 +112,7 @@ class BrokerConnection(asyncio.Protocol):
         self._close()
 
     def watch(self) -> None:
-        """Resume after a freeze; end the connection when the client has been silent for too long."""
+        """Resume after a freeze; end the connection if the client has been silent for too long."""
         if self._hub.faults.freeze:
             if not self._forgotten:
                 self._reading.freeze(b"")
@@ -132,7 +132,7 @@ class BrokerConnection(asyncio.Protocol):
             self._transport.abort()
 
     def pause_writing(self) -> None:
-        """Stop writing, and reading: a client that does not read is not read from, either."""
+        """Pause writing, and also reading from a client that does not read."""
         self._reading.set_full(full=True)
 
     def resume_writing(self) -> None:
@@ -141,16 +141,16 @@ class BrokerConnection(asyncio.Protocol):
         self.flush()
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio passes it
-        """Note that the client is gone."""
+        """Handle the loss of the connection."""
         self._everyone.discard(self)
         self._conversation.leave()
 
     def _is_silent(self) -> bool:
-        """Return True when a fault stops reading and writing."""
+        """Return True if a fault stops reading and writing."""
         return self._forgotten or self._reading.frozen or self._hub.faults.freeze
 
     def _is_late(self) -> bool:
-        """Return True when the client has been silent for too long, or does not read the last packets."""
+        """Return True if the client has been silent for too long, or does not read the last packets."""
         patience = self._hub.limits.connect_timeout if self._closing else self._conversation.patience
         late = bool(patience) and self._hub.clock.monotonic() - self._heard > patience
         return late and not self._forgotten
@@ -184,7 +184,7 @@ class BrokerConnection(asyncio.Protocol):
             self.expel(_Reason.KEEP_ALIVE_TIMEOUT)
 
     def _close(self) -> None:
-        """Close once everything is written; ``watch`` aborts if the client does not read."""
+        """Close after everything is written; ``watch`` aborts if the client does not read."""
         if self._closing:
             return
         self._closing = True

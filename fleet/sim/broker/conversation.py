@@ -29,8 +29,8 @@ class ClientError(Exception):
 class Conversation:
     """State of one client's connection, from CONNECT to its end.
 
-    ``session`` is None before CONNECT and after the end; ``over``: close the connection once everything is
-    written. ``patience`` is the time that the client may be silent, seconds; 0 for ever.
+    ``session`` is None before CONNECT and after the end; ``over``: close the connection after everything is
+    written. ``patience`` is the permitted silence of the client in seconds; 0: unlimited.
     """
 
     def __init__(self, hub: BrokerCore, peer: BrokerPeer) -> None:
@@ -55,7 +55,7 @@ class Conversation:
         }
 
     def receive(self, packet: mqtt5.Packet, protocol: int | None) -> _Answers:
-        """Handle one packet and return the answers; raises ClientError when it ends the connection."""
+        """Handle one packet and return the answers; raises ClientError if it ends the connection."""
         if isinstance(packet, mqtt5.ConnectPacket):
             self._protocol = protocol
             return self._on_connect(packet)
@@ -65,7 +65,7 @@ class Conversation:
         return handler(packet, self.session)
 
     def end(self, reason: mqtt5.DisconnectReasonCode) -> _Answers:
-        """End the connection for a reason of the broker, which a connected MQTT 5 client is sent."""
+        """End the connection by the broker; return the DISCONNECT for a connected MQTT 5 client."""
         told = self.session is not None and self._protocol == 5
         self.leave()
         self.over = True
@@ -99,7 +99,7 @@ class Conversation:
         return [answer, *session.resume(self._hub.clock.monotonic())]
 
     def _refusal(self, packet: mqtt5.ConnectPacket) -> mqtt5.ConnAckReasonCode | None:
-        """Return the reason to refuse the client, None when it is accepted."""
+        """Return the reason to refuse the client, None if it is accepted."""
         if packet.will and _is_wrong(check_topic, packet.will.topic):
             return mqtt5.ConnAckReasonCode.TOPIC_NAME_INVALID
         if self._protocol == 311 and not packet.client_id and not packet.clean_start:

@@ -41,7 +41,7 @@ class Subscriptions:
         self._matches.clear()
 
     def subscribe(self, session: BrokerSession, subscription: Subscription) -> bool:
-        """Add a subscription or replace the one with the same filter; return True when it is new."""
+        """Add a subscription or replace the one with the same filter; return True if it is new."""
         pattern = subscription.options.pattern
         new = pattern not in session.subscriptions
         session.subscriptions[pattern] = subscription
@@ -49,7 +49,7 @@ class Subscriptions:
         return new
 
     def unsubscribe(self, session: BrokerSession, pattern: str) -> bool:
-        """Remove a subscription; return True when there was one."""
+        """Remove a subscription; return True if there was one."""
         self._matches.clear()
         return session.subscriptions.pop(pattern, None) is not None
 

@@ -8,10 +8,12 @@ import msgspec
 class BrokerFaults(msgspec.Struct):
     """Active faults. ``drop`` and ``duplicate`` are topic filters, ``delay`` is in seconds.
 
-    ``drop``: matching messages are acknowledged but not delivered. ``duplicate``: they are delivered twice.
-    ``delay``: every delivery waits that long. ``no_puback``: QoS 1 is delivered but not acknowledged.
-    ``refuse``: every CONNECT is answered with this reason code (0x87 is "not authorized").
-    ``freeze``: nothing is read, written or timed out, as if the broker's computer were suspended.
+    - ``drop``: matching messages are acknowledged but not delivered.
+    - ``duplicate``: they are delivered twice.
+    - ``delay``: every delivery is delayed.
+    - ``no_puback``: QoS 1 is delivered but not acknowledged.
+    - ``refuse``: every CONNECT is answered with this reason code (0x87 is "not authorized").
+    - ``freeze``: nothing is read, written or timed out, as if the broker's computer were suspended.
     """
 
     drop: str | None = None

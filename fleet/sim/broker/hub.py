@@ -56,7 +56,7 @@ class BrokerCore:
         self._wills: dict[str, asyncio.TimerHandle] = {}
 
     def refusal(self, packet: mqtt5.ConnectPacket) -> mqtt5.ConnAckReasonCode | None:
-        """Return the reason to refuse a client, None when it is accepted."""
+        """Return the reason to refuse a client, None if it is accepted."""
         if self.faults.refuse is not None:
             return mqtt5.ConnAckReasonCode(self.faults.refuse)
         if packet.authentication_method is not None:
@@ -105,7 +105,7 @@ class BrokerCore:
                 self._directory.remove(session)
 
     def publish(self, packet: mqtt5.PublishPacket, publisher: BrokerSession) -> bool:
-        """Route a message; return False when it has no subscriber and publishers are to be told so."""
+        """Route a message; return False if it has no subscriber and publishers are informed of that."""
         if self.faults.drop and matches(self.faults.drop, packet.topic):
             return True
         lifetime = packet.message_expiry_interval
@@ -134,7 +134,7 @@ class BrokerCore:
             self._offer(session, _copy(kept, [subscription], retain=True))
 
     def unsubscribe(self, session: BrokerSession, pattern: str) -> bool:
-        """Remove a subscription; return True when there was one."""
+        """Remove a subscription; return True if there was one."""
         return self._directory.unsubscribe(session, pattern)
 
     def close(self) -> None:
@@ -143,7 +143,7 @@ class BrokerCore:
             will.cancel()
 
     def _is_full(self) -> bool:
-        """Return True when there is no room for a new session, after removing expired ones."""
+        """Return True if there is no room for a new session, after removing expired ones."""
         self.expire()
         return len(self._directory.sessions) >= self.limits.sessions
 
@@ -166,7 +166,7 @@ class BrokerCore:
             session.offer_at_any_cost(copy)
 
     def _offer_to(self, peer: BrokerPeer, session: BrokerSession, copy: QueuedCopy) -> None:
-        """Queue a message for a connected client, and expel the client when it is too slow.
+        """Queue a message for a connected client; expel the client if it is too slow.
 
         The messages of one iteration of the event loop are written together.
         """

@@ -15,7 +15,7 @@ from fleet.sim.broker.hub import BrokerCore, Check
 from fleet.sim.broker.limits import ClientLimits
 
 _TICK = 0.1
-"""Seconds between two checks of time-outs."""
+"""Seconds between checks of timeouts."""
 
 
 class Broker:
@@ -90,7 +90,7 @@ class Broker:
                 connection.forget()
 
     async def _tick(self) -> None:
-        """Check time-outs and the end of a freeze, periodically."""
+        """Check timeouts and the end of a freeze, periodically."""
         while True:
             for connection in list(self._connections):
                 connection.watch()

@@ -1,4 +1,4 @@
-"""Session of one client, which outlives its connection: subscriptions, queued and in-flight messages."""
+"""Session of one client, which survives its connection: subscriptions, queued and in-flight messages."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class QueuedCopy(msgspec.Struct):
 
 
 class BrokerSession:
-    """The state that outlives a connection (MQTT 5, section 4.1); no I/O, no clock."""
+    """The state that survives a connection (MQTT 5, section 4.1); no I/O, no clock."""
 
     def __init__(self, client_id: str, limits: ClientLimits) -> None:
         self.client_id = client_id
@@ -50,7 +50,7 @@ class BrokerSession:
         self._released: dict[int, None] = {}
 
     def offer(self, copy: QueuedCopy) -> bool:
-        """Queue a message; return False when there is no room."""
+        """Queue a message; return False if there is no room."""
         size = len(copy.packet.payload)
         if (
             len(self._queue) + len(self._held) >= self._limits.queue
@@ -62,7 +62,7 @@ class BrokerSession:
         return True
 
     def offer_at_any_cost(self, copy: QueuedCopy) -> None:
-        """Queue a message; drop the oldest ones when there is no room."""
+        """Queue a message; drop the oldest ones if there is no room."""
         while not self.offer(copy) and (oldest := self._held or self._queue):
             self._take(oldest)
 
@@ -93,7 +93,7 @@ class BrokerSession:
         self._sent.pop(identifier, None)
 
     def on_pubrec(self, packet: mqtt5.PubRecPacket) -> mqtt5.PubRelPacket | None:
-        """Return PUBREL for a received QoS 2 message; None when the client refused the message."""
+        """Return PUBREL for a received QoS 2 message; None if the client refused the message."""
         known = self._sent.pop(packet.packet_id, None) is not None or packet.packet_id in self._released
         if int(packet.reason_code) >= 0x80:
             return None
@@ -122,7 +122,7 @@ class BrokerSession:
         packets.append(_packet(copy, identifier, now))
 
     def _room(self) -> bool:
-        """Return True when the client accepts one more QoS 1 or 2 message."""
+        """Return True if the client accepts one more QoS 1 or 2 message."""
         return len(self._sent) + len(self._released) < self.window
 
     def _next_id(self) -> int:

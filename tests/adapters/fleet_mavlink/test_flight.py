@@ -254,7 +254,7 @@ def test_a_way_down_goes_on_when_the_host_lets_go_and_ends_when_somebody_asks(fl
             await asyncio.sleep(3.0)
             mode = it.mode
             it.adapter.halt()
-            await it.adapter.stop("the host lets go of the robot")
+            await it.adapter.stop("the edge has stopped running it")
             await asyncio.sleep(2.0)
             assert it.mode == mode
             it.adapter.emergency_halt()

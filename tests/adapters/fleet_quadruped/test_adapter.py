@@ -278,4 +278,4 @@ async def test_what_was_asked_before_a_lost_link_is_not_done_again(running):
             again.cancel()
             await asyncio.gather(again, return_exceptions=True)
     told = [report.message for report in robot.reports_of(LogReport)]
-    assert told == ["odometry begins anew: position 0, 0 is where the dog is now"] * 2
+    assert told == ["odometry was reset: position 0, 0 is where the dog is now"] * 2

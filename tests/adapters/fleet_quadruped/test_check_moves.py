@@ -1,6 +1,6 @@
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.requests import BodyRequest
-from fleet_quadruped.check_moves import Moves
+from fleet_quadruped.check_moves import CheckMoves
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
@@ -17,7 +17,7 @@ def run(rig, moves, clock, seconds=40.0):
 
 def test_a_key_makes_it_give_way_at_once_and_be_off(dog):
     rig, clock = Rig(dog, MujocoWorld(dog)), ManualClock()
-    moves = Moves(dog, clock, lambda: rig.sim.time > 5.0)
+    moves = CheckMoves(dog, clock, lambda: rig.sim.time > 5.0)
     run(rig, moves, clock)
     assert rig.mode is Mode.OFF
     assert rig.sim.time < 8.0
@@ -26,9 +26,9 @@ def test_a_key_makes_it_give_way_at_once_and_be_off(dog):
 
 def test_a_dog_that_is_refused_is_told_with_the_reason(dog):
     rig, clock = Rig(dog.model_copy(update={"imu": None})), ManualClock()
-    moves = Moves(dog, clock, lambda: False)
+    moves = CheckMoves(dog, clock, lambda: False)
     run(rig, moves, clock)
-    assert moves.ended == "without an IMU nobody knows how it lies"
+    assert moves.ended == "its attitude is unknown without an IMU"
     assert moves.looks == []
 
 

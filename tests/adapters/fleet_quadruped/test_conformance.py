@@ -295,4 +295,4 @@ class Written:
 def test_what_is_no_number_moves_nothing(standing, value):
     standing.go(1.0, Twist(value, value, value))
     assert standing.mode is Mode.STANDING
-    assert standing.ask(BodyRequest.HEIGHT, value) == f"{value} is no height"
+    assert standing.ask(BodyRequest.HEIGHT, value) == f"{value} is not a height"

@@ -45,7 +45,7 @@ CASES = [
     Case("short", RL_HIP, 0.25, Mode.DAMPED, r"RL_hip: over-current \(emergency 2310h", ("cia402",)),
     Case("short", RL_HIP, 0.25, Mode.DAMPED, r"RL_hip: no feedback from id 8 on bus a", SILENT),
     Case("mute", RL_HIP, 0.18, Mode.DAMPED, r"RL_hip: no feedback from id 8 on bus a for 0\.1\d s"),
-    Case("reboot", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: id 8 (has restarted|let go by itself)"),
+    Case("reboot", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: id 8 (has restarted|switched its torque off)"),
     Case("deaf", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: .*ignores its target \(bit 12 of 6041h", ("cia402",)),
     Case("jump", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: its encoder jumped"),
     Case(

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from fleet_quadruped.frame_integrity import Checksum, Counter, Seal, Sealed
+from fleet_quadruped.frame_integrity import Checksum, Counter, FrameIntegrity, ProtectedFrame
 from fleet_quadruped.frames import FrameDecoder, FrameMap, encode
 from fleet_quadruped.selfwalk.by_frames import FixedFrame
 
@@ -39,14 +39,14 @@ def test_a_fixed_frame_leaves_room_for_its_seal():
 
 
 def test_a_counter_goes_on_and_wraps_in_its_own_bits():
-    seal = Seal(0x111, Sealed(counter=Counter(at=1, bits=4, shift=4)))
-    told = [seal.put(b"\x00\x05")[1] for _ in range(18)]
+    integrity = FrameIntegrity(0x111, ProtectedFrame(counter=Counter(at=1, bits=4, shift=4)))
+    told = [integrity.put(b"\x00\x05")[1] for _ in range(18)]
     assert told[:3] == [0x05, 0x15, 0x25]
     assert told[15:] == [0xF5, 0x05, 0x15]
 
 
 @pytest.mark.parametrize(
-    ("kind", "header", "data", "sealed"),
+    ("kind", "header", "data", "protected"),
     [
         ("sum", True, "0102030405060000", "010203040506004F"),  # AgileX version 1, identifier 131h
         ("sum", False, "FF00", "FFFF"),
@@ -54,28 +54,28 @@ def test_a_counter_goes_on_and_wraps_in_its_own_bits():
         ("crc8", False, "0000000000", "0000000059"),  # SAE J1850, four bytes of zero
     ],
 )
-def test_golden_checksums(kind, header, data, sealed):
+def test_golden_checksums(kind, header, data, protected):
     at = len(bytes.fromhex(data)) - 1
-    seal = Seal(0x131, Sealed(checksum=Checksum(at=at, kind=kind, header=header)))
-    assert seal.put(bytes.fromhex(data)) == bytes.fromhex(sealed)
+    integrity = FrameIntegrity(0x131, ProtectedFrame(checksum=Checksum(at=at, kind=kind, header=header)))
+    assert integrity.put(bytes.fromhex(data)) == bytes.fromhex(protected)
 
 
 KINDS = ["sum", "xor", "crc8"]
 sealings = st.builds(
-    Sealed,
+    ProtectedFrame,
     counter=st.none() | st.just(Counter(at=6, bits=8)),
     checksum=st.builds(Checksum, at=st.just(7), kind=st.sampled_from(KINDS), header=st.booleans()),
 )
 
 
 @given(sealings, st.binary(min_size=8, max_size=8), st.integers(0, 7), st.integers(1, 255))
-def test_what_was_sealed_counts_and_one_wrong_byte_does_not(sealed, data, place, change):
-    frame = bytearray(Seal(0x111, sealed).put(data))
-    assert Seal(0x111, sealed).take(bytes(frame))
+def test_a_protected_frame_is_valid_until_one_byte_is_wrong(protected, data, place, change):
+    frame = bytearray(FrameIntegrity(0x111, protected).put(data))
+    assert FrameIntegrity(0x111, protected).take(bytes(frame))
     frame[place] ^= change
-    assert not Seal(0x111, sealed).take(bytes(frame))
+    assert not FrameIntegrity(0x111, protected).take(bytes(frame))
 
 
 def test_a_counter_that_stands_still_does_not_count():
-    seal = Seal(0x111, Sealed(counter=Counter(at=0)))
-    assert [seal.take(bytes([count])) for count in (3, 3, 4, 4, 7)] == [True, False, True, False, True]
+    integrity = FrameIntegrity(0x111, ProtectedFrame(counter=Counter(at=0)))
+    assert [integrity.take(bytes([count])) for count in (3, 3, 4, 4, 7)] == [True, False, True, False, True]

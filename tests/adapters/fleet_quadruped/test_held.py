@@ -78,7 +78,7 @@ def test_a_held_dog_is_told_and_its_joints_are_led_from_where_they_are(upright):
     upright.go(0.03)
     after = [motor.target for motor in upright.sim.world.motors]
     assert max(abs(a - b) for a, b in zip(before, after, strict=True)) < 0.1
-    assert health_of(upright.state(), 100).cause == "it may have been held by its drives, and is let down"
+    assert health_of(upright.state(), 100).cause == "it may have been held by its drives, and is lowered"
 
 
 def test_a_controller_that_is_started_again_at_once_finds_drives_that_are_still_enabled(upright):
@@ -125,8 +125,8 @@ def test_a_drive_that_does_not_go_on_keeps_the_dog_held_until_a_person_holds_it(
     assert rig.mode is Mode.DAMPED
     assert rig.height > 0.2
     assert rig.fault == (
-        "RL_hip: its drive does not go on from its quick stop: it is held and cannot be lowered; "
-        "hold the dog: reset_faults lets go"
+        "RL_hip: its drive does not leave quick stop: it is held and cannot be lowered; "
+        "hold the dog: reset_faults switches torque off"
     )
     assert "it is damped" in rig.ask(BodyRequest.STAND)
     assert rig.ask(BodyRequest.RESET) == ""
@@ -191,7 +191,7 @@ def test_a_tool_that_looks_at_a_held_dog_refuses_and_drops_nothing(dog, monkeypa
     rig.pass_time(0.5)
     bench = Bench(rig)
     monkeypatch.setattr(Cia402Drives, "configure", lambda _self: None)  # it is configured already
-    with pytest.raises(LinkRefused, match="the drives hold the dog, and it would fall: let it down"):
+    with pytest.raises(LinkRefused, match="the drives hold the dog, and it would fall: lower it"):
         BenchSession(dog, bench.buses, bench)
     assert rig.states() == {DriveState.QUICK_STOP}
     assert rig.height > 0.2

@@ -13,7 +13,7 @@ from fleet.testing.clock import ManualClock
 from fleet_quadruped.cli import can
 from fleet_quadruped.drives.cia402.frames import RPDO1
 from fleet_quadruped.drives.cia402.setup import MAX_TORQUE
-from fleet_quadruped.jog import SPEED, Jog, Jogger, JogStopped, Pressed, ramp, verdict
+from fleet_quadruped.jog import SPEED, AbortInput, Jog, Jogger, JogStopped, ramp, verdict
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.sim.lockstep import SimBus, lockstep
@@ -107,7 +107,7 @@ def test_a_torque_limit_that_could_not_be_taken_back_is_told(dog, caplog):
     wall.on_the_way = lambda: wall.sim.fault("mute", NUMBER + 1)
     with pytest.raises(LinkLost):
         wall.jogger.move()
-    assert "FR_hip: its torque is limited still; take its power off and on" in caplog.text
+    assert "FR_hip: its torque is still limited; switch its power off and on" in caplog.text
 
 
 def test_a_silent_drive_is_not_moved(wall):
@@ -156,7 +156,7 @@ def test_a_signal_ends_it_in_order_and_the_next_one_does_not_cut_the_braking_sho
     source, _ = ends = os.pipe()
     before = signal.getsignal(number)
     monkeypatch.setattr(sys, "stdin", os.fdopen(source, closefd=False))
-    pressed = wall.jogger._interrupted = Pressed()
+    pressed = wall.jogger._interrupted = AbortInput()
     wall.on_the_way = lambda: os.kill(os.getpid(), number)
     looked, braked = wall.jogger._cycle, wall.jogger._bench.drives.quick_stop
     wall.jogger._cycle = lambda act: (wall.pressed(), looked(act))[1]

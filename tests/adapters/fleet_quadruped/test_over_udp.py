@@ -16,7 +16,7 @@ import pytest
 
 from fleet import Fault, LinkLost, NotReady, TimedOut, Vector3, Velocity
 from fleet.testing.waiting import DEADLINE
-from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, unpack_told
+from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, unpack_status_pdo
 from fleet_quadruped.drives.cia402.states import DriveState, state_of
 
 pytestmark = pytest.mark.real_time
@@ -52,7 +52,7 @@ def states(url):
             if message is None:  # a busy computer may lose a datagram
                 watcher.send(question)
             elif TPDO1 < message.arbitration_id <= TPDO1 + 12:
-                seen[message.arbitration_id] = state_of(unpack_told(bytes(message.data)).status)
+                seen[message.arbitration_id] = state_of(unpack_status_pdo(bytes(message.data)).status)
     return set(seen.values())
 
 

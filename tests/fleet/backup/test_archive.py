@@ -50,7 +50,7 @@ def forged(path, described, members):
     [
         ({"state/a": b"1"}, [("state/a", b"2", None)], "SHA-256"),
         ({"state/a": b"1"}, [("state/a", b"12", None)], "size"),
-        ({"state/a": b"1"}, [], "no whole backup"),
+        ({"state/a": b"1"}, [], "no complete backup"),
         ({"state/a": b"1"}, [("state/a", b"", tarfile.SYMTYPE)], "size"),
         ({}, [("state/b", b"1", None)], "not in its manifest"),
         ({"../../etc/passwd": b"1"}, [("../../etc/passwd", b"1", None)], "no name of a file"),
@@ -72,7 +72,7 @@ def test_an_archive_of_a_newer_fleet_is_refused_with_its_version(tmp_path):
 @pytest.mark.parametrize("content", [b"", b"no archive", b"\x1f\x8b" + b"\0" * 50])
 def test_what_is_no_archive_is_refused(tmp_path, content):
     (tmp_path / "a").write_bytes(content)
-    with pytest.raises(BackupError, match=r"no (whole backup|backup of fleet)"):
+    with pytest.raises(BackupError, match=r"no (complete backup|backup of fleet)"):
         read_archive(tmp_path / "a")
 
 

@@ -103,7 +103,7 @@ def bridge(make_bridge, port):
 
 def test_reports_cross_with_the_next_turn(bridge, listener, pose):
     bridge.uplink.arrived(f"cw/{TWIN}/data/position", pose(4.0))
-    list(bridge.turn())
+    list(bridge.tick())
     position = wait_until("the pose is heard", lambda: dict(listener.heard).get(f"{T}position"))
     assert position["position"]["x"] == 4.0
     assert position["session_id"].startswith("fleet_live_")
@@ -121,7 +121,7 @@ def test_a_twin_that_joins_is_heard_and_one_that_leaves_is_not(
     ada = type(rex)("ada", THIRD)
     background_loop.call(bridge.join, ada, of_a_twin(rulebook()))
     bridge.uplink.arrived(f"cw/{THIRD}/data/position", pose(5.0))
-    list(bridge.turn())
+    list(bridge.tick())
     topic = f"cyberwave/twin/{THIRD}/"
     wait_until("its pose is heard", lambda: f"{topic}position" in dict(listener.heard))
     stop = json.dumps({"command": "emergency_stop"})
@@ -139,7 +139,7 @@ def test_a_twin_that_joins_is_heard_and_one_that_leaves_is_not(
     wait_until("the others go on", lambda: rex.emergencies)
     assert len(ada.emergencies) == number
     bridge.uplink.arrived(f"cw/{THIRD}/data/position", pose(6.0))
-    assert list(bridge.turn()) == []
+    assert list(bridge.tick()) == []
     assert bridge.client.stats.connects == 1
 
 
@@ -157,16 +157,16 @@ def test_an_event_on_the_bus_crosses_without_a_turn_and_many_are_written_togethe
     bridge, listener, monkeypatch
 ):
     report = TelemetryReport(1.0, "authority_lost")
-    wake, woken = bridge.client._soon, []
-    monkeypatch.setattr(bridge.client, "_soon", lambda call: woken.append(call) or wake(call))
+    wake, woken = bridge.client._schedule, []
+    monkeypatch.setattr(bridge.client, "_schedule", lambda call: woken.append(call) or wake(call))
     bridge.heard([(f"cw/{TWIN}/data/telemetry", encode_report(report, number)) for number in range(50)])
     wait_until("all are heard", lambda: listener.telemetry(TWIN).count("authority_lost") == 50)
     assert sum(isinstance(call, partial) for call in woken) == 1  # others: the spool's
 
 
 def test_a_turn_without_anything_to_say_wakes_nobody(bridge, monkeypatch):
-    monkeypatch.setattr(bridge.client, "_soon", lambda _: pytest.fail("woke the loop"))
-    list(bridge.turn())
+    monkeypatch.setattr(bridge.client, "_schedule", lambda _: pytest.fail("woke the loop"))
+    list(bridge.tick())
 
 
 def test_an_emergency_stop_is_made_while_the_loop_is_stuck(bridge, background_loop, port, rex):
@@ -354,7 +354,7 @@ def test_a_twin_of_an_edge_that_was_there_before_is_left_to_it(bridge, listener)
 def test_of_two_bridges_for_one_twin_only_the_later_gives_way(broker, make_bridge):
     first = make_bridge(broker.port)
     first._conflicts._began -= 60.0
-    first.voice._began -= 60.0
+    first.publisher._began -= 60.0
     second = make_bridge(broker.port, edge="yard-2")
     for _ in range(2):
         first.beat({})
@@ -372,7 +372,7 @@ def test_an_offer_reaches_the_local_program_and_its_answer_the_cloud(bridge, lis
     bridge.uplink.arrived(f"cw/{TWIN}/data/webrtc_answer", json.dumps(answer).encode())
     own = {**answer, "type": "offer", "sdp": "v=1"}
     bridge.uplink.arrived(f"cw/{TWIN}/data/webrtc_offer", json.dumps(own).encode())
-    list(bridge.turn())
+    list(bridge.tick())
     heard = wait_until("it is heard", lambda: dict(listener.heard).get(f"{T}webrtc-answer"))
     offers = f"{T}webrtc-offer"
     wait_until("ours is heard", lambda: [m for t, m in listener.heard if t == offers and m["sdp"] == "v=1"])

@@ -51,4 +51,7 @@ def test_a_broker_that_is_away_is_given_up_in_time(free_port, monkeypatch):
 def test_what_cannot_be_read_is_told_in_one_line(monkeypatch, capsys):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"nonsense")))
     assert disconnect_program.main() == 1
-    assert "fleet: the cloud is not told that the edge died: JSON is malformed" in capsys.readouterr().err
+    assert (
+        "fleet: cannot report the death of the edge to the cloud: JSON is malformed"
+        in capsys.readouterr().err
+    )

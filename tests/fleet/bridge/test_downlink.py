@@ -4,7 +4,7 @@ import logging
 import pytest
 
 from fleet.bridge.command_replies import SAME_REFUSAL_EVERY
-from fleet.bridge.downlink import DENIED_AFTER, TURN, Downlink
+from fleet.bridge.downlink import REFUSE_AFTER, TIME_SLICE, Downlink
 from fleet.cloud.values import CloudMessage
 from fleet.errors import WireError
 from fleet.model.command import Reply, ReplyStatus
@@ -228,7 +228,7 @@ def test_a_stop_waits_for_no_more_than_came_before_it_though_the_flood_goes_on(
     bench, accepting, clock, monkeypatch
 ):
     monkeypatch.setattr("fleet.bridge.downlink.MOST_WAITING", 20)
-    accepting.answers = lambda _kind, _payload: clock.advance(TURN / 3)
+    accepting.answers = lambda _kind, _payload: clock.advance(TIME_SLICE / 3)
     bench.downlink.arrived([command("before")] * 20 + [command("stop"), command("stop")])
     for _ in range(100):
         bench.downlink.take()
@@ -242,7 +242,7 @@ def test_a_stop_that_waits_takes_no_later_ones_place_once_motion_stands_between(
     bench, rex, ports, monkeypatch
 ):
     monkeypatch.setattr("fleet.bridge.downlink.MOST_WAITING", 2)
-    ports[OTHER].answers = lambda *_: bench.clock.advance(2 * TURN)  # one message a turn
+    ports[OTHER].answers = lambda *_: bench.clock.advance(2 * TIME_SLICE)  # one message a slice
     other = command("beep", topic=f"cyberwave/twin/{OTHER}/command")
     bench.downlink.arrived([other, other, command("stop")])
     bench.downlink.take()
@@ -396,7 +396,7 @@ def test_a_robot_that_fails_to_take_a_message_does_not_keep_the_next_one_waiting
     rex.take = broken
     bench.arrive(command("takeoff"), command("takeoff", topic=f"cyberwave/twin/{OTHER}/command"))
     assert len(ports[OTHER].received) == 1
-    assert "could not be taken" in caplog.text
+    assert "could not be dispatched" in caplog.text
 
 
 def test_a_message_beyond_the_size_of_its_topic_is_not_read(bench, rex):
@@ -518,7 +518,7 @@ def test_large_messages_wait_within_a_bound_and_stops_beyond_it(bench, accepting
 
 
 def test_a_flood_leaves_the_loop_its_turns_and_keeps_its_order(bench, accepting, clock):
-    accepting.answers = lambda _kind, _payload: clock.advance(TURN / 3)
+    accepting.answers = lambda _kind, _payload: clock.advance(TIME_SLICE / 3)
     bench.downlink.arrived([command(f"c{number}") for number in range(12)])
     turns = 1
     while bench.downlink.take():
@@ -538,11 +538,11 @@ def test_only_stops_are_obeyed_for_a_twin_that_another_edge_has_and_who_asks_is_
         "emergency_stop",
         "stop",
     ]
-    clock.advance(DENIED_AFTER - 0.01)
-    bench.downlink.deny()
+    clock.advance(REFUSE_AFTER - 0.01)
+    bench.downlink.send_refusals()
     assert bench.sent == [], "the other edge answers"
     clock.advance(0.01)
-    bench.downlink.deny()
+    bench.downlink.send_refusals()
     answer = bench.sent[0][1]
     assert (answer["status"], "edge yard-0 has its twin" in json.dumps(answer)) == ("rejected", True)
     assert len(bench.sent) == 3

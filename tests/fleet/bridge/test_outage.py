@@ -85,7 +85,7 @@ def tell_statuses(bridge, first, end):
     for number in range(first, end):
         report = NavigationReport(float(number), f"a{number}", ActionState.RUNNING, 0.0)
         bridge.uplink.arrived(STATUS, encode_report(report, number))
-        list(bridge.turn())
+        list(bridge.tick())
 
 
 def actions(heard):
@@ -127,7 +127,7 @@ def test_periodic_telemetry_of_an_outage_does_not_come_after_it_as_news(broker, 
 
     def tell(message):
         bridge.uplink.arrived(TELEMETRY, json.dumps(message).encode())
-        list(bridge.turn())
+        list(bridge.tick())
 
     broker.broker.faults.refuse = UNAVAILABLE
     broker.call(broker.broker.half_open, "edge-0")
@@ -140,7 +140,7 @@ def test_periodic_telemetry_of_an_outage_does_not_come_after_it_as_news(broker, 
     tell({**state, "ts": 100.0})
 
     def told():
-        list(bridge.turn())
+        list(bridge.tick())
         return [message["timestamp"] for _, message in heard if message.get("type") == state["type"]]
 
     assert wait_until("the state of now is heard", told) == [100.0]

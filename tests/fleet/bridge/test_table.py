@@ -140,13 +140,13 @@ class World:
             clock=clock,
         )
         self.bridge.client.publish = self._publish
-        self.bridge.client.way = lambda topic, **how: partial(self._publish, topic, **how)
+        self.bridge.client.route = lambda topic, **how: partial(self._publish, topic, **how)
         self.bridge.client.queue = lambda way, payload: way(payload)
 
     def _asked(self, topic, _message):
         """Say what the edge says of its workflows."""
-        self.bridge.voice.status(topic.twin, "workflow:execution/started", b"{}")
-        self.bridge.voice.status(topic.twin, "workflow:execution/e1/finished", b"{}")
+        self.bridge.publisher.status(topic.twin, "workflow:execution/started", b"{}")
+        self.bridge.publisher.status(topic.twin, "workflow:execution/e1/finished", b"{}")
 
     def _publish(self, topic, payload, **properties):
         json.loads(payload)
@@ -161,7 +161,7 @@ class World:
     def tell(self, channel, sample):
         uuid = PLACE if channel.startswith("environment") else TWIN
         self.bridge.uplink.arrived(f"cw/{uuid}/data/{channel}", sample)
-        for _ in self.bridge.turn():
+        for _ in self.bridge.tick():
             pass
 
 
@@ -252,7 +252,7 @@ def test_a_parked_robot_repeats_at_1_hz_and_nothing_said_once_is_repeated(world,
     world.published.clear()
     for _ in range(500):
         clock.advance(0.02)
-        for _ in world.bridge.turn():
+        for _ in world.bridge.tick():
             pass
     times = {suffix: [one for one, _ in world.published].count(suffix) for suffix, _ in world.published}
     repeated = {suffix for suffix, rule in RULES.items() if rule.repeat}

@@ -368,7 +368,7 @@ def test_a_certificate_of_another_site_does_not_come_in(yard, directory, there, 
     ):
         path.write_bytes(content)
     tls = BusTls(*map(str, names), mutual=True, verify_name=False)
-    with pytest.raises(BusError, match="nobody lets us in"):
+    with pytest.raises(BusError, match="cannot join the bus"):
         join(BusSettings("away", connect=(there,), tls=tls), directory)
 
 

@@ -30,7 +30,7 @@ async def test_an_edge_is_joined_when_it_comes_and_left_when_it_goes(runtime):
         SystemClock(),
         only=True,
         opened=lambda edge, _bus: opened.append(edge),
-        told=lambda edge, problem: told.put_nowait((edge, problem)),
+        changed=lambda edge, problem: told.put_nowait((edge, problem)),
     )
     running = asyncio.create_task(edges.run())
 

@@ -132,14 +132,14 @@ robots:
 def test_one_robot_beside_those_of_a_partner_is_warned_of_too(fleet, place):
     (place / "fleet.yaml").write_text(PARTNER)
     (warning,) = fleet("check", "--json").json["warnings"]
-    assert "nobody knows where its start is on Earth" in warning["message"]
+    assert "position of its start on Earth is unknown" in warning["message"]
 
 
 @pytest.mark.parametrize(
     ("site", "start", "told", "hint"),
     [
         (SITE, "", "it cannot be placed beside the others", "start: [metres east"),
-        ("", START, "nobody knows where its start is on Earth", "site: {origin:"),
+        ("", START, "position of its start on Earth is unknown", "site: {origin:"),
         (SITE, START, "", ""),
     ],
 )

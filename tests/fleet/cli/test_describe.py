@@ -80,7 +80,7 @@ def test_of_a_group_each_robot_has_one_line_and_one_that_is_silent_hides_no_othe
     rows = [" ".join(row.split()) for row in result.out.splitlines()]
     assert "kestrel land; not now: takeoff" in rows
     assert "rex land" in rows
-    assert any(row.startswith("mute unknown: mute does not say what it takes") for row in rows)
+    assert any(row.startswith("mute unknown: mute does not report its commands") for row in rows)
     one = fleet("describe", "all", "takeoff")
     assert "rex there is no such command" in [" ".join(row.split()) for row in one.out.splitlines()]
     found = fleet("describe", "all", "--json").json["robots"]

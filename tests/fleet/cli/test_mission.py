@@ -8,7 +8,7 @@ from fleet.bus import keys
 from fleet.cli.runs import robot_lines, state_line
 from fleet.missions.report import AskedNow, Controlled, MissionState, RunRobot, RunState, Started
 from fleet.missions.results import Result
-from fleet.missions.store import Told
+from fleet.missions.store import RunLogEntry
 
 MISSION = """
 version: 1
@@ -32,7 +32,7 @@ class Missions:
         self.runs = [state()]
         self.started = Started("3f2a", {"eye": ["kestrel"]})
         self.refusal = ""
-        self.story = [Told(1000.0, "run begun")]
+        self.story = [RunLogEntry(1000.0, "run begun")]
         self.results = []
         control = edge._control
         control.answer(keys.mission("yard-1", "*"), self._mission)
@@ -217,7 +217,10 @@ def test_a_robot_of_a_run_is_told_in_a_sentence(robot, line):
 
 
 def test_the_story_of_a_run_is_told_in_sentences(fleet, yard):
-    yard.story = [Told(1000.0, "begins takeoff", "up.1", "kestrel"), Told(1001.0, "anna paused the run")]
+    yard.story = [
+        RunLogEntry(1000.0, "begins takeoff", "up.1", "kestrel"),
+        RunLogEntry(1001.0, "anna paused the run"),
+    ]
     shown = fleet("mission", "log", "3f2a").out
     assert "kestrel begins takeoff (step up)\n" in shown
     assert shown.endswith(" anna paused the run\n")

@@ -119,7 +119,7 @@ def test_an_edge_with_a_password_is_not_reached_without_its_file(fleet, play_edg
     play_edge("yard-1", user="anna", password="secret")
     result = fleet("ps")
     assert result.code == 4
-    assert "edge yard-1: nobody lets us in" in result.err
+    assert "edge yard-1: cannot join the bus" in result.err
     assert "if it has a password, give its file: -f fleet.yaml" in result.err
 
 
@@ -136,7 +136,7 @@ def test_a_frozen_edge_is_told_and_hides_no_other(fleet, play_edge, spawn_edge):
     os.kill(spawn_edge("barn").pid, signal.SIGSTOP)
     result = fleet("ps", "--json")
     assert [robot["name"] for robot in result.json["robots"]] == ["rex"]
-    assert "edge barn: nobody lets us in" in result.err
+    assert "edge barn: cannot join the bus" in result.err
     assert result.code == 0
 
 

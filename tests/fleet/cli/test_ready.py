@@ -41,7 +41,7 @@ def test_an_answer_that_is_no_check_list_is_told(fleet, answers, data):
     answers(data)
     result = fleet("ready", "kestrel")
     assert result.code == 5
-    assert "no check list" in result.err
+    assert "does not answer with a check list" in result.err
 
 
 def test_a_robot_without_the_command_says_so(fleet, play_edge):

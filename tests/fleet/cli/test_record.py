@@ -9,7 +9,7 @@ TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 def given_way(monkeypatch):
     """Keep the priority of the tests; the recorder asks to have a lower one."""
     given = []
-    monkeypatch.setattr("fleet.cli.record.give_way", lambda: given.append(True))
+    monkeypatch.setattr("fleet.cli.record.lower_priority", lambda: given.append(True))
     return given
 
 

@@ -122,7 +122,7 @@ def test_what_is_no_pass_says_why_and_has_the_exit_code_of_such_a_run(fleet, yar
 
 def test_where_nobody_is_placed_the_closest_approach_is_not_known(fleet, yard):
     ends(yard, approaches=())
-    assert "nobody knows" in fleet("mission", "rehearse", "patrol").out
+    assert "unknown: no two robots are placed" in fleet("mission", "rehearse", "patrol").out
 
 
 @pytest.mark.parametrize(

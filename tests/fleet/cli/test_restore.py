@@ -19,4 +19,4 @@ def test_nothing_is_restored_below_an_edge_that_runs(fleet, place, state, play_e
 
 def test_a_file_that_is_no_backup_is_refused(fleet, place, runtime):
     done = fleet("restore", "fleet.yaml")
-    assert (done.code, "no whole backup" in done.err) == (1, True)
+    assert (done.code, "no complete backup" in done.err) == (1, True)

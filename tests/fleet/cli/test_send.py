@@ -214,7 +214,7 @@ def test_a_robot_that_is_reached_by_two_ways_is_asked_once(fleet, play_edge, fre
     [
         (("send", "rex", "takeoff", "altitude"), "'altitude' is not key=value"),
         (("send", "rex", "takeoff", "=5"), "'=5' is not key=value"),
-        (("send", "rex", "takeoff", "a=1", "a=2"), "a key stands twice"),
+        (("send", "rex", "takeoff", "a=1", "a=2"), "a key is given twice"),
         (("send", "rex", "takeoff", "altitude=NaN"), "not finite"),
         (("send", "rex", "takeoff", "altitude=1e999"), "not finite"),
         (("goto", "rex", "nan", "0"), "'nan' is no number"),

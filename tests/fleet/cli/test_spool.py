@@ -76,7 +76,7 @@ def test_while_its_edge_runs_a_spool_is_shown_but_not_emptied(fleet, state):
     assert fleet("spool", "status", "--json").json["in_use"]
     result = fleet("spool", "purge", "--yes")
     assert result.code == 1
-    assert "belongs to another edge that runs" in result.err
+    assert "belongs to another running edge" in result.err
     spool.close()
 
 

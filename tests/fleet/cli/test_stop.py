@@ -129,7 +129,7 @@ def test_a_frozen_edge_does_not_keep_a_stop_from_the_others(fleet, yard, spawn_e
     result = fleet("stop", "--all")
     assert result.code == 7
     assert result.out == "beast: stopped\nkestrel: stopped\nrex: stopped\n"
-    assert "edge barn: nobody lets us in" in result.err
+    assert "edge barn: cannot join the bus" in result.err
 
 
 HANGS = "import time; time.sleep(600)"
@@ -212,7 +212,7 @@ def test_a_password_that_cannot_be_read_is_told_with_its_edge(fleet, yard, play_
     result = fleet("stop", "--all", "-f", "barn.yaml")
     assert result.code == 7
     assert len(result.out.splitlines()) == 3
-    assert "edge barn: nobody lets us in" in result.err
+    assert "edge barn: cannot join the bus" in result.err
     assert "bus.user and bus.password cannot both be read: tried without" in result.err
     (place / "barn.yaml").write_text("edge: {id: barn}\nbus: {user: me, password: secret}\nrobots: oh\n")
     assert fleet("stop", "--all", "-f", "barn.yaml").code == 0

@@ -53,7 +53,7 @@ def test_a_process_whose_clock_is_not_ours_starts_nobody(fleet, yard, ahead):
 def test_a_process_that_does_not_tell_its_time_starts_nobody(fleet, play_edge):
     play_edge("yard-1", robots={"rex": {}})
     result = fleet("send", "rex", "walk", "--at", "+20s")
-    assert (result.code, "edge yard-1 does not tell its time" in result.err) == (5, True)
+    assert (result.code, "edge yard-1 does not report its time" in result.err) == (5, True)
 
 
 def test_every_robot_has_its_line_when_nobody_is_started(fleet, yard):

@@ -117,14 +117,14 @@ async def test_a_message_that_may_not_wait_does_not_wait_for_a_planned_write(con
 
 @pytest.mark.parametrize("phase", [0.0, 0.01, 0.1, 0.24])
 async def test_a_silent_cut_is_noticed_whenever_it_comes_between_two_looks(connection, broker, clock, phase):
-    clock.advance(connection.patience - phase)
+    clock.advance(connection.watch_interval - phase)
     broker.say(mqtt5.PublishPacket("t", b"the last that gets through"))
     await broker.is_taken()
     clock.advance(phase)
     silent = phase
     while connection.watch() or not connection.ended.done():
-        clock.advance(connection.patience)
-        silent += connection.patience
+        clock.advance(connection.watch_interval)
+        silent += connection.watch_interval
     assert silent <= SILENCE
     assert "silent" in str(connection.ended.result())
 
@@ -155,9 +155,9 @@ async def test_what_a_message_asks_begins_before_the_broker_is_answered(connecti
 async def test_what_the_loop_leaves_unread_is_read_by_who_stands_in(connection, broker):
     broker.say(mqtt5.PublishPacket("t", b"stop"))
     arrived(connection)
-    connection.stand_in()
+    connection.read_for_loop()
     assert broker.handed == []  # the loop may be about to read it
-    connection.stand_in()
+    connection.read_for_loop()
     assert [message.payload for message in broker.handed] == [b"stop"]
     assert not broker.taken.is_set()
     await broker.is_taken()
@@ -169,7 +169,7 @@ async def test_who_stands_in_acknowledges_what_it_reads_or_the_broker_would_keep
     broker.say(mqtt5.PublishPacket("t", b"x", qos=mqtt5.QoS.AT_LEAST_ONCE, packet_id=7))
     arrived(connection)
     for _ in range(5):
-        connection.stand_in()
+        connection.read_for_loop()
     assert len(broker.handed) == 1
     assert broker.hear() == [mqtt5.PubAckPacket]
     assert not broker.taken.is_set()
@@ -181,11 +181,11 @@ async def test_what_the_loop_gets_stuck_over_is_acknowledged_by_who_stands_in(co
 
     def get_stuck():
         try:
-            connection.stand_in()
+            connection.read_for_loop()
             broker.end.setblocking(False)
             with pytest.raises(BlockingIOError):  # the loop may be about to answer
                 broker.hear()
-            connection.stand_in()
+            connection.read_for_loop()
             broker.end.settimeout(WITHIN)
             heard.extend(broker.hear())
         finally:
@@ -205,12 +205,12 @@ async def test_one_look_reads_all_that_has_arrived_and_the_next_goes_on_at_once(
     many = [mqtt5.PublishPacket("t", bytes(1000)) for _ in range(60)]
     broker.say(*many)
     arrived(connection)
-    assert not connection.stand_in()
-    assert connection.stand_in()
+    assert not connection.read_for_loop()
+    assert connection.read_for_loop()
     assert len(broker.handed) == 60
     broker.say(mqtt5.PublishPacket("t", b"stop"))
     arrived(connection)
-    assert connection.stand_in()
+    assert connection.read_for_loop()
     assert broker.handed[-1].payload == b"stop"
 
 
@@ -218,7 +218,7 @@ async def test_who_stands_in_does_nothing_while_the_loop_reads(connection, broke
     for number in range(5):
         broker.say(mqtt5.PublishPacket("t", b"%d" % number))
         arrived(connection)
-        connection.stand_in()
+        connection.read_for_loop()
         await broker.is_taken()
     assert [message.payload for message in broker.handed] == [b"0", b"1", b"2", b"3", b"4"]
 
@@ -228,9 +228,9 @@ async def test_a_broker_that_ends_while_the_loop_is_stuck_is_left_to_the_loop(co
     broker.end.close()
     arrived(connection)
     for _ in range(5):
-        connection.stand_in()
+        connection.read_for_loop()
     assert not connection.ended.done()
-    assert "fell" in str(await asyncio.wait_for(connection.ended, WITHIN))
+    assert "was lost" in str(await asyncio.wait_for(connection.ended, WITHIN))
     assert len(broker.handed) == 1
 
 
@@ -238,7 +238,7 @@ async def test_after_nonsense_nothing_is_believed_any_more(connection, broker):
     broker.end.sendall(b"\x00\x00")
     arrived(connection)
     for _ in range(2):
-        connection.stand_in()
+        connection.read_for_loop()
     broker.say(mqtt5.PublishPacket("t", b"x"))
     arrived(connection)
     assert "not an MQTT packet" in str(await asyncio.wait_for(connection.ended, WITHIN))
@@ -247,7 +247,7 @@ async def test_after_nonsense_nothing_is_believed_any_more(connection, broker):
 
 async def test_a_link_is_kept_alive_while_the_loop_is_stuck(connection, broker, clock):
     clock.advance(SETTINGS.keepalive)
-    connection.stand_in()
+    connection.read_for_loop()
     assert broker.hear() == [mqtt5.PingReqPacket]
 
 
@@ -258,8 +258,8 @@ async def test_a_link_that_is_only_slow_is_not_given_up_and_one_that_takes_no_mo
     for _ in range(5):
         clock.advance(SETTINGS.keepalive)
         connection.watch()
-        before = len(connection._stream._rest)
-        while len(connection._stream._rest) == before:
+        before = len(connection._stream._unsent)
+        while len(connection._stream._unsent) == before:
             await asyncio.to_thread(broker.end.recv, 1 << 20)
     assert connection.full
     assert not connection.ended.done()
@@ -273,7 +273,7 @@ async def test_a_failure_that_nobody_foresaw_ends_the_connection(connection, bro
     monkeypatch.setattr(connection._session, "receive", lambda *_: 1 / 0)
     broker.say(mqtt5.PublishPacket("t", b"x"))
     assert "ZeroDivisionError" in str(await asyncio.wait_for(connection.ended, WITHIN))
-    assert "not foreseen" in caplog.text
+    assert "unexpected error" in caplog.text
 
 
 @pytest.mark.parametrize("what", ["too large", "no text"])
@@ -304,7 +304,7 @@ async def breaks_the_protocol(connection, broker):
 
 async def says_goodbye(connection, broker):
     broker.end.close()
-    await connection.leave(WITHIN)
+    await connection.disconnect(WITHIN)
 
 
 async def is_given_up(connection, _broker):

@@ -2,7 +2,7 @@ import mqtt5
 import pytest
 
 from fleet.cloud.outbound_queue import OutboundQueue
-from fleet.cloud.publish import publish_light, publish_route
+from fleet.cloud.publish import publish_qos0, qos0_route
 from fleet.cloud.values import CloudStats
 from fleet.spool.message import OVERHEAD, Outgoing
 from fleet.spool.spool import Spool, SpoolSettings
@@ -34,7 +34,7 @@ def box(stats, clock):
 
 
 def put(box, name, expiry=None):
-    return box.put_light(publish_route(name, expiry), PAYLOAD)
+    return box.put_qos0(qos0_route(name, expiry), PAYLOAD)
 
 
 def durable(name):
@@ -42,12 +42,12 @@ def durable(name):
 
 
 def take(box, *, now=None, size=1_000_000):
-    taken = box.take_light(now or ManualClock().monotonic(), size)
-    return [message.where.topic for message in taken]
+    taken = box.take_qos0(now or ManualClock().monotonic(), size)
+    return [message.route.topic for message in taken]
 
 
 def read(taken, now):
-    told = [mqtt5.read(memoryview(publish_light(message, now, 5)))[0] for message in taken]
+    told = [mqtt5.read(memoryview(publish_qos0(message, now, 5)))[0] for message in taken]
     return [(each.topic, each.message_expiry_interval) for each in told]
 
 
@@ -56,8 +56,8 @@ def test_messages_leave_in_order_with_their_time(box, clock):
     put(box, "b", 10.0)
     put(box, "c", 10.0)
     soon, later = clock.monotonic() + 0.9, clock.monotonic() + 1.1
-    assert read(box.take_light(soon, SIZE + 1), soon) == [("a", None), ("b", 10)]
-    assert read(box.take_light(later, 1_000_000), later) == [("c", 9)]
+    assert read(box.take_qos0(soon, SIZE + 1), soon) == [("a", None), ("b", 10)]
+    assert read(box.take_qos0(later, 1_000_000), later) == [("c", 9)]
     assert take(box) == []
 
 

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.cloud.packets import PacketDecoder
-from fleet.cloud.publish import QueuedQos0, publish, publish_light, publish_route
+from fleet.cloud.publish import QueuedQos0, publish, publish_qos0, qos0_route
 from fleet.spool.message import Outgoing
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0+#"), min_size=1, max_size=40)
@@ -40,7 +40,7 @@ def test_the_codec_reads_what_is_written(protocol, message):
 
 @pytest.mark.parametrize("protocol", [5, 311])
 def test_a_message_of_qos_0_has_no_identifier(protocol):
-    packet = only(publish_light(QueuedQos0(publish_route("t", None), b"x", 0.0), 0.0, protocol), protocol)
+    packet = only(publish_qos0(QueuedQos0(qos0_route("t", None), b"x", 0.0), 0.0, protocol), protocol)
     assert (packet.topic, packet.payload, int(packet.qos), packet.packet_id) == ("t", b"x", 0, None)
 
 
@@ -48,8 +48,8 @@ def test_a_message_of_qos_0_has_no_identifier(protocol):
 @given(TEXT, st.binary(max_size=300), st.none() | st.floats(0.001, 1e11), st.floats(0, 0.999))
 def test_the_codec_reads_messages_of_qos_0(protocol, topic, payload, expiry, part):
     waited = 1e9 if expiry is None else expiry * part
-    message = QueuedQos0(publish_route(topic, expiry), payload, 0.0)
-    packet = only(publish_light(message, waited, protocol), protocol)
+    message = QueuedQos0(qos0_route(topic, expiry), payload, 0.0)
+    packet = only(publish_qos0(message, waited, protocol), protocol)
     assert (packet.topic, packet.payload, int(packet.qos)) == (topic, payload, 0)
     if protocol == 5:
         assert (packet.message_expiry_interval is None) == (expiry is None)
@@ -59,24 +59,24 @@ def test_the_codec_reads_messages_of_qos_0(protocol, topic, payload, expiry, par
 
 
 def test_a_message_of_qos_0_is_late_when_nothing_is_left_of_its_time():
-    assert [QueuedQos0(publish_route("t", 2.0), b"x", 5.0).is_late(now) for now in (6.9, 7.0)] == [
+    assert [QueuedQos0(qos0_route("t", 2.0), b"x", 5.0).is_late(now) for now in (6.9, 7.0)] == [
         False,
         True,
     ]
-    assert not QueuedQos0(publish_route("t", None), b"x", 5.0).is_late(1e9)
+    assert not QueuedQos0(qos0_route("t", None), b"x", 5.0).is_late(1e9)
 
 
 @pytest.mark.parametrize(("left", "seconds"), [(0.2, 1), (-5.0, 1), (7.0, 7), (7.01, 8), (1e12, 0xFFFF_FFFF)])
 def test_the_time_that_is_left_is_told_in_whole_seconds_and_never_as_none(left, seconds):
     message = Outgoing("t", b"", 1, deadline=1000.0 + left)
     assert only(publish(message, 1, 1000.0, 5), 5).message_expiry_interval == seconds
-    light = QueuedQos0(publish_route("t", left), b"", 0.0)
-    assert only(publish_light(light, 0.0, 5), 5).message_expiry_interval == seconds
+    light = QueuedQos0(qos0_route("t", left), b"", 0.0)
+    assert only(publish_qos0(light, 0.0, 5), 5).message_expiry_interval == seconds
 
 
 def test_what_has_waited_tells_what_is_left_of_its_time():
-    message = QueuedQos0(publish_route("t", 10.0), b"x", 0.0)
-    told = [only(publish_light(message, waited, 5), 5) for waited in (0.0, 0.99, 1.01, 9.99)]
+    message = QueuedQos0(qos0_route("t", 10.0), b"x", 0.0)
+    told = [only(publish_qos0(message, waited, 5), 5) for waited in (0.0, 0.99, 1.01, 9.99)]
     assert [each.message_expiry_interval for each in told] == [10, 10, 9, 1]
 
 

@@ -44,7 +44,7 @@ def test_an_archive_that_is_not_there_is_refused(yard):
 def test_a_site_that_is_nowhere_on_earth_has_no_map(yard, module_at):
     module_at("tools/map_archive.py").write_archive(yard.folder / "area.pmtiles", {(0, 0, 0): b"a tile"})
     (told,) = yard.problems(FLEET)
-    assert "nobody knows where the site is on this map" in told
+    assert "the site's position on this map is unknown" in told
     assert "site: {origin:" in told
 
 

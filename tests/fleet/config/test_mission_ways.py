@@ -60,7 +60,7 @@ def test_what_lies_within_or_is_an_input_is_neither(tmp_path):
 
 def test_an_event_that_nobody_reports_is_found(tmp_path):
     wait = {"id": "look", "wait_for": {"role": "one", "event": "person_sen", "timeout": "1 min"}}
-    with pytest.raises(InvalidConfig, match=r"nobody reports the event 'person_sen'.*person_seen"):
+    with pytest.raises(InvalidConfig, match=r"there is no source of the event 'person_sen'.*person_seen"):
         fleet(tmp_path, wait, events=["person_seen"])
     wait["wait_for"]["event"] = "person_seen"
     assert fleet(tmp_path, wait, events=["person_seen"]).missions

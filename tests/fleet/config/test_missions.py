@@ -80,7 +80,7 @@ def test_a_mission_becomes_a_program_of_instructions(mission):
         ("path: [[0, 0], way.csv]", "path: [[0, 0], [1, 1]]", 17, "a list of paths has a file or a list"),
         ("goto: {lat: 47}", "goto: [1, 2, 3]", 17, "a point is [x, y] or [x, y, z] in metres"),
         ("goto: {lat: 47, lon: 200}", "goto: [1, 2, 3]", 17, "lat and lon are degrees"),
-        ("goto: {lat: 47, lon: 8}", "goto: [1, 2, 3]", 17, "nobody knows where the site is on Earth"),
+        ("goto: {lat: 47, lon: 8}", "goto: [1, 2, 3]", 17, "the site's position on Earth is unknown"),
         ("times: 0", "times: 3", 14, "must be at least 1"),
         ("{eye: {command: land, wiht: {}}}", "{eye: land}", 11, "unknown key"),
         ("on_failure: undo\non_abort: takeoff", "on_failure: undo", 21, "takeoff makes nothing safer"),

@@ -183,7 +183,7 @@ def test_each_endpoint_of_the_bus_is_judged_by_itself(refused, bus, told):
 def test_a_password_over_the_open_network_is_taken_with_a_warning(yard):
     bus = "bus: {listen: [tcp/0.0.0.0:7447, tcp/127.0.0.1:1], user: u, password: p}"
     (warning,) = yard.load(f"edge: {{id: e}}\n{bus}\nplugins: [plugins]\nrobots: [{ROBOT}]\n").warnings
-    assert "bus.listen[0]: the password is asked for, but what is said can be read" in str(warning)
+    assert "bus.listen[0]: the password is required, but the traffic can be read" in str(warning)
 
 
 @pytest.mark.parametrize("folder", ["none", "fleet.yaml"])

@@ -91,7 +91,7 @@ def test_what_is_no_plain_yaml_is_told_with_its_place(reading, text, place_and_m
         ("a:\n  b: 1\n c: 2\n", "indent it as the lines around it"),
         ("a: 'x\n", "closing quote"),
         ("a: 1\nb\nc: 2\n", "followed by a colon"),
-        ("a: *b\n", "stands in quotes"),
+        ("a: *b\n", "must be quoted"),
     ],
 )
 def test_what_is_no_yaml_is_told_with_what_it_probably_wants(reading, text, hint):

@@ -17,5 +17,5 @@ def test_what_cannot_be_read_is_left_out_and_logged(runtime, serve_console, play
     played.garbles("max")
     with serve_console(runtime, "odd") as odd, odd.page() as page:
         page.told("robots", "odd-1/rex")
-        wait_until("the log", lambda: "fleet/odd-1/robots/max/state says cannot be read" in caplog.text)
+        wait_until("the log", lambda: "robots/max/state cannot be read" in caplog.text)
         assert "odd-1/max" not in page.entries["robots"]

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from fleet.console.fleet_view import MOST_STOPS, FleetView, GoalOf, Goals, Occupied
+from fleet.console.fleet_view import MOST_STOPS, FleetView, GoalEntry, Goals, RobotPath
 from fleet.model.geometry import Vector3, quaternion_from_yaw
 from fleet.model.report import PoseReport
 from fleet.model.site import Placement
@@ -61,9 +61,9 @@ def test_a_pose_of_a_twin_that_nobody_knows_is_left_out(view):
 
 
 def test_a_way_is_shown_until_it_ends(view):
-    view.take_goals("yard", Goals((GoalOf(Occupied("rex", (Vector3(1.0, 2.0),))),)))
+    view.take_goals("yard", Goals((GoalEntry(RobotPath("rex", (Vector3(1.0, 2.0),))),)))
     assert view.get("goals", "yard/rex") == [[1.0, 2.0, 0.0]]
-    view.take_goals("yard", Goals((GoalOf(Occupied("rex")), GoalOf(Occupied("max")))))
+    view.take_goals("yard", Goals((GoalEntry(RobotPath("rex")), GoalEntry(RobotPath("max")))))
     assert (view.get("goals", "yard/rex"), view.get("goals", "yard/max")) == ([], None)
 
 

@@ -143,7 +143,7 @@ def test_a_time_of_which_nothing_is_recorded_is_refused_and_one_after_it_is_told
         page.ask("moment", request="before", at=begins - 60.0)
         assert "nothing is recorded" in page.answer("before")["reason"]
         page.ask("moment", request="nan", at=1e300)
-        assert "no moment" in page.answer("nan")["reason"]
+        assert "no valid time" in page.answer("nan")["reason"]
         page.ask("moment", request="after", at=begins + 600.0)
         told = page.answer("after")["moment"]
     assert told["recorded"] == begins + LENGTH - 0.5

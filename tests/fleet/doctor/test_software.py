@@ -5,7 +5,7 @@ import sqlite3
 import pytest
 
 from fleet.doctor.finding import Verdict
-from fleet.doctor.software import SeenEdge, check_edges, check_extras, check_state
+from fleet.doctor.software import AnsweredEdge, check_edges, check_extras, check_state
 from fleet.model.state import EdgeState
 
 
@@ -41,7 +41,7 @@ def test_a_state_file_that_is_none_is_an_error(tmp_path):
 
 
 def seen(edge, *, version="1.0", offset=0.0, doubt=0.01):
-    return SeenEdge(EdgeState(edge, version, 0.0, 1.0), offset, doubt)
+    return AnsweredEdge(EdgeState(edge, version, 0.0, 1.0), offset, doubt)
 
 
 def test_edges_with_another_clock_or_version_are_told():

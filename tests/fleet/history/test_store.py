@@ -14,18 +14,18 @@ from fleet.history.event_filter import EventFilter, newest
 from fleet.history.reader import read
 from fleet.history.record import LONGEST_DATA, LONGEST_TEXT
 from fleet.history.store import (
-    AGAIN_AFTER,
     FORMATS,
     HISTORY,
     NEWEST,
     PRUNE_EVERY,
+    RETRY_AFTER,
     WAITING,
     History,
     HistoryBounds,
 )
 from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
-from fleet.spool.state_folder import locked, made
+from fleet.spool.state_folder import create_folder, locked
 from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import DEADLINE
 
@@ -119,12 +119,12 @@ def test_a_folder_that_cannot_be_made_keeps_events_in_memory_and_is_told_and_tri
     store = History(tmp_path / "state", clock)
     store.add("rex", event())
     store.write()
-    assert "memory alone" in store.problem
+    assert "memory only" in store.problem
     assert [record.text for record in store.waiting()] == ["takeoff accepted"]
     (tmp_path / "state").unlink()
     store.write()
     assert store.problem, "it is not tried at once"
-    clock.advance(AGAIN_AFTER)
+    clock.advance(RETRY_AFTER)
     store.write()
     assert (store.problem, store.waiting(), texts(store)) == ("", [], ["takeoff accepted"])
     store.close()
@@ -139,7 +139,7 @@ def test_a_disk_that_fills_up_loses_nothing_that_memory_has_room_for(store, cloc
     store.write()
     assert "full" in store.problem
     store._database.execute("PRAGMA max_page_count = 100000")
-    clock.advance(AGAIN_AFTER)
+    clock.advance(RETRY_AFTER)
     store.write()
     assert (store.problem, len(texts(store))) == ("", 200)
 
@@ -152,7 +152,7 @@ def test_what_memory_has_no_room_for_is_counted_and_told_when_the_disk_is_well(t
     store.write()
     assert len(store.waiting()) == WAITING
     (tmp_path / "state").unlink()
-    clock.advance(AGAIN_AFTER)
+    clock.advance(RETRY_AFTER)
     store.write()
     found = texts(store, most=10_000)
     assert "7" in found
@@ -180,7 +180,7 @@ def test_a_file_that_is_removed_under_us_is_made_anew(store, clock):
     store.add("rex", event("kept"))
     for _ in range(3):
         store.write()
-        clock.advance(AGAIN_AFTER)
+        clock.advance(RETRY_AFTER)
     assert "kept" in texts(store)
 
 
@@ -281,7 +281,7 @@ def _seconds(store, said):
 
 
 def test_a_history_that_another_process_is_opening_is_waited_for_a_moment(store, clock):
-    made(store.folder)
+    create_folder(store.folder)
     with locked(store.folder / HISTORY):
         store.add("rex", event())
         writer = threading.Thread(target=store.write, daemon=True)
@@ -289,10 +289,10 @@ def test_a_history_that_another_process_is_opening_is_waited_for_a_moment(store,
         writer.join(DEADLINE / 4)
         assert not writer.is_alive()
         assert "another process is just opening" in store.problem
-        clock.advance(AGAIN_AFTER)
+        clock.advance(RETRY_AFTER)
         store.write()
         assert store.problem
-    clock.advance(AGAIN_AFTER)
+    clock.advance(RETRY_AFTER)
     store.write()
     assert (store.problem, texts(store)) == ("", ["takeoff accepted"])
 
@@ -309,6 +309,6 @@ def test_a_history_that_another_process_writes_into_is_waited_for_a_moment(store
     assert "locked" in store.problem
     other.execute("ROLLBACK")
     other.close()
-    clock.advance(AGAIN_AFTER)
+    clock.advance(RETRY_AFTER)
     store.write()
     assert (store.problem, texts(store)) == ("", ["one", "two"])

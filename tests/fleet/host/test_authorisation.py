@@ -45,7 +45,7 @@ DATA = {
 DRONE = {"adapter": "mavlink", "link": "udpin:127.0.0.1:0"}
 DOG = {"adapter": "quadruped", "link": "sim:kinematic"}
 BASE = {"adapter": "ugv", "profile": "waveshare-beast", "link": "serial:/dev/ttyUSB0?baud=115200"}
-BEHIND = ("offline", "where the robot is, is unknown")  # refusals of what is looked at afterwards
+BEHIND = ("offline", "the robot's position is unknown")  # refusals of what is looked at afterwards
 IMPOSSIBLE = ("has no", "it stays on the ground", "it does not move sideways")
 ROBOTS = {
     "drone": (MavlinkAdapter, DRONE, DRONE | {"link": "sim:px4"}),

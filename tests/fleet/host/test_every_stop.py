@@ -17,7 +17,7 @@ from fleet.host.journal.execution_journal import Latched
 from fleet.host.journal.journal import RobotJournal
 from fleet.host.process.robot_process import RobotProcess, RobotSpec
 from fleet.host.process.stop_service import serve_stops
-from fleet.host.requests.stop_cause import THE_KEY, local_cause
+from fleet.host.requests.stop_cause import STOP_KEY_CAUSE, local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.runtime import threads
 from fleet.host.workers.remote_robot import RemoteRobot
@@ -364,7 +364,7 @@ def test_a_journal_that_hangs_keeps_no_robot_from_being_halted(puppet):
     async def play():
         rig = Rig(puppet, worker=False)
         rig.journal.blocked = True
-        await asyncio.to_thread(rig.process.stop_robots, (), THE_KEY)
+        await asyncio.to_thread(rig.process.stop_robots, (), STOP_KEY_CAUSE)
         told, latched = list(rig.puppet.told), list(rig.journal.latched)
         rig.journal.free.set()
         return rig, told, latched

@@ -228,7 +228,7 @@ def test_an_edge_that_was_killed_is_started_again(run):
     first = it.edge.pid
     os.kill(first, signal.SIGKILL)
     wait_until("it is started again", lambda: it.has_another_edge(first))
-    it.line("the edge ended .killed by SIGKILL.; it is started again")
+    it.line("the edge ended .killed by SIGKILL.; restarting it")
     it.ready(after=first)
 
 
@@ -317,4 +317,4 @@ def test_a_mistake_in_fleet_yaml_is_told_once_and_nothing_is_started_again(yard)
         timeout=60,
     )
     assert ended.returncode == 3
-    assert "started again" not in ended.stderr
+    assert "restarting it" not in ended.stderr

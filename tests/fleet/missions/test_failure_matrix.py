@@ -66,7 +66,7 @@ def test_one_robot_refuses_in_prepare(play):
     assert all(words == "stop" for _, words in run.begun()), "nobody moved"
     run.stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
-    assert "beast cannot: the goal is outside its fence; nobody moved" in run.engine.head.reason
+    assert "beast cannot: the goal is outside its fence; no robot moved" in run.engine.head.reason
 
 
 def test_robot_fails_in_a_step(play):
@@ -349,7 +349,7 @@ def test_the_common_start_is_taken_back(play):
         run.take(Prepared(robot))
     run.take(NotStarted("go.1", "beast: its emergency stop is set")).stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
-    assert "nobody moved" in run.engine.head.reason
+    assert "no robot moved" in run.engine.head.reason
 
 
 def test_every_row_of_the_matrix_has_its_test():

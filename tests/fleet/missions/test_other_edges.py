@@ -45,7 +45,7 @@ def test_its_battery_and_events_of_our_own_robots_are(two):
 def test_a_place_is_not_taken_that_the_other_edge_does_not_keep_free(two):
     ((run, _, refusal),) = two.start({**MISSION, "occupies": ["gate"]})
     assert run == ""
-    assert "gate: nobody keeps a place free on two edges, and beast of barn takes part" in refusal
+    assert "gate: a place cannot be occupied on two edges, and beast of barn takes part" in refusal
 
 
 def test_its_story_begins_with_the_robots_that_are_not_kept_apart(two):

@@ -47,7 +47,7 @@ def test_a_robot_on_the_ground_is_told_the_same_point_in_its_world(point):
 
 
 def test_without_an_origin_nobody_knows_where_a_point_on_earth_is():
-    with pytest.raises(Refused, match="nobody knows where the site is on Earth"):
+    with pytest.raises(Refused, match="the site's position on Earth is unknown"):
         SiteMap().position({"lat": 47.0, "lon": 8.0}, robot())
 
 

@@ -25,14 +25,14 @@ def test_a_pass_of_the_same_within_an_hour_and_three_metres_counts():
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"program": HIGHER}, "nobody has rehearsed it with these inputs"),
+        ({"program": HIGHER}, "it has not been rehearsed with these inputs"),
         ({"config": "c2"}, "fleet.yaml has changed since the rehearsal"),
         ({"now": 1000.1 + FRESH}, "the rehearsal is more than an hour old"),
         ({"now": 999.0}, "the rehearsal is more than an hour old"),
         ({"roles": {"eye": ["falcon"]}}, "it was rehearsed with others: eye: kestrel"),
         ({"places": {"kestrel": (0.0, 4.1, 0.0)}}, "kestrel is 3.1 m from where it was at the rehearsal"),
-        ({"places": {"kestrel": None}}, "nobody knows where kestrel is"),
-        ({"places": {}}, "nobody knows where kestrel is"),
+        ({"places": {"kestrel": None}}, "the position of kestrel is unknown"),
+        ({"places": {}}, "the position of kestrel is unknown"),
     ],
 )
 def test_a_pass_of_anything_else_does_not_and_says_why(fields, said):
@@ -40,7 +40,7 @@ def test_a_pass_of_anything_else_does_not_and_says_why(fields, said):
 
 
 def test_nothing_counts_where_nothing_was_rehearsed():
-    assert why() == "nobody has rehearsed it with these inputs"
+    assert why() == "it has not been rehearsed with these inputs"
 
 
 def test_the_newest_pass_says_why_none_counts():

@@ -37,14 +37,14 @@ def test_one_that_cannot_be_prepared_keeps_everybody_standing(yard):
     yard.start(TOGETHER)
     assert yard.starts[0].withdrawn
     assert yard.starts[0].told == []
-    assert "beast cannot: the goal is outside its fence; nobody moved" in yard.last.reason or (
+    assert "beast cannot: the goal is outside its fence; no robot moved" in yard.last.reason or (
         yard.last.phase == "ending"
     )
     for robot in ("kestrel", "beast"):
         yard.done(robot, "stop")
     assert (yard.last.outcome, yard.last.reason) == (
         "failed",
-        "step go.1: beast cannot: the goal is outside its fence; nobody moved",
+        "step go.1: beast cannot: the goal is outside its fence; no robot moved",
     )
 
 
@@ -56,7 +56,7 @@ def test_when_the_instant_is_not_taken_nobody_moves_and_nothing_is_undone(yard):
     for robot in ("kestrel", "beast"):
         yard.done(robot, "stop")
     assert yard.last.outcome == "undone"
-    assert "did not take the instant in time; nobody moved" in yard.last.reason
+    assert "did not take the instant in time; no robot moved" in yard.last.reason
     assert yard.robots["kestrel"].names == ["stop"], "there is nothing to undo"
 
 

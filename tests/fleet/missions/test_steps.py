@@ -71,7 +71,7 @@ def test_a_person_is_asked_whether_to_go_on_without_it(run):
     found = run(go(), then="wait")
     found.reply("beast", Outcome.FAILED, "no").stands("beast", "rover")
     assert found.engine.head.phase is Phase.ASKING
-    assert "Go on without it?" in found.engine.head.question.text
+    assert "Continue without it?" in found.engine.head.question.text
     found.take(Answer(1, goes_on=True, by="anna"))
     assert found.begun()[-1] == ("kestrel", "land")
 
@@ -173,7 +173,7 @@ def test_a_step_that_says_so_ends_the_run_when_the_robot_ahead_fails(play):
 
 def test_one_that_cannot_follow_any_more_has_failed_alone(play):
     run = play(following(), quorum={"eye": 1, "feet": 1})
-    run.reply("beast", Outcome.FAILED, "kestrel has not told where it is for 2.1 s")
+    run.reply("beast", Outcome.FAILED, "kestrel has not reported its position for 2.1 s")
     assert run.outcomes() == {"kestrel": None, "beast": Outcome.FAILED, "rover": None}
     assert doing(run) == {"kestrel": ("goto", [1, 1]), "rover": ("follow", "kestrel")}
 

@@ -203,7 +203,7 @@ class Yard:
 
     def turn(self, seconds=0.2):
         self.clock.advance(seconds)
-        self.runs.turn()
+        self.runs.poll()
         self.settle()
 
     def done(self, robot, name):

@@ -10,7 +10,7 @@ PROGRAM = """
 import os, pathlib, threading
 from fleet.record import priority
 priority.AUTOGROUP = pathlib.Path({file!r})
-priority.give_way()
+priority.lower_priority()
 niceness = []
 thread = threading.Thread(target=lambda: niceness.append(os.getpriority(os.PRIO_PROCESS, 0)))
 thread.start()
@@ -19,7 +19,7 @@ print(niceness[0])
 """
 
 
-def give_way(file, *, leads):
+def lower_priority(file, *, leads):
     """Run a program that gives way, and leads a session of its own or not; returns its niceness then."""
     program = PROGRAM.format(file=str(file))
     command = [sys.executable, "-c", program]
@@ -29,11 +29,11 @@ def give_way(file, *, leads):
 
 def test_each_thread_of_it_gives_way_and_its_session_if_it_leads_one(tmp_path):
     expected = min(19, os.getpriority(os.PRIO_PROCESS, 0) + priority.NICE)
-    assert give_way(tmp_path / "autogroup", leads=False) == expected
+    assert lower_priority(tmp_path / "autogroup", leads=False) == expected
     assert not (tmp_path / "autogroup").exists()
-    assert give_way(tmp_path / "autogroup", leads=True) == expected
+    assert lower_priority(tmp_path / "autogroup", leads=True) == expected
     assert (tmp_path / "autogroup").read_text() == f"{priority.NICE}\n"
 
 
 def test_a_kernel_without_groups_of_sessions_is_no_problem(tmp_path):
-    assert give_way(tmp_path / "none" / "autogroup", leads=True) > 0
+    assert lower_priority(tmp_path / "none" / "autogroup", leads=True) > 0

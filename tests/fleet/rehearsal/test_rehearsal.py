@@ -156,7 +156,7 @@ def test_what_is_left_out_of_the_rehearsal_is_told(field):
     result = yard.result({"roles": ROVER, "steps": [go(1, -2)]}, {"rover": ["ugv-1"]})
     assert result.assumed == (
         "drone-1 stays where it is, though it moves now",
-        "dog-1 is in nobody's way: nobody knows where it is",
+        "dog-1 is ignored: its position is unknown",
     )
 
 

@@ -2,9 +2,9 @@ import logging
 import threading
 
 from fleet.runtime.rate_limited_counter import (
+    LOG_EVERY,
     LONGEST,
     MOST_REASONS,
-    TELL_EVERY,
     RateLimit,
     RateLimitedCounter,
 )
@@ -30,9 +30,9 @@ def test_after_a_minute_a_reason_is_told_again_with_how_many_there_were(caplog):
     refusals, clock = counter()
     for _ in range(10):
         refusals.add("retained", "on %s", "100%")
-    clock.advance(TELL_EVERY)
+    clock.advance(LOG_EVERY)
     refusals.add("retained", "on %s", "x")
-    clock.advance(TELL_EVERY)
+    clock.advance(LOG_EVERY)
     refusals.add("retained", "on %s", "y")
     assert caplog.messages == ["on 100%", "on x (9 more like this before)", "on y"]
 
@@ -42,7 +42,7 @@ def test_reasons_without_end_fill_neither_the_log_nor_the_memory(caplog):
     for number in range(100_000):
         refusals.add(str(number), "line")
         if number == 50_000:
-            clock.advance(TELL_EVERY)
+            clock.advance(LOG_EVERY)
     assert len(caplog.messages) <= MOST_REASONS + 2
     assert len(refusals.counts()) == MOST_REASONS + 1
     assert refusals.total == 100_000

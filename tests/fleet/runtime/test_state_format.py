@@ -218,7 +218,7 @@ def test_begun_commands_begin_with_their_format(tmp_path):
         content = (tmp_path / "begun-yard-1.main").read_bytes().partition(b"\0")[0]
         assert [json.loads(line)[0] for line in content.splitlines()] == ["format", "begin", "begin"]
         assert json.loads(content.splitlines()[0]) == ["format", FORMAT]
-        with begun.everybodys() as rows:
+        with begun.all_rows() as rows:
             assert [row.stamp for row in rows] == [1.0, 2.0]
     begun.close()
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fleet.schedules import runner
 from fleet.schedules.model import ScheduleConfig
-from fleet.schedules.runner import Begun, Schedules
+from fleet.schedules.runner import Schedules, StartResult
 from fleet.schedules.store import Store
 
 SPEED = 100.0
@@ -43,7 +43,7 @@ class Runs:
                 os.fsync(file.fileno())
             run = wanted.key
         await asyncio.sleep(0.002)
-        return Begun(run)
+        return StartResult(run)
 
     async def known(self, key):
         lines = self._path.read_text().splitlines() if self._path.exists() else []

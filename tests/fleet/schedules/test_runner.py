@@ -9,7 +9,7 @@ from fleet.errors import StateError
 from fleet.model.event import EventKind, EventReport
 from fleet.model.schedule import Firing
 from fleet.schedules.model import ScheduleConfig
-from fleet.schedules.runner import Begun, Schedules, next_of
+from fleet.schedules.runner import Schedules, StartResult, next_of
 from fleet.schedules.store import DUE, SKIPPED, STARTED, Store
 from fleet.schedules.triggers import Trigger, firings
 from fleet.testing.clock import ManualClock
@@ -33,7 +33,7 @@ class Runs:
         self.keys.setdefault(wanted.key, f"run-{len(self.keys)}")
         if self.raises is not None:
             raise self.raises
-        return Begun(self.keys[wanted.key])
+        return StartResult(self.keys[wanted.key])
 
     async def known(self, key):
         return self.keys.get(key, "")
@@ -65,7 +65,7 @@ class Yard:
 
     async def after(self, seconds):
         self.clock.advance(seconds)
-        await self.schedules.turn()
+        await self.schedules.poll()
 
     def told(self):
         return [event.text for event in self.events]
@@ -93,7 +93,7 @@ async def test_a_year_in_three_zones_starts_exactly_what_is_due(yard):
         if ahead >= end:
             break
         yard.clock.advance(ahead - yard.clock.time() + 0.4)
-        await schedules.turn()
+        await schedules.poll()
     for name, config in configs.items():
         trigger = Trigger(cron=config["cron"], zone=config["timezone"])
         expected = []
@@ -144,7 +144,7 @@ async def test_one_start_makes_up_for_all_that_was_missed(yard):
 )
 async def test_what_is_busy_is_skipped_waited_for_or_replaced(yard, busy, started, told):
     await yard.serve(dawn={"every": "1 h", "busy": busy})
-    yard.runs.answer = Begun(busy="run-9")
+    yard.runs.answer = StartResult(busy="run-9")
     await yard.after(3600.0)
     yard.runs.answer = None
     await yard.after(60.0)
@@ -157,7 +157,7 @@ async def test_what_is_busy_is_skipped_waited_for_or_replaced(yard, busy, starte
 
 async def test_one_that_waits_gives_way_to_a_later_one(yard):
     await yard.serve(dawn={"every": "10 min", "busy": "queue", "late": "15 min"})
-    yard.runs.answer = Begun(busy="run-9")
+    yard.runs.answer = StartResult(busy="run-9")
     await yard.after(600.0)
     await yard.after(600.0)
     assert yard.states() == [(600.0, SKIPPED), (1200.0, DUE)]
@@ -165,7 +165,7 @@ async def test_one_that_waits_gives_way_to_a_later_one(yard):
 
 async def test_one_that_waits_is_skipped_when_it_is_too_late(yard):
     await yard.serve(dawn={"every": "40 min", "busy": "queue", "late": "15 min"})
-    yard.runs.answer = Begun(busy="run-9")
+    yard.runs.answer = StartResult(busy="run-9")
     await yard.after(2400.0)
     await yard.after(1000.0)
     assert yard.states() == [(2400.0, SKIPPED)]
@@ -175,7 +175,7 @@ async def test_one_that_waits_is_skipped_when_it_is_too_late(yard):
 async def test_one_that_waits_is_skipped_when_its_schedule_is_switched_off_or_changed(yard):
     waits = {"every": "10 min", "busy": "queue"}
     schedules = await yard.serve(off=waits, other=waits)
-    yard.runs.answer = Begun(busy="run-9")
+    yard.runs.answer = StartResult(busy="run-9")
     await yard.after(600.0)
     await schedules.enable("off", enabled=False, by="anna")
     new = {
@@ -208,7 +208,7 @@ async def test_what_another_edge_has_fired_meanwhile_is_not_made_up_for(yard):
 async def test_robots_whose_emergency_stop_is_set_are_named_and_left_out_and_that_is_told(yard):
     await yard.serve(dawn={"every": "1 h"})
     yard.stopped = {"rex": "its emergency stop is set: anna"}
-    yard.runs.answer = Begun("run-1", left_out=yard.stopped)
+    yard.runs.answer = StartResult("run-1", left_out=yard.stopped)
     await yard.after(3600.0)
     assert yard.runs.wanted[0].without == yard.stopped
     assert "rex left out: its emergency stop is set: anna" in yard.told()[-1]
@@ -216,7 +216,7 @@ async def test_robots_whose_emergency_stop_is_set_are_named_and_left_out_and_tha
 
 async def test_a_refusal_is_told_and_kept(yard):
     await yard.serve(dawn={"every": "1 h"})
-    yard.runs.answer = Begun(refusal="nobody can be eye")
+    yard.runs.answer = StartResult(refusal="nobody can be eye")
     await yard.after(3600.0)
     await yard.after(1.0)
     assert len(yard.runs.wanted) == 1
@@ -230,7 +230,7 @@ async def test_a_start_that_fails_on_the_way_is_known_by_its_key(yard):
     yard.runs.raises = RuntimeError("boom")
     await yard.after(3600.0)
     assert yard.states() == [(3600.0, STARTED)]
-    yard.runs.answer = Begun("")
+    yard.runs.answer = StartResult("")
     yard.runs.raises = None
     await yard.after(3600.0)
     assert yard.states()[-1] == (7200.0, SKIPPED)
@@ -305,7 +305,7 @@ async def test_a_schedule_that_is_changed_makes_up_for_nothing(yard):
 
 async def test_schedules_that_are_replaced_go_on_as_if_they_had_always_been_there(yard):
     schedules = await yard.serve(kept={"every": 3600.0}, changed={"every": 60.0}, gone={"every": 3600.0})
-    yard.runs.answer = Begun(busy="run x")
+    yard.runs.answer = StartResult(busy="run x")
     await yard.after(30.0)
     new = {"kept": {"every": 3600.0}, "changed": {"every": 20.0}, "new": {"every": 3600.0}}
     await schedules.replace({name: ScheduleConfig(mission="patrol", **each) for name, each in new.items()})
@@ -319,7 +319,7 @@ async def test_schedules_that_are_replaced_go_on_as_if_they_had_always_been_ther
 
 async def test_what_waits_of_a_schedule_that_is_gone_is_skipped_and_told(yard):
     schedules = await yard.serve(low={"every": 60.0, "busy": "queue"})
-    yard.runs.answer = Begun(busy="run x")
+    yard.runs.answer = StartResult(busy="run x")
     await yard.after(60.0)
     await schedules.replace({})
     assert "schedule low: skipped: the schedule is gone" in yard.told()
@@ -353,7 +353,7 @@ async def test_schedules_do_not_wait_for_one_that_hangs_for_ever(yard, monkeypat
         yard.runs.wanted.append(wanted)
         if wanted.schedule == "dawn":
             await asyncio.Event().wait()
-        return Begun("run-1")
+        return StartResult("run-1")
 
     yard.runs.start = start
     await yard.after(3600.0)

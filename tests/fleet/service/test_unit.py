@@ -1,7 +1,10 @@
 """The unit of an edge: what it allows, what it hides, and how systemd rates it."""
 
+import os
 import shlex
+import signal
 import subprocess
+import threading
 from pathlib import Path
 
 import pytest
@@ -81,11 +84,31 @@ def test_it_runs_as_a_user_of_its_own_without_new_privileges():
     )
 
 
-def test_systemd_waits_for_readiness_watches_the_supervisor_and_signals_it_alone():
+def test_systemd_waits_for_readiness_and_watches_the_supervisor():
     found = settings(PLAIN)
-    assert (found["Type"], found["NotifyAccess"], found["KillMode"]) == (["notify"], ["main"], ["mixed"])
+    assert (found["Type"], found["NotifyAccess"]) == (["notify"], ["main"])
     assert found["WatchdogSec"] == ["10"]
     assert (found["Restart"], found["RestartPreventExitStatus"]) == (["always"], ["3"])
+
+
+def test_an_edge_whose_supervisor_is_killed_or_hangs_is_asked_to_end_before_it_is_killed():
+    """With KillMode=mixed systemd kills it at once, and its robots go on; a watchdog signals all of them."""
+    found = settings(PLAIN)
+    assert (found["KillMode"], found["WatchdogSignal"]) == (["control-group"], ["SIGTERM"])
+    assert float(found["TimeoutAbortSec"][0]) >= 10.0
+
+
+@pytest.mark.waits
+def test_a_stop_of_the_service_signals_the_supervisor_alone_and_waits_for_its_end():
+    (command,) = settings(PLAIN)["ExecStop"]
+    words = shlex.split(command.removeprefix("-"))
+    with subprocess.Popen(["sleep", "600"]) as main:
+        reaper = threading.Thread(target=main.wait)
+        reaper.start()
+        told = subprocess.run(words, env={**os.environ, "MAINPID": str(main.pid)}, check=False, timeout=20)
+        reaper.join(20)
+        assert (told.returncode, main.returncode) == (0, -signal.SIGTERM)
+    assert subprocess.run(words, env={"PATH": os.environ["PATH"]}, check=False, timeout=20).returncode != 0
 
 
 def test_nothing_in_a_path_is_expanded_by_systemd():

@@ -13,13 +13,13 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.errors import StateError
 from fleet.spool.database import set_aside
-from fleet.spool.disk import LATE_LOOK
+from fleet.spool.disk import EXPIRE_EVERY
 from fleet.spool.losses import Reason
 from fleet.spool.message import Outgoing
 from fleet.spool.spool import AGES
 from fleet.spool.state_folder import SPOOL
 from fleet.spool.store import LEAST_EVICTED, SpoolFile
-from fleet.spool.unwritten import AT_ONCE
+from fleet.spool.unwritten import MOST_ROWS
 from fleet.testing.waiting import wait_until
 from fleet.wire.rules import TrafficClass
 
@@ -54,7 +54,7 @@ def test_what_waits_outlives_the_process(opened):
 
 
 def test_all_that_was_taken_is_on_disk_when_it_is_closed(opened):
-    count = 2 * AT_ONCE + 10
+    count = 2 * MOST_ROWS + 10
     opened().online().put(*payloads(count)).spool.close()
     assert opened().spool.waiting == count
 
@@ -143,7 +143,7 @@ def test_what_grew_too_old_while_nothing_ran_is_dropped_and_told(opened, clock):
     opened().put(*payloads(20)).put(b"young", topic="u").written()
     clock.advance(AGES[TrafficClass.EVENT])
     spool = opened().put(b"new").online()
-    clock.advance(LATE_LOOK)
+    clock.advance(EXPIRE_EVERY)
     assert spool.drain() == [("t", b"new")]
     spool.spool.tick()
     lost = {gap.topic: gap.lost for gap in spool.spool.take_gaps()}
@@ -237,7 +237,7 @@ def test_what_waits_while_the_file_cannot_be_replaced_is_sent_from_memory(opened
     broken.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
     monkeypatch.setattr(spool.spool._disk._store, "change", lambda *_: (_ for _ in ()).throw(broken))
     monkeypatch.setattr("fleet.spool.disk.SpoolFile", lambda *_: (_ for _ in ()).throw(StateError("no file")))
-    with spool.spool._using:  # they come faster than the disk is looked at
+    with spool.spool._queue_lock:  # they come faster than the disk is looked at
         for payload in payloads(15):
             spool.spool._queue.put(Outgoing("t", payload, 1), clock.monotonic(), clock.time())
     spool.online()
@@ -246,14 +246,14 @@ def test_what_waits_while_the_file_cannot_be_replaced_is_sent_from_memory(opened
 
 def test_two_edges_do_not_share_a_folder(tmp_path, opened):
     first = opened()
-    with pytest.raises(StateError, match=f"another edge that runs \\(process {os.getpid()}\\)"):
+    with pytest.raises(StateError, match=f"another running edge \\(process {os.getpid()}\\)"):
         type(first)(tmp_path / "state", first.clock)
 
 
 def test_a_folder_that_cannot_be_made_is_told_and_memory_serves_until_it_can(tmp_path, opened):
     (tmp_path / "file").write_text("")
     spool = opened(tmp_path / "file" / "state")
-    assert re.search(r"cannot make .*file/state.*set edge\.spool\.path", spool.spool.problem)
+    assert re.search(r"cannot create .*file/state.*set edge\.spool\.path", spool.spool.problem)
     spool.put(*payloads(3)).online()
     assert [payload for _, payload in spool.drain()] == payloads(3)
     (tmp_path / "file").unlink()
@@ -284,13 +284,13 @@ def test_a_clock_that_is_set_right_makes_nothing_older_or_younger(opened, clock,
     spool = opened(messages=8)
     for payload in payloads(20):
         spool.put(payload).written()
-    with spool.spool._using:  # the disk hears of the last only after the step
+    with spool.spool._queue_lock:  # the disk hears of the last only after the step
         spool.spool._queue.put(Outgoing("t", b"20", 1), clock.monotonic(), clock.time())
         clock.step(step)
-    clock.advance(LATE_LOOK)
+    clock.advance(EXPIRE_EVERY)
     spool.spool.tick()
     spool.written()
-    clock.advance(AGES[TrafficClass.EVENT] - LATE_LOOK - 60)
+    clock.advance(AGES[TrafficClass.EVENT] - EXPIRE_EVERY - 60)
     spool.spool.tick()
     assert [payload for _, payload in spool.online().drain()] == payloads(21)
 
@@ -299,7 +299,7 @@ def test_what_an_earlier_process_left_is_as_old_as_the_clock_says(opened, clock)
     opened().put(*payloads(3)).written()
     spool = opened()
     clock.step(AGES[TrafficClass.EVENT])
-    clock.advance(LATE_LOOK)
+    clock.advance(EXPIRE_EVERY)
     spool.put(b"new").written()
     assert spool.online().drain() == [("t", b"new")]
 

@@ -1,7 +1,7 @@
 import pytest
 
 from fleet.spool.message import Outgoing
-from fleet.spool.unwritten import AT_ONCE, FORSAKEN, GRACE, UnwrittenMessages
+from fleet.spool.unwritten import GRACE, MOST_ROWS, MOST_TOMBSTONES, UnwrittenMessages
 from fleet.wire.rules import TrafficClass
 
 
@@ -30,7 +30,7 @@ def test_while_connected_only_what_has_waited_is_written(unwritten):
 
 
 def test_one_transaction_writes_a_part_at_most_and_the_next_goes_on(unwritten):
-    made = add(unwritten, AT_ONCE + 10)
+    made = add(unwritten, MOST_ROWS + 10)
     assert unwritten.take(0.0, at_once=True) + unwritten.take(0.0, at_once=True) == made
 
 
@@ -43,8 +43,8 @@ def test_what_nobody_waits_for_is_not_written(unwritten):
 def test_behind_a_disk_that_hangs_only_what_somebody_waits_for_is_kept(unwritten):
     waiting = add(unwritten, 20)
     for _ in range(50):
-        tombstone(unwritten, add(unwritten, FORSAKEN))
-    assert len(unwritten) <= 2 * FORSAKEN + len(waiting)
+        tombstone(unwritten, add(unwritten, MOST_TOMBSTONES))
+    assert len(unwritten) <= 2 * MOST_TOMBSTONES + len(waiting)
     assert unwritten.take(0.0, at_once=True) == waiting
 
 

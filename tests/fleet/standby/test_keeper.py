@@ -48,7 +48,7 @@ class User:
     def stops(self):
         return dict(self.stopped)
 
-    def vouched(self, epoch, until):
+    def permit_writes(self, epoch, until):
         assert self.states[-1:] in ([], [LeaseState.STANDBY]) or epoch == self.vouchers[-1][0]
         self.vouchers.append((epoch, until))
 

@@ -26,31 +26,31 @@ def left():
 
 def test_what_was_left_last_is_given_to_the_program_that_tells_it_once(left, tmp_path):
     file = tmp_path / "told"
-    farewell = DisconnectNotice([sys.executable, "-c", WRITES, str(file)], lambda _line: None)
-    farewell.keep([left(b"old")])
-    farewell.keep([left(b"new")])
-    farewell.tell()
+    notice = DisconnectNotice([sys.executable, "-c", WRITES, str(file)], lambda _line: None)
+    notice.keep([left(b"old")])
+    notice.keep([left(b"new")])
+    notice.send()
     wait_until(
         "it is told", lambda: (tmp_path / "told").exists() and (tmp_path / "told").read_text() == "new"
     )
     (tmp_path / "told").unlink()
-    farewell.tell()
-    farewell.break_off()
+    notice.send()
+    notice.abort()
     assert not file.exists()
 
 
 def test_the_next_edge_ends_what_is_still_being_told(left):
-    farewell = DisconnectNotice([sys.executable, "-c", HANGS], lambda _line: None)
-    farewell.keep([left(b"x")])
-    farewell.tell()
-    event_reporter = farewell._event_reporter
-    farewell.break_off()
-    assert event_reporter.returncode < 0
+    notice = DisconnectNotice([sys.executable, "-c", HANGS], lambda _line: None)
+    notice.keep([left(b"x")])
+    notice.send()
+    process = notice._process
+    notice.abort()
+    assert process.returncode < 0
 
 
 def test_a_program_that_cannot_be_started_is_told(left):
     lines = []
-    farewell = DisconnectNotice(["/nowhere/at/all"], lines.append)
-    farewell.keep([left(b"x")])
-    farewell.tell()
-    assert lines == ["the cloud is not told that the edge died: No such file or directory"]
+    notice = DisconnectNotice(["/nowhere/at/all"], lines.append)
+    notice.keep([left(b"x")])
+    notice.send()
+    assert lines == ["cannot report the death of the edge to the cloud: No such file or directory"]

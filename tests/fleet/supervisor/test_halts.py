@@ -84,7 +84,7 @@ def test_no_halt_is_written_once_another_edge_may_have_the_robot():
         robot.setblocking(False)
         halts = ProcessHalts()
         halts.keep("rex", registered_halt(os.dup(ours.fileno()), (b"halt",), robot.getsockname()))
-        halts.follow(WriteUntil(boot_time() - 0.001), [])
+        halts.apply(WriteUntil(boot_time() - 0.001), [])
         assert halts.write() == []
         with pytest.raises(BlockingIOError):
             robot.recv(100)
@@ -95,9 +95,9 @@ def test_halts_are_due_just_before_the_right_to_write_ends():
     halts = ProcessHalts()
     halts.keep("rex", RegisteredHalt((b"halt",), lambda _frame: None, lambda: None))
     assert not halts.must_halt
-    halts.follow(WriteUntil(boot_time() + 60.0), [])
+    halts.apply(WriteUntil(boot_time() + 60.0), [])
     assert not halts.must_halt
-    halts.follow(WriteUntil(boot_time() + LAST_CHANCE / 2), [])
+    halts.apply(WriteUntil(boot_time() + LAST_CHANCE / 2), [])
     assert halts.must_halt
     halts.drop("rex")
     assert not halts.must_halt

@@ -42,7 +42,7 @@ class Field:
         self.ending.listen()
         self.lines, self.code = [], None
         command = [sys.executable, "-c", ENDS_WHEN_TOLD, str(folder / "end")]
-        self.supervisor = Supervisor(command, path=self.path, told=self.lines.append, clock=SystemClock())
+        self.supervisor = Supervisor(command, path=self.path, report=self.lines.append, clock=SystemClock())
         self.thread = threading.Thread(target=self._run)
         self.thread.start()
         self.child, _ = self.ending.accept()

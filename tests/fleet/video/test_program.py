@@ -85,7 +85,7 @@ async def test_a_start_makes_an_offer_and_tells_the_stream_and_a_stop_that_it_is
     assert (told.connection_state, told.camera_id) == ("connecting", "front")
     assert await ask({"command": "stop_video"}) == {"ok": True}
     assert ask.bus_session.streams()[-1] == b""
-    ask.program.tell()
+    ask.program.publish_state()
     assert len(ask.bus_session.streams()) == 2  # said once
 
 
@@ -147,4 +147,4 @@ async def test_a_signal_that_cannot_be_used_is_told_and_changes_nothing(ask, cap
     async with asyncio.timeout(60):
         while "was refused" not in caplog.text:  # noqa: ASYNC110 - what is waited for has no event
             await asyncio.sleep(0.01)
-    assert ask.program._sender.told()["connection_state"] == "connecting"
+    assert ask.program._sender.state()["connection_state"] == "connecting"

@@ -96,7 +96,7 @@ async def frames_of(seen):
 
 
 def connected(studio):
-    told = studio.sender.told()
+    told = studio.sender.state()
     return told is not None and told["connection_state"] == "connected"
 
 
@@ -109,7 +109,7 @@ async def test_a_peer_sees_the_cameras_pictures_wherever_its_candidates_come(stu
     luma = bytes(frame.planes[0])[:1]
     assert luma[0] == pytest.approx(pictures.RED[0], abs=20)
     await until(lambda: connected(studio))
-    told = studio.sender.told()
+    told = studio.sender.state()
     assert (told["frames_sent"] > 0, told["restart_count"]) == (True, 0)
     assert told["stream_config"]["resolution"] == "320x240"
     assert studio.offers[0]["recording"] is True
@@ -150,7 +150,7 @@ async def test_an_offer_that_nobody_answered_is_made_anew(studio):
     await studio.sender.start(recording=True)
     assert len(studio.offers) == 2
     await frame_of(await studio.view())
-    assert studio.sender.told()["restart_count"] == 1
+    assert studio.sender.state()["restart_count"] == 1
 
 
 async def test_a_stop_ends_it_for_the_peer_too(studio):
@@ -158,7 +158,7 @@ async def test_a_stop_ends_it_for_the_peer_too(studio):
     seen = await studio.view()
     await frame_of(seen)
     await studio.sender.stop()
-    assert studio.sender.told() is None
+    assert studio.sender.state() is None
     with pytest.raises(MediaStreamError):  # after what is still in its buffer
         await asyncio.wait_for(frames_of(seen), WITHIN)
 
@@ -168,7 +168,7 @@ async def test_a_stream_whose_camera_gives_no_more_pictures_ends(studio, camera,
     await studio.sender.start(recording=True)
     await frame_of(await studio.view())
     camera.breaks()
-    await until(lambda: studio.sender.told() is None)
+    await until(lambda: studio.sender.state() is None)
     assert "No such file" in caplog.text
 
 
@@ -176,13 +176,13 @@ async def test_a_stream_whose_peer_leaves_ends(studio):
     await studio.sender.start(recording=True)
     await frame_of(await studio.view())
     await studio.viewers[0].close()
-    await until(lambda: studio.sender.told() is None)
+    await until(lambda: studio.sender.state() is None)
 
 
 async def test_an_offer_that_brings_no_connection_is_given_up(studio, monkeypatch, caplog):
     monkeypatch.setattr(peer, "CONNECTED_WITHIN", 0.05)
     await studio.sender.start(recording=True)
-    await until(lambda: studio.sender.told() is None)
+    await until(lambda: studio.sender.state() is None)
     assert "no peer was connected" in caplog.text
 
 
@@ -216,7 +216,7 @@ def held_offer(monkeypatch):
 
 async def test_a_start_is_answered_in_time_though_the_candidates_are_late(studio, held_offer):
     await studio.sender.start(recording=True)
-    assert (studio.offers, studio.sender.told()["connection_state"]) == ([], "connecting")
+    assert (studio.offers, studio.sender.state()["connection_state"]) == ([], "connecting")
     held_offer.set()
     await studio.offered.wait()
     await frame_of(await studio.view())
@@ -238,7 +238,7 @@ async def test_an_offer_that_cannot_be_made_ends_the_stream(studio, monkeypatch,
     monkeypatch.setattr(peer.VideoPeer, "offer", fails)
     with pytest.raises(Refused, match="no network"):
         await studio.sender.start(recording=True)
-    await until(lambda: studio.sender.told() is None)
+    await until(lambda: studio.sender.state() is None)
     assert "no network" in caplog.text
 
 
@@ -255,4 +255,4 @@ async def test_what_cannot_be_used_is_refused_and_the_offer_stands(studio):
 async def test_answers_and_candidates_without_an_offer_are_left_alone(studio):
     await studio.sender.answered("v=0")
     await studio.sender.add(Candidate("nonsense", "0", 0))
-    assert studio.sender.told() is None
+    assert studio.sender.state() is None

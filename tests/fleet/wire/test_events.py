@@ -5,7 +5,7 @@ import pytest
 from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.wire.databus import decode_report, encode_report
-from fleet.wire.events import TOLD_TO_THE_CLOUD, is_of_the_fleet
+from fleet.wire.events import CLOUD_EVENTS, is_of_the_fleet
 from fleet.wire.reports import sender, to_mqtt
 from fleet.wire.samples import json_payload
 
@@ -55,7 +55,7 @@ def test_an_event_that_nobody_asked_for_names_nobody():
 @pytest.mark.parametrize("kind", EventKind)
 def test_what_was_asked_and_how_it_ended_is_not_told_to_the_cloud_as_an_event(kind):
     asked = {EventKind.COMMAND, EventKind.OUTCOME, EventKind.STOP, EventKind.RELEASE, EventKind.SCHEDULE}
-    assert bool(told(EventReport(1.0, kind, "x"))) == (kind not in asked) == (kind in TOLD_TO_THE_CLOUD)
+    assert bool(told(EventReport(1.0, kind, "x"))) == (kind not in asked) == (kind in CLOUD_EVENTS)
 
 
 def test_an_event_on_the_bus_has_the_names_of_its_topic_and_comes_back_whole():

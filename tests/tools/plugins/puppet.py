@@ -1,7 +1,7 @@
-"""A robot that costs next to nothing and tells what is done to it: for benchmarks and fault tests.
+"""Puppet adapter for benchmarks and fault tests: a robot of negligible cost that records its calls.
 
-Its journal is a file that all puppets append to, a JSON line for each thing that happened to one, with the
-monotonic second. A line is one write, so that the journal survives the death of the process.
+All puppets append to one journal file, a JSON line with the monotonic time for each event. Each line is a
+single write, so the journal survives the death of the process.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A robot whose wire is a UDP socket of a test: each velocity and each halt is one datagram."""
+"""Wired adapter: a robot whose wire is a test's UDP socket; each velocity and each halt is one datagram."""
 
 from __future__ import annotations
 

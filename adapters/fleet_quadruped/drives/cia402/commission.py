@@ -1,4 +1,4 @@
-"""Configures CiA 402 drives with ``canopen`` (SDO and NMT), all at once, and reads everything back."""
+"""Configuration of CiA 402 drives by SDO and NMT (``canopen``), all at once, verified by reading back."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from fleet_quadruped.robot.parts import Drive
 Given = TypeVar("Given")
 log = logging.getLogger(__name__)
 
-_MODE_TRIES = 20  # times the mode display is read
-_TRIES = 3  # a lost frame, or a computer that was busy for a moment, is no silent drive
+_MODE_TRIES = 20  # reads of the mode display
+_TRIES = 3  # a lost frame, or a busy computer, is no silent drive
 _READ_ONLY = 0x06010002
 _NO_OBJECT = 0x06020000
 _NO_SUB = 0x06090011
 _ABORTS = {
-    0x05040000: "the drive did not go on with the transfer",
+    0x05040000: "the drive did not continue the transfer",
     _READ_ONLY: "it is read-only",
     _NO_OBJECT: "the drive has no such object",
     0x06040041: "it cannot be mapped to a PDO",
@@ -50,7 +50,7 @@ _ABORTS = {
 
 
 class NodeName(NamedTuple):
-    """A node as it is named when something is wrong with it."""
+    """Name, bus and node id of a node, for error messages."""
 
     name: str
     bus: str
@@ -58,7 +58,7 @@ class NodeName(NamedTuple):
 
 
 class CanopenAdapter(canopen.Network):
-    """``canopen`` over a bus of ours: what it sends goes out, what a pump reads comes in."""
+    """``canopen`` over a bus of ours: its frames are sent on it, a pump thread passes on received ones."""
 
     def __init__(self, bus: CanBus) -> None:
         super().__init__()
@@ -72,7 +72,7 @@ class CanopenAdapter(canopen.Network):
 
     @contextlib.contextmanager
     def pumped(self) -> Iterator[None]:
-        """Read the bus on a thread while the block runs."""
+        """Read the bus on a thread for the duration of the block."""
         done = threading.Event()
 
         def pump() -> None:
@@ -92,8 +92,8 @@ class CanopenAdapter(canopen.Network):
 def commission(bus: CanBus, joints: Sequence[Joint], drive: Drive) -> dict[str, frozenset[int]]:
     """Configure the drives of one bus and start them (NMT operational).
 
-    Returns by joint which of the ``OPTIONAL`` entries its drive does not have.
-    Raises LinkLost when a drive does not answer, LinkRefused naming joint, object, wanted and actual.
+    Return, by joint, the ``OPTIONAL`` entries that its drive lacks. Raises LinkLost if a drive does not
+    answer, LinkRefused with joint, object, expected and actual value.
     """
     wire = CanopenAdapter(bus)
     dictionary = _dictionary(drive)
@@ -117,7 +117,7 @@ def write_node(bus: CanBus, who: NodeName, objects: list[Object]) -> None:
 
 
 def limit_drive(bus: CanBus, joint: Joint, per_mille: int) -> int:
-    """Set a drive's highest torque (6072h, per mille of the rated one); return what it was.
+    """Set a drive's maximum torque (6072h, per mille of rated torque); return the previous one.
 
     Raises LinkLost or LinkRefused.
     """
@@ -131,7 +131,7 @@ def limit_drive(bus: CanBus, joint: Joint, per_mille: int) -> int:
 
 
 def _dictionary(drive: Drive) -> ObjectDictionary:
-    """Return the drive's EDS; raises LinkRefused when an object that is needed is not in it."""
+    """Return the drive's EDS; raises LinkRefused if it lacks a required object."""
     if not drive.eds:
         return canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
     try:
@@ -146,7 +146,7 @@ def _dictionary(drive: Drive) -> ObjectDictionary:
 
 
 def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> frozenset[int]:
-    """Configure one drive in pre-operational, where mappings may be changed; return what it does not have."""
+    """Configure one drive in pre-operational, where mappings may be changed; return its missing entries."""
     node.nmt.send_command(0x80)
     _identify(node, joint, drive)
     who = _who(joint)
@@ -159,7 +159,7 @@ def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> frozense
 
 
 def _has(node: canopen.RemoteNode, who: NodeName, index: int, sub: int) -> bool:
-    """Return False for an object that the drive says it does not have; raises LinkLost."""
+    """Return False if the drive reports that the object does not exist; raises LinkLost."""
     try:
         _transfer(who, lambda: node.sdo.upload(index, sub))
     except SdoAbortedError as error:
@@ -168,7 +168,7 @@ def _has(node: canopen.RemoteNode, who: NodeName, index: int, sub: int) -> bool:
 
 
 def write_all(node: canopen.RemoteNode, who: NodeName, objects: list[Object]) -> None:
-    """Write objects in their order and read the final values back; raises LinkLost or LinkRefused."""
+    """Write objects in their order and verify the final values; raises LinkLost or LinkRefused."""
     for item in objects:
         _write(node, who, item)
     for item in final_values(objects):
@@ -178,7 +178,7 @@ def write_all(node: canopen.RemoteNode, who: NodeName, objects: list[Object]) ->
 
 
 def _await_mode(node: canopen.RemoteNode, who: NodeName) -> None:
-    """Wait until the drive shows the mode that it was given; raises LinkRefused when it does not."""
+    """Wait until the drive displays the requested mode; raises LinkRefused if it does not."""
     for _ in range(_MODE_TRIES):
         shown = _read(node, who, *MODE_DISPLAY)
         if shown == CYCLIC_POSITION:
@@ -189,7 +189,7 @@ def _await_mode(node: canopen.RemoteNode, who: NodeName) -> None:
 
 
 def _identify(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
-    """Refuse a device that is not the drive that the description means."""
+    """Raise LinkRefused for a device that is not the drive in the description."""
     who = _who(joint)
     kind = _read(node, who, *DEVICE_TYPE) & 0xFFFF
     if kind != PROFILE_402:
@@ -207,7 +207,7 @@ def _identify(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
 
 
 def _write(node: canopen.RemoteNode, who: NodeName, item: Object) -> None:
-    """Write an object; what is read-only is left to the reading back."""
+    """Write an object; a read-only one is checked by the verification."""
     data = item.value.to_bytes(item.size, "little")
     try:
         _transfer(who, lambda: node.sdo.download(item.place, item.sub, data))
@@ -226,7 +226,7 @@ def _read(node: canopen.RemoteNode, who: NodeName, index: int, sub: int) -> int:
 
 
 def _transfer(who: NodeName, ask: Callable[[], Given]) -> Given:
-    """Return what an SDO transfer gives, asking again when no answer comes; raises LinkLost, or its abort."""
+    """Return the result of an SDO transfer, repeated if unanswered; raises LinkLost or SdoAbortedError."""
     for _ in range(_TRIES):
         try:
             return ask()

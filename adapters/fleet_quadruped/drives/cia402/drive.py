@@ -1,4 +1,4 @@
-"""Twelve CiA 402 drives as a ``JointDrive``: our own cyclic loop, walker, watchdogs."""
+"""CiA 402 drives as a ``JointDrive``: own cyclic exchange, state transitions and watchdogs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.robot.parts import Bus, Drive
 
 _OF_ONE = (EMERGENCY, TPDO1, RPDO1, TPDO2, SDO_RESPONSE, SDO_REQUEST, HEARTBEAT)
-_SILENT = 8  # heartbeats that may be missing on a lossy bus; TPDOs tell silence sooner
+_SILENT = 8  # heartbeats that may be lost on a bad bus; missing TPDOs show silence sooner
 _TAKES: tuple[tuple[int, Callable[[Cia402Node, bytes, float], None]], ...] = (
     (TPDO1, Cia402Node.take_status),
     (TPDO2, Cia402Node.take_slow),
@@ -46,7 +46,7 @@ _TAKES: tuple[tuple[int, Callable[[Cia402Node, bytes, float], None]], ...] = (
 
 
 class Cia402Drives(DriveGroup[Cia402Node]):
-    """All drives of a dog, on the buses by their names."""
+    """All CiA 402 drives of a robot; ``buses`` by name."""
 
     def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         super().__init__(dog, buses, [_node(joint, dog) for joint in joints])
@@ -60,28 +60,28 @@ class Cia402Drives(DriveGroup[Cia402Node]):
 
     @staticmethod
     def load(drive: Drive, joints: int, bus: Bus) -> float:
-        """Return what PDOs, SYNC and heartbeats take."""
+        """Return the load by PDOs, SYNC and heartbeats."""
         cyclic = joints * (2 + 1 / SLOW_EVERY) * frame_bits(8) + frame_bits(0) + frame_bits(1)
         return (drive.cycle_hz * cyclic + joints * frame_bits(1) / drive.heartbeat) / bus.bitrate
 
     @staticmethod
-    def shared(dog: DogDescription) -> tuple[int, ...]:  # noqa: ARG004 - the same for each make
+    def shared(dog: DogDescription) -> tuple[int, ...]:  # noqa: ARG004 - independent of the model
         """Return NMT, SYNC and our own heartbeat."""
         return 0, SYNC, HEARTBEAT + MASTER
 
     @staticmethod
-    def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:  # noqa: ARG004 - the same for each make
-        """Return emergencies, PDOs, SDOs and heartbeat."""
+    def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:  # noqa: ARG004 - independent of the model
+        """Return emergency, PDOs, SDOs and heartbeat."""
         return tuple(base + joint.id for base in _OF_ONE)
 
     @staticmethod
-    def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - it hangs on the joint alone
-        """Return the angle of the greatest count."""
+    def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - depends on the joint alone
+        """Return the angle of the largest count."""
         return MOST_COUNTS / joint.kind.counts_per_rad
 
     @property
     def addresses(self) -> frozenset[Address]:
-        """Each RPDO1."""
+        """RPDO1 of each node."""
         return frozenset((node.joint.bus, RPDO1 + node.joint.id) for node in self._drives)
 
     def configure(self) -> None:
@@ -95,7 +95,7 @@ class Cia402Drives(DriveGroup[Cia402Node]):
             node.configured(feeds=TORQUE_OFFSET not in missing.get(node.joint.name, ()))
 
     def limit_torque(self, torque: float | None) -> None:
-        """Write 6072h of each drive; its own limit is kept, and written again at the end."""
+        """Write 6072h of each drive; the previous limit is kept and restored at the end."""
         for node in self._drives:
             joint = node.joint
             before = self._full.get(joint.name)
@@ -106,14 +106,14 @@ class Cia402Drives(DriveGroup[Cia402Node]):
             self._full.setdefault(joint.name, found)
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
-        """Take a received frame."""
+        """Process a received frame."""
         found = self._by_frame.get((bus, frame.id))
         if found is not None:
             take, node = found
             take(node, frame.data, now)
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
-        """Return which joint an RPDO1 sends where."""
+        """Return joint and target of an RPDO1."""
         found = self._by_frame.get((bus, frame.id - RPDO1 + TPDO1))
         if found is None or not RPDO1 < frame.id <= RPDO1 + MASTER:
             return None
@@ -121,9 +121,9 @@ class Cia402Drives(DriveGroup[Cia402Node]):
         return None if told is None else (found[1].joint, told[1])
 
     def begin_cycle(self, now: float) -> None:
-        """Send our heartbeat and SYNC; one each cycle, so that a few lost ones do not stop the drives.
+        """Send our heartbeat and SYNC; once per cycle, so that a few lost ones do not stop the drives.
 
-        A drive that left operation, but was not restarted, is started again: it is configured still.
+        A node that left operational without a restart is started again: its configuration is still valid.
         """
         super().begin_cycle(now)
         for node in self._drives:
@@ -145,15 +145,15 @@ class Cia402Drives(DriveGroup[Cia402Node]):
         """Return the joint of a drive that is in quick stop."""
         return next((node.joint.name for node in self._drives if node.state is DriveState.QUICK_STOP), "")
 
-    def probe(self, kd: float) -> bool:  # noqa: ARG002 - nothing is written
-        """Do nothing: drives tell where they are at each SYNC."""
+    def probe(self, kd: float) -> bool:  # noqa: ARG002 - nothing is sent
+        """Do nothing: the drives report at each SYNC."""
         return False
 
-    def lower(self, targets: Targets, kd: float) -> None:  # noqa: ARG002 - positions cannot damp
-        """Go to the targets, also from a quick stop: with 605Ah = 6 it holds, and damps nothing."""
+    def lower(self, targets: Targets, kd: float) -> None:  # noqa: ARG002 - position mode cannot damp
+        """Follow the targets, also out of a quick stop: with 605Ah = 6 the drive holds, and cannot damp."""
         self._sender.send(DriveGoal.LOWER, targets.angles, targets.torques)
 
-    def damp(self, kd: float) -> None:  # noqa: ARG002 - positions cannot damp
+    def damp(self, kd: float) -> None:  # noqa: ARG002 - position mode cannot damp
         """Quick stop: with 605Ah = 6 the drives brake and hold."""
         self.quick_stop()
 
@@ -166,14 +166,14 @@ class Cia402Drives(DriveGroup[Cia402Node]):
         self._sender.stay(DriveGoal.OFF)
 
     def reset_fault(self) -> None:
-        """Acknowledge faults: a rising edge, because all other control words have the bit at zero."""
+        """Acknowledge faults: bit 7 rises, because it is zero in all other control words."""
         for node in self._drives:
             node.fault = ""
         self._sender.stay(DriveGoal.RESET)
 
 
 class RpdoSender:
-    """Sends RPDO1 of all nodes: a step towards a goal, with targets."""
+    """Sends RPDO1 to all nodes: the control word of the next step, with targets."""
 
     def __init__(self, nodes: Sequence[Cia402Node], buses: Mapping[str, CanBus]) -> None:
         self._nodes = nodes
@@ -182,7 +182,7 @@ class RpdoSender:
         self._nothing = (0.0,) * len(nodes)
 
     def stay(self, goal: DriveGoal) -> None:
-        """Send a goal, with the measured place as the target."""
+        """Send a goal, with the measured position as the target."""
         self.send(goal, tuple(node.angle for node in self._nodes), self._nothing)
 
     def send(self, goal: DriveGoal, angles: Twelve, torques: Twelve) -> None:
@@ -194,7 +194,7 @@ class RpdoSender:
 
 
 def _node(joint: Joint, dog: DogDescription) -> Cia402Node:
-    """Return the drive of a joint, not heard yet."""
+    """Return the drive of a joint, without feedback yet."""
     temperature = dog.drive.temperature
     scale = None if temperature is None else temperature.scale
     return Cia402Node(joint, Units(joint), dog.dt / 2, _SILENT * dog.drive.heartbeat, scale)

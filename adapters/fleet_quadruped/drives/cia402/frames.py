@@ -1,8 +1,8 @@
-"""The frames of a CiA 402 drive that every cycle needs: PDOs, emergencies, heartbeats.
+"""Cyclic frames of a CiA 402 drive: PDOs, emergencies, heartbeats.
 
 Little-endian throughout. RPDO1 = 6040h, 607Ah, 60B2h; TPDO1 = 6041h, 6064h, 6077h; TPDO2 = 6079h, 603Fh and
-the maker's object for the temperature, where the description names one.
-60B2h and 6077h are left out for a drive that does not have them.
+the manufacturer-specific object for the temperature, if the description has one. 60B2h and 6077h are left out
+for a drive that lacks them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fleet_quadruped.robot.description import Joint
 NMT = 0x000
 NMT_START = 0x01
 SYNC = 0x080
-OUR_SILENCE = 0x8130  # error code of an emergency: our heartbeat is missing
+OUR_SILENCE = 0x8130  # emergency error code: our heartbeat is missing
 EMERGENCY = 0x080  # + node id
 TPDO1 = 0x180
 RPDO1 = 0x200
@@ -28,7 +28,7 @@ HEARTBEAT = 0x700
 MASTER = 0x7F  # our own node id
 OPERATIONAL = 0x05
 BOOT_UP = 0x00
-STOPPED, PRE_OPERATIONAL = 0x04, 0x7F  # NMT states in which a node obeys no PDO
+STOPPED, PRE_OPERATIONAL = 0x04, 0x7F  # NMT states in which a node ignores PDOs
 
 _CYCLIC = struct.Struct("<Hih")
 _WITHOUT_TORQUE = struct.Struct("<Hi")
@@ -42,7 +42,7 @@ _I16 = (-(1 << 15), (1 << 15) - 1)
 
 
 class StatusPdo(NamedTuple):
-    """TPDO1: status word, position in counts, torque in per mille of the rated one."""
+    """TPDO1: status word, position in counts, torque in per mille of rated torque."""
 
     status: int
     counts: int
@@ -50,7 +50,7 @@ class StatusPdo(NamedTuple):
 
 
 class SlowPdo(NamedTuple):
-    """TPDO2: bus voltage (V), error code 603Fh, temperature in the drive's own units where it is mapped."""
+    """TPDO2: DC link voltage (V), error code 603Fh, temperature in the drive's own units if mapped."""
 
     voltage: float
     code: int
@@ -65,19 +65,19 @@ class Emergency(NamedTuple):
 
     @property
     def cleared(self) -> bool:
-        """True when it says that there is no error any more."""
+        """True if it reports that the error is gone."""
         return self.code == 0 and not self.register & 1
 
     @property
     def text(self) -> str:
-        """The code in words."""
+        """Text for the code."""
         return f"{meaning(self.code)} (emergency {self.code:04X}h, register {self.register:02X}h)"
 
 
 def pack_target(control: int, counts: int, per_mille: int | None) -> bytes:
-    """Return RPDO1, without a torque for None; numbers out of range are clamped, never wrapped.
+    """Return RPDO1, without torque if it is None; numbers out of range are clamped, never wrapped.
 
-    TPDO1 is alike, with the status word for the control word.
+    TPDO1 has the same layout, with the status word in place of the control word.
     """
     if per_mille is None:
         return _WITHOUT_TORQUE.pack(control & 0xFFFF, _clamp(counts, _I32))
@@ -87,8 +87,8 @@ def pack_target(control: int, counts: int, per_mille: int | None) -> bytes:
         return _CYCLIC.pack(control & 0xFFFF, _clamp(counts, _I32), _clamp(per_mille, _I16))
 
 
-def unpack_told(data: bytes) -> StatusPdo | None:
-    """Return what TPDO1 says, torque 0 where it tells none; None when it is too short. RPDO1 is alike."""
+def unpack_status_pdo(data: bytes) -> StatusPdo | None:
+    """Decode TPDO1, torque 0 if not mapped; None if it is too short. RPDO1 has the same layout."""
     if len(data) == _WITHOUT_TORQUE.size:
         status, counts = _WITHOUT_TORQUE.unpack(data)
         return StatusPdo(status, counts, 0)
@@ -96,13 +96,13 @@ def unpack_told(data: bytes) -> StatusPdo | None:
 
 
 def pack_slow(slow: SlowPdo) -> bytes:
-    """Return TPDO2 (the drive's side)."""
+    """Return TPDO2 (drive side)."""
     temperature = b"" if slow.temperature is None else _TEMPERATURE.pack(_clamp(slow.temperature, _I16))
     return _SLOW.pack(round(slow.voltage * 1000), slow.code) + temperature
 
 
 def unpack_slow(data: bytes) -> SlowPdo | None:
-    """Return what TPDO2 says; None when it is too short."""
+    """Decode TPDO2; None if it is too short."""
     if len(data) < _SLOW.size:
         return None
     millivolts, code = _SLOW.unpack_from(data)
@@ -111,14 +111,14 @@ def unpack_slow(data: bytes) -> SlowPdo | None:
 
 
 def unpack_emergency(data: bytes) -> Emergency | None:
-    """Return what an emergency says; a short one counts with what it has, an empty one not at all."""
+    """Decode an emergency; a short one is padded with zeros, an empty one ignored (None)."""
     if not data:
         return None
     return Emergency(*_EMERGENCY.unpack_from(data.ljust(_EMERGENCY.size, b"\x00")))
 
 
 class Units:
-    """The drive's own units of one joint: rad and N m of the joint, counts and per mille of the motor."""
+    """Conversion for one joint: rad and N m of the joint, counts and per mille of the motor."""
 
     __slots__ = ("_counts", "_per_mille", "_zero")
 
@@ -133,25 +133,25 @@ class Units:
         return pack_target(word, counts, None if torque is None else round(self._per_mille * torque))
 
     def unpack(self, data: bytes) -> tuple[int, float, float] | None:
-        """Return the word, the angle and the torque of the joint; see ``unpack_told``."""
-        told = _CYCLIC.unpack(data) if len(data) == _CYCLIC.size else unpack_told(data)
+        """Return word, angle and torque of the joint; see ``unpack_status_pdo``."""
+        told = _CYCLIC.unpack(data) if len(data) == _CYCLIC.size else unpack_status_pdo(data)
         if told is None:
             return None
         word, counts, per_mille = told
         return word, (counts - self._zero) / self._counts, per_mille / self._per_mille
 
     def per_mille(self, torque: float) -> int:
-        """Return a torque in per mille of the rated one."""
+        """Return a torque in per mille of rated torque."""
         return round(self._per_mille * torque)
 
     @property
     def factors(self) -> tuple[float, float, float]:
-        """Counts at zero, counts of one rad, per mille of one N m."""
+        """Counts at zero, counts per rad, per mille per N m."""
         return self._zero, self._counts, self._per_mille
 
 
 class Rpdos:
-    """RPDO1 of several joints, packed at once because each cycle needs them all."""
+    """Encoder of RPDO1 for several joints at once, because each cycle needs them all."""
 
     def __init__(self, joints: Sequence[Joint]) -> None:
         self._units = [Units(joint) for joint in joints]
@@ -159,7 +159,7 @@ class Rpdos:
         self._layout = struct.Struct("<" + _CYCLIC.format.lstrip("<") * len(joints))
 
     def pack(self, words: Sequence[int], angles: Sequence[float], torques: Sequence[float]) -> list[bytes]:
-        """Return each joint's RPDO1; the first ``SHORT`` bytes are one without a torque."""
+        """Return each joint's RPDO1; its first ``SHORT`` bytes are one without torque."""
         numbers: list[int] = []
         for word, angle, torque, (zero, counts, per_mille) in zip(
             words, angles, torques, self._factors, strict=True
@@ -167,7 +167,7 @@ class Rpdos:
             numbers += word, round(zero + counts * angle), round(per_mille * torque)
         try:
             whole = self._layout.pack(*numbers)
-        except struct.error:  # one is out of range
+        except struct.error:  # a number is out of range: clamp it
             told = zip(self._units, words, angles, torques, strict=True)
             return [units.pack(word, angle, torque) for units, word, angle, torque in told]
         return [whole[at : at + _CYCLIC.size] for at in range(0, len(whole), _CYCLIC.size)]
@@ -198,7 +198,7 @@ _CLASSES: Mapping[int, str] = MappingProxyType(
 
 
 def meaning(code: int) -> str:
-    """Return what an error code (603Fh) means, in words."""
+    """Return the meaning of an error code (603Fh)."""
     if code == 0:
         return "no error code"
     return _EXACT.get(code) or _CLASSES.get(code >> 12) or "the maker's own error"

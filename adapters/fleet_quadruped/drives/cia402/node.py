@@ -1,4 +1,4 @@
-"""One CiA 402 drive as it was last heard: what its PDOs, emergencies and heartbeats say."""
+"""State of one CiA 402 drive from its PDOs, emergencies and heartbeats."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from fleet_quadruped.drives.cia402.frames import (
     unpack_slow,
 )
 from fleet_quadruped.drives.cia402.states import FOLLOWS, POWER, DriveState, state_of
-from fleet_quadruped.drives.group import HeardDrive
+from fleet_quadruped.drives.group import ReportingDrive
 
 
 @dataclass(slots=True)
-class Cia402Node(HeardDrive):
-    """One drive. ``half_cycle``: s; ``silence``: s without heartbeat after which it is not trusted.
+class Cia402Node(ReportingDrive):
+    """One drive. ``half_cycle``: s; ``silence``: s without a heartbeat until a fault.
 
-    ``scale``: degrees C of the drive's own unit; None where it tells no temperature.
-    ``feeds``: it takes a torque besides the target. ``nmt``: its state as the heartbeat says.
-    ``stopped_alone``: it missed our heartbeat, and may go on by the next control word.
+    ``scale``: degrees C of the drive's own unit; None without a temperature. ``feeds``: it accepts a torque
+    offset. ``nmt``: NMT state from its heartbeat. ``stopped_alone``: it missed our heartbeat, and may go on
+    with the next control word.
     """
 
     units: Units
@@ -35,25 +35,25 @@ class Cia402Node(HeardDrive):
     status: int = 0  # 6041h
     state: DriveState = DriveState.NOT_READY
     follows: bool = True
-    beat_at: float = math.inf
+    heartbeat_at: float = math.inf
     fault: str = ""
     feeds: bool = True
     nmt: int = OPERATIONAL
     stopped_alone: bool = False
 
     def configured(self, *, feeds: bool) -> None:
-        """Begin anew with a drive that was configured and started."""
-        self.told_at, self.beat_at = NEVER, math.inf
+        """Reset for a drive that was configured and started."""
+        self.reported_at, self.heartbeat_at = NEVER, math.inf
         self.fault, self.restarted, self.nmt = "", False, OPERATIONAL
         self.feeds = feeds
 
     def power(self, now: float) -> tuple[Power, str]:
-        """Return what the drive is doing, and its fault."""
-        if self.told_at == NEVER:
+        """Return the state of the drive, and its fault."""
+        if self.reported_at == NEVER:
             return Power.ABSENT, ""
-        if self.restarted or self.answers.doubled or now - self.beat_at > self.silence:
-            distrust = self._distrust(now)
-            return Power.FAULT, (self.restarted and distrust) or self.fault or distrust
+        if self.restarted or self.answers.doubled or now - self.heartbeat_at > self.silence:
+            unreliable = self._why_unreliable(now)
+            return Power.FAULT, (self.restarted and unreliable) or self.fault or unreliable
         if self.state is DriveState.ENABLED and self.stopped_alone:
             return Power.STOPPING, self.fault
         if self.state is DriveState.ENABLED and self.nmt != OPERATIONAL:
@@ -62,26 +62,26 @@ class Cia402Node(HeardDrive):
             return Power.STARTING, "it is enabled and ignores its target (bit 12 of 6041h is 0)"
         return POWER[self.state], self.fault
 
-    def _distrust(self, now: float) -> str:
-        """Return why the drive is not to be trusted whatever its status word says."""
+    def _why_unreliable(self, now: float) -> str:
+        """Return why the status word of the drive cannot be relied on."""
         number = self.joint.id
         if self.restarted:
             return f"id {number} has restarted (boot-up, 700h); it is configured again after a reset"
         if self.answers.doubled:
             return self.two_with_its_id
-        return f"no heartbeat (700h) from id {number} for {now - self.beat_at:.2f} s"
+        return f"no heartbeat (700h) from id {number} for {now - self.heartbeat_at:.2f} s"
 
     def take_status(self, data: bytes, now: float) -> None:
-        """Take a TPDO1: status, angle, torque; the speed is what the angle has changed by."""
+        """Process a TPDO1: status, angle, torque; the speed is the difference of two angles."""
         told = self.units.unpack(data)
         if told is None:
             return
         status, angle, self.torque = told
-        passed = now - self.told_at
-        # A late answer and the next come together, and were measured a cycle apart.
+        passed = now - self.reported_at
+        # A late answer arrives together with the next one; they were measured a cycle apart.
         if passed > self.half_cycle:
             self.speed = (angle - self.angle) / passed
-        self.angle, self.told_at = angle, now
+        self.angle, self.reported_at = angle, now
         if status != self.status:
             self.status, self.state = status, state_of(status)
             self.stopped_alone = self.stopped_alone and self.state is DriveState.ENABLED
@@ -89,7 +89,7 @@ class Cia402Node(HeardDrive):
         self.answers.take(data)
 
     def take_slow(self, data: bytes, _now: float) -> None:
-        """Take a TPDO2: voltage, temperature, and the code of a fault that no emergency told of."""
+        """Process a TPDO2: voltage, temperature, and the code of a fault without an emergency."""
         slow = unpack_slow(data)
         if slow is None:
             return
@@ -100,17 +100,17 @@ class Cia402Node(HeardDrive):
             self.fault = self.fault or f"{meaning(slow.code)} (603Fh is {slow.code:04X}h)"
 
     def take_emergency(self, data: bytes, _now: float) -> None:
-        """Take an emergency."""
+        """Process an emergency."""
         told = unpack_emergency(data)
         if told is not None:
             self.fault = "" if told.cleared else told.text
             self.stopped_alone = told.code == OUR_SILENCE
 
     def take_heartbeat(self, data: bytes, now: float) -> None:
-        """Take a heartbeat; the boot-up after the first one tells of a restart."""
+        """Process a heartbeat; a boot-up after the first one means a restart."""
         state = data[0] & 0x7F if data else None
-        if state == BOOT_UP and self.beat_at < math.inf:
+        if state == BOOT_UP and self.heartbeat_at < math.inf:
             self.restarted = True
         if state is not None and state != BOOT_UP:
             self.nmt = state
-        self.beat_at = now
+        self.heartbeat_at = now

@@ -1,4 +1,4 @@
-"""What is written into a CiA 402 drive before it may move, and read back: a table of objects."""
+"""Objects written into a CiA 402 drive before it may move, and verified by reading back."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ MAX_TORQUE = (0x6072, 0)
 TORQUE_OFFSET, TORQUE = 0x60B2_0010, 0x6077_0010
 ERROR_BEHAVIOUR = 0x1029_0108
 OPTIONAL = (TORQUE_OFFSET, TORQUE, ERROR_BEHAVIOUR)
-"""Objects, as a mapping names them, that a drive need not have; the first two are the last of their PDOs."""
+"""Optional objects, as PDO mapping entries; the first two are the last of their PDOs."""
 MODE_DISPLAY = (0x6061, 0)
 CYCLIC_POSITION = 8
 _DISABLED = 1 << 31
 _BEHAVIOUR_QUICK_STOP = 3
-_STAY_STOPPED = 6  # brake, then hold in quick stop: no torque-off while it stands
+_STAY_STOPPED = 6  # brake, then hold in quick stop: no torque-off while the robot stands
 _STAY_OPERATIONAL = 1
 
 
@@ -36,12 +36,12 @@ class Object(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Index and subindex as people write them."""
+        """Index and subindex in the usual notation."""
         return f"{self.place:04X}h:{self.sub}"
 
 
 def heartbeat_objects(drive: Drive) -> list[Object]:
-    """Return what makes the drive stop by itself when we are silent, and tell us that it lives."""
+    """Return the objects that stop the drive without our heartbeat, and make it send its own."""
     timeout = round(drive.timeout * 1000)
     return [
         Object(0x1016, 1, 4, MASTER << 16 | timeout, "time until our silence stops the drive"),
@@ -52,14 +52,14 @@ def heartbeat_objects(drive: Drive) -> list[Object]:
 
 
 def error_objects(missing: Collection[int]) -> list[Object]:
-    """Return what keeps a drive listening after our silence: by default it leaves operation (CiA 301)."""
+    """Return the objects that keep a drive operational after our silence: by default it stops (CiA 301)."""
     if ERROR_BEHAVIOUR in missing:
         return []
     return [Object(0x1029, 1, 1, _STAY_OPERATIONAL, "stay operational when our heartbeat is missing")]
 
 
 def mode_objects(cycle_hz: int) -> list[Object]:
-    """Return the mode and the interpolation period."""
+    """Return mode and interpolation period."""
     period, exponent = _period(cycle_hz)
     return [
         Object(0x60C2, 1, 1, period, "interpolation period"),
@@ -69,7 +69,7 @@ def mode_objects(cycle_hz: int) -> list[Object]:
 
 
 def _period(cycle_hz: int) -> tuple[int, int]:
-    """Return the cycle as (number, power of ten of a second) with the number in a byte."""
+    """Return the cycle time as (number, power of ten of a second), the number in a byte."""
     for exponent in (-3, -4, -5, -6):
         number = 10**-exponent / cycle_hz
         if abs(number - round(number)) < 1e-9 and round(number) <= 255:
@@ -78,7 +78,7 @@ def _period(cycle_hz: int) -> tuple[int, int]:
 
 
 def mapping_objects(drive: Drive, node: int, missing: Collection[int] = ()) -> list[Object]:
-    """Return the PDOs; ``missing``: the optional entries that this drive does not have."""
+    """Return the PDO mappings; ``missing``: optional entries that this drive lacks."""
     receive = _without(missing, 0x60400010, 0x607A0020, TORQUE_OFFSET)
     told = _without(missing, 0x60410010, 0x60640020, TORQUE)
     temperature = [] if drive.temperature is None else [drive.temperature.entry]
@@ -96,7 +96,7 @@ def _without(missing: Collection[int], *entries: int) -> tuple[int, ...]:
 def pdo_objects(
     communication: int, mapping: int, cob: int, kind: int, entries: Sequence[int]
 ) -> list[Object]:
-    """Return the objects of one PDO in the order that CiA 301 wants: off, none, entries, how many, on."""
+    """Return the objects of one PDO in the order required by CiA 301: disable, clear, map, count, enable."""
     mapped = [Object(mapping, sub, 4, entry, "mapping") for sub, entry in enumerate(entries, start=1)]
     return [
         Object(communication, 1, 4, _DISABLED | cob, "PDO off"),
@@ -109,7 +109,7 @@ def pdo_objects(
 
 
 def all_objects(drive: Drive, node: int, missing: Collection[int] = ()) -> list[Object]:
-    """Return everything that is written, in its order."""
+    """Return all objects to write, in order."""
     return [
         *heartbeat_objects(drive),
         *error_objects(missing),
@@ -119,5 +119,5 @@ def all_objects(drive: Drive, node: int, missing: Collection[int] = ()) -> list[
 
 
 def final_values(objects: list[Object]) -> list[Object]:
-    """Return what must be read back at the end: the last value of each object."""
+    """Return the objects to verify: the last value of each."""
     return list({(item.place, item.sub): item for item in objects}.values())

@@ -10,7 +10,7 @@ from fleet_quadruped.drives.base import Power
 
 
 class DriveState(enum.StrEnum):
-    """The states of CiA 402 in their own words."""
+    """States of CiA 402, by their names in the standard."""
 
     NOT_READY = "not ready to switch on"
     SWITCH_ON_DISABLED = "switch on disabled"
@@ -23,18 +23,18 @@ class DriveState(enum.StrEnum):
 
 
 class DriveGoal(enum.StrEnum):
-    """Where a drive is to be brought."""
+    """Goal state of a drive."""
 
     OFF = "off"
     ENABLE = "enable"
-    HOLD = "hold"  # enabled where it is so already
-    LOWER = "lower"  # the same, and on from a quick stop that holds (605Ah is 5 to 7)
+    HOLD = "hold"  # stay enabled, do not enable
+    LOWER = "lower"  # like HOLD, and leave a quick stop that holds (605Ah is 5 to 7)
     STOP = "stop"
     RESET = "reset"
 
 
-# The same tables are in ``canopen.profiles.p402``, whose import takes 0.1 s: too long for what looks at a
-# description of drives only. A test compares them.
+# Copies of the tables in ``canopen.profiles.p402``: importing it takes 0.1 s, too long for programs that only
+# read the description. A test compares both.
 _LOOSE: Mapping[int, DriveState] = MappingProxyType(
     {
         0x00: DriveState.NOT_READY,
@@ -54,11 +54,11 @@ _STRICT: Mapping[int, DriveState] = MappingProxyType(
 _STATES = tuple(
     _LOOSE.get(status & 0x4F) or _STRICT.get(status) or DriveState.NOT_READY for status in range(0x70)
 )
-FOLLOWS = 1 << 12  # status word: in cyclic synchronous position the drive follows the target
+FOLLOWS = 1 << 12  # status word: the drive follows the target in cyclic synchronous position mode
 
 
 def state_of(status: int) -> DriveState:
-    """Return the state that a status word (6041h) tells."""
+    """Return the state encoded in a status word (6041h)."""
     return _STATES[status & 0x6F]
 
 
@@ -84,7 +84,7 @@ _TOWARDS: Mapping[DriveGoal, Mapping[DriveState, int]] = MappingProxyType(
 
 
 def control_words(goal: DriveGoal, states: Iterable[DriveState]) -> list[int]:
-    """Return the control words (6040h) for the next step; without a step the voltage is disabled."""
+    """Return the control words (6040h) of the next step; without one, disable voltage."""
     towards = _TOWARDS[goal]
     return [towards.get(state, DISABLE_VOLTAGE) for state in states]
 

@@ -1,1 +1,1 @@
-"""Motors that speak the MIT frame: Mini Cheetah, T-Motor AK, Damiao."""
+"""Motors with the MIT protocol: Mini Cheetah, T-Motor AK, Damiao."""

@@ -1,4 +1,4 @@
-"""Twelve MIT motors as a ``JointDrive``: a motor speaks only when it is spoken to."""
+"""MIT motors as a ``JointDrive``: a motor only answers commands."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 
 
 class MitDrives(DampingGroup[MitMotor]):
-    """All motors of a dog, on the buses by their names."""
+    """All MIT motors of a robot; ``buses`` by name."""
 
     def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         super().__init__(dog, buses, _motors(dog, buses, joints))
@@ -36,7 +36,7 @@ class MitDrives(DampingGroup[MitMotor]):
 
     @staticmethod
     def problems(dog: DogDescription) -> list[str]:
-        """Return motors that are not known, and those that are described although they are."""
+        """Return unknown motors, and described ones that are built in."""
         drive = dog.drive
         again = sorted(set(drive.profiles) & set(PROFILES))
         found = [f"drive.profiles: {name} is built in; give yours another name" for name in again]
@@ -53,33 +53,33 @@ class MitDrives(DampingGroup[MitMotor]):
 
     @staticmethod
     def load(drive: Drive, joints: int, bus: Bus) -> float:
-        """Return what a command and a reply for each joint in each cycle take."""
+        """Return the load by a command and a reply per joint and cycle."""
         return drive.cycle_hz * joints * 2 * frame_bits(8) / bus.bitrate
 
     @staticmethod
     def shared(dog: DogDescription) -> tuple[int, ...]:
-        """Return Damiao's registers, and where the others answer."""
+        """Return the identifier of Damiao's registers, and the reply identifier of other motors."""
         kinds = {profile_of(dog.drive, kind).damiao for kind in dog.actuators.values()}
         return tuple(wire.REGISTERS if damiao else 0 for damiao in sorted(kinds))
 
     @staticmethod
     def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:
-        """Return where a motor hears, and where a Damiao motor answers."""
+        """Return the command identifier of a motor, and the reply identifier of a Damiao motor."""
         damiao = profile_of(drive, joint.kind).damiao
         return (joint.id, wire.MASTER + joint.id) if damiao else (joint.id,)
 
     @staticmethod
     def farthest(joint: Joint, drive: Drive) -> float:
-        """Return the range of the profile."""
+        """Return the range in the profile."""
         return profile_of(drive, joint.kind).angle
 
     @property
     def addresses(self) -> frozenset[Address]:
-        """Each motor's own identifier."""
+        """Command identifier of each motor."""
         return frozenset(self._by_id)
 
     def configure(self) -> None:
-        """Check that all motors answer; of Damiao motors also the ranges, and set their watchdog."""
+        """Check that all motors answer; check the ranges of Damiao motors and set their watchdog."""
         for motor in self._drives:
             motor.restarted = False
         if self._plain:
@@ -89,12 +89,12 @@ class MitDrives(DampingGroup[MitMotor]):
             )
             kd = self._dog.safety.kd
             self._requester.ask(
-                self._plain, lambda motor: motor.damping(kd), lambda motor: motor.told_at > NEVER
+                self._plain, lambda motor: motor.damping(kd), lambda motor: motor.reported_at > NEVER
             )
         self._registers.commission(self._dog.drive)
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
-        """Take a received frame."""
+        """Process a received frame."""
         data = frame.data
         motor = self._by_reply.get((bus, frame.id))
         if motor is not None and self._registers.take(motor, data):
@@ -105,7 +105,7 @@ class MitDrives(DampingGroup[MitMotor]):
             motor.take(data, now)
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
-        """Return which joint a command sends where; one without stiffness sends it nowhere."""
+        """Return joint and target of a command; None for one without stiffness."""
         motor = self._by_id.get((bus, frame.id))
         command = None if motor is None else motor.layout.unpack_command(frame.data)
         if motor is None or command is None or frame.data in wire.SPECIAL:
@@ -114,20 +114,20 @@ class MitDrives(DampingGroup[MitMotor]):
         return (motor.joint, motor.joint.angle(angle)) if kp else None
 
     def enable(self) -> None:
-        """Enable what is not enabled yet; what is, is held without force."""
+        """Enable the motors that are not enabled yet; the others are held without force."""
         self._want(Power.ENABLED)
         for motor in self._drives:
             motor.enable()
 
     def write(self, targets: Targets) -> None:
-        """Send targets with the gains of the description, near enough to push no harder than the limit."""
+        """Send targets with the gains of the description, moved closer to respect the torque limit."""
         most = self._most
         for motor, angle, speed, torque in zip(self._drives, *targets, strict=True):
             nearer = angle if most is None else near(motor.joint, motor.angle, angle, most)
             motor.send(motor.layout.pack_target(*motor.units.motor(nearer, speed, torque), motor.gains))
 
     def damp(self, kd: float) -> None:
-        """No stiffness, only damping: one frame each."""
+        """No stiffness, damping only: one frame each."""
         self._want(Power.STOPPING)
         for motor in self._drives:
             motor.bus.send(motor.damping(kd))
@@ -139,13 +139,13 @@ class MitDrives(DampingGroup[MitMotor]):
             motor.disable()
 
     def reset_fault(self) -> None:
-        """Clear errors, where the motor has such a frame."""
+        """Clear errors, with the frame of motors that have one."""
         for motor in self._drives:
             motor.send(wire.CLEAR if motor.profile.damiao else wire.DISABLE)
 
 
 def _motors(dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> list[MitMotor]:
-    """Return the motors of joints; those of one profile share a layout."""
+    """Return the motors of joints; motors of one profile share a layout."""
     layouts: dict[MotorProfile, wire.Layout] = {}
     motors = []
     for joint in joints:

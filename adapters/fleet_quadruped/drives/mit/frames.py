@@ -1,4 +1,4 @@
-"""The MIT frame: position 16 bit, speed, kp, kd, torque 12 bit each, big-endian, linear over their ranges."""
+"""MIT frames: position 16 bits; speed, kp, kd, torque 12 bits each; big-endian, linear over their ranges."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ENABLE = b"\xff\xff\xff\xff\xff\xff\xff\xfc"
 DISABLE = b"\xff\xff\xff\xff\xff\xff\xff\xfd"
 CLEAR = b"\xff\xff\xff\xff\xff\xff\xff\xfb"  # Damiao only
 SPECIAL = frozenset({ENABLE, DISABLE, CLEAR})
-MASTER = 0x10  # + motor id: where a Damiao motor answers
+MASTER = 0x10  # + motor id: reply identifier of a Damiao motor
 REGISTERS = 0x7FF
 READ, WRITE = 0x33, 0x55
 _REGISTER_KINDS = frozenset({READ, WRITE})
@@ -23,8 +23,8 @@ MASTER_REGISTER = 7
 RANGE_REGISTERS = (21, 22, 23)  # float32: angle, speed, torque
 _TICK = 50e-6
 _COMMAND = struct.Struct(">4H")  # 16 bits of angle, then four numbers of 12 bits
-_REPLY = struct.Struct(">B2HB")  # the motor, 16 bits of angle, two numbers of 12 bits
-_WHOLE_REPLY = struct.Struct(">B2H3B")  # and two bytes: the rotor's temperature last, or temperature, error
+_REPLY = struct.Struct(">B2HB")  # motor id, 16 bits of angle, two numbers of 12 bits
+_WHOLE_REPLY = struct.Struct(">B2H3B")  # and two more bytes: rotor temperature last, or temperature, error
 
 STATUS: Mapping[int, str] = MappingProxyType(
     {
@@ -43,7 +43,7 @@ DISABLED, ENABLED = 0x0, 0x1
 
 
 class MitCommand(NamedTuple):
-    """What one motor is to do: rad, rad/s, N m/rad, N m s/rad, N m."""
+    """Command of one motor: rad, rad/s, N m/rad, N m s/rad, N m."""
 
     angle: float = 0.0
     speed: float = 0.0
@@ -53,20 +53,20 @@ class MitCommand(NamedTuple):
 
 
 Command = tuple[float, float, float, float, float]
-"""The numbers of a ``MitCommand`` in their order: dozens are made in each cycle, too many to name them."""
+"""The numbers of a ``MitCommand``; a plain tuple, because each cycle creates dozens."""
 Reply = tuple[int, float, float, float, int | None, float | None]
-"""What a motor tells: its id, rad, rad/s, N m, status (a Damiao motor's nibble, or an error byte), deg C.
+"""A motor's reply: id, rad, rad/s, N m, status (a Damiao motor's nibble, or an error byte), deg C.
 
-Status and temperature are None where the motor does not tell them.
+Status and temperature are None if the motor does not report them.
 """
 
 
 class Layout:
-    """The frames of one kind of motor, both sides; made once, because each cycle packs dozens of numbers."""
+    """Frames of one kind of motor, both sides; precomputed, because each cycle packs dozens of numbers."""
 
     def __init__(self, profile: MotorProfile) -> None:
         self._ranges = profile.angle, profile.speed, profile.torque
-        self._angle = 0xFFFF / (2 * profile.angle)  # steps of one rad, and so on
+        self._angle = 0xFFFF / (2 * profile.angle)  # steps per rad; the others alike
         self._speed = 0xFFF / (2 * profile.speed)
         self._kp, self._kd = 0xFFF / profile.kp, 0xFFF / profile.kd
         self._torque = 0xFFF / (2 * profile.torque)
@@ -76,32 +76,32 @@ class Layout:
         self._degrees = tuple(float(profile.coldest + step) for step in range(256))
 
     def pack_command(self, command: Command) -> bytes:
-        """Return a command's eight bytes; see ``pack_target``."""
+        """Return the eight bytes of a command; see ``pack_target``."""
         angle, speed, kp, kd, torque = command
         return self.pack_target(angle, speed, torque, self.pack_gains(kp, kd))
 
     def pack_gains(self, kp: float, kd: float) -> int:
-        """Return stiffness and damping as they are in a command, clamped.
+        """Return stiffness and damping as encoded in a command, clamped.
 
-        Raises ValueError for what is no number.
+        Raises ValueError for NaN and infinity.
         """
         profile = self._profile
         kp, kd = _within(kp, 0.0, profile.kp), _within(kd, 0.0, profile.kd)
         return round(kp * self._kp) << 12 | round(kd * self._kd)
 
     def pack_target(self, angle: float, speed: float, torque: float, gains: int) -> bytes:
-        """Return a command's eight bytes: clamped, and never all ones (those are special frames).
+        """Return the eight bytes of a command: clamped, and never all ones (those are special frames).
 
-        ``gains`` are from ``pack_gains``. Raises ValueError for what is no number.
+        ``gains`` are from ``pack_gains``. Raises ValueError for NaN and infinity.
         """
         moved, turning, pushed = self._raw(angle, speed, torque)
         second, third = turning << 4 | gains >> 20, gains >> 4 & 0xFFFF
         if moved & second & third == 0xFFFF and gains & 0xF == 0xF and pushed >> 8 == 0xF:
-            gains -= 1  # one step less of kd: not one of the special frames
+            gains -= 1  # one step less kd: not a special frame
         return _COMMAND.pack(moved, second, third, (gains & 0xF) << 12 | pushed)
 
     def unpack_command(self, data: bytes) -> Command | None:
-        """Return what a command says (the motor's side); None for one of another length."""
+        """Decode a command (motor side); None for another length."""
         if len(data) != 8:
             return None
         angle, speed, torque = self._ranges
@@ -115,7 +115,7 @@ class Layout:
         )
 
     def pack_reply(self, reply: Reply) -> bytes:
-        """Return a reply (the motor's side)."""
+        """Return a reply (motor side)."""
         number, angle, speed, torque, status, temperature = reply
         first = (status or 0) << 4 | number & 0xF if self._damiao else number
         moved, turning, pushed = self._raw(angle, speed, torque)
@@ -129,7 +129,7 @@ class Layout:
         return _WHOLE_REPLY.pack(first, moved, second, last, warm, status or 0)
 
     def unpack_reply(self, data: bytes) -> Reply | None:
-        """Return what a reply says; None when it is too short."""
+        """Decode a reply; None if it is too short."""
         size, warm_at, error_at = len(data), self._warm_at, self._error_at
         if size < 6:
             return None
@@ -150,7 +150,7 @@ class Layout:
         )
 
     def _raw(self, angle: float, speed: float, torque: float) -> tuple[int, int, int]:
-        """Return what commands and replies have in common as they are in a frame, clamped."""
+        """Return angle, speed and torque as encoded in commands and replies, clamped."""
         most_angle, most_speed, most_torque = self._ranges
         if not (
             -most_angle <= angle <= most_angle
@@ -168,17 +168,17 @@ class Layout:
 
 
 def read_register(motor: int, register: int) -> bytes:
-    """Return the question for a Damiao register; it goes to ``REGISTERS``."""
+    """Return the request for a Damiao register; its identifier is ``REGISTERS``."""
     return struct.pack("<HBB4x", motor, READ, register)
 
 
 def write_register(motor: int, register: int, value: bytes) -> bytes:
-    """Return what writes four bytes into a Damiao register (kept until power-off)."""
+    """Return the request that writes four bytes into a Damiao register (kept until power-off)."""
     return struct.pack("<HBB4s", motor, WRITE, register, value)
 
 
 def unpack_register(data: bytes) -> tuple[int, int, bytes] | None:
-    """Return (motor, register, four bytes) of an answer; None for a frame that is something else."""
+    """Return (motor, register, four bytes) of an answer; None for any other frame."""
     if len(data) != 8 or data[2] not in _REGISTER_KINDS:
         return None
     motor, _, register, value = struct.unpack("<HBB4s", data)
@@ -186,12 +186,12 @@ def unpack_register(data: bytes) -> tuple[int, int, bytes] | None:
 
 
 def timeout_value(seconds: float) -> bytes:
-    """Return the watchdog's register for a time."""
+    """Return the watchdog register for a time in s."""
     return struct.pack("<I", max(1, round(seconds / _TICK)))
 
 
 def _within(value: float, low: float, high: float) -> float:
-    """Return the nearest number that a frame has room for; what is no number is refused."""
+    """Clamp a number to its range in a frame; raises ValueError for NaN and infinity."""
     if not math.isfinite(value):
-        raise ValueError(f"a motor cannot be sent {value}")
+        raise ValueError(f"cannot send {value} to a motor")
     return max(low, min(high, value))

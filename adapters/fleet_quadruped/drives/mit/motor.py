@@ -1,4 +1,4 @@
-"""One MIT motor as it was last heard, and the commands for it."""
+"""State of one MIT motor, and its commands."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from fleet_quadruped.drives.mit.profiles import MotorProfile
 
 @dataclass(slots=True)
 class MitMotor(DampingDrive):
-    """One motor. ``gains``: those of the description, as they are in a command.
+    """One motor. ``gains``: those of the description, as encoded in a command.
 
-    A Damiao motor says whether it is enabled (``status``). Of the others it is known by what they were sent:
-    ``enabled``: we asked for it. ``unknown``: nobody has told it to be off or on yet, so that it may hold.
-    ``answered``: since it was asked to be enabled.
+    A Damiao motor reports whether it is enabled (``status``). For the others it follows from the commands:
+    ``enabled``: it was commanded. ``unknown``: no command to be on or off was sent yet, so it may be holding.
+    ``answered``: it has answered since it was commanded to be enabled.
     """
 
     profile: MotorProfile
@@ -30,26 +30,26 @@ class MitMotor(DampingDrive):
     answered: bool = False
 
     def take(self, data: bytes, now: float) -> None:
-        """Take a reply; one that is too short is ignored."""
+        """Process a reply; one that is too short is ignored."""
         reply = self.layout.unpack_reply(data)
         if reply is None:
             return
         _, angle, speed, torque, self.status, self.temperature = reply
         self.angle, self.speed, self.torque = self.units.joint(angle, speed, torque)
-        self.told_at, self.answered = now, True
+        self.reported_at, self.answered = now, True
         self.answers.take(data)
         self.note_hold(obeys=self.status == wire.ENABLED, let_go=self.status == wire.DISABLED)
 
     @property
     def is_enabled(self) -> bool:
-        """True when it is certain that the motor obeys commands."""
+        """True if the motor certainly follows commands."""
         if self.profile.damiao:
             return self.status == wire.ENABLED
         return self.enabled and self.answered
 
     def power(self, now: float) -> tuple[Power, str]:  # noqa: ARG002 - a motor answers in each cycle, or is old
-        """Return what the motor is doing, and its fault."""
-        if self.told_at == NEVER:
+        """Return the state of the motor, and its fault."""
+        if self.reported_at == NEVER:
             return Power.ABSENT, ""
         fault = self._fault()
         if fault:
@@ -58,7 +58,7 @@ class MitMotor(DampingDrive):
         return self.obeying if may_hold else Power.DISABLED, ""
 
     def _fault(self) -> str:
-        """Return why the motor is not to be trusted, empty when it is."""
+        """Return the fault of the motor, empty without one."""
         status = self.status
         if self.profile.damiao and status is not None and status in wire.STATUS:
             return f"{wire.STATUS[status]} (status {status:X}h)"
@@ -69,7 +69,7 @@ class MitMotor(DampingDrive):
         return self.let_go_as("status 0h") if self.restarted else ""
 
     def enable(self) -> None:
-        """Enable the motor; one that is enabled is held without force, so that nothing kicks."""
+        """Enable the motor; one that is enabled is held without force, so that it does not jerk."""
         if self.is_enabled:
             self.send(self.layout.pack_command(MitCommand(self.joint.motor(self.angle))))
             return
@@ -83,7 +83,7 @@ class MitMotor(DampingDrive):
         self.send(wire.DISABLE)
 
     def damping(self, kd: float) -> CanFrame:
-        """Return the command that damps (N m s/rad); a motor that is off stays off, and answers."""
+        """Return the damping command (N m s/rad); a motor that is off stays off, and answers."""
         damped = MitCommand(self.joint.motor(self.angle), kd=kd / self.joint.kind.ratio**2)
         return CanFrame(self.id, self.layout.pack_command(damped))
 

@@ -1,6 +1,6 @@
-"""What MIT motors differ in: ranges, replies, what they can be asked. Ranges are never guessed.
+"""Profiles of MIT motors: ranges, replies, features. Ranges are never guessed.
 
-A motor that is not here is described in YAML, below ``drive.profiles``.
+Other motors are described in YAML, below ``drive.profiles``.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from fleet_quadruped.robot.parts import Actuator, Drive
 
 
 class MotorProfile(NamedTuple):
-    """One motor: +- rad, rad/s, N m of its frames; highest kp and kd.
+    """One motor: +- rad, rad/s, N m of its frames; largest kp and kd.
 
-    ``damiao``: status in the reply, registers, its own watchdog. Others say no status and have no reset.
-    ``temperature_at``: which byte of a reply is the temperature; ``coldest``: degrees C that its zero means.
+    ``damiao``: status in the reply, registers, a watchdog of its own; other motors have no status and no
+    reset. ``temperature_at``: byte of a reply with the temperature; ``coldest``: degrees C of a zero in it.
     """
 
     angle: float
@@ -52,12 +52,12 @@ PROFILES: Mapping[str, MotorProfile] = MappingProxyType(
 
 
 def profile_name(drive: Drive, kind: Actuator) -> str:
-    """Return the motor of joints of one kind."""
+    """Return the name of the motor profile for joints of one kind."""
     return kind.profile or drive.profile
 
 
 def profile_of(drive: Drive, kind: Actuator) -> MotorProfile:
-    """Return what is known of the motor of joints of one kind; raises KeyError for one that is not known."""
+    """Return the motor profile for joints of one kind; raises KeyError for an unknown one."""
     name = profile_name(drive, kind)
     described = drive.profiles.get(name)
     return PROFILES[name] if described is None else MotorProfile(**described.model_dump())

@@ -1,4 +1,4 @@
-"""The registers of Damiao motors: their ranges are checked, and their watchdog is set."""
+"""Registers of Damiao motors: check of the ranges, setting of the watchdog."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NAMES = ("PMAX", "VMAX", "TMAX")
 
 
 class DamiaoRegisters:
-    """The registers of some Damiao motors, as they were answered."""
+    """Registers of some Damiao motors, as read."""
 
     def __init__(self, motors: Sequence[MitMotor], requester: Requester) -> None:
         self._motors = motors
@@ -25,7 +25,7 @@ class DamiaoRegisters:
         self._values: dict[tuple[str, int, int], bytes] = {}  # by bus, motor and register
 
     def take(self, motor: MitMotor, data: bytes) -> bool:
-        """Take an answer of a motor; False for a frame that is something else."""
+        """Process an answer of a motor; False for any other frame."""
         told = wire.unpack_register(data)
         if told is None or told[0] != motor.id:
             return False
@@ -35,7 +35,7 @@ class DamiaoRegisters:
     def commission(self, drive: Drive) -> None:
         """Check the ranges of all motors and set their watchdog; raises LinkLost or LinkRefused.
 
-        Nothing is taken from an earlier time: a motor that was off has forgotten its watchdog since.
+        Earlier values are dropped: a motor that was off in the meantime has lost its watchdog setting.
         """
         self._values.clear()
         for register in wire.RANGE_REGISTERS:
@@ -44,14 +44,14 @@ class DamiaoRegisters:
         self._set_watchdog(drive.timeout)
 
     def _set_watchdog(self, seconds: float) -> None:
-        """Set the watchdog of all motors and read it back."""
+        """Set the watchdog of all motors and verify it."""
         register, timeout = wire.TIMEOUT_REGISTER, wire.timeout_value(seconds)
         self._requester.ask(
             self._motors,
             lambda motor: CanFrame(wire.REGISTERS, wire.write_register(motor.id, register, timeout)),
             lambda motor: self._value(motor, register) is not None,
         )
-        self._values.clear()  # the answers to writing
+        self._values.clear()  # the answers to the writes
         self._read(register)
         for motor in self._motors:
             actual = self._value(motor, register)
@@ -59,7 +59,7 @@ class DamiaoRegisters:
                 raise LinkRefused(f"{motor.joint.name}: register 9 (watchdog) is {actual!r}, not {timeout!r}")
 
     def _check_ranges(self, drive: Drive) -> None:
-        """Refuse motors whose frames mean other numbers than the profile says."""
+        """Raise LinkRefused for motors whose ranges differ from their profile."""
         for motor in self._motors:
             wanted = motor.profile.angle, motor.profile.speed, motor.profile.torque
             for register, name, most in zip(wire.RANGE_REGISTERS, _NAMES, wanted, strict=True):

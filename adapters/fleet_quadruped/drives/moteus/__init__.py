@@ -1,1 +1,1 @@
-"""moteus by its register protocol on CAN FD."""
+"""moteus servos with their register protocol on CAN FD."""

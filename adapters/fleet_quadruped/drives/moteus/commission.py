@@ -1,4 +1,4 @@
-"""Checks and configures moteus servos through their diagnostics: lines of text, each with an answer."""
+"""Checks and configuration of moteus servos through their diagnostic channel: text lines with answers."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ _ROUNDING = 1.001
 
 
 class Diagnostics:
-    """The diagnostics of some servos: configured values are read and set by lines of text."""
+    """Diagnostic channel of some servos: reads and sets configuration values by lines of text."""
 
     def __init__(self, servos: Sequence[MoteusServo], requester: Requester) -> None:
         self._servos = servos
         self._requester = requester
-        self._lines = dict.fromkeys((one.joint.name for one in servos), "")  # still to be sent, by joint
-        self._texts = dict.fromkeys(self._lines, b"")  # answered, by joint
+        self._lines = dict.fromkeys((one.joint.name for one in servos), "")  # by joint, to be sent
+        self._texts = dict.fromkeys(self._lines, b"")  # by joint, received
 
     def take(self, servo: MoteusServo, text: bytes) -> None:
-        """Take text that a servo answers, or a part of it."""
+        """Process text from a servo, maybe a part of a line."""
         self._texts[servo.joint.name] += text
 
     def read(self, name: str) -> list[float]:
-        """Return a configured value of each servo; raises LinkRefused for what is no number."""
+        """Return a configuration value of each servo; raises LinkRefused if it is not a number."""
         texts = self._answers([f"conf get {name}\n"] * len(self._servos))
         return [_number(servo, name, text) for servo, text in zip(self._servos, texts, strict=True)]
 
     def write(self, name: str, values: Sequence[float]) -> None:
-        """Set a value of each servo until power-off, and read it back; raises LinkRefused."""
+        """Set a value of each servo until power-off, and verify it; raises LinkRefused."""
         self._answers([f"conf set {name} {value:g}\n" for value in values])
         for servo, wanted, actual in zip(self._servos, values, self.read(name), strict=True):
             if not math.isclose(actual, wanted, rel_tol=1e-3):
                 raise LinkRefused(f"{servo.joint.name}: {name} is {actual:g}, wanted {wanted:g}")
 
     def _answers(self, lines: Sequence[str]) -> list[str]:
-        """Send each servo its line; return the last line that each answers."""
+        """Send each servo its line; return the last line of each answer."""
         for servo, line in zip(self._servos, lines, strict=True):
             self._lines[servo.joint.name], self._texts[servo.joint.name] = line, b""
         self._requester.ask(
@@ -51,7 +51,7 @@ class Diagnostics:
         return [text.decode("ascii", "replace").splitlines()[-1] for text in self._texts.values()]
 
     def _next_line(self, servo: MoteusServo) -> CanFrame:
-        """Return a servo's line; once sent, only the question for its answer: twice is answered twice."""
+        """Return a servo's line once, then only polls for its answer: a repeated line is answered twice."""
         line, self._lines[servo.joint.name] = self._lines[servo.joint.name], ""
         return servo.frame(wire.pack_text(line))
 
@@ -59,13 +59,13 @@ class Diagnostics:
 def commission(
     servos: Sequence[MoteusServo], requester: Requester, diagnostics: Diagnostics, safety_kd: float
 ) -> None:
-    """Check what positions refer to and the gains; have the servos damp when they hear nothing.
+    """Check position reference and gains; set the servos to damp after silence.
 
     ``safety_kd``: the damping (N m s/rad of a joint) that must be possible. Raises LinkLost or LinkRefused.
     """
     for servo in servos:
-        servo.restarted, servo.told_at = False, NEVER
-    requester.ask(servos, lambda one: one.frame(wire.pack_query()), lambda one: one.told_at > NEVER)
+        servo.restarted, servo.reported_at = False, NEVER
+    requester.ask(servos, lambda one: one.frame(wire.pack_query()), lambda one: one.reported_at > NEVER)
     for servo in servos:
         _check_home(servo)
     kp, kd, ki = (diagnostics.read(name) for name in (_KP, _KD, _KI))
@@ -76,10 +76,10 @@ def commission(
 
 
 def _check_home(servo: MoteusServo) -> None:
-    """Refuse a position of which nobody knows what it refers to."""
+    """Raise LinkRefused for a position without a known reference."""
     joint = servo.joint
     if servo.home == wire.REFERS_TO_NOTHING:
-        raise LinkRefused(f"{joint.name}: its position refers to nothing (register 00Ch is 0): home it")
+        raise LinkRefused(f"{joint.name}: its position has no reference (register 00Ch is 0): home it")
     if servo.home == wire.REFERS_TO_ROTOR and joint.kind.ratio != 1:
         raise LinkRefused(
             f"{joint.name}: its position refers to the rotor (register 00Ch is 1), and the joint "
@@ -88,7 +88,7 @@ def _check_home(servo: MoteusServo) -> None:
 
 
 def _take_gains(servo: MoteusServo, safety_kd: float, kp: float, kd: float, ki: float) -> None:
-    """Take the gains that a servo has; what is wanted is a share of them. Raises LinkRefused."""
+    """Check a servo's configured gains; commands use shares of them. Raises LinkRefused."""
     name, safety = servo.joint.name, safety_kd / servo.joint.kind.ratio**2 * wire.TURN
     if ki != 0:
         raise LinkRefused(f"{name}: {_KI} is {ki:g}, wanted 0")
@@ -96,7 +96,7 @@ def _take_gains(servo: MoteusServo, safety_kd: float, kp: float, kd: float, ki: 
         raise LinkRefused(f"{name}: {_KP} is {kp:g}, wanted {servo.kp:g} or more (N m/turn)")
     most = max(servo.kd, safety)
     if servo.kp > 0:
-        most = max(most, servo.kd / servo.kp * kp)  # its damping is limited to the share of its stiffness
+        most = max(most, servo.kd / servo.kp * kp)  # in position mode, kd is scaled at most like kp
     if most > kd * _ROUNDING:
         raise LinkRefused(f"{name}: {_KD} is {kd:g}, wanted {most:g} or more (N m s/turn)")
     servo.kp_scale = min(1.0, servo.kp / kp) if kp else 0.0
@@ -110,5 +110,5 @@ def _number(servo: MoteusServo, name: str, text: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise LinkRefused(f"{servo.joint.name}: {name} is {text!r}, which is no number")
+        raise LinkRefused(f"{servo.joint.name}: {name} is {text!r}, which is not a number")
     return value

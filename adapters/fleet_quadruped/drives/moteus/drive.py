@@ -1,8 +1,8 @@
-"""Twelve moteus servos as a ``JointDrive``: a servo speaks only when it is spoken to.
+"""moteus servos as a ``JointDrive``: a servo only answers frames.
 
-Each command has its own watchdog; a servo that hears nothing damps by itself and stays so until it is
-stopped. In position mode its damping is limited to the share of its stiffness, so that a servo without
-stiffness does not damp at all: giving way is the mode *zero velocity*.
+Each command has its own watchdog; a servo that receives nothing damps by itself and stays so until it is
+stopped. In position mode its damping is limited to the share of its stiffness, so a servo without stiffness
+does not damp at all: damping uses the mode *zero velocity*.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _COMMAND_BYTES, _REPLY_BYTES = 48, 32
 
 
 class MoteusDrives(DampingGroup[MoteusServo]):
-    """All servos of a dog, on the buses by their names."""
+    """All moteus servos of a robot; ``buses`` by name."""
 
     def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         super().__init__(dog, buses, [_servo(joint, buses[joint.bus], dog.drive.timeout) for joint in joints])
@@ -47,23 +47,23 @@ class MoteusDrives(DampingGroup[MoteusServo]):
 
     @staticmethod
     def load(drive: Drive, joints: int, bus: Bus) -> float:
-        """Return what a command and a reply for each joint in each cycle take."""
+        """Return the load by a command and a reply per joint and cycle."""
         both = fd_frame_seconds(_COMMAND_BYTES, bus) + fd_frame_seconds(_REPLY_BYTES, bus)
         return drive.cycle_hz * joints * both
 
     @staticmethod
-    def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:  # noqa: ARG004 - the same for each make
-        """Return its answers, and all that it takes for its own: it would obey another's frames."""
+    def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:  # noqa: ARG004 - independent of the model
+        """Return its reply identifier, and all that it accepts: it would execute another node's frames."""
         return (*wire.heard_by(joint.id), wire.from_servo(joint.id))
 
     @staticmethod
-    def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - the same for each make
-        """Return how far its numbers are exact."""
+    def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - independent of the model
+        """Return the angle up to which its numbers are exact."""
         return wire.MOST_TURNS * wire.TURN
 
     @property
     def addresses(self) -> frozenset[Address]:
-        """The frames to each servo."""
+        """Identifiers of the frames to each servo."""
         return frozenset(self._by_command)
 
     def configure(self) -> None:
@@ -71,7 +71,7 @@ class MoteusDrives(DampingGroup[MoteusServo]):
         commission(self._drives, self._requester, self._diagnostics, self._dog.safety.kd)
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
-        """Take a received frame."""
+        """Process a received frame."""
         servo = self._by_reply.get((bus, frame.id))
         parts = None if servo is None else wire.unpack(frame.data)
         if servo is None or parts is None:
@@ -84,7 +84,7 @@ class MoteusDrives(DampingGroup[MoteusServo]):
             servo.take(told, frame.data, now)
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
-        """Return which joint a command sends where; one without stiffness sends it nowhere."""
+        """Return joint and target of a command; None for one without stiffness."""
         servo = self._by_command.get((bus, frame.id))
         for part in (servo and wire.unpack(frame.data)) or ():
             if servo and part.kind == 0 and part.start == wire.COMMAND and part.values[3] > 0:
@@ -92,13 +92,13 @@ class MoteusDrives(DampingGroup[MoteusServo]):
         return None
 
     def enable(self) -> None:
-        """Ask for position mode where each servo is, without force."""
+        """Request position mode at each servo's position, without force."""
         self._want(Power.ENABLED)
         for servo in self._drives:
             servo.hold_limp(servo.torque_limit(self._most))
 
     def write(self, targets: Targets) -> None:
-        """Send targets with the gains of the description, and the limit of the torque."""
+        """Send targets with the gains of the description and the torque limit."""
         self._want(Power.ENABLED)
         for servo, angle, speed, torque in zip(self._drives, *targets, strict=True):
             place, turning, pushed = servo.units.motor(angle, speed, torque)
@@ -114,13 +114,13 @@ class MoteusDrives(DampingGroup[MoteusServo]):
             servo.send(wire.pack_demand(wire.OBEYS, demand))
 
     def damp(self, kd: float) -> None:
-        """Zero velocity: no stiffness, only damping. A servo without torque is only asked."""
+        """Zero velocity: no stiffness, damping only. A servo without torque is only polled."""
         self._want(Power.STOPPING)
         for servo in self._drives:
             servo.damp(kd)
 
     def disable(self) -> None:
-        """Stop: no torque. One with a fault has none, and is only asked: a stop would clear its fault."""
+        """Stop: no torque. A servo with a fault has none and is only polled: a stop would clear its fault."""
         self._want(Power.DISABLED)
         for servo in self._drives:
             servo.disable()
@@ -132,7 +132,7 @@ class MoteusDrives(DampingGroup[MoteusServo]):
 
 
 def _servo(joint: Joint, bus: CanBus, watchdog: float) -> MoteusServo:
-    """Return the servo of a joint, not heard yet."""
+    """Return the servo of a joint, without feedback yet."""
     kind, square = joint.kind, joint.kind.ratio**2
     kp, kd = kind.kp / square * wire.TURN, kind.kd / square * wire.TURN
     return MoteusServo(joint, bus, joint.id, Units(joint), kp, kd, watchdog)

@@ -1,7 +1,7 @@
-"""The register protocol of moteus on CAN FD: sub-frames that write and read registers, little-endian.
+"""moteus register protocol on CAN FD: sub-frames that write and read registers, little-endian.
 
 Source: mjbots.github.io/moteus, "CAN Protocol", "Register Reference", "Diagnostic Protocol". Angles are turns
-of the output. NaN as a position is where the output is; as a limit it is the one that is configured.
+of the output. NaN as a position is the present one; NaN as a limit is the configured one.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from typing import NamedTuple
 from fleet import STANDARD_ID
 
 TURN = math.tau
-MOST_TURNS = 10_000.0  # beyond them a float32 cannot tell a milliradian
-REPLY = 0x8000  # in the identifier of a frame to a servo: it is to answer
-_SOURCE = 8  # bits of the destination, below the source; we are source 0
+MOST_TURNS = 10_000.0  # beyond them a float32 cannot resolve a milliradian
+REPLY = 0x8000  # bit of the identifier of a frame to a servo: request an answer
+_SOURCE = 8  # bits of the destination, below the source; our source is 0
 _LENGTHS = (8, 12, 16, 20, 24, 32, 48, 64)  # of CAN FD frames, from 8 bytes on
 _NOP = b"\x50"
 
 MODE, POSITION, VELOCITY, TORQUE, HOME, VOLTAGE, TEMPERATURE, FAULT = 0, 1, 2, 3, 0xC, 0xD, 0xE, 0xF
 COMMAND = 0x20  # position, velocity, torque, kp scale, kd scale, maximum torque, stop position, watchdog
 STOPPED, FAILED, STARTING, OBEYS, TIMED_OUT, DAMPS, BRAKES = 0, 1, frozenset({2, 3, 4}), 10, 11, 12, 15
-"""Modes, register 000h: of ``TIMED_OUT`` nothing but ``STOPPED`` leads out."""
+"""Modes, register 000h: only ``STOPPED`` leads out of ``TIMED_OUT``."""
 REFERS_TO_NOTHING, REFERS_TO_ROTOR, REFERS_TO_OUTPUT = 0, 1, 2
-"""What a position refers to, register 00Ch."""
+"""Reference of a position, register 00Ch."""
 
 FAULTS: Mapping[int, str] = MappingProxyType(
     {
         32: "calibration fault",
-        33: "over-current, or its supply gave way",
+        33: "over-current, or its supply voltage dropped",
         34: "over-voltage",
         35: "encoder fault",
         36: "motor not calibrated",
@@ -52,18 +52,18 @@ FAULTS: Mapping[int, str] = MappingProxyType(
 _WRITE_MODE = b"\x01\x00"
 _WRITE_COMMAND = struct.Struct("<3B8f")
 _COMMAND_HEAD = 0x0C, 8, COMMAND
-_NO_LIMITS = b"\x02\x28\xff\xff"  # velocity and acceleration, negative: a target is obeyed at once
+_NO_LIMITS = b"\x02\x28\xff\xff"  # velocity and acceleration, negative: no limit
 QUERY = b"\x1c\x04\x00\x14\x04\x0c"
-"""Reads mode to torque as floats, and from what the position refers to up to the fault as int16."""
+"""Reads mode to torque as floats, and position reference to fault as int16."""
 _TYPES = ("b", "h", "i", "f")
 _SCALES: Mapping[int, float] = MappingProxyType({VOLTAGE: 0.1, TEMPERATURE: 0.1})
-"""Value of one unit of an int16, where it is not 1; nothing else is read as an integer."""
-_CHANNEL = 1  # of diagnostics
+"""Unit of an int16 register, if it is not 1; no other register is read as an integer."""
+_CHANNEL = 1  # diagnostic channel
 _LONGEST = 40  # bytes of text in a frame
 
 
 class Demand(NamedTuple):
-    """What a servo is to do: turns, turn/s, N m, shares of its gains, N m, s."""
+    """Command of a servo: turns, turn/s, N m, shares of its gains, N m, s."""
 
     position: float
     velocity: float
@@ -74,8 +74,8 @@ class Demand(NamedTuple):
     watchdog: float
 
 
-class Part(NamedTuple):
-    """One sub-frame: its kind (high four bits), first register or channel, how many, and values or text."""
+class Subframe(NamedTuple):
+    """One sub-frame: kind (high four bits), first register or channel, number of them, values or text."""
 
     kind: int
     start: int
@@ -86,7 +86,7 @@ class Part(NamedTuple):
 
 
 def to_servo(number: int) -> int:
-    """Return the identifier of a frame to a servo that is to answer."""
+    """Return the identifier of a frame to a servo that requests an answer."""
     return REPLY | number
 
 
@@ -96,50 +96,50 @@ def from_servo(number: int) -> int:
 
 
 def heard_by(number: int) -> tuple[int, ...]:
-    """Return the identifiers that a servo takes for its own: all whose low byte is its id."""
+    """Return the identifiers that a servo accepts: all whose low byte is its id."""
     return (*range(number, STANDARD_ID, 1 << _SOURCE), to_servo(number))
 
 
 def pack_mode(mode: int) -> bytes:
-    """Return what sets a mode without anything else, and asks."""
+    """Return a frame that sets a mode and nothing else, with a query."""
     return _padded(_WRITE_MODE + bytes([mode]) + QUERY)
 
 
 def pack_demand(mode: int, demand: Demand) -> bytes:
-    """Return what sets a mode with its numbers, and asks; raises ValueError for what is no number.
+    """Return a frame that sets a mode and its parameters, with a query.
 
-    The position may be NaN: where the servo is.
+    The position may be NaN: the present one. Raises ValueError for any other NaN and for infinity.
     """
     position, *others = demand
     for value in others:
         if not math.isfinite(value):
-            raise ValueError(f"a motor cannot be sent {value}")
+            raise ValueError(f"cannot send {value} to a motor")
     if math.isinf(position):
-        raise ValueError(f"a motor cannot be sent {position}")
+        raise ValueError(f"cannot send {position} to a motor")
     *first, watchdog = others
     numbers = _WRITE_COMMAND.pack(*_COMMAND_HEAD, position, *first, math.nan, watchdog)
     return _padded(_WRITE_MODE + bytes([mode]) + numbers + _NO_LIMITS + QUERY)
 
 
 def pack_query() -> bytes:
-    """Return what only asks."""
+    """Return a frame with a query only."""
     return _padded(QUERY)
 
 
 def pack_text(line: str) -> bytes:
-    """Return a line for the servo's diagnostics, with the question for its answer; empty: only that."""
+    """Return a line for the servo's diagnostics with a poll for its answer; empty: the poll only."""
     data = line.encode("ascii")
     told = bytes([0x40, _CHANNEL, len(data)]) + data if data else b""
     return _padded(told + bytes([0x42, _CHANNEL, _LONGEST]))
 
 
 def pack_answer(text: bytes) -> bytes:
-    """Return text of the diagnostics (the servo's side)."""
+    """Return text of the diagnostics (servo side)."""
     return _padded(bytes([0x41, _CHANNEL, len(text)]) + text)
 
 
 def pack_reply(resolution: int, start: int, values: tuple[float, ...]) -> bytes:
-    """Return registers (the servo's side), not padded; integers are clamped and never wrapped."""
+    """Return registers (servo side), not padded; integers are clamped, never wrapped."""
     kind = _TYPES[resolution]
     if kind != "f":
         most = (1 << (8 << resolution) - 1) - 1
@@ -149,20 +149,20 @@ def pack_reply(resolution: int, start: int, values: tuple[float, ...]) -> bytes:
 
 
 def padded(data: bytes) -> bytes:
-    """Return data of a length that CAN FD has."""
+    """Return data padded to a length that CAN FD has."""
     return _padded(data)
 
 
-def unpack(data: bytes) -> list[Part] | None:
-    """Return the sub-frames of a frame; None for one that is cut short or has what is not known."""
+def unpack(data: bytes) -> list[Subframe] | None:
+    """Return the sub-frames of a frame; None if it is cut short or has an unknown one."""
     try:
         return list(_parts(data))
     except (IndexError, struct.error, ValueError):
         return None
 
 
-def registers(parts: list[Part]) -> dict[int, float]:
-    """Return the registers that an answer tells, in their units."""
+def registers(parts: list[Subframe]) -> dict[int, float]:
+    """Return the registers of an answer, in their units."""
     found: dict[int, float] = {}
     for part in parts:
         if part.kind != 2:
@@ -172,8 +172,8 @@ def registers(parts: list[Part]) -> dict[int, float]:
     return found
 
 
-def _parts(data: bytes) -> Iterator[Part]:
-    """Yield sub-frames; raises IndexError, ValueError or struct.error for what is none."""
+def _parts(data: bytes) -> Iterator[Subframe]:
+    """Yield sub-frames; raises IndexError, ValueError or struct.error for invalid data."""
     at = 0
     while at < len(data):
         head = data[at]
@@ -191,11 +191,11 @@ def _parts(data: bytes) -> Iterator[Part]:
                 layout = struct.Struct(f"<{count}{_TYPES[resolution]}")
                 values = layout.unpack_from(data, at)
                 at += layout.size
-            yield Part(head >> 4, start, values, count, resolution)
+            yield Subframe(head >> 4, start, values, count, resolution)
         elif head in {0x30, 0x31}:
             start, at = _varuint(data, at)
             _, at = _varuint(data, at)
-            yield Part(3, start)
+            yield Subframe(3, start)
         elif head in {0x40, 0x41, 0x42}:
             channel, at = _varuint(data, at)
             length, at = _varuint(data, at)
@@ -203,13 +203,13 @@ def _parts(data: bytes) -> Iterator[Part]:
             if head != 0x42 and len(text) < length:
                 raise ValueError("cut short")
             at += len(text)
-            yield Part(head, channel, text=text)
+            yield Subframe(head, channel, text=text)
         else:
             raise ValueError(f"sub-frame {head:02X}h")
 
 
 def _varuint(data: bytes, at: int) -> tuple[int, int]:
-    """Return a number of 7 bits a byte, and where it ends."""
+    """Return a number of 7 bits per byte, and the index after it."""
     value = shift = 0
     while True:
         byte = data[at]

@@ -1,4 +1,4 @@
-"""One moteus servo as it was last heard, and the commands for it."""
+"""State of one moteus servo, and its commands."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ _POWERS: Mapping[int, Power] = {
     **dict.fromkeys(wire.STARTING, Power.STARTING),
 }
 _LET_GO = wire.STARTING | {wire.STOPPED}
-"""Modes of a servo that was restarted; told to obey, it begins to, from wherever it believes that it is."""
+"""Modes after a restart; a command would move the servo from wherever it believes that it is."""
 _SILENT_MODES = frozenset({None, wire.STOPPED, wire.FAILED, wire.TIMED_OUT})
-"""Modes in which a servo is not told to damp: it has no torque, or damps already."""
+"""Modes without a damping command: the servo has no torque, or damps already."""
 
 
 @dataclass(slots=True)
 class MoteusServo(DampingDrive):
-    """One servo. ``kp`` (N m/turn) and ``kd`` (N m s/turn) of the motor: as the description wants them.
+    """One servo. ``kp`` (N m/turn) and ``kd`` (N m s/turn) of the motor: gains of the description.
 
-    ``watchdog``: s after which it damps when it hears nothing. ``full_kd``: as configured, N m s/turn.
+    ``watchdog``: s of silence after which it damps. ``full_kd``: configured damping, N m s/turn.
     """
 
     kp: float
@@ -43,21 +43,21 @@ class MoteusServo(DampingDrive):
     full_kd: float = math.inf
 
     def take(self, told: dict[int, float], data: bytes, now: float) -> None:
-        """Take registers that the servo tells of itself, if they are numbers."""
+        """Process the registers of an answer, if they are finite."""
         turns, speed, torque = told[wire.POSITION], told[wire.VELOCITY], told[wire.TORQUE]
         if not (math.isfinite(turns) and math.isfinite(speed) and math.isfinite(torque)):
             return
         self.angle, self.speed, self.torque = self.units.joint(turns * wire.TURN, speed * wire.TURN, torque)
         self.mode, self.code, self.home = (int(told[at]) for at in (wire.MODE, wire.FAULT, wire.HOME))
         self.voltage, self.temperature = told[wire.VOLTAGE], told[wire.TEMPERATURE]
-        self.told_at = now
+        self.reported_at = now
         self.answers.take(data)
         self.note_hold(obeys=self.mode == wire.OBEYS, let_go=self.mode in _LET_GO)
 
     def power(self, now: float) -> tuple[Power, str]:  # noqa: ARG002 - a servo answers in each cycle, or is old
-        """Return what the servo is doing, and its fault."""
+        """Return the state of the servo, and its fault."""
         mode = self.mode
-        if self.told_at == NEVER or mode is None:
+        if self.reported_at == NEVER or mode is None:
             return Power.ABSENT, ""
         fault = self._fault()
         if fault:
@@ -65,7 +65,7 @@ class MoteusServo(DampingDrive):
         return (self.obeying if mode == wire.OBEYS else _POWERS[mode]), ""
 
     def _fault(self) -> str:
-        """Return why the servo is not to be trusted, empty when it is."""
+        """Return the fault of the servo, empty without one."""
         mode = self.mode
         if mode == wire.FAILED:
             return f"{wire.FAULTS.get(self.code, 'fault')} (register 00Fh is {self.code})"
@@ -74,20 +74,20 @@ class MoteusServo(DampingDrive):
         if self.restarted:
             return self.let_go_as("mode 0")
         known = mode == wire.OBEYS or mode in _POWERS
-        return "" if known else f"id {self.id} is in mode {mode}, which we did not ask for"
+        return "" if known else f"id {self.id} is in mode {mode}, which was not commanded"
 
     def torque_limit(self, most: float | None = None) -> float:
-        """Return the torque (N m of the motor) that the servo may use, at the most that of its joint."""
+        """Return the torque limit (N m of the motor), at most that of the joint."""
         kind = self.joint.kind
         return (kind.torque if most is None else min(kind.torque, most)) / kind.ratio
 
     def hold_limp(self, most: float) -> None:
-        """Ask for position mode where the servo is, without force; ``most``: N m of the motor."""
+        """Request position mode at the present position, without force; ``most``: N m of the motor."""
         limp = Demand(math.nan, 0.0, 0.0, 0.0, 0.0, most, self.watchdog)
         self.send(wire.pack_demand(wire.OBEYS, limp))
 
     def damp(self, kd: float) -> None:
-        """Zero velocity: no stiffness, only damping (N m s/rad). A servo without torque is only asked."""
+        """Zero velocity: no stiffness, damping only (N m s/rad). A servo without torque is only polled."""
         if self.mode in _SILENT_MODES:
             self.send(wire.pack_query())
             return
@@ -96,7 +96,7 @@ class MoteusServo(DampingDrive):
         self.send(wire.pack_demand(wire.DAMPS, demand))
 
     def disable(self) -> None:
-        """Stop: no torque. One with a fault has none, and is only asked: a stop would clear its fault."""
+        """Stop: no torque. A servo with a fault has none and is only polled: a stop would clear its fault."""
         off = self.mode in {wire.FAILED, wire.STOPPED}
         self.send(wire.pack_query() if off else wire.pack_mode(wire.STOPPED))
 
@@ -105,5 +105,5 @@ class MoteusServo(DampingDrive):
         self.bus.send(self.frame(data))
 
     def frame(self, data: bytes) -> CanFrame:
-        """Return the frame that brings sub-frames to the servo."""
+        """Return the frame with these sub-frames for the servo."""
         return CanFrame(wire.to_servo(self.id), data, fd=True)

@@ -1,1 +1,1 @@
-"""ODrive (firmware 0.6 and later) by its CAN Simple protocol."""
+"""ODrive (firmware 0.6 and later) with its CAN Simple protocol."""

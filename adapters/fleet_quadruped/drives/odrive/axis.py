@@ -1,4 +1,4 @@
-"""One ODrive as it was last heard, and the commands for it."""
+"""State of one ODrive, and its commands."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from fleet_quadruped.drives.damping import DampingDrive
 from fleet_quadruped.drives.odrive import frames as wire
 from fleet_quadruped.drives.odrive.frames import Cmd, State
 
-_STATE_AGE = 0.35  # s after which a drive whose heartbeat does not come is not trusted
+_STATE_AGE = 0.35  # s without a heartbeat until a fault
 
 
 @dataclass(slots=True)
 class OdriveAxis(DampingDrive):
-    """One drive. The gains are those of the description, as they are in a command."""
+    """One drive. The gains are those of the description, as encoded in a command."""
 
     position_gain: bytes
     velocity_gains: bytes
@@ -29,14 +29,14 @@ class OdriveAxis(DampingDrive):
     parameters: dict[int, bytes] = field(default_factory=dict)  # by endpoint
 
     def take(self, command: int, data: bytes, now: float) -> None:
-        """Take what a command carries; one that is not known, or is cut short, is ignored."""
+        """Process the data of a command; unknown or short ones are ignored."""
         takes = _TAKES.get(command)
         if takes is not None:
             takes(self, data, now)
 
     def power(self, now: float) -> tuple[Power, str]:
-        """Return what the drive is doing, and its fault."""
-        if self.told_at == NEVER or self.state is None:
+        """Return the state of the drive, and its fault."""
+        if self.reported_at == NEVER or self.state is None:
             return Power.ABSENT, ""
         fault = self._fault(now)
         if fault:
@@ -44,7 +44,7 @@ class OdriveAxis(DampingDrive):
         return (self.obeying if self.state == State.CLOSED_LOOP else Power.DISABLED), ""
 
     def _fault(self, now: float) -> str:
-        """Return why the drive is not to be trusted, empty when it is."""
+        """Return the fault of the drive, empty without one."""
         if len(self.serials) > 1:
             return self.two_with_its_id
         if self.errors:
@@ -58,8 +58,8 @@ class OdriveAxis(DampingDrive):
         return ""
 
     def stay(self) -> None:
-        """Send the drive to where it is; one that was never heard is sent nowhere."""
-        if self.told_at > NEVER:
+        """Send the present position as the target; nothing to a drive that was never heard."""
+        if self.reported_at > NEVER:
             self.send(Cmd.INPUT_POS, wire.pack_input(*self.units.motor(self.angle, 0.0, 0.0)))
 
     def send(self, command: Cmd, data: bytes) -> None:
@@ -67,17 +67,17 @@ class OdriveAxis(DampingDrive):
         self.bus.send(CanFrame(wire.identifier(self.id, command), data))
 
     def take_estimates(self, data: bytes, now: float) -> None:
-        """Take angle and speed."""
+        """Process angle and speed."""
         told = wire.unpack_pair(data)
         if told is None:
             return
         turns, speed = told
         self.angle, self.speed, _ = self.units.joint(turns * wire.TURN, speed * wire.TURN, 0.0)
-        self.told_at = now
+        self.reported_at = now
         self.answers.take(data)
 
     def take_heartbeat(self, data: bytes, now: float) -> None:
-        """Take errors and state; notice a drive that lets go although nobody told it to."""
+        """Process errors and state; detect a drive that took its torque off without a command."""
         told = wire.unpack_heartbeat(data)
         if told is None:
             return
@@ -85,31 +85,31 @@ class OdriveAxis(DampingDrive):
         self.note_hold(obeys=self.state == State.CLOSED_LOOP, let_go=not self.errors)
 
     def take_torques(self, data: bytes, _now: float) -> None:
-        """Take the torque."""
+        """Process the torque."""
         told = wire.unpack_pair(data)
         if told is not None:
             self.torque = self.units.joint(0.0, 0.0, told[1])[2]
 
     def take_temperatures(self, data: bytes, _now: float) -> None:
-        """Take the temperature."""
+        """Process the temperature."""
         self.temperature = wire.warmest(data)
 
     def take_supply(self, data: bytes, _now: float) -> None:
-        """Take the voltage of the supply."""
+        """Process the supply voltage."""
         told = wire.unpack_pair(data)
         self.voltage = told[0] if told else self.voltage
 
     def take_version(self, data: bytes, _now: float) -> None:
-        """Take the version of the firmware."""
+        """Process the firmware version."""
         self.version = wire.unpack_version(data) or self.version
 
     def take_address(self, data: bytes, _now: float) -> None:
-        """Note the serial number of a drive: two at one id are two drives."""
+        """Process the serial number of a drive: two at one id are two drives."""
         if len(data) >= 7:
             self.serials.add(data[1:7])
 
     def take_parameter(self, data: bytes, _now: float) -> None:
-        """Take a parameter that was read."""
+        """Process a parameter that was read."""
         told = wire.unpack_parameter(data)
         if told is not None:
             self.parameters[told[1]] = told[2]

@@ -1,4 +1,4 @@
-"""Checks ODrives before they may move, and sets their watchdog; everything set is read back."""
+"""Checks of ODrives before they may move, and setting of their watchdog, verified by reading back."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ON = struct.pack("<?", True)
 
 
 def commission(axes: Sequence[OdriveAxis], requester: Requester, drive: Drive) -> None:
-    """Check that all drives answer with a firmware that is understood; set their watchdog.
+    """Check that all drives answer with a supported firmware; set their watchdog.
 
     Raises LinkLost or LinkRefused.
     """
@@ -38,7 +38,7 @@ def commission(axes: Sequence[OdriveAxis], requester: Requester, drive: Drive) -
 
 
 def _set_watchdog(axes: Sequence[OdriveAxis], requester: Requester, drive: Drive) -> None:
-    """Set the time-out and enable the watchdog, and read both back."""
+    """Set the timeout, enable the watchdog, and verify both."""
     endpoints = drive.endpoints
     if endpoints is None:
         log.warning(
@@ -55,7 +55,7 @@ def _set_watchdog(axes: Sequence[OdriveAxis], requester: Requester, drive: Drive
 
 
 def _verify(axes: Sequence[OdriveAxis], requester: Requester, endpoint: int, wanted: bytes) -> None:
-    """Read a parameter of all drives; raises LinkRefused for one that is another."""
+    """Read a parameter of all drives; raises LinkRefused for a different value."""
 
     def question(axis: OdriveAxis) -> CanFrame:
         return CanFrame(wire.identifier(axis.id, Cmd.PARAMETER), wire.read_parameter(endpoint))

@@ -1,7 +1,7 @@
-"""Twelve ODrives as a ``JointDrive``: asked by remote frames, stiffness and damping by their gains.
+"""ODrives as a ``JointDrive``: polled by remote frames; stiffness and damping through their gains.
 
-An ODrive damps with its position gain at zero. Its commands have no answer: what may have been lost is sent
-again in turn, a joint in each cycle, and what counts is the state that the heartbeat tells.
+An ODrive damps with its position gain at zero. Its commands are not acknowledged: those that may be lost are
+repeated in turn, for one joint per cycle, and the state in the heartbeat is decisive.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from fleet_quadruped.robot.busload import frame_bits
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.parts import Bus, Drive
 
-_STATE_EVERY = 3  # cycles between two questions for the state of one drive
-_SLOW = (Cmd.TORQUES, Cmd.TEMPERATURE, Cmd.SUPPLY)  # one of one drive in each cycle
-_GEARING = 4  # cycles in which gains go to all drives; later to one in each cycle
-_FED = 4  # cycles that the drives' watchdog must be longer than
+_STATE_EVERY = 3  # cycles between two polls for the state of one drive
+_SLOW = (Cmd.TORQUES, Cmd.TEMPERATURE, Cmd.SUPPLY)  # one value of one drive in each cycle
+_GEARING = 4  # cycles in which gains are sent to all drives; afterwards to one per cycle
+_FED = 4  # control cycles that the drives' watchdog must cover
 
 
 class OdriveDrives(DampingGroup[OdriveAxis]):
-    """All drives of a dog, on the buses by their names."""
+    """All ODrives of a robot; ``buses`` by name."""
 
     def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         super().__init__(dog, buses, [_axis(joint, buses[joint.bus]) for joint in joints])
         self._by_node = {(axis.joint.bus, axis.id): axis for axis in self._drives}
         self._cycle = 0
-        self._since = 0  # cycles for which the same has been wanted
+        self._since = 0  # cycles for which the wanted state has not changed
         self._geared = 0  # cycles in which gains were sent
 
     @staticmethod
     def problems(dog: DogDescription) -> list[str]:
-        """Return ids that no node has, stiffness without damping, and a watchdog that cannot be fed."""
+        """Return impossible node ids, stiffness without damping, and a watchdog that is too short."""
         found = [
             f"joints.{name}: id {wiring.id} is no node of an ODrive; the highest is {wire.HIGHEST_NODE}"
             for name, wiring in dog.joints.items()
@@ -57,25 +57,25 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
 
     @staticmethod
     def load(drive: Drive, joints: int, bus: Bus) -> float:
-        """Return what questions, answers and targets take; gains, while it is damped, take no more."""
+        """Return the load by polls, answers and targets; gains while damping do not exceed it."""
         asked = frame_bits(0) + frame_bits(8)
         each = asked * (1 + 1 / _STATE_EVERY) + frame_bits(8)
         in_turn = asked + 2 * frame_bits(8) + frame_bits(4)
         return drive.cycle_hz * (joints * each + in_turn) / bus.bitrate
 
     @staticmethod
-    def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:  # noqa: ARG004 - the same for each make
-        """Return the commands of the node."""
+    def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:  # noqa: ARG004 - independent of the model
+        """Return the identifiers of the node's commands."""
         return tuple(wire.identifier(joint.id, command) for command in Cmd)
 
     @staticmethod
-    def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - the same for each make
-        """Return how far its numbers are exact."""
+    def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - independent of the model
+        """Return the angle up to which its numbers are exact."""
         return wire.MOST_TURNS * wire.TURN
 
     @property
     def addresses(self) -> frozenset[Address]:
-        """Each node's commands for a position and for a state."""
+        """Identifiers of each node's commands for a position and for a state."""
         orders = (Cmd.INPUT_POS, Cmd.STATE)
         return frozenset(
             (bus, wire.identifier(node, order)) for bus, node in self._by_node for order in orders
@@ -86,21 +86,21 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         commission(self._drives, self._requester, self._dog.drive)
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
-        """Take a received frame."""
+        """Process a received frame."""
         node, command = wire.split(frame.id)
         axis = self._by_node.get((bus, node))
         if axis is not None:
             axis.take(command, frame.data, now)
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
-        """Return which joint a position command sends where."""
+        """Return joint and target of a position command."""
         node, command = wire.split(frame.id)
         axis = self._by_node.get((bus, node))
         told = wire.unpack_input(frame.data) if command == Cmd.INPUT_POS else None
         return None if axis is None or told is None else (axis.joint, axis.joint.angle(told[0]))
 
-    def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - every cycle is alike
-        """Ask all drives where they are, some for their state, and one for something slow."""
+    def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - not needed here
+        """Poll the positions of all drives, the state of some, and one slow value of one drive."""
         self._cycle += 1
         hurry = self._wanted is Power.ENABLED and not all(axis.held for axis in self._drives)
         for number, axis in enumerate(self._drives):
@@ -113,7 +113,7 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         axis.bus.send(wire.ask(axis.id, _SLOW[turn % len(_SLOW)]))
 
     def enable(self) -> None:
-        """Ask for closed loop, with gains of zero; what is in it, is kept there without force."""
+        """Request closed loop with zero gains; drives already in it stay there without force."""
         step, self._geared = self._count(Power.ENABLED) % 3, 0
         for axis in self._drives:
             if axis.state == State.CLOSED_LOOP:
@@ -128,7 +128,7 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
                 axis.send(Cmd.STATE, wire.pack_state(State.CLOSED_LOOP))
 
     def write(self, targets: Targets) -> None:
-        """Send targets, and gains: to all drives at first, then to one in each cycle."""
+        """Send targets, and gains: to all drives at first, then to one per cycle."""
         self._count(Power.ENABLED)
         for axis, angle, speed, torque in zip(self._drives, *targets, strict=True):
             nearer = near(axis.joint, axis.angle, angle, self._most)
@@ -147,7 +147,7 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         return self._drives[number : number + 1]
 
     def damp(self, kd: float) -> None:
-        """No stiffness, only damping. Gains do not feed the watchdog, positions do: they go in turn."""
+        """No stiffness, damping only. Gains do not feed the watchdog, positions do: both are sent in turn."""
         count, self._geared = self._count(Power.STOPPING), 0
         for axis in self._drives:
             if count % 2 == 0:
@@ -169,14 +169,14 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
             axis.send(Cmd.CLEAR, bytes(1))
 
     def _count(self, wanted: Power) -> int:
-        """Note what is wanted of the drives; return for how many cycles it was before."""
+        """Set the wanted state of the drives; return the number of cycles for which it was wanted before."""
         self._since = self._since + 1 if wanted is self._wanted else 0
         self._want(wanted)
         return self._since
 
 
 def _axis(joint: Joint, bus: CanBus) -> OdriveAxis:
-    """Return the drive of a joint, not heard yet."""
+    """Return the drive of a joint, without feedback yet."""
     kind = joint.kind
     position, velocity = wire.gains(kind.kp / kind.ratio**2, kind.kd / kind.ratio**2)
     gains = wire.pack_gain(position), wire.pack_pair(velocity, 0.0)

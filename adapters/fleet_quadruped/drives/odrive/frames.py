@@ -1,6 +1,6 @@
-"""CAN Simple of ODrive, firmware 0.6: the node and a command in the identifier, little-endian values.
+"""ODrive CAN Simple, firmware 0.6: node id and command in the identifier, little-endian values.
 
-Source: docs.odriverobotics.com, "CAN Protocol". A value is asked for by a remote frame of its identifier.
+Source: docs.odriverobotics.com, "CAN Protocol". A remote frame requests the value of its identifier.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from typing import NamedTuple
 
 from fleet import CanFrame
 
-HIGHEST_NODE = 0x3E  # 3Fh is the address of drives that have none yet
+HIGHEST_NODE = 0x3E  # 3Fh is the address of drives without one
 OLDEST = (0, 6)  # firmware; older ones have other errors, no temperature and no parameters over CAN
 TURN = math.tau
-MOST_TURNS = 10_000.0  # beyond them a float32 cannot tell a milliradian
+MOST_TURNS = 10_000.0  # beyond them a float32 cannot resolve a milliradian
 _SHIFT, _COMMAND = 5, 0x1F
 _MILLI = 0.001
 _WORD = 0x7FFF
 
 
 class Cmd(enum.IntEnum):
-    """The commands that are used, by their numbers."""
+    """Commands in use, by number."""
 
     VERSION = 0x00
     HEARTBEAT = 0x01
-    PARAMETER = 0x04  # RxSdo: reads or writes one
+    PARAMETER = 0x04  # RxSdo: reads or writes a parameter
     TOLD = 0x05  # TxSdo: the parameter that was read
     ADDRESS = 0x06
     STATE = 0x07
@@ -44,14 +44,14 @@ class Cmd(enum.IntEnum):
 
 
 class State(enum.IntEnum):
-    """States of an axis that are asked for; in all others it moves the motor by itself."""
+    """States of an axis that we request; in all others it moves the motor by itself."""
 
     UNDEFINED = 0
     IDLE = 1
     CLOSED_LOOP = 8
 
 
-POSITION_CONTROL, PASSTHROUGH = 3, 1  # of the command MODES
+POSITION_CONTROL, PASSTHROUGH = 3, 1  # parameters of the command MODES
 WATCHDOG_EXPIRED = 1 << 24
 ERRORS: Mapping[int, str] = MappingProxyType(
     {
@@ -79,7 +79,7 @@ ERRORS: Mapping[int, str] = MappingProxyType(
         1 << 30: "calibration error",
     }
 )
-"""What the bits of an axis's active errors mean."""
+"""Meaning of the bits of an axis's active errors."""
 
 _VERSION = struct.Struct("<8B")
 _HEARTBEAT = struct.Struct("<IBBBx")
@@ -91,41 +91,41 @@ _READ, _WRITE = 0, 1
 
 
 class Heartbeat(NamedTuple):
-    """Errors that are active, and the state of the axis."""
+    """Active errors, and state of the axis."""
 
     errors: int
     state: int
 
 
 def identifier(node: int, command: Cmd) -> int:
-    """Return the identifier of a command of a node."""
+    """Return the identifier for a command of a node."""
     return node << _SHIFT | command
 
 
 def split(number: int) -> tuple[int, int]:
-    """Return node and command of an identifier."""
+    """Return node id and command of an identifier."""
     return number >> _SHIFT, number & _COMMAND
 
 
 def ask(node: int, command: Cmd) -> CanFrame:
-    """Return the frame that asks a node for what a command carries."""
+    """Return the remote frame that requests the value of a command."""
     return CanFrame(identifier(node, command), b"", remote=True)
 
 
 def words(errors: int) -> str:
-    """Return what active errors mean; the number for those that are not known."""
+    """Return the meaning of active errors; the number of unknown ones."""
     known = [text for bit, text in ERRORS.items() if errors & bit]
     rest = errors & ~sum(ERRORS)
     return ", ".join([*known, *([f"error {rest:X}h"] if rest else [])])
 
 
 def pack_heartbeat(errors: int, state: int) -> bytes:
-    """Return a heartbeat (the drive's side)."""
+    """Return a heartbeat (drive side)."""
     return _HEARTBEAT.pack(errors, state, 0, 0)
 
 
 def unpack_heartbeat(data: bytes) -> Heartbeat | None:
-    """Return what a heartbeat says; None when it is too short."""
+    """Decode a heartbeat; None if it is too short."""
     if len(data) < _HEARTBEAT.size:
         return None
     errors, state, _result, _done = _HEARTBEAT.unpack_from(data)
@@ -133,22 +133,22 @@ def unpack_heartbeat(data: bytes) -> Heartbeat | None:
 
 
 def pack_version(major: int, minor: int) -> bytes:
-    """Return protocol, hardware and firmware version (the drive's side)."""
+    """Return protocol, hardware and firmware version (drive side)."""
     return _VERSION.pack(2, 4, 4, 58, major, minor, 10, 0)
 
 
 def unpack_version(data: bytes) -> tuple[int, int] | None:
-    """Return the firmware's version; None when the frame is too short."""
+    """Return the firmware version; None if the frame is too short."""
     return (data[4], data[5]) if len(data) >= _VERSION.size else None
 
 
 def pack_pair(first: float, second: float) -> bytes:
-    """Return two numbers: estimates (turns, turn/s), gains, temperatures (deg C), supply (V, A), torques."""
+    """Encode two numbers: estimates (turns, turn/s), gains, temperatures (deg C), supply (V, A), torques."""
     return _PAIR.pack(first, second)
 
 
 def unpack_pair(data: bytes) -> tuple[float, float] | None:
-    """Return two numbers; None when they are too short or none."""
+    """Decode two numbers; None if the frame is too short or one is not finite."""
     if len(data) < _PAIR.size:
         return None
     first, second = _PAIR.unpack_from(data)
@@ -156,23 +156,23 @@ def unpack_pair(data: bytes) -> tuple[float, float] | None:
 
 
 def warmest(data: bytes) -> float | None:
-    """Return the higher temperature of transistors and motor, deg C; a sensor that is not there says none."""
+    """Return the higher temperature of transistors and motor, deg C; a missing sensor reports NaN."""
     if len(data) < _PAIR.size:
         return None
     return max(filter(math.isfinite, _PAIR.unpack_from(data)), default=None)
 
 
 def pack_input(angle: float, speed: float, torque: float) -> bytes:
-    """Return a position (rad) with speed (rad/s) and torque (N m) fed forward, these clamped to their words.
+    """Encode a position (rad) with feed-forward speed (rad/s) and torque (N m), which are clamped.
 
-    Raises ValueError for what is no number.
+    Raises ValueError for NaN and infinity.
     """
     turns = finite(angle) / TURN
     return _INPUT.pack(turns, _thousandths(speed / TURN), _thousandths(torque))
 
 
 def unpack_input(data: bytes) -> tuple[float, float, float] | None:
-    """Return rad, rad/s and N m of a position command; None when it is too short or no number."""
+    """Return rad, rad/s and N m of a position command; None if it is too short or not finite."""
     if len(data) < _INPUT.size:
         return None
     turns, speed, torque = _INPUT.unpack_from(data)
@@ -182,40 +182,40 @@ def unpack_input(data: bytes) -> tuple[float, float, float] | None:
 
 
 def pack_gain(value: float) -> bytes:
-    """Return one number."""
+    """Encode one number."""
     return struct.pack("<f", finite(value))
 
 
 def pack_state(state: State) -> bytes:
-    """Return a state that is asked for."""
+    """Encode a requested state."""
     return struct.pack("<I", state)
 
 
 def pack_modes() -> bytes:
-    """Return position control with the input passed through as it is."""
+    """Encode position control with the input passed through."""
     return _TWO.pack(POSITION_CONTROL, PASSTHROUGH)
 
 
 def gains(kp: float, kd: float) -> tuple[float, float]:
-    """Return position gain (1/s) and velocity gain (N m s/turn) of a stiffness (N m/rad) and a damping.
+    """Return position gain (1/s) and velocity gain (N m s/turn) for stiffness (N m/rad) and damping.
 
-    torque = velocity gain x (position gain x error + speed fed forward - speed): a spring and a damper.
+    torque = velocity gain x (position gain x error + feed-forward speed - speed): a spring and a damper.
     """
     return (kp / kd if kd else 0.0), kd * TURN
 
 
 def read_parameter(endpoint: int) -> bytes:
-    """Return the question for a parameter."""
+    """Encode the request for a parameter."""
     return _PARAMETER.pack(_READ, endpoint)
 
 
 def write_parameter(endpoint: int, value: bytes) -> bytes:
-    """Return what sets a parameter until power-off; nothing answers it."""
+    """Encode a write of a parameter, valid until power-off; it is not acknowledged."""
     return _PARAMETER.pack(_WRITE, endpoint) + value
 
 
 def unpack_parameter(data: bytes) -> tuple[int, int, bytes] | None:
-    """Return operation (1: write), endpoint and value; None when the frame is too short."""
+    """Return operation (1: write), endpoint and value; None if the frame is too short."""
     if len(data) < _PARAMETER.size:
         return None
     operation, endpoint = _PARAMETER.unpack_from(data)
@@ -223,12 +223,12 @@ def unpack_parameter(data: bytes) -> tuple[int, int, bytes] | None:
 
 
 def _thousandths(value: float) -> int:
-    """Return a number as a word of thousandths, clamped and never wrapped."""
+    """Return a number in thousandths as a 16-bit word, clamped, never wrapped."""
     return max(-_WORD, min(_WORD, round(max(-1e6, min(1e6, finite(value))) / _MILLI)))
 
 
 def finite(value: float) -> float:
-    """Return the number; what is none is refused."""
+    """Return the number; raises ValueError for NaN and infinity."""
     if not math.isfinite(value):
-        raise ValueError(f"a motor cannot be sent {value}")
+        raise ValueError(f"cannot send {value} to a motor")
     return value

@@ -73,7 +73,7 @@ def test_a_reboot_in_the_air_falls_and_is_seen_in_the_boot_time(either):
     either.run(4)
     assert either.body.grounded
     assert not either.pilot.armed
-    assert either.pilot.boot_ms < 3200
+    assert either.pilot.uptime.ms < 3200
 
 
 def test_a_reboot_is_dark_for_a_second(either):

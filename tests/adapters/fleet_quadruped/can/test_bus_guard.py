@@ -16,7 +16,7 @@ from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.lockstep import SimBus
 from fleet_quadruped.sim.rig import Rig
 
-OTHER = r"^bus 'a': another controller speaks to the drives \(frame \w+h\); only one may"
+OTHER = r"^bus 'a': another controller commands the drives \(frame \w+h\); only one may"
 
 
 class Shared:

@@ -105,7 +105,7 @@ def test_a_disk_that_does_not_take_it_is_a_line_in_the_log(bus, tmp_path, caplog
 def test_a_line_that_is_none_is_named(tmp_path, text):
     path = tmp_path / "x.log"
     path.write_text("(1.0) a 188#3712 R\n" + text)
-    with pytest.raises(ConfigError, match=r"x\.log:2: is no line of a candump log"):
+    with pytest.raises(ConfigError, match=r"x\.log:2: is not a line of a candump log"):
         list(read_capture(path))
 
 

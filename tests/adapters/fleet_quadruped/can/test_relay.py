@@ -10,7 +10,7 @@ from fleet.clock import SystemClock
 from fleet.link.tap import OPENING, FrameTap, LinkFrames
 from fleet.runtime.decoding import decode_json
 from fleet_quadruped.can.capture import Captured
-from fleet_quadruped.can.relay import FrameSender, received
+from fleet_quadruped.can.relay import RelaySender, received
 
 FRAME = CanFrame(0x181, b"\x01\x02")
 
@@ -33,7 +33,7 @@ async def relayed(tap, cycles):
     """Let a body controller have some cycles; returns what its adapter leaves for the recorder."""
     OPENING.set(lambda link: tap.open("rex", link, lambda: None))
     async with received(["a"], logging.getLogger("rex")) as receiver:
-        sender = FrameSender(receiver.relay)
+        sender = RelaySender(receiver.relay)
         for wanted in cycles:
             sender.take(Captured(100.5, "a", FRAME, sent=False))
             sender.end_cycle(wanted=wanted)
@@ -62,7 +62,7 @@ def test_what_does_not_fit_is_dropped_and_not_waited_for():
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
         theirs.setblocking(False)
-        sender = FrameSender(theirs)
+        sender = RelaySender(theirs)
         for _ in range(20_000):
             sender.take(Captured(1.0, "a", FRAME, sent=True))
             sender.end_cycle(wanted=True)
@@ -72,7 +72,7 @@ def test_what_does_not_fit_is_dropped_and_not_waited_for():
 async def test_an_adapter_that_was_behind_says_how_many_were_dropped(tap, caplog):
     OPENING.set(lambda link: tap.open("rex", link, lambda: None))
     async with received(["a"], logging.getLogger("rex")) as receiver:
-        sender = FrameSender(receiver.relay)
+        sender = RelaySender(receiver.relay)
         while not sender.dropped:
             sender.take(Captured(1.0, "a", FRAME, sent=True))
             sender.end_cycle(wanted=True)

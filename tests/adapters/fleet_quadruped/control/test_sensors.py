@@ -6,7 +6,7 @@ import struct
 import pytest
 
 from fleet.link.canbus.frame import CanFrame
-from fleet_quadruped.control.sensors import Values, imu_of
+from fleet_quadruped.control.sensors import SensorValues, imu_of
 from fleet_quadruped.frames import FieldMap, FrameMap
 from fleet_quadruped.robot.parts import Sensor
 
@@ -14,7 +14,7 @@ from fleet_quadruped.robot.parts import Sensor
 @pytest.fixture
 def values(dog):
     """Return what holds the example dog's battery."""
-    return Values(dog.battery)
+    return SensorValues(dog.battery)
 
 
 def turn(*numbers):
@@ -26,7 +26,7 @@ def floats():
     """Return what holds an IMU whose frame has floats."""
     names = ("qw", "qx", "qy", "qz")
     fields = {name: FieldMap(at=4 * place, type="f32") for place, name in enumerate(names)}
-    return Values(Sensor(bus="a", frames=(FrameMap(id=0x10, fields=fields),)), whole=True)
+    return SensorValues(Sensor(bus="a", frames=(FrameMap(id=0x10, fields=fields),)), whole=True)
 
 
 def test_a_value_that_becomes_invalid_is_not_known_any_more(values):
@@ -51,7 +51,7 @@ def test_a_rotation_that_is_none_is_no_imu(floats):
 @pytest.mark.parametrize("wild", [3.0e38, -1.0e30, 101.0])
 def test_an_imu_frame_that_no_imu_can_mean_does_not_count(wild):
     fields = {name: FieldMap(at=4 * place, type="f32") for place, name in enumerate(("gx", "gy", "gz"))}
-    rates = Values(Sensor(bus="a", frames=(FrameMap(id=0x11, fields=fields),)), whole=True)
+    rates = SensorValues(Sensor(bus="a", frames=(FrameMap(id=0x11, fields=fields),)), whole=True)
     rates.take(CanFrame(0x11, struct.pack("<3f", 0.1, 0.2, 0.3)), 1.0)
     rates.take(CanFrame(0x11, struct.pack("<3f", 0.1, wild, 0.3)), 2.0)
     assert rates.values["gy"] == pytest.approx(0.2)

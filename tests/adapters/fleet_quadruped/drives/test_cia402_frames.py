@@ -30,21 +30,21 @@ def test_golden_targets(target, golden):
 
 
 def test_golden_answer():
-    told = wire.unpack_told(bytes.fromhex("371210a4000006ff"))
+    told = wire.unpack_status_pdo(bytes.fromhex("371210a4000006ff"))
     assert told == (0x1237, 42000, -250)
     assert wire.pack_target(*told).hex() == "371210a4000006ff"
 
 
 @given(st.integers(), st.integers())
 def test_numbers_are_clamped_and_never_wrapped(counts, torque):
-    told = wire.unpack_told(wire.pack_target(0x0F, counts, torque))
+    told = wire.unpack_status_pdo(wire.pack_target(0x0F, counts, torque))
     assert told.counts == max(-(1 << 31), min((1 << 31) - 1, counts))
     assert told.per_mille == max(-32768, min(32767, torque))
 
 
 @pytest.mark.parametrize("data", [b"", b"\x37\x12", bytes(7)])
 def test_a_short_answer_says_nothing(data):
-    assert wire.unpack_told(data) is None
+    assert wire.unpack_status_pdo(data) is None
 
 
 def test_a_short_emergency_still_counts():
@@ -77,7 +77,7 @@ def test_a_cleared_emergency_is_told_from_an_error():
 def test_angles_and_torques_come_back_from_the_drives_units(joint, value):
     units = wire.Units(joint)
     data = units.pack(0x0F, value, value)
-    counts = wire.unpack_told(data).counts
+    counts = wire.unpack_status_pdo(data).counts
     assert counts == pytest.approx(joint.motor(value) * joint.kind.counts_per_rad, abs=0.6)
     word, angle, torque = units.unpack(data)
     assert (word, angle) == (0x0F, pytest.approx(value, abs=1e-4))
@@ -112,8 +112,8 @@ def test_what_is_read_back_is_what_was_written_last():
 def test_a_drive_without_torque_objects_has_short_frames():
     data = wire.pack_target(0x0F, -2, None)
     assert data == bytes.fromhex("0f00feffffff")
-    assert wire.unpack_told(data) == (0x0F, -2, 0)
-    assert wire.unpack_told(data[:5]) is None
+    assert wire.unpack_status_pdo(data) == (0x0F, -2, 0)
+    assert wire.unpack_status_pdo(data[:5]) is None
 
 
 words = st.lists(st.integers(0, 0xFFFF), min_size=12, max_size=12)

@@ -45,7 +45,7 @@ def test_a_command_is_never_a_special_frame(command, profile):
 
 
 def test_what_is_no_number_is_not_sent():
-    with pytest.raises(ValueError, match="cannot be sent nan"):
+    with pytest.raises(ValueError, match="cannot send nan"):
         Layout(KATZ).pack_command(MitCommand(math.nan))
 
 

@@ -52,7 +52,7 @@ def test_a_servo_that_cannot_have_the_gains_is_refused(servos, name, value, told
 
 def test_a_place_that_refers_to_nothing_is_refused(servos):
     told = refused(servos, lambda drive: setattr(drive, "home", wire.REFERS_TO_NOTHING))
-    assert told == "RL_hip: its position refers to nothing (register 00Ch is 0): home it"
+    assert told == "RL_hip: its position has no reference (register 00Ch is 0): home it"
 
 
 def test_a_place_that_refers_to_the_rotor_is_refused_behind_a_gear(servos):

@@ -47,9 +47,9 @@ def test_no_frame_breaks_the_decoder(data):
 def test_what_is_no_number_is_not_sent(place):
     values = [0.0] * 7
     values[place] = math.nan
-    with pytest.raises(ValueError, match="cannot be sent"):
+    with pytest.raises(ValueError, match="cannot send"):
         wire.pack_demand(10, Demand(*values))
-    with pytest.raises(ValueError, match="cannot be sent"):
+    with pytest.raises(ValueError, match="cannot send"):
         wire.pack_demand(10, Demand(math.inf, *[0.0] * 6))
 
 

@@ -59,7 +59,7 @@ def test_a_protocol_is_an_entry_point_of_any_package(package, write_dog):
     [
         ("broken", "broken_drives:X", "import nothing_of_this_name", "cannot be loaded: ModuleNotFoundError"),
         ("absent", "absent_drives:X", "", "cannot be loaded: AttributeError"),
-        ("empty", "empty_drives:X", "class X: pass", "no class of joint drives: it has no problems, load"),
+        ("empty", "empty_drives:X", "class X: pass", "not a class of joint drives: it has no problems, load"),
         (
             "mit",
             "mit_drives:X",
@@ -182,7 +182,7 @@ def test_an_imu_may_tell_roll_pitch_and_yaw(write_dog):
     [
         (("roll", "pitch"), "imu: yaw is in none of its frames"),
         (("qw", "qx", "qy"), "imu: qz is in none of its frames"),
-        (("qw", "qx", "qy", "roll"), "imu: it tells its attitude twice"),
+        (("qw", "qx", "qy", "roll"), "imu: it reports its attitude twice"),
     ],
 )
 def test_an_imu_that_does_not_tell_its_attitude_is_refused(write_dog, names, told):

@@ -130,7 +130,7 @@ def test_a_reset_does_not_end_an_emergency_stop_that_the_machine_has_not_obeyed(
     standing.go(0.5, Twist(0.5))
     standing.emergency()
     standing.go(0.5, Twist(0.5))
-    assert standing.ask(BodyRequest.RESET) == "it has not obeyed the emergency stop yet"
+    assert standing.ask(BodyRequest.RESET) == "it has not carried out the emergency stop yet"
     standing.go(0.5, Twist(0.5))
     assert set(asked(standing)[-1].values()) == {0.0}
     standing.machine._commands = obeyed
@@ -141,7 +141,7 @@ def test_a_reset_does_not_end_an_emergency_stop_that_the_machine_has_not_obeyed(
 def test_a_mode_that_the_description_does_not_name_is_told_and_not_left_alone(standing):
     standing.machine._numbers[Mode.STANDING] = 9
     standing.go(0.2)
-    assert standing.state.warning == "it says mode 9, which modes does not name"
+    assert standing.state.warning == "it reports mode 9, which is not in modes"
     assert not standing.controller.resting
 
 
@@ -229,50 +229,52 @@ def test_no_velocity_beyond_the_limits_is_ever_sent(walker, make_paddock, twists
 # -- frames as makers want them ----------------------------------------------------------------------
 
 
-SEAL = {"counter": {"at": 6}, "checksum": {"at": 7, "header": True}}
+INTEGRITY = {"counter": {"at": 6}, "checksum": {"at": 7, "header": True}}
 
 
 @pytest.fixture
-def sealed(make_paddock):
+def protected(make_paddock):
     """Return a machine of which every frame is padded, counted and has a checksum, as AgileX's version 1."""
     tree = load_body(EXAMPLE.with_name("self-walking.yaml")).model_dump(exclude_none=True)
     frames = tree["frames"]
     for name in ("stand_up", "sit_down", "emergency_stop", "recovery_stand", "reset_faults"):
-        frames[name] |= SEAL | {"data": frames[name]["data"].ljust(16, "0")}
+        frames[name] |= INTEGRITY | {"data": frames[name]["data"].ljust(16, "0")}
     for padded in (frames["velocity"], frames["height"], *frames["state"]):
-        padded.update(SEAL, dlc=8)
+        padded.update(INTEGRITY, dlc=8)
     walker = type(load_body(EXAMPLE.with_name("self-walking.yaml"))).model_validate(tree)
     return make_paddock(walker)
 
 
-def test_a_machine_with_counters_and_checksums_walks(sealed):
-    sealed.go(0.2)
-    assert sealed.ask(BodyRequest.STAND) == ""
-    sealed.go(1.5)
-    sealed.go(2.0, Twist(0.4))
-    assert sealed.state.mode == "walking"
-    assert sealed.machine.twist.x == pytest.approx(0.4, abs=0.01)
-    assert {len(frame.data) for frame in sealed.bus.sent if frame.id in {0x111, 0x131}} == {8}
-    sealed.emergency()
-    sealed.go(0.2)
-    assert sealed.state.mode == "damped"
+def test_a_machine_with_counters_and_checksums_walks(protected):
+    protected.go(0.2)
+    assert protected.ask(BodyRequest.STAND) == ""
+    protected.go(1.5)
+    protected.go(2.0, Twist(0.4))
+    assert protected.state.mode == "walking"
+    assert protected.machine.twist.x == pytest.approx(0.4, abs=0.01)
+    assert {len(frame.data) for frame in protected.bus.sent if frame.id in {0x111, 0x131}} == {8}
+    protected.emergency()
+    protected.go(0.2)
+    assert protected.state.mode == "damped"
 
 
-def test_a_machine_whose_counter_stands_still_is_silent(sealed):
-    sealed.go(0.2)
-    sealed.machine._seals = {number: Frozen(seal) for number, seal in sealed.machine._seals.items()}
+def test_a_machine_whose_counter_stands_still_is_silent(protected):
+    protected.go(0.2)
+    protected.machine._integrity = {
+        number: Frozen(integrity) for number, integrity in protected.machine._integrity.items()
+    }
     with pytest.raises(LinkLost, match="silent"):
-        sealed.go(3.0)
+        protected.go(3.0)
 
 
 class Frozen:
     """A counter that does not go on."""
 
-    def __init__(self, seal):
-        self._seal, self._data = seal, {}
+    def __init__(self, integrity):
+        self._integrity, self._data = integrity, {}
 
     def put(self, data):
-        return self._data.setdefault("first", self._seal.put(data))
+        return self._data.setdefault("first", self._integrity.put(data))
 
 
 def test_the_example_speaks_agilex_version_2(make_paddock):
@@ -292,8 +294,8 @@ def test_a_machine_that_is_asked_to_walk_and_stands_is_told(standing):
     standing.machine.fault("idle")
     standing.go(2.5, Twist(0.5))
     assert standing.state.warning == (
-        f"{standing.walker.robot.name}: asked 0.50 m/s and 0.00 rad/s, tells 0.00 m/s and 0.00 rad/s: "
-        "it is blocked, or does not obey"
+        f"{standing.walker.robot.name}: requested 0.50 m/s and 0.00 rad/s, reports 0.00 m/s and 0.00 rad/s: "
+        "it is blocked, or does not follow"
     )
     standing.go(0.1)
     assert standing.state.fault == ""
@@ -311,6 +313,6 @@ def test_a_machine_that_walks_unasked_is_stopped(standing):
     standing.machine.fault("runs")
     standing.go(2.2)
     assert standing.state.fault == (
-        f"{standing.walker.robot.name}: asked to stand still, tells 0.50 m/s and 0.00 rad/s"
+        f"{standing.walker.robot.name}: requested to stand still, reports 0.50 m/s and 0.00 rad/s"
     )
     assert standing.state.mode == "damped"

@@ -29,7 +29,7 @@ def write(tmp_path):
     [
         (OWN, "silence: 0.3 ", "# ", "silence: Field required"),
         (OWN, "silence: 0.3", "silence: 0.05", "less than three cycles"),
-        (OWN, "mode: {at: 0, type: u8}", "other: {at: 0, type: u8}", "it must tell mode"),
+        (OWN, "mode: {at: 0, type: u8}", "other: {at: 0, type: u8}", "it must report mode"),
         (OWN, "2: standing, ", "", "no number means standing"),
         (
             OWN,

@@ -122,7 +122,7 @@ async def main(folder, began, trigger, kill):
         await schedules.begin()
         work = asyncio.create_task(schedules.run())
         while not work.done():
-            runs.turn()
+            runs.poll()
             await asyncio.sleep(0.005)
         await work
 

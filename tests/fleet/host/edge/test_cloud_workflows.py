@@ -105,7 +105,7 @@ async def test_a_cancelled_execution_is_an_aborted_run(cloud, asks):
 
 async def test_what_robots_would_not_obey_starts_nothing_and_is_told(cloud, asks):
     events = []
-    cloud.edge.process.history.told = lambda _, event: events.append(event)
+    cloud.edge.process.history.on_event = lambda _, event: events.append(event)
     old = datetime.fromtimestamp(time.time() - 60, UTC).isoformat()
     for fields, why in (
         ({"requested_at": old}, " s old"),

@@ -90,7 +90,7 @@ async def test_one_that_cannot_begin_keeps_the_others_from_it(serve):
         state = await phase(asker, "ended")
         assert (state.outcome, "takeoff" in place.words()) == ("failed", False)
         assert "rex cannot: not ready: gps: no fix" in state.reason
-        assert "nobody moved" in state.reason
+        assert "no robot moved" in state.reason
 
 
 async def test_a_stop_of_one_before_the_instant_keeps_all_from_it(serve):

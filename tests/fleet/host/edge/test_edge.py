@@ -240,7 +240,7 @@ async def test_an_edge_without_a_state_folder_runs_degraded_and_every_robot_is_s
     edge = place.edge()
     async with run_edge(edge):
         await asks.until(lambda: all(state.reachable for state in edge.states()))
-        assert "the journal of commands is not kept: cannot make" in edge.state().cause
+        assert "the journal of commands is not kept: cannot create" in edge.state().cause
         assert [state.emergency_stop for state in edge.states()] == [True, True]
         bus_session = await asyncio.to_thread(place.bus_session)
         (refused,) = await asyncio.to_thread(command, bus_session, place, "rex", MOVE)

@@ -56,7 +56,7 @@ class FakeEdge:
         self.bridge.uplink.arrived(f"cw/{TWIN}/data/battery", b'{"ts": 1, "charge_pct": 50}')
         self.bridge.uplink.arrived(f"cw/{TWIN}/data/battery", b'{"ts": 2, "charge_pct": 50}')
         self.bridge.uplink.arrived(f"cw/{TWIN}/data/imu", b"garbage")
-        list(self.bridge.turn())
+        list(self.bridge.tick())
         topic = f"cyberwave/twin/{TWIN}/command"
         self.bridge.downlink.arrived([CloudMessage(topic, b"{}"), CloudMessage(topic, b"{}", retain=True)])
         self.bridge.downlink.take()

@@ -3,17 +3,24 @@
 import asyncio
 import contextlib
 import json
+import threading
 
 import pytest
 
 from fleet.client import Fleet
 from fleet.clock import SystemClock
 from fleet.config.load import load
+from fleet.config.other_edges import PartnerConfig
 from fleet.config.problems import InvalidConfig
 from fleet.errors import Refused
+from fleet.host.edge.coordinators import Coordinators
 from fleet.host.edge.edge import Edge
+from fleet.host.edge.partners import Partners
+from fleet.missions.coordination import LAPSES_AFTER, LeaseAsk
 from fleet.missions.state import Abort
 from fleet.model.command import Transport
+from fleet.model.state import RobotState
+from fleet.testing.clock import ManualClock
 
 HERE = {"worker": "main", "stands": True}
 SITE = {"origin": [47.0, 8.0, 400.0]}
@@ -218,3 +225,52 @@ def test_a_partners_robot_needs_a_name_of_its_own(site):
     told = sorted(str(problem) for problem in error.value.problems)
     assert any("there is another robot 'rex'" in each for each in told)
     assert any("this is the edge of this file" in each for each in told)
+
+
+class Robot:
+    """A robot in a run of another edge, and what it was asked."""
+
+    def __init__(self, name):
+        self.asked = []
+        self.state = lambda: RobotState(name, "", "", "barn", 0.0, run="r1")
+
+    def read(self, kind, payload, *, way, waits):
+        self.asked.append(json.loads(payload)["command"])
+
+
+def test_a_robot_that_was_removed_does_not_keep_the_others_from_being_made_safe_when_their_lease_lapses():
+    clock, own = ManualClock(), Robot("own")
+    coordinators = Coordinators(
+        "barn",
+        {"yard": PartnerConfig(coordinates=True)},
+        {"own": own},
+        {},
+        site=None,
+        record=lambda _robot, _event: None,
+        soon=lambda call: call(),
+        clock=clock,
+    )
+    coordinators._leases.grant(LeaseAsk("r1", "yard", {"removed": "hold", "own": "hold"}), clock.monotonic())
+    clock.advance(LAPSES_AFTER)
+    coordinators.look()
+    assert own.asked == ["stop"]
+
+
+class Congested:
+    """A bus session whose messages do not go out, or fail."""
+
+    def __init__(self, fails):
+        self.fails, self.go = fails, threading.Event()
+
+    def put(self, *_arguments, **_how):
+        if self.fails:
+            raise OSError("the session is closed")
+        assert self.go.wait(20)
+
+
+@pytest.mark.parametrize("fails", [True, False])
+def test_a_partners_stop_that_does_not_go_out_does_not_delay_the_stop_of_our_own_robot(fails):
+    control, partners = Congested(fails), {"barn": PartnerConfig(robots=("own",))}
+    found = Partners("yard", partners, control, site=None, soon=lambda call: call(), clock=ManualClock())
+    assert found.stop(("own", "rex")) == ("rex",)
+    control.go.set()

@@ -57,7 +57,7 @@ async def test_a_mission_that_must_be_rehearsed_is_started_after_a_pass_alone(re
     async with ready() as (place, _):
         code, _, err = await fleet("mission", "run", "patrol")
         assert code == 5
-        assert "it must be rehearsed first, and nobody has rehearsed it with these inputs" in err
+        assert "it must be rehearsed first, and it has not been rehearsed with these inputs" in err
         assert "(fleet mission rehearse patrol)" in err
         code, out, err = await fleet("mission", "rehearse", "patrol", "--json")
         result = json.loads(out)

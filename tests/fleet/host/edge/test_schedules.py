@@ -12,7 +12,7 @@ import pytest
 
 from fleet.cli.main import main
 from fleet.model.event import EventKind, EventReport
-from fleet.schedules.runner import Begun, Schedules
+from fleet.schedules.runner import Schedules, StartResult
 from fleet.schedules.store import Store
 from fleet.testing.waiting import wait_until
 
@@ -38,7 +38,7 @@ class Runs:
 
     async def start(self, wanted):
         self.wanted.append(wanted)
-        return Begun(f"run-{len(self.wanted)}")
+        return StartResult(f"run-{len(self.wanted)}")
 
     async def known(self, _key):
         return ""

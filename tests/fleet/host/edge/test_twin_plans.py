@@ -195,7 +195,7 @@ async def test_a_stop_on_any_topic_takes_the_robot_out_and_the_run_has_failed(cl
 
 async def test_the_history_says_who_was_refused(cloud, asks):
     events = []
-    cloud.edge.process.history.told = lambda robot, event: events.append((robot, event))
+    cloud.edge.process.history.on_event = lambda robot, event: events.append((robot, event))
     cloud.say(START, source_type="edit")
     await asks.until(lambda: events)
     ((robot, event),) = events

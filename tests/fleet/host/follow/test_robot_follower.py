@@ -96,17 +96,17 @@ def test_it_stands_and_has_failed_once_the_other_one_is_lost():
     answers, moved, stops = in_field(PAIR, work)
     assert moved == 0.0, "it goes on towards a place that is too old"
     assert not answers[-1].ok
-    assert "ahead has not told where it is for 2" in answers[-1].reason
+    assert "ahead has not reported its position for 2" in answers[-1].reason
     assert stops
 
 
 @pytest.mark.parametrize(
     ("starts", "robot", "why"),
     [
-        (PAIR, "nobody", "nobody knows where nobody is in the frame of behind"),
-        (PAIR, "behind", "nobody knows where behind is"),
+        (PAIR, "nobody", "the position of nobody in the frame of behind is unknown"),
+        (PAIR, "behind", "the position of behind in"),
         ({**PAIR, "behind": (Walker, {})}, "ahead", "behind is not placed in the site's frame"),
-        ({**PAIR, "ahead": (Walker, {})}, "ahead", "nobody knows where ahead is"),
+        ({**PAIR, "ahead": (Walker, {})}, "ahead", "the position of ahead in"),
     ],
 )
 def test_who_cannot_be_followed_is_refused_before_anything_moves(starts, robot, why):

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from fleet.history.store import HISTORY, History
 from fleet.host.journal.execution_journal import SIZE, ExecutionJournal, Latched, Started
-from fleet.host.journal.journal import LOST, REMEMBERED, CommandEnd, Journal
+from fleet.host.journal.journal import LOST, REMEMBERED, RETRY, CommandEnd, Journal
 from fleet.model.command import Origin, ReplyStatus, Transport
 from fleet.model.geometry import Vector3
 from fleet.model.navigation import Navigate, RelativeMove
@@ -180,7 +180,7 @@ def test_a_journal_that_cannot_be_read_is_set_aside_and_every_robot_is_stopped(t
 async def test_a_disk_that_fails_is_told_and_commands_go_on(tmp_path, clock, make_bench, asks):
     (tmp_path / "file").write_text("in the way")
     journal = Journal(tmp_path / "file", clock, tmp_path / "begun.main")
-    assert "cannot make" in journal.problem
+    assert "cannot create" in journal.problem
     bench = make_bench(journal=journal.robot("rex"))
     await ended(bench.ask(asks.command("land", id="r1")))
     assert bench.puppet.told == ["land"]
@@ -236,7 +236,7 @@ def test_what_a_process_that_lives_has_not_written_yet_is_left_to_it(tmp_path, c
 
 def test_a_stop_after_the_end_is_written_into_nobody_elses_file(tmp_path, clock):
     journal = Journal(tmp_path, clock, tmp_path / "begun.main")
-    robot, number = journal.robot("rex"), journal._begun._file
+    robot, number = journal.robot("rex"), journal._execution_journal._file
     journal.close()
     another = os.open(tmp_path / "another", os.O_WRONLY | os.O_CREAT)
     os.dup2(another, number)  # the number that was its own is another's now
@@ -275,7 +275,7 @@ def test_what_death_left_in_a_file_does_not_follow_on_what_is_written_next(tmp_p
     begun.add(Latched("rex", "fire"))
     begun.close()
     again = ExecutionJournal(path)
-    with again.everybodys() as rows:
+    with again.all_rows() as rows:
         assert rows[-1] == Latched("rex", "fire")
         assert rows[:-1] in ([], [Latched("rex", "panel")])
     again.close()
@@ -291,9 +291,9 @@ def test_a_file_that_another_process_still_has_is_left_to_it(tmp_path):
     dying.add(Latched("rex", "fire"))
     risen.add(Latched("max", "smoke"))
     dying.close()
-    with edge.everybodys() as rows:
+    with edge.all_rows() as rows:
         assert set(rows) == {Latched("rex", "fire"), Latched("max", "smoke")}
-    with edge.everybodys() as rows:  # the dead one's are forgotten, who lives keeps its own
+    with edge.all_rows() as rows:  # the dead one's are forgotten, who lives keeps its own
         assert rows == [Latched("max", "smoke")]
     risen.add(Latched("eve", "fire"))
     risen.clear()
@@ -309,7 +309,7 @@ def test_a_file_grows_by_nothing_but_what_it_holds_and_is_small_again_after_a_st
     assert path.stat().st_size > 500_000
     for _ in range(3):
         begun = ExecutionJournal(path)
-        with begun.everybodys():
+        with begun.all_rows():
             pass
         begun.add(Latched("rex", "fire"))
         begun.close()
@@ -354,7 +354,7 @@ def test_a_stop_does_not_fail_by_its_record(opened, monkeypatch):
         raise ValueError("odd")
 
     journal = opened()
-    monkeypatch.setattr(journal._begun, "add", fail)
+    monkeypatch.setattr(journal._execution_journal, "add", fail)
     journal.robot("rex").latch("fire")
     assert "odd" in journal.problem
     assert opened().robot("rex").latched == "fire"
@@ -368,7 +368,7 @@ async def test_an_emergency_stop_halts_the_robot_though_its_record_fails(
 
     journal = opened()
     monkeypatch.setattr("fleet.host.robot.controller.HALT_WAIT", 20.0)
-    monkeypatch.setattr(journal._begun, "add", fail)
+    monkeypatch.setattr(journal._execution_journal, "add", fail)
     bench = make_bench(journal=journal.robot("rex"))
     bench.ask(asks.command("emergency_stop"))
     await asks.settle()
@@ -541,7 +541,7 @@ def test_commands_in_memory_are_bounded_while_the_disk_takes_nothing(tmp_path, c
     rex.latch("panel")
     for number in range(1000):
         rex.note(f"r{number}", "land")
-    wait_until("it is short again", lambda: journal._begun.length < 10_000)
+    wait_until("it is short again", lambda: journal._execution_journal.length < 10_000)
     assert b"panel" in (tmp_path / "begun.main").read_bytes()
     journal.close()
 
@@ -584,3 +584,19 @@ def latches(folder):
     """Return what another process finds on the disk of the stops that are set."""
     with contextlib.closing(sqlite3.connect(folder / JOURNAL)) as database:
         return database.execute("SELECT robot, why FROM latch").fetchall()
+
+
+def test_a_stop_that_a_full_disk_did_not_take_is_written_once_there_is_room_though_nothing_follows(
+    tmp_path, clock, opened
+):
+    journal = opened()
+    rex = journal.robot("rex")
+    journal._database.execute("PRAGMA max_page_count = 1")
+    rex.latch("x" * 100_000)
+    wait_until("the trouble is told", lambda: "full" in journal.problem)
+    with journal._using:
+        journal._database.execute("PRAGMA max_page_count = 100000")
+    clock.advance(RETRY)
+    wait_until("the disk takes it", lambda: not journal.problem)
+    with contextlib.closing(sqlite3.connect(tmp_path / JOURNAL)) as disk:
+        assert disk.execute("SELECT robot FROM latch WHERE why <> ''").fetchall() == [("rex",)]

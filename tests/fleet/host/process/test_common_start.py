@@ -114,7 +114,7 @@ async def test_one_that_cannot_begin_keeps_the_others_from_it(serve):
         (end,) = await asyncio.to_thread(asker.ends, "rex")
         assert (end.status, end.reason) == (
             ReplyStatus.REJECTED,
-            "not started: who asked for it took it back, or is gone",
+            "not started: its sender cancelled it, or is gone",
         )
         assert begun(place) == {}
 
@@ -198,7 +198,7 @@ async def test_an_instant_that_is_past_or_too_far_ahead_starts_nobody(serve):
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"start": "nobodys"}, "does not show that it is there"),
+        ({"start": "nobodys"}, "is not present"),
         ({"kind": "motion", "message": {"command": "move_forward"}}, "nothing that is started together"),
         ({"message": {"command": "goto", "position": [1, "x", 0]}}, "position"),
         ({"kind": "command", "message": {"command": "jump", "data": {}}}, "has no 'jump'"),

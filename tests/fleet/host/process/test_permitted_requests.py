@@ -176,6 +176,6 @@ async def test_a_common_start_is_prepared_only_for_who_may_operate(asked_as, ask
     refused = await asked_as("person", prepare, command("walk"), console="vic", kind="command", start="s1")
     assert (refused["status"], refused["reason"]) == ("rejected", NEEDS_OPERATE)
     without = await asked_as("person", prepare, command("walk"), console="anna", kind="command", start="s1")
-    assert "does not show that it is there" in without["reason"]
+    assert "is not present" in without["reason"]
     stopped = await asked_as("person", prepare, command("stop"), console="vic", kind="command", start="s1")
     assert stopped["status"] == "accepted"

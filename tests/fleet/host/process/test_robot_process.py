@@ -161,7 +161,7 @@ async def test_a_pose_that_is_no_place_keeps_no_robot_in_its_fence(yard, run_edg
     async with run_edge(edge):
         await asks.until(lambda: edge.states()[0].health == "ok")
         robot = edge.process.robots["rex"]
-        for x, told in ((bad, "where the robot is, is unknown"), (1.0, "")):
+        for x, told in ((bad, "the robot's position is unknown"), (1.0, "")):
             robot.publish(PoseReport(edge.process.clock.time(), Vector3(x), Quaternion()))
             answers = []
             robot.read("command", b'{"command": "move_forward"}', way=Transport.BUS)(answers.append)

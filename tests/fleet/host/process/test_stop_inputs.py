@@ -10,7 +10,7 @@ import time
 import pytest
 
 from fleet.config.schema import StopInputConfig
-from fleet.host.process.stop_inputs import SILENT_AFTER, HeldByEdge, StopInput, robots_of
+from fleet.host.process.stop_inputs import SILENT_AFTER, HeldByEdge, StopInput, StopInputs, robots_of
 from fleet.host.safety.emergency_stop import RELEASE, EmergencyStopLatch
 from fleet.model.command import Transport
 from fleet.testing.clock import ManualClock
@@ -287,7 +287,7 @@ def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_
     held = HeldByEdge(
         {robot: latches[robot] for robot in named}, ended=lambda *told: ended.append(told), clock=clock
     )
-    assert "has not told yet" in latches["max"].refusal()
+    assert "has not confirmed" in latches["max"].refusal()
     assert latches["kestrel"].refusal() is None, "no input names it"
     held.take(b'{"max": "stop input button has not been heard yet"}')
     assert latches["max"].refusal() == "stop input button has not been heard yet"
@@ -345,3 +345,32 @@ async def test_a_landing_goes_on_when_the_edge_is_silent(bench, asks):
     held.look()
     await asks.settle()
     assert bench.puppet.told == ["land"]
+
+
+def test_an_input_that_is_heard_does_not_free_a_robot_that_another_holds_at_the_same_time():
+    latch = EmergencyStopLatch()
+    configs = [StopInputConfig(**an_input("/dev/null", name=name)) for name in ("left", "right")]
+    nothing = {"stop": lambda *_: None, "renew": lambda *_: None}
+    inputs = StopInputs(configs, {}, {"rex": latch}, (), clock=ManualClock(), **nothing)
+    left, right = (one for one, _ in inputs._inputs)
+    right.trouble = ""
+    judged, go, why = threading.Event(), threading.Event(), inputs._why
+
+    def slowly(robot):
+        found = why(robot)
+        if threading.current_thread() is hearing:
+            judged.set()
+            assert go.wait(60)
+        return found
+
+    inputs._why = slowly
+    hearing = threading.Thread(target=left._heard)
+    losing = threading.Thread(target=right._lost, args=("unplugged",))
+    hearing.start()
+    assert judged.wait(60)
+    losing.start()
+    wait_until("the loss is seen", lambda: right.trouble)
+    go.set()
+    hearing.join()
+    losing.join()
+    assert latch.held == "stop input right: unplugged"

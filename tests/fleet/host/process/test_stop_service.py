@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from fleet.bus.bus import Bus
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.host.process.stop_service import names_in, serve_stops, stop_everywhere
-from fleet.host.requests.stop_cause import THE_KEY, StopCause, cause_noted, local_cause, note_of
+from fleet.host.requests.stop_cause import STOP_KEY_CAUSE, StopCause, cause_noted, local_cause, note_of
 from fleet.model.command import Transport
 from fleet.model.event import Requester
 
@@ -131,7 +131,7 @@ def test_a_robot_in_a_worker_that_may_not_hear_it_is_stopped_later(bus, payload,
     robot = Elsewhere()
     serve_stops(Process("yard-1"), bus, GROUPS, [robot])
     bus.control.put("fleet/*/stop", payload)
-    assert robot.told[:1] == [("later", THE_KEY)] * told
+    assert robot.told[:1] == [("later", STOP_KEY_CAUSE)] * told
 
 
 @WHOM
@@ -169,7 +169,7 @@ def test_a_published_stop_says_who_asks_and_why(bus):
 def test_a_stop_whose_cause_cannot_be_read_is_a_stop(bus, processes, note):
     bus.control.put("fleet/*/stop", b"", urgent=True, note=note)
     assert stopped(processes) == [["rex"], ["beast"], ["kestrel"]]
-    assert cause_noted(note) == THE_KEY
+    assert cause_noted(note) == STOP_KEY_CAUSE
 
 
 def test_a_cause_that_cannot_be_written_is_cut_or_left_out():

@@ -64,7 +64,7 @@ async def test_of_several_programs_one_that_does_it_is_enough(bus_session, ask):
     ("answer", "waited", "told"),
     [
         (b'{"ok": false, "reason": "no camera"}', 0.1, (ReplyStatus.DENIED, "no camera")),
-        (b"what?", 0.1, (ReplyStatus.DENIED, "cannot be read")),
+        (b"what?", 0.1, (ReplyStatus.DENIED, "cannot be decoded")),
         (None, 0.1, (ReplyStatus.REJECTED, "no program on the bus sends video of rex")),
         (None, ANSWER_WITHIN, (ReplyStatus.TIMEOUT, "does not answer")),
     ],

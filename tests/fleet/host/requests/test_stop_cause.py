@@ -5,7 +5,7 @@ import pytest
 
 from fleet.host.requests.stop_cause import (
     LARGEST,
-    THE_KEY,
+    STOP_KEY_CAUSE,
     StopCause,
     cause_in,
     cause_noted,
@@ -28,8 +28,8 @@ def test_parameters_come_back_as_they_were_said():
 def test_parameters_that_say_nothing_or_nonsense_are_the_stop_key():
     assert parameters_of("", "", "") == {}
     for said in ({}, {"by": "no hex"}, {"id": b"q1".hex()}):
-        assert cause_in(said) is THE_KEY
-    assert THE_KEY.why == "the stop key"
+        assert cause_in(said) is STOP_KEY_CAUSE
+    assert STOP_KEY_CAUSE.why == "the stop key"
 
 
 def test_words_are_cut_and_made_safe_to_show():
@@ -48,7 +48,7 @@ def test_a_note_comes_back_but_proves_nothing():
 
 @pytest.mark.parametrize("note", [b"", b"{", b"[" * 5000, b"[]", b'{"asker": 1}', b" " * (LARGEST + 1)])
 def test_a_note_that_cannot_be_read_is_the_stop_key(note):
-    assert cause_noted(note) is THE_KEY
+    assert cause_noted(note) is STOP_KEY_CAUSE
 
 
 def test_a_name_that_is_no_text_is_noted_readably():

@@ -211,7 +211,7 @@ async def test_a_stick_that_is_held_does_not_undo_somebody_else_s_stop(bench, as
     for _ in range(20):
         bench.clock.advance(0.1)
         (answer,) = bench.ask(asks.setpoint(session="anna"))
-        assert "somebody else stopped it" in answer.reason
+        assert "another sender stopped it" in answer.reason
     assert not bench.controller.in_motion
     bench.clock.advance(0.6)
     assert statuses(bench.ask(asks.setpoint(session="anna"))) == [ACCEPTED]
@@ -765,6 +765,42 @@ async def test_a_stop_that_the_loss_broke_off_is_begun_anew(bench, asks):
     assert bench.puppet.told.count("stop") == 2
 
 
+@pytest.mark.parametrize("stops", [LinkLost("gone"), NotReady("busy"), "never"])
+@pytest.mark.parametrize("ended_by", ["a stop", "its own failure"])
+async def test_a_robot_whose_stop_was_not_seen_before_it_was_lost_is_stopped_when_it_is_back(
+    bench, asks, ended_by, stops
+):
+    bench.puppet.stops = stops
+    bench.puppet.raises = LinkLost("gone") if ended_by == "its own failure" else None
+    bench.ask(asks.goal())
+    await asks.settle()
+    if ended_by == "a stop":
+        bench.ask(asks.command("stop"))
+        await asks.settle()
+    assert not bench.controller.in_motion
+    bench.controller.lost("no heartbeat")
+    before = len(bench.puppet.told)
+    bench.puppet.stops, bench.puppet.raises = "", None
+    bench.puppet.go.set()
+    bench.controller.found()
+    await asks.settle()
+    assert bench.puppet.told[before:] == ["stop"]
+
+
+async def test_a_robot_that_did_what_was_asked_after_a_stop_failed_is_left_alone_when_it_is_back(bench, asks):
+    bench.puppet.stops = NotReady("busy")
+    bench.ask(asks.command("stop"))
+    await asks.settle()
+    bench.puppet.go.set()
+    bench.ask(asks.goal())
+    await asks.settle()
+    before = len(bench.puppet.told)
+    bench.controller.lost("no heartbeat")
+    bench.controller.found()
+    await asks.settle()
+    assert "stop" not in bench.puppet.told[before:]
+
+
 @pytest.mark.parametrize("meanwhile", ["nothing", "land", "pilot"])
 async def test_one_that_stood_or_landed_or_has_a_pilot_is_left_alone_when_it_is_back(bench, asks, meanwhile):
     bench.puppet.land = bench.puppet.go.wait  # it takes its time
@@ -808,9 +844,9 @@ async def test_what_was_asked_before_a_stop_and_arrives_after_it_is_refused(benc
     bench.ask(stop if how == "stop" else Navigate(Control.STOP, "", stop.origin, now - 0.2))
     await asks.settle()
     refused = await asked(late, "a1", now - 0.3)
-    assert refused.reason == "asked before a stop that came before it"
+    assert refused.reason == "sent before a stop that arrived first"
     others = await asked(late, "a2", now - 0.1, session="bert")  # whose clock is another
-    assert others.reason.startswith("asked before somebody's stop, or so soon after it")
+    assert others.reason.startswith("sent before another sender's stop, or too soon after it")
     assert (await asked(late, "a3", now - 0.1)).ok, "who stopped knows what came after it"
 
 
@@ -931,7 +967,7 @@ async def test_a_stop_says_that_it_was_written_only_where_it_could_be(make_bench
     bench = make_bench()
     bench.controller.lost("silent")
     (answer,) = bench.ask(asks.command("stop"))
-    assert answer.reason.endswith("silent; the stop was written, nobody answers")
+    assert answer.reason.endswith("silent; the stop was written, but the robot does not answer")
     bench.controller.attach(bench.puppet)  # a new run, which has heard nothing yet
     (answer,) = bench.ask(asks.command("stop"))
     assert answer.reason.endswith("may not have been written: it has not been heard since its adapter began")

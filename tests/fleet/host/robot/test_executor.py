@@ -136,7 +136,7 @@ async def test_a_deaf_command_can_be_superseded(rude, asks):
 
 
 async def test_a_command_that_goes_on_after_its_end_is_a_crash(rude, asks, monkeypatch):
-    monkeypatch.setattr("fleet.host.runtime.cancellation.DEAF_AFTER", 0.01)
+    monkeypatch.setattr("fleet.host.runtime.cancellation.IGNORED_AFTER", 0.01)
     rude.start("deaf")
     await asks.settle()
     rude.executor.cancel("stopped")
@@ -145,7 +145,7 @@ async def test_a_command_that_goes_on_after_its_end_is_a_crash(rude, asks, monke
 
 
 async def test_a_command_that_ends_when_it_is_told_is_no_crash(rude, asks, monkeypatch):
-    monkeypatch.setattr("fleet.host.runtime.cancellation.DEAF_AFTER", 0.01)
+    monkeypatch.setattr("fleet.host.runtime.cancellation.IGNORED_AFTER", 0.01)
     rude.start("wait")
     await asks.settle()
     rude.executor.cancel("stopped")

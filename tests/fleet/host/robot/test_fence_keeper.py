@@ -48,7 +48,7 @@ def test_corners_on_earth_are_placed_once_home_is_known(place):
     assert fencing.fence is None
     assert not fencing.look()
     assert not fencing.leads_out(EAST)
-    with pytest.raises(Refused, match="where the robot is, is unknown"):
+    with pytest.raises(Refused, match="the robot's position is unknown"):
         fencing.inside(EAST)
     place.home = GeoPoint(47.0, 8.0, 0.0)
     fencing.draw()
@@ -60,7 +60,7 @@ def test_an_old_pose_is_no_ground_to_move_by(place, clock):
     fencing = FenceKeeper(place, YARD, NO_LIMITS)
     stands(place, 0.0)
     clock.advance(STALE + 0.1)
-    with pytest.raises(Refused, match="where the robot is, is unknown"):
+    with pytest.raises(Refused, match="the robot's position is unknown"):
         fencing.inside(EAST)
 
 

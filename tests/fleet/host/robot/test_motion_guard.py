@@ -52,7 +52,7 @@ async def test_without_an_origin_the_corners_are_placed_once_home_is_known(make_
     corners = [(46.999, 7.999), (47.001, 7.999), (47.001, 8.001), (46.999, 8.001)]
     bench = make_bench(fence={"frame": "geodetic", "inclusion": [corners]})
     bench.stands()
-    assert "unknown" in bench.ask(goal(asks, GoTo(Goal(Vector3(5, 0, 0)))))[0].reason
+    assert "cannot be placed" in bench.ask(goal(asks, GoTo(Goal(Vector3(5, 0, 0)))))[0].reason
     home = GeoPoint(47.0, 8.0, 400.0)
     bench.controller.guard.see(FlightControllerReport(0.0, armed=False, mode="", failsafe=False, home=home))
     assert bench.ask(goal(asks, GoTo(Goal(Vector3(5, 0, 0)))))[0].ok

@@ -123,7 +123,7 @@ async def test_navigation_that_ignores_its_end_has_no_say_any_more(bench, asks):
 
 
 async def test_navigation_that_goes_on_after_its_end_is_a_crash(bench, asks, monkeypatch):
-    monkeypatch.setattr("fleet.host.runtime.cancellation.DEAF_AFTER", 0.01)
+    monkeypatch.setattr("fleet.host.runtime.cancellation.IGNORED_AFTER", 0.01)
 
     async def deaf(task):
         while not bench.go.is_set():

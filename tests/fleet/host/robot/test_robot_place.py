@@ -32,7 +32,7 @@ def test_a_pose_that_is_too_old_counts_as_unknown(place, clock):
     clock.advance(STALE + 0.1)
     assert place.fresh() is None
     assert place.way_down("land") == ()
-    with pytest.raises(Refused, match="where the robot is, is unknown"):
+    with pytest.raises(Refused, match="the robot's position is unknown"):
         place.way(GoTo(Goal(Vector3())))
 
 

@@ -103,7 +103,7 @@ def test_why_nobody_knows_how_far_a_robot_is_from_others_is_said(clock):
     ugv = joined(traffic, clock, "ugv", (1.0, 0.0, 0.0))
     assert traffic.unknown("rex") == "unknown: it is not placed"
     rex.world_is(SITE)
-    assert traffic.unknown("rex") == "unknown: it has not told where it is"
+    assert traffic.unknown("rex") == "unknown: it has not reported its position"
     rex.see(Pose())
     assert traffic.unknown("rex") == "unknown to ugv"
     ugv.see(Pose())

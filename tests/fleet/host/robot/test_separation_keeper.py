@@ -164,7 +164,7 @@ def test_a_robot_that_fell_silent_stays_where_it_was_and_grows_by_how_far_it_may
 
     beside, away = in_field(FACING, work)
     assert "from other, " in beside[0].reason
-    assert "other has not said where it is for" in beside[0].reason
+    assert "other has not reported its position for" in beside[0].reason
     assert away[0].ok
 
 
@@ -207,7 +207,7 @@ def test_a_robot_that_does_not_tell_where_it_is_begins_only_where_it_has_nobody_
     starts = {name: DRONES[name] for name in ("drone-1", *others)}
     answers = in_field(starts, work)
     assert answers[0].ok is taken
-    assert taken or "where the robot is, is unknown" in answers[0].reason
+    assert taken or "the robot's position is unknown" in answers[0].reason
 
 
 def test_a_hundred_velocities_a_second_are_looked_at_ten_times_a_second():

@@ -97,7 +97,7 @@ def test_a_robot_that_does_not_take_lower_limits_is_halted(driving, error):
 
 
 def test_a_robot_whose_place_is_unknown_under_new_limits_is_halted(driving):
-    driving.guard.unknown = Refused("where the robot is, is unknown")
+    driving.guard.unknown = Refused("the robot's position is unknown")
     driving.limit(0.5)
     assert (driving.halts, driving.activity) == (1, "")
 

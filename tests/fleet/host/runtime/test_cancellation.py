@@ -24,7 +24,7 @@ async def test_what_takes_too_long_is_cancelled():
 async def test_what_ignores_its_cancellation_is_left_behind(asks):
     free = asyncio.Event()
 
-    async def deaf():
+    async def on_ignored():
         while not free.is_set():
             try:
                 await free.wait()
@@ -33,7 +33,7 @@ async def test_what_ignores_its_cancellation_is_left_behind(asks):
         raise ValueError("nobody asks any more")
 
     with pytest.raises(TimeoutError):
-        await wait_bounded(deaf(), 0.01)
+        await wait_bounded(on_ignored(), 0.01)
     free.set()
     await asks.settle()
 

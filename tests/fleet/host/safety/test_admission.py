@@ -103,7 +103,7 @@ def test_a_stick_that_is_held_behind_an_emergency_stop_does_not_drive_at_its_rel
     gate.latch.release()
     for step in range(30, 60):
         gate.until(step * 0.1)
-        assert "somebody else stopped it: let go" in gate.drive("anna")
+        assert "another sender stopped it: release the stick" in gate.drive("anna")
     gate.zero("anna")
     assert gate.drive("anna") is None
 

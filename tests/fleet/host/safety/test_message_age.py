@@ -157,3 +157,12 @@ def test_nothing_older_than_age_and_skew_ever_passes(messages, skew):
         now += wait
         if check(ages, lag, now=now):
             assert -skew - 0.5 - 1e-6 <= lag <= skew + 0.5 + 1e-6
+
+
+def test_what_was_asked_before_a_stop_is_refused_though_many_others_were_heard_since():
+    ages = AgeCheck(2.0)
+    ages.stopped("s", WALL, wall=WALL, now=0.0)
+    for number in range(SESSIONS):
+        check(ages, 0.0, now=0.5, session=f"other {number}")
+    assert not check(ages, 1.0, now=0.5)
+    assert check(ages, 0.1, now=0.5)

@@ -19,7 +19,7 @@ def test_who_holds_the_stick_is_refused_from_somebody_else_s_stop_on_until_a_pau
     rule = driving("anna")
     rule.stopped("bert", 0.1)
     for step in range(1, 100):
-        assert "let go" in rule.refusal("anna", 0.1 + step * 0.05, zero=False)
+        assert "release the stick" in rule.refusal("anna", 0.1 + step * 0.05, zero=False)
     assert rule.refusal("anna", 0.1 + 99 * 0.05 + PAUSE, zero=False) is None
 
 

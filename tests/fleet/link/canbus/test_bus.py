@@ -65,7 +65,7 @@ def test_a_queue_that_stays_full_is_a_dead_bus_and_nothing_old_is_sent(pair, clo
             clock.advance(0.01)
     one.send(CanFrame(2, b"new"))
     assert other.receive(0.0) == []
-    with pytest.raises(LinkLost, match="nobody acknowledges"):
+    with pytest.raises(LinkLost, match="no node acknowledges"):
         one.receive(0.0)
 
 

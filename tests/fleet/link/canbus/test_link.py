@@ -83,8 +83,8 @@ async def test_a_fd_frame_on_a_classic_bus_is_a_mistake_that_is_said(url, hearin
 @pytest.mark.parametrize(
     ("frame", "told"),
     [
-        (CanFrame(-1, b""), "is no identifier"),
-        (CanFrame(1 << 29, b""), "20000000h is no identifier"),
+        (CanFrame(-1, b""), "is not a CAN identifier"),
+        (CanFrame(1 << 29, b""), "20000000h is not a CAN identifier"),
         (CanFrame(1, bytes(9)), "a classic frame has no 9 bytes"),
         (CanFrame(1, bytes(9), fd=True), "a CAN FD frame has no 9 bytes"),
         (CanFrame(1, bytes(1), remote=True), "a remote frame has no 1 bytes"),

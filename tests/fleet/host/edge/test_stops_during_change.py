@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from fleet.host.edge.stops_meanwhile import StopsMeanwhile
+from fleet.host.edge.stops_during_change import StopsDuringChange
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.safety.emergency_stop import EmergencyStopLatch
 
@@ -26,14 +26,14 @@ def stopped(meanwhile, name):
     ("names", "reached"), [((), True), (("ada",), True), (("crew",), True), (("rex",), False)]
 )
 def test_a_stop_during_a_change_reaches_a_robot_by_its_name_its_group_or_none(process, names, reached):
-    meanwhile = StopsMeanwhile(process)
+    meanwhile = StopsDuringChange(process)
     meanwhile.begin({"crew": ["ada", "rex"]})
     process.stop_asked(names, CAUSE)
     assert stopped(meanwhile, "ada") is reached
 
 
 def test_a_stop_before_or_after_a_change_is_not_kept(process):
-    meanwhile = StopsMeanwhile(process)
+    meanwhile = StopsDuringChange(process)
     process.stop_asked((), CAUSE)
     meanwhile.begin({})
     assert not stopped(meanwhile, "ada")

@@ -1,4 +1,4 @@
-"""Emergency stops that are asked for during a change: they reach the robots that it brings, too."""
+"""Emergency stops requested during a change, which must also reach the robots that it adds."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.workers.remote_robot import RemoteRobot
 
 
-class StopsMeanwhile:
-    """The stops of one process from ``begin`` to ``end``."""
+class StopsDuringChange:
+    """Stops of one process from ``begin`` to ``end``."""
 
     def __init__(self, process: RobotProcess) -> None:
         self._stops: list[tuple[tuple[str, ...], StopCause]] = []
@@ -20,30 +20,30 @@ class StopsMeanwhile:
         process.stop_asked = self._asked
 
     def begin(self, groups: Mapping[str, Iterable[str]]) -> None:
-        """Begin to remember; ``groups`` are those that robots will have."""
+        """Start recording; ``groups`` are those that robots will have."""
         self._stops, self._groups, self._under_way = [], groups, True
 
     def end(self) -> None:
-        """Remember no more."""
+        """Stop recording."""
         self._stops, self._under_way = [], False
 
     def engage(self, robot: LocalRobot) -> None:
-        """Set the stops that were asked for of a robot."""
+        """Set the recorded stops of a robot."""
         for cause in self._of(robot.name):
             robot.controller.latch.engage(cause.why)
         robot.controller.latch.record()
 
     def pass_on(self, robot: RemoteRobot) -> None:
-        """Have a robot in a worker stopped that was asked to stop before its worker ran it."""
+        """Pass the recorded stops to a robot in a worker that has not run it until now."""
         for cause in self._of(robot.name):
             robot.stop_later(cause)
 
     def _of(self, name: str) -> list[StopCause]:
-        """Return the stops that name a robot, or a group of it, or nobody."""
+        """Return the stops that name a robot, or a group of it, or no robot at all."""
         known = {name, *(group for group, members in self._groups.items() if name in members)}
         return [cause for named, cause in list(self._stops) if not named or known.intersection(named)]
 
     def _asked(self, names: tuple[str, ...], cause: StopCause) -> None:
-        """Remember a stop before robots are looked up: who is not found finds it; from any thread."""
+        """Record a stop before robots are looked up, so that one added later gets it; from any thread."""
         if self._under_way:
             self._stops.append((names, cause))

@@ -1,4 +1,4 @@
-"""Whether a machine that walks by itself does what it is asked: its own velocity against ours."""
+"""Comparison of a self-walking machine's reported velocity with the requested one."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import math
 
 from fleet_quadruped.body.gait import Twist
 
-_ASKED, _TURN = 0.1, 0.2  # m/s, rad/s: less than this is not judged
-_SHARE = 0.25  # of what is asked that it must tell
-_SLACK = 1.0  # s in which it may take up a velocity
-_STILL, _STILL_TURN = 0.15, 0.3  # m/s, rad/s that it may tell when it is to stand
-_HALT = 1.5  # s in which it must come to rest
+_ASKED, _TURN = 0.1, 0.2  # m/s, rad/s: slower requests are not compared
+_SHARE = 0.25  # share of the request that it must report
+_SLACK = 1.0  # s for reaching a velocity
+_STILL, _STILL_TURN = 0.15, 0.3  # m/s, rad/s: tolerance while it should stand still
+_HALT = 1.5  # s for coming to rest
 
 
-class Obedience:
-    """Remembers for how long a machine has not done what it was asked. ``why`` says so, empty without.
+class VelocityCheck:
+    """Tracks how long a machine has not followed its requests. ``why``: description of it, or empty.
 
-    ``runs``: it walks although it is to stand still.
+    ``runs``: description of a movement although it should stand still, or empty.
     """
 
     def __init__(self) -> None:
@@ -24,20 +24,20 @@ class Obedience:
         self._idle = self._running = 0.0  # s
 
     def judge(self, dt: float, asked: Twist, told: Twist) -> None:
-        """Take one cycle: what is asked of it, and what it tells (m/s, rad/s)."""
+        """Compare one cycle: requested and reported velocity (m/s, rad/s)."""
         still = asked == Twist()
         self._idle = self._idle + dt if not still and _idles(asked, told) else 0.0
         moves = math.hypot(told.x, told.y) > _STILL or abs(told.turn) > _STILL_TURN
         self._running = self._running + dt if still and moves else 0.0
         self.why = self.runs = ""
         if self._idle > _SLACK:
-            self.why = f"asked {_words(asked)}, tells {_words(told)}: it is blocked, or does not obey"
+            self.why = f"requested {_words(asked)}, reports {_words(told)}: it is blocked, or does not follow"
         if self._running > _HALT:
-            self.runs = f"asked to stand still, tells {_words(told)}"
+            self.runs = f"requested to stand still, reports {_words(told)}"
 
 
 def _idles(asked: Twist, told: Twist) -> bool:
-    """Return True when much less is told than asked, or the opposite of it."""
+    """Return True if the reported velocity is much slower than requested, or opposite."""
     speed = math.hypot(asked.x, asked.y)
     along = (asked.x * told.x + asked.y * told.y) / speed if speed > _ASKED else math.inf
     turn = told.turn * math.copysign(1.0, asked.turn) if abs(asked.turn) > _TURN else math.inf
