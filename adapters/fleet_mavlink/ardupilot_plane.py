@@ -49,6 +49,7 @@ class _ArduPlane(ArduPilotFlavour):
     )
     tries_brakes: ClassVar[bool] = True
     mission_ends: ClassVar[tuple[str, ...]] = ("RTL", "QRTL")
+    lands_once: ClassVar[str] = "In landing sequence"
 
     @property
     def failsafe_table(self) -> str:

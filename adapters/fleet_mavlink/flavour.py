@@ -53,6 +53,7 @@ class Flavour(VehicleKind):
     mission: ClassVar[str]  # flies the stored mission
     home_is_first: ClassVar[bool]  # item 0 of a mission is home
     rewind: ClassVar[CommandLong | None]  # before a start, if that would continue at the last item
+    lands_once: ClassVar[str] = ""  # its words when it does not arm after a planned landing before a rewind
     repeats_reached: ClassVar[bool]  # reports the last reached item again and again
     unset: ClassVar[float]  # value of an item's parameter that is left to the autopilot
     lead_in: ClassVar[float]  # s of setpoints before it accepts the external mode

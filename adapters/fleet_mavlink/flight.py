@@ -123,7 +123,14 @@ class Flight:
         if self.mode(self.vehicle.state) != flavour.arming:
             await self.enter(flavour.arming)
         self.authority.expect(flavour.arming)
-        await self._arming(arm=True, force=force)
+        try:
+            await self._arming(arm=True, force=force)
+        except Refused as refusal:
+            landed = flavour.lands_once and any(flavour.lands_once in each for each in refusal.messages)
+            if not landed or flavour.rewind is None:
+                raise
+            await self.commander.ask(flavour.rewind)
+            await self._arming(arm=True, force=force)
 
     async def disarm(self, *, force: bool = False) -> None:
         """Disarm on the ground; raises Refused in the air, even with ``force``."""

@@ -22,7 +22,7 @@ from fleet_mavlink.texts import WARNING, Sentence
 _SAID_FOR = 35.0  # s; ArduPilot repeats what is wrong every 30 s
 _REASONS = ("arm", "prearm", "preflight")  # with which an autopilot begins what keeps it from arming
 _FOUND, _REFUSED = "prearm: ", "arm: "  # how ArduPilot begins what its checks find, and why it does not arm
-_OF_THE_MODE = "mode not armable"  # with which it ends what is no reason: a take-off changes the mode first
+_OF_THE_MODE = "mode not armable"
 _NEED_NOT_BE_TOLD = frozenset({"satellites", "battery"})
 _WORDS_WITHIN = 0.5  # s after the checks were asked for
 _BIT_WITHIN = 1.5  # s in which SYS_STATUS comes, once a second
@@ -55,7 +55,7 @@ def checks(
     percent = state.battery.percent
     sentences = [said for said in sentences if said.severity <= WARNING]  # of what is switched off, too
     standing = _standing(sentences, asked, now)
-    against = tuple(each for each in standing if mode == flavour.arming or not each.endswith(_OF_THE_MODE))
+    against = tuple(each for each in standing if not _is_put_right(each, mode, flavour))
     is_told = any(each.lower().startswith(_FOUND) for each in standing)  # all that it found
     passed = (is_told or state.prearm_ok) and not against
     return [
@@ -78,6 +78,13 @@ def _satellites(state: VehicleState, fix: Fix | None, troubles: tuple[str, ...])
         return Check("satellites", False if state.had_fix else None, troubles[:1] if state.had_fix else ())
     count = "" if fix.satellites is None else f", {fix.satellites} satellites"
     return Check("satellites", True, (f"{fix.kind} fix{count}",))
+
+
+def _is_put_right(words: str, mode: str, flavour: Flavour) -> bool:
+    """Return whether what is said against arming is put right by each take-off: the mode, an old landing."""
+    if words.endswith(_OF_THE_MODE):
+        return mode != flavour.arming
+    return bool(flavour.lands_once) and words.endswith(flavour.lands_once)
 
 
 def _mode_words(mode: str, flavour: Flavour) -> str:

@@ -110,7 +110,9 @@ class _Attempt:
     async def _ask(self) -> None:
         """Request the climb: by a take-off, or in the air, if that is refused there, by a position."""
         flight, flavour, vehicle = self._flight, self._flight.flavour, self._vehicle
-        self._by_place = bool(vehicle.state.in_air) and not flavour.takes_off_in_air
+        # A QuadPlane that has landed before says that it flies as soon as it is armed.
+        flies = bool(vehicle.state.in_air) and not self._armed_by_us
+        self._by_place = flies and not flavour.takes_off_in_air
         if self._by_place:
             await self._go()
             return

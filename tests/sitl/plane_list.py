@@ -252,6 +252,12 @@ async def flies_a_plan_to_its_landing(it):
     assert away(it, items[-1].point) < 200.0, f"{away(it, items[-1].point):.0f} m off"
 
 
+async def takes_off_after_its_landing(it):
+    """Take off again, and circle: ArduPlane does not arm before its mission is rewound."""
+    await is_met_and_ready(it)
+    await takes_off(it)
+
+
 STEPS = (
     is_met_and_ready,
     refuses_what_wings_cannot,
@@ -266,6 +272,7 @@ STEPS = (
     flies_home,
     lands_where_it_can,
     flies_a_plan_to_its_landing,
+    takes_off_after_its_landing,
 )
 
 

@@ -172,6 +172,7 @@ async def is_stopped_without_knowing_how_guided_flies(it, planes):
     """Stop a QuadPlane: in GUIDED it is seen to hover, and stands; on the way to its wings it lands."""
     if not is_arduplane(it):
         return
+    await it.until(lambda: planes.speed(it) < 1.0 and it.state.vtol_state == HOVERS, 40.0)
     async with sent_far(it, planes, FAR):
         forget_how_guided_flies(it, planes)
         where, height = it.state.position, it.state.relative_altitude
@@ -310,6 +311,14 @@ async def lands_by_a_plan(it, planes):
     assert planes.away(it, items[-1].point) < 10.0, f"{planes.away(it, items[-1].point):.0f} m off"
 
 
+async def takes_off_after_its_landings(it, planes):
+    """Take off again with its rotors, from the landing of a plan and from its own."""
+    for _ in range(2):
+        await planes.is_met_and_ready(it)
+        await takes_off_with_its_rotors(it, planes)
+        await it.do("land")
+
+
 STEPS = (
     is_set_up,
     takes_off_with_its_rotors,
@@ -328,6 +337,7 @@ STEPS = (
     is_stopped_on_the_way_to_its_hover,
     flies_home_and_lands,
     lands_by_a_plan,
+    takes_off_after_its_landings,
 )
 
 

@@ -21,6 +21,7 @@ from fleet_mavlink.sim.plane_moves import Circle, RunwayTakeoff
 from fleet_mavlink.sim.speaker import INFO, WARNING
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 
+_LANDINGS = frozenset({mav.MAV_CMD_NAV_LAND, mav.MAV_CMD_NAV_VTOL_LAND})
 _LANDED_DISARM = 20.0  # s, LAND_DISARMDELAY
 _AIRSPEED, _DEFAULT = 0, -2.0  # DO_CHANGE_SPEED: airspeed type, and the value that resets it
 _ABOVE_HOME = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}  # frames
@@ -185,10 +186,14 @@ class SimArduPlane(ArduPilot):
         self.failsafes = PlaneFailsafes(self)
 
     def refusals(self, *, force: bool) -> list[str]:
-        """Return the refusals, also for a planned landing that RTL must not fly."""
+        """Return the refusals, also for a planned landing that RTL must not fly, or that was just flown."""
+        missions = self.missions
+        now = missions.items[missions.current] if missions.current < len(missions.items) else None
+        landed = now is not None and now.command in _LANDINGS
         planned = any(item.command == mav.MAV_CMD_DO_LAND_START for item in self.missions.items)
         unused = planned and not self.params["RTL_AUTOLAND"] and not force
-        return super().refusals(force=force) + ["DO_LAND_START set and RTL_AUTOLAND disabled"] * unused
+        found = super().refusals(force=force) + ["DO_LAND_START set and RTL_AUTOLAND disabled"] * unused
+        return found + ["In landing sequence"] * (landed and not force)
 
     @property
     def airspeeds(self) -> FlightSpeeds:

@@ -131,6 +131,7 @@ class SimQuadPlane(SimArduPlane):
     def __init__(self, boot: Boot) -> None:
         self._goes_over: tuple[float, Manoeuvre] | None = None  # end of the transition, next manoeuvre
         self._slows_until = 0.0  # end of the transition to hover
+        self._has_landed = False  # since it started
         self._hover: FlightSpeeds = HoverSpeeds(boot.params)
         self._wings: FlightSpeeds = AssistedSpeeds(boot.params)
         super().__init__(boot)
@@ -158,6 +159,17 @@ class SimQuadPlane(SimArduPlane):
         if not self.body.hovers:
             return FORWARD
         return TO_HOVER if self.time < self._slows_until else HOVERS
+
+    def landed_state(self) -> int:
+        """Return in the air also where it stands armed in GUIDED, once it has landed with its rotors."""
+        if self._has_landed and self.armed and self.mode.name == "GUIDED":
+            return int(mav.MAV_LANDED_STATE_IN_AIR)
+        return super().landed_state()
+
+    def touched_ground(self) -> None:
+        """Remember it."""
+        self._has_landed = True
+        super().touched_ground()
 
     def hover(self) -> None:
         """Hover from now on; on its wings it takes a while to slow down."""

@@ -202,3 +202,17 @@ def test_a_goal_during_a_takeoff_is_refused_as_busy(fly, sky, flavour):
             assert it.height == pytest.approx(10.0, abs=EXACT)
 
     fly(main())
+
+
+def test_a_quadplane_takes_off_again_though_it_says_that_it_flies_once_it_is_armed(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+            await it.met()
+            await it.until(lambda: "Q_GUIDED_MODE" in it.state.settings)
+            await it.do("set_parameter", name="Q_GUIDED_MODE", value=1)
+            for _ in range(2):
+                await it.do("takeoff", altitude=20.0)
+                assert it.height == pytest.approx(20.0, abs=1.0)
+                await it.do("land")
+
+    fly(main())
