@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from functools import partial
 
 import msgspec
 
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.runtime.threads import run_in_thread
 from fleet.standby.lease import Entry
 from fleet.standby.stops import FollowedStops, OwnStop
 
@@ -60,7 +62,8 @@ class PairStops:
                 latch.engage("a stop that came with the release")
                 latch.record()
         if what.forward:
-            self._bus_session.put(keys.stop(entry.edge), msgspec.json.encode(what.forward), urgent=True)
+            payload = msgspec.json.encode(what.forward)
+            run_in_thread(partial(self._bus_session.put, keys.stop(entry.edge), payload, urgent=True))
 
     def _cause(self, why: str) -> str:
         """Return the cause of a stop that was set at the other edge."""

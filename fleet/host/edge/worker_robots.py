@@ -13,6 +13,7 @@ from fleet.bus import keys
 from fleet.config.load import Loaded
 from fleet.host.process.component_settings import worker_of
 from fleet.host.process.robot_process import RobotProcess
+from fleet.host.runtime.threads import HALT_WAIT, run_in_thread
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_manager import WorkerManager, names_of
 from fleet.host.workers.worker_task import task_of
@@ -135,5 +136,9 @@ def _worker_is(process: RobotProcess, remote: Mapping[str, RemoteRobot], worker:
 
 
 def _halt_worker(process: RobotProcess, worker: str) -> None:
-    """Halt the robots of a hanging worker before it is killed; this sets no emergency stop."""
-    process.bus.control.put(keys.halt(process.edge, worker), b"", urgent=True)
+    """Halt the robots of a hanging worker before it is killed; this sets no emergency stop.
+
+    On a thread of its own: the link to a hanging worker may be full, and the loop serves all other robots.
+    """
+    key = keys.halt(process.edge, worker)
+    run_in_thread(partial(process.bus.control.put, key, b"", urgent=True), wait=HALT_WAIT)

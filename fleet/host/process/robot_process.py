@@ -231,7 +231,10 @@ class RobotProcess:
 
     def stop_robots(self, names: tuple[str, ...], cause: StopCause) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
-        self.stop_asked(names, cause)
+        try:
+            self.stop_asked(names, cause)
+        except Exception:
+            log.exception("a stop was not noted for the robots that join; those that run are stopped")
         stopped = [robot for robot in list(self.robots.values()) if not names or robot.name in names]
         for robot in stopped:
             robot.controller.latch.engage(cause.why)

@@ -52,10 +52,11 @@ def serve_stops(
 
     def stop(payload: bytes, cause: StopCause) -> list[str]:
         names = names_in(payload, groups)
+        stopped = _stop_here(process, names, cause)
         for robot in list(elsewhere):
             if not names or robot.name in names:
-                robot.stop_later(cause)
-        return process.stop_robots(names, cause)
+                _keep(robot, cause)
+        return stopped
 
     def asked(question: Query) -> None:
         stopped = stop(question.payload, cause_in(question.parameters))
@@ -71,6 +72,23 @@ def serve_stops(
     return lambda payload, cause: stop_everywhere(process, elsewhere, names_in(payload, groups), cause)
 
 
+def _stop_here(process: RobotProcess, names: tuple[str, ...], cause: StopCause) -> list[str]:
+    """Stop robots of this process; a failure must not prevent the stop of those elsewhere."""
+    try:
+        return process.stop_robots(names, cause)
+    except Exception:
+        log.exception("the emergency stop failed in this process")
+        return []
+
+
+def _keep(robot: RemoteStopTarget, cause: StopCause) -> None:
+    """Keep a stop for a robot of another process; a failure must not prevent the others' stop."""
+    try:
+        robot.stop_later(cause)
+    except Exception:
+        log.exception("the stop of %s could not be kept for its process", robot.name)
+
+
 def stop_everywhere(
     process: RobotProcess, elsewhere: Iterable[RemoteStopTarget], names: tuple[str, ...], cause: StopCause
 ) -> list[str]:
@@ -79,11 +97,7 @@ def stop_everywhere(
     Returns the robots stopped in this process. A failure here is logged, and does not prevent the others'
     stop.
     """
-    try:
-        stopped = process.stop_robots(names, cause)
-    except Exception:
-        log.exception("the emergency stop failed in this process")
-        stopped = []
+    stopped = _stop_here(process, names, cause)
     for robot in list(elsewhere):
         if not names or robot.name in names:
             robot.emergency(cause)

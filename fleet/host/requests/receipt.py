@@ -118,9 +118,12 @@ class Receipt:
             log.exception("the answer to %s could not be given", self.command)
 
     def _tell(self, reply: Reply) -> None:
-        """Call the watchers."""
+        """Call the watchers; the failure of one keeps neither the others nor the answer back."""
         for seen in self._watchers:
-            seen(reply)
+            try:
+                seen(reply)
+            except Exception:
+                log.exception("the outcome of %s could not be passed on", self.command)
 
 
 def _discard(_reply: Reply) -> None:

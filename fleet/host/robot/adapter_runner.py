@@ -221,7 +221,10 @@ class AdapterRunner:
         self._ending = asyncio.Event()
         motion = self.controller.motion
         in_control = motion.in_control
-        self.controller.lost(why)
+        try:
+            self.controller.lost(why)
+        except Exception:  # noqa: BLE001 - logged: the halt below does not depend on it
+            self._log.exception("the loss of the robot could not be recorded; it is halted all the same")
         if in_control:
             self.controller.halt()
             with contextlib.suppress(Exception):  # the run is over; only the halt mattered

@@ -38,7 +38,7 @@ class BatteryWatch:
         self._free = free
         self._percent: float | None = None
         self._told_low = self._acted = False
-        self.forced = ""
+        self.forced = self._failure = ""
 
     def see(self, percent: float | None) -> None:
         """Report a low battery once and act once the robot is free; again after it was charged."""
@@ -47,7 +47,7 @@ class BatteryWatch:
             return
         if self._reserve.is_charged(percent):
             self._told_low = self._acted = False
-            self.forced = ""
+            self.forced = self._failure = ""
         if not self._reserve.is_low(percent):
             return
         if not self._told_low:
@@ -71,6 +71,9 @@ class BatteryWatch:
         """Record that the policy's action failed."""
         if reply.done is False and self.forced:
             self.forced = f"{self._action} by battery_policy failed: {reply.reason}"
+            if self.forced == self._failure:  # refused again at the next report of the battery
+                return
+            self._failure = self.forced
             failed = {"action": self._action, "reason": reply.reason}
             self._event_reporter.event(EventKind.BATTERY, self.forced, severity=Severity.ERROR, data=failed)
 

@@ -81,8 +81,9 @@ class VelocityControl:
         try:
             self.hold(adapter, velocity, lease)
         except (CommandError, LinkError) as error:
-            # The old velocity is no longer wanted, and the new one is not executed.
-            if superseding:
+            # The old velocity is no longer wanted. A refused new one is not executed; one whose link failed
+            # may have been written.
+            if superseding or isinstance(error, LinkError):
                 self._halt()
             self.let_go()
             receipt.fail(error)

@@ -27,23 +27,23 @@ DUE_TOLERANCE = (
 SLICE = 0.00015  # s of work after which other callbacks of the loop get to run
 
 
-def log_failure(error: Exception) -> None:
-    """Log a failure of the host's own periodic work, which is not expected to fail."""
-    log.error("a timer of the host's own failed", exc_info=error)
-
-
 class PeriodicCall:
     """One periodic call; ``cancel`` ends it."""
 
-    __slots__ = ("call", "cancelled", "context", "failed", "owner", "period")
+    __slots__ = ("call", "cancelled", "context", "failed", "failing", "owner", "period")
 
     def __init__(
-        self, owner: str, period: float, call: Callable[[], None], failed: Callable[[Exception], None]
+        self,
+        owner: str,
+        period: float,
+        call: Callable[[], None],
+        failed: Callable[[Exception], None] | None,
     ) -> None:
         self.owner = owner
         self.period = period
         self.call = call
         self.failed = failed
+        self.failing = False  # the last call failed, and the next is made nevertheless
         self.cancelled = False
         self.context = contextvars.copy_context()
 
@@ -76,9 +76,12 @@ class TickScheduler:
         call: Callable[[], None],
         *,
         owner: str = "",
-        failed: Callable[[Exception], None] = log_failure,
+        failed: Callable[[Exception], None] | None = None,
     ) -> PeriodicCall:
         """Call about every ``period`` seconds; an exception goes to ``failed`` and ends the calls.
+
+        Without ``failed`` an exception is logged and the calls go on: the host's own work, such as repeats of
+        a stop, must not end for good because it failed once.
 
         ``owner`` is the robot on whose behalf it is called, empty for the host's own work.
         """
@@ -165,14 +168,14 @@ class TickScheduler:
             yield from _guarded(end)
 
     def _call(self, periodic: PeriodicCall) -> None:
-        """Make one call; an exception is reported and ends only this call."""
+        """Make one call; an exception is reported and ends at most this call."""
         self.owner = periodic.owner
         try:
             periodic.context.run(periodic.call)
+            periodic.failing = False
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # noqa: BLE001 - exception barrier: one robot's fault must not stop the scheduler
-            periodic.cancel()
             _report_failure(periodic, failure_of(error))
 
 
@@ -183,7 +186,16 @@ def _next_due(due: float, period: float, now: float) -> float:
 
 
 def _report_failure(periodic: PeriodicCall, failure: Exception) -> None:
-    """Report a failure; an exception in ``failed`` must not stop the scheduler either."""
+    """Report a failure, and end the call if it has ``failed``, whose own failure must not stop the scheduler.
+
+    Of a call that fails again and again the first failure is logged.
+    """
+    if periodic.failed is None:
+        if not periodic.failing:
+            log.error("periodic work of the host failed; it is repeated", exc_info=failure)
+        periodic.failing = True
+        return
+    periodic.cancel()
     try:
         periodic.failed(failure)
     except Exception:

@@ -184,6 +184,14 @@ async def test_a_stop_is_noted_before_the_robots_are_looked_up(served):
     assert seen[:2] == [(("rex",), "test"), "looked up"]
 
 
+async def test_robots_are_stopped_though_their_stop_could_not_be_noted(served, asks, caplog):
+    process, place = served
+    process.stop_asked = lambda _names, _cause: 1 / 0
+    assert process.stop_robots(("max",), local_cause("", "test")) == ["max"]
+    await asks.until(lambda: "stop" in place.words("max"))
+    assert "a stop was not noted for the robots that join" in caplog.text
+
+
 async def test_a_stop_for_one_touches_no_other(served, asks):
     process, place = served
     assert process.stop_robots(("max", "nobody"), local_cause("", "test")) == ["max"]

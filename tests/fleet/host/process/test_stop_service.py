@@ -142,6 +142,19 @@ def test_a_stop_that_comes_by_the_supervisor_is_put_on_for_a_robot_in_a_worker(b
     assert robot.told == [("now", ANNA)] * told
 
 
+def test_robots_are_stopped_though_the_stop_of_one_in_a_worker_cannot_be_kept(bus, caplog):
+    class Broken(Elsewhere):
+        def stop_later(self, cause):
+            raise RuntimeError("the table is full")
+
+    process, robot = Process("yard-1", "beast"), Elsewhere()
+    serve_stops(process, bus, GROUPS, [Broken(), robot])
+    bus.control.put("fleet/*/stop", b"")
+    assert process.stopped
+    assert robot.told[:1] == [("later", STOP_KEY_CAUSE)]
+    assert "the stop of rex could not be kept" in caplog.text
+
+
 def test_a_robot_in_a_worker_is_stopped_though_the_stop_fails_here(bus, caplog):
     class Broken(Process):
         def stop_robots(self, names, why):

@@ -86,6 +86,17 @@ def test_a_watcher_that_comes_late_hears_everything():
     assert [reply.done for reply in seen] == [True]
 
 
+def test_a_watcher_that_fails_keeps_neither_the_answer_nor_the_next_watcher_back(caplog):
+    answers, seen = [], []
+    one = Receipt("land", answers.append)
+    one.watch(lambda _: 1 / 0)
+    one.watch(seen.append)
+    one.done()
+    assert [reply.ok for reply in answers] == [True]
+    assert len(seen) == 1
+    assert "could not be passed on" in caplog.text
+
+
 def test_an_asker_who_cannot_be_reached_is_no_failure_of_the_robot():
     def gone(reply):
         raise ConnectionError("the asker is gone")

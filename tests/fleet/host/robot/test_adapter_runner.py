@@ -315,6 +315,24 @@ async def test_a_robot_that_moves_is_stopped_when_its_run_ends(stage, asks, benc
     assert bench.reports[-1].message == "the cable came out"
 
 
+async def test_a_robot_that_moves_is_halted_though_its_loss_cannot_be_recorded(
+    stage, asks, bench, monkeypatch, caplog
+):
+    one, end = await moving(stage, asks, bench)
+    lost, failures = bench.controller.lost, iter([ZeroDivisionError("oops")])
+
+    def lost_with_a_failure(why):
+        for failure in failures:
+            raise failure
+        lost(why)
+
+    monkeypatch.setattr(bench.controller, "lost", lost_with_a_failure)
+    end.set()
+    await asks.until(lambda: len(one.made) == 2)
+    assert {"halt", "stop"} <= set(last_words(bench))
+    assert "could not be recorded" in caplog.text
+
+
 async def test_nothing_moves_after_a_reconnect_until_it_is_asked(stage, asks, bench):
     one, end = await moving(stage, asks, bench)
     bench.ask(asks.setpoint())

@@ -3,6 +3,7 @@
 import pytest
 
 from fleet.errors import NotReady
+from fleet.model.event import EventReport
 from fleet.model.geometry import Vector3
 from fleet.model.navigation import Goal, GoTo, Navigate
 from fleet.robot_config import BatteryPolicy
@@ -75,6 +76,16 @@ async def test_a_forced_action_that_failed_says_why(make_bench, asks):
     assert (
         bench.controller.guard.cause == "return_to_home by battery_policy failed: rex has no 'return_to_home'"
     )
+
+
+async def test_an_action_that_is_refused_again_and_again_is_reported_once(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "return_to_home"})  # which the puppet has not
+    bench.ask(asks.setpoint(1.0))
+    for percent in (15.0, 14.0, 13.0):
+        bench.has(percent)
+        await asks.settle()
+    told = [each.text for each in bench.reports if isinstance(each, EventReport)]
+    assert sum("battery_policy failed" in text for text in told) == 1
 
 
 async def test_a_low_battery_of_a_robot_that_is_not_ours_is_only_told(make_bench, asks):

@@ -3,7 +3,9 @@
 import pytest
 
 from fleet.errors import LinkLost, Refused
+from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.velocity_control import VelocityControl
+from fleet.model.command import Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.robot_config import AdapterConfig, Limits
 from fleet.testing.clock import ManualClock
@@ -126,3 +128,12 @@ def test_an_adapter_that_fails_to_stand_ends_its_run_as_well(driving):
     driving.adapter.raises = error = ZeroDivisionError("oops")
     driving.stand(driving.adapter)
     assert (driving.halts, driving.crashes) == (1, [error])
+
+
+@pytest.mark.parametrize(("error", "halts"), [(Refused("not today"), 0), (LinkLost("no answer"), 1)])
+def test_a_first_velocity_whose_link_failed_may_have_been_written_and_is_halted(control, error, halts):
+    control.adapter.raises = error
+    replies = []
+    receipt = Receipt("move", replies.append)
+    assert not control.take(control.adapter, Setpoint(FAST), receipt, superseding=False)
+    assert (control.halts, control.activity, [reply.ok for reply in replies]) == (halts, "", [False])

@@ -155,6 +155,23 @@ def test_a_call_that_raises_what_is_no_failure_is_told_as_one_and_the_others_go_
     assert len(calls) >= 9
 
 
+def test_work_of_the_host_that_fails_goes_on_and_its_first_failure_in_a_row_is_logged(
+    loop, scheduler, caplog
+):
+    calls = []
+
+    def fails_at_first():
+        calls.append(len(calls))
+        if len(calls) < 4:
+            raise ValueError("not yet")
+
+    scheduler.every(0.02, fails_at_first)
+    for _ in range(10):
+        loop.turn()
+    assert len(calls) >= 9
+    assert caplog.text.count("periodic work of the host failed") == 1
+
+
 def test_a_failure_that_nobody_takes_is_logged_and_the_others_go_on(loop, scheduler, caplog):
     calls = []
     scheduler.every(0.02, lambda: 1 / 0, owner="bad", failed=refuse)
