@@ -204,8 +204,10 @@ class Standby:
             self._serving.cancel()
             self._serving = None
 
-        async def let_go() -> None:  # once no link is open any more
-            await self._process.runs.all_ended()
+        # An orderly handover lets the other edge move the robots at once, so it waits for adapters that do
+        # not end. Meanwhile the lease expires, and the other edge waits for the bound of each robot.
+        async def let_go() -> None:
+            await self._process.runs.all_ended(self._robots)
             self._gate.epoch = 0
             self._keeper.let_go()
 

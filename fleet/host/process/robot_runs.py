@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable, Iterable
 
 from fleet.host.robot.local_robot import LocalRobot
+
+log = logging.getLogger(__name__)
 
 CHANGES = "its configuration changes"
 
@@ -58,11 +61,15 @@ class RobotRuns:
         for robot in robots:
             self._again(robot)
 
-    async def all_ended(self) -> None:
-        """Wait until no robot runs."""
+    async def all_ended(self, robots: Iterable[LocalRobot]) -> None:
+        """Wait until no robot runs, including runs that ignore their cancellation."""
         while self.tasks:
             await asyncio.wait(self.tasks.values())
             await asyncio.sleep(0)  # let the done callbacks remove the ended runs from the table
+        leftovers = {robot.name: left for robot in robots if (left := robot.runner.leftover) is not None}
+        if leftovers:
+            log.error("the adapters of %s do not end; they may still control them", ", ".join(leftovers))
+            await asyncio.wait(leftovers.values())
 
     def pause(self, robot: LocalRobot) -> None:
         """End a robot's run until ``resume``; a prepared start is dropped."""

@@ -6,12 +6,14 @@ import logging
 import math
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 from cyberwave.data.header import HeaderTemplate
 
 from fleet.host.logs.line_format import JsonFormatter
 from fleet.host.logs.rotating_file import RotatingLogFile
+from fleet.host.process.robot_runs import RobotRuns
 from fleet.host.process.setpoints import taker
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import local_cause
@@ -395,3 +397,17 @@ async def test_later_verbs_have_the_speed_that_was_set_until_a_stop(served, asks
     await ask("move_forward")
     drives = [word for word in place.words("rex") if word.startswith("drive") and word != "drive:0"]
     assert drives == ["drive:0.25", "drive:-0.1", "drive:0.5"]
+
+
+async def test_runs_have_not_ended_while_an_adapter_ignores_its_end(caplog):
+    deaf = asyncio.get_running_loop().create_future()
+    robots = [
+        SimpleNamespace(name=name, runner=SimpleNamespace(leftover=left))
+        for name, left in (("rex", deaf), ("max", None))
+    ]
+    ended = asyncio.ensure_future(RobotRuns(lambda _: None).all_ended(robots))
+    await asyncio.wait({ended}, timeout=0.02)
+    assert not ended.done()
+    assert "the adapters of rex do not end" in caplog.text
+    deaf.set_result(None)
+    await asyncio.wait_for(ended, 60.0)
