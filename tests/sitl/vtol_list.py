@@ -100,12 +100,12 @@ async def sent_far(it, planes, east):
         await asyncio.gather(going, return_exceptions=True)
 
 
-async def comes_to_stand(it, planes, height, where):
-    """See it come to stand in its hover near a place, at its height, and stay there."""
+async def comes_to_stand(it, planes, height, where, within=60.0):
+    """See it come to stand in its hover near a place (``within`` m), at its height, and stay there."""
     await it.until(lambda: planes.speed(it) < 1.0 and it.state.vtol_state == HOVERS, 40.0)
     for _ in range(20):
         assert abs(it.state.relative_altitude - height) < 2 * SINKS
-        assert planes.away(it, where) < 60.0
+        assert planes.away(it, where) < within
         await asyncio.sleep(0.5)
     assert planes.speed(it) < 1.0
 
@@ -280,7 +280,7 @@ async def is_stopped_on_the_way_to_its_hover(it, planes):
         where, height = it.state.position, it.state.relative_altitude
         await it.adapter.stop(reason)
         await asyncio.gather(going, return_exceptions=True)
-        await comes_to_stand(it, planes, height, where)
+        await comes_to_stand(it, planes, height, where, within=200.0)  # a QuadPlane comes from 25 m/s
 
 
 async def flies_home_and_lands(it, planes):
