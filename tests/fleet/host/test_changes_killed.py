@@ -4,6 +4,7 @@ It runs in a process of its own, which kills itself (SIGKILL) at a named step, o
 """
 
 import asyncio
+import contextlib
 import json
 import random
 import signal
@@ -25,14 +26,14 @@ HERE = {"worker": "main"}
 STEPS = (
     "fleet.host.edge.membership:_spec_of",
     "fleet.host.process.robot_process:RobotProcess.add",
-    "fleet.host.edge.membership:Followers.join",
+    "fleet.host.edge.membership:RobotRegistrations.join",
     "fleet.host.process.robot_process:RobotProcess.serve",
-    "fleet.host.edge.membership:Followers.leave",
+    "fleet.host.edge.membership:RobotRegistrations.leave",
     "fleet.host.process.robot_process:RobotProcess.drop",
-    "fleet.host.process.robot_process:RobotProcess.give_up",
+    "fleet.host.process.twin_holders:TwinHolders.give_up",
     "fleet.host.robot.local_robot:LocalRobot.configure",
     "fleet.host.edge.changes:Changes._take_sections",
-    "fleet.host.edge.last_configuration:made",
+    "fleet.host.edge.last_configuration:create_folder",
 )
 """Where the edge is killed: before a robot is built, known to stops, known to all, run, and so on."""
 EDGE = """
@@ -56,6 +57,7 @@ async def main():
         *path, last = name.split(".")
         for part in path:
             owner = getattr(owner, part)
+        assert hasattr(owner, last), step
         setattr(owner, last, lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL))
     print("ready", flush=True)
     await running
@@ -79,7 +81,11 @@ def changed(place):
 def killed(place, step, *, after=None):
     """Run the edge until it is killed in the middle of a change."""
     command = [sys.executable, "-c", EDGE, place.file, place.runtime, step]
-    with subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, text=True) as edge:
+    with contextlib.ExitStack() as stack:
+        edge = stack.enter_context(
+            subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, text=True)
+        )
+        stack.callback(edge.kill)  # one that survived the step must not be waited for
         assert edge.stdout.readline() == "ready\n"
         changed(place)
         session = place.bus_session()

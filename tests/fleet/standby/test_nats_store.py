@@ -62,7 +62,11 @@ async def test_a_deleted_entry_leaves_a_revision_and_can_be_written_anew(lease, 
     assert await lease.write(ENTRY, revision) > revision
 
 
-@pytest.mark.parametrize("data", [b"", b"{}", b'{"edge": "a", "process": 1}', b"x" * 70_000])
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"{}", b'{"edge": "a", "process": 1}', b"x" * 70_000],
+    ids=["empty", "without fields", "of another type", "too long"],
+)
 async def test_what_is_no_lease_is_told_and_not_taken_for_a_free_one(lease, bucket, data):
     await bucket.put(lease._key, data)
     with pytest.raises(StateError, match="is no lease that this version can read"):
