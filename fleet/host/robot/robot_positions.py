@@ -279,10 +279,6 @@ def exchange(traffic: RobotPositions, process: str, control: ZenohSession, sched
         if publisher.wanted:
             publisher.put(traffic.sheet())
 
-    def tell_on(error: Exception) -> None:
-        log.error("the positions of the robots could not be published", exc_info=error)
-        scheduler.every(TELL, tell, failed=tell_on)
-
     for edge in sorted(traffic.edges):
         control.subscribe(keys.places(edge, "*"), partial(heard, edge))
-    scheduler.every(TELL, tell, failed=tell_on)
+    scheduler.every(TELL, tell)
