@@ -1,9 +1,9 @@
-"""The accounts of a NATS server for roll-outs: what an edge, and who rolls out, may read and write. Pure.
+"""Accounts of a NATS server for roll-outs: permissions of edges and operators. Pure.
 
-Permissions of a user do not bound where the answer to its request goes, and an answer is a message like
-any other: in one account with the store, an edge could lead the answer to a subject that it may not write.
-So each edge has an account of its own, which imports single services of the store's account; its answers
-stay there.
+The permissions of a NATS user do not restrict the reply subject of its requests, and a reply is a message
+like any other. In the account of the store, an edge could direct a reply to a subject that it may not
+publish to. Therefore each edge has its own account, which imports single services from the account of the
+store; replies to the edge stay in its account.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ import msgspec
 from fleet.errors import FleetError
 from fleet.rollout.names import BUNDLES, DESIRED, OBSERVED, OPERATOR, inbox_of, subject
 
-STORE = "FLEET_STORE"  # the account of the store, and of who rolls out
+STORE = "FLEET_STORE"  # the account of the store and of the operators
 _EDGE = re.compile(r"[a-z][a-z0-9_-]{0,62}")
 _OPERATOR = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,62}")
 
 
 class AccountsError(FleetError):
-    """The accounts of a server cannot be made of these names."""
+    """A name of an edge or operator is invalid or ambiguous as an account name."""
 
 
 def edge_services(edge: str) -> list[str]:
-    """Return the subjects that an edge may use: its own desired state, bundles, its own observed state."""
+    """Return the subjects of an edge: requests for its desired state and for bundles, its report."""
     return [
         f"$JS.API.DIRECT.GET.KV_{DESIRED}.{subject(DESIRED, edge)}",
         f"$JS.API.DIRECT.GET.KV_{BUNDLES}.{subject(BUNDLES, '*.*')}",
@@ -36,12 +36,12 @@ def edge_services(edge: str) -> list[str]:
 
 
 def edge_account(edge: str) -> str:
-    """Return the name of an edge's account."""
+    """Return the name of the account of an edge."""
     return f"FLEET_EDGE_{edge}"
 
 
 def edge_permissions(edge: str) -> dict[str, object]:
-    """Return what the user of an edge may do in its account."""
+    """Return the permissions of the user of an edge, in the account of that edge."""
     return {
         "publish": {"allow": edge_services(edge)},
         "subscribe": {"allow": [f"{inbox_of(edge)}.>"]},
@@ -49,7 +49,7 @@ def edge_permissions(edge: str) -> dict[str, object]:
 
 
 def operator_permissions() -> dict[str, object]:
-    """Return what who rolls out may do; it can read and write all buckets of roll-outs."""
+    """Return the permissions of an operator, who reads and writes all buckets of roll-outs."""
     return {
         "publish": {"allow": ["$JS.API.>", "$KV.>"]},
         "subscribe": {"allow": [f"{inbox_of(OPERATOR)}.>"]},
@@ -57,10 +57,10 @@ def operator_permissions() -> dict[str, object]:
 
 
 def server_accounts(edges: Iterable[str], operators: Iterable[str]) -> str:
-    """Return the block of a NATS server's configuration with an account for the store and for each edge.
+    """Return the ``accounts`` block of a NATS server configuration: one account for the store, one per edge.
 
-    With ``verify_and_map`` in its block ``tls`` the users are known by the name in their certificates.
-    Raises AccountsError for a name that could mean more than one account.
+    With ``verify_and_map`` in its ``tls`` block, the server identifies users by the name in their
+    certificates. Raises AccountsError for an invalid name, and for one that is given twice.
     """
     edges, operators = tuple(edges), tuple(operators)
     _check(edges, operators)
@@ -86,7 +86,7 @@ def server_accounts(edges: Iterable[str], operators: Iterable[str]) -> str:
 
 
 def _check(edges: tuple[str, ...], operators: tuple[str, ...]) -> None:
-    """Refuse names that are none, as ``*``, or stand twice."""
+    """Check the names; raises AccountsError for an invalid one, such as ``*``, and for a repeated one."""
     for what, pattern, names in (("edge", _EDGE, edges), ("operator", _OPERATOR, operators)):
         for name in names:
             if pattern.fullmatch(name) is None:
@@ -97,5 +97,5 @@ def _check(edges: tuple[str, ...], operators: tuple[str, ...]) -> None:
 
 
 def _text(value: object) -> str:
-    """Return a value as the server's configuration reads it."""
+    """Return a value in the syntax of the server configuration, which accepts JSON."""
     return msgspec.json.encode(value).decode()

@@ -1,7 +1,7 @@
-"""The agent of one edge: takes the bundle that the edge shall run, and reports how far it is.
+"""Agent of one edge: installs the desired bundle, has the edge apply it, and reports the progress.
 
-A process of its own beside the edge, so that a bundle with which the edge does not start can still be
-replaced, and no robot waits for it. What may change now is judged by the edge, as with ``fleet apply``.
+The agent is a separate process, so that a bundle that prevents the start of the edge can still be replaced,
+and no robot waits for the agent. The edge decides which changes it can make now, as with ``fleet apply``.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ log = logging.getLogger(__name__)
 
 MOST_REFUSALS = 100
 HEALTH_EVERY = 1.0  # s
-REPORT_EVERY = 60.0  # s, also without news
+REPORT_EVERY = 60.0  # s, also without changes
 MOST_WORSE = 3  # parts of an edge that a report names
-GONE_FOR = 60.0  # s; an edge that ran before and is gone for so long goes back
+GONE_FOR = 60.0  # s; after this time, an edge that ran before the bundle and has not come back is rolled back
 
 
 class Agent:
-    """The agent of one edge. ``sleep`` waits for seconds."""
+    """Agent of one edge. ``sleep`` takes seconds."""
 
     def __init__(
         self,
@@ -81,34 +81,34 @@ class Agent:
         }
 
     async def run(self, every: float) -> None:
-        """Look into the store until cancelled, every so many seconds."""
+        """Poll the store until cancelled, every ``every`` seconds."""
         while True:
             try:
                 await self.turn()
-            except Exception:  # an agent that ends takes no bundle that would mend it
+            except Exception:  # an agent that has ended cannot install the bundle that would repair it
                 log.exception("the agent of edge %s failed; it looks again", self._edge)
             await self._sleep(every)
 
     async def turn(self) -> None:
-        """Look once: do what is next, and report what is new. A store that is silent ends nothing."""
+        """Poll once: take the next step and report changes. A silent store interrupts nothing."""
         try:
             self._desired = await self._store.desired()
             self.problem = ""
-        except FleetError as error:  # what was begun goes on
+        except FleetError as error:  # continue with the last known desired state
             self._silent(error)
         try:
             await self._actions[action(self.record, self._desired)](self._desired)
-        except (StoreError, StateError) as error:  # tried again at the next look
+        except (StoreError, StateError) as error:  # retried at the next poll
             self._silent(error)
         await self._report()
 
-    # -- what it does ----------------------------------------------------------------------------------
+    # -- actions ---------------------------------------------------------------------------------------
 
     async def _rest(self, desired: Desired | None) -> None:
         """Do nothing."""
 
     async def _take(self, desired: Desired | None) -> None:
-        """Fetch and check a bundle, and put it in place; nothing is touched before all is checked."""
+        """Fetch, check and activate a bundle; nothing changes before every check has passed."""
         assert desired is not None
         self._keep(
             rollout=desired.rollout,
@@ -133,7 +133,7 @@ class Agent:
         await self._go_on(desired)
 
     def _opened(self, data: bytes, desired: Desired) -> Bundle:
-        """Return the bundle if this edge may take it; raises BundleError."""
+        """Return the bundle if this edge accepts it; raises BundleError."""
         address, bundle = opened(data, self._trusted, desired.bundle)
         if self._edge not in bundle.edges:
             raise BundleError(f"the bundle is for {', '.join(bundle.edges[:5])}, not for edge {self._edge}")
@@ -142,7 +142,7 @@ class Agent:
         return bundle
 
     def _place(self, bundle: Bundle, address: str) -> None:
-        """Check the files of a bundle, and put them in the place of those in use; raises FleetError."""
+        """Check the files of a bundle and activate them; raises FleetError."""
         installation = self._installation
         installation.stage(bundle, address)
         before = installation.folder_of(installation.current) if installation.current else None
@@ -162,9 +162,9 @@ class Agent:
         installation.activate(address)
 
     async def _go_on(self, desired: Desired | None) -> None:
-        """Apply what waits; when it is whole, and the edge no less healthy than before, it is done."""
+        """Apply the pending changes; done when all are applied and the edge is as healthy as before."""
         record = self.record
-        if self._installation.current != record.bundle:  # ended between the two
+        if self._installation.current != record.bundle:  # killed between writing the record and activating
             await asyncio.to_thread(self._installation.activate, record.bundle)
         applied = await asyncio.to_thread(self._applied)
         failed = applied.failed or await self._gone()
@@ -181,11 +181,11 @@ class Agent:
             await asyncio.to_thread(self._installation.tidy)
 
     async def _withdraw(self, _desired: Desired | None) -> None:
-        """Go back: the roll-out ended before this edge was done."""
+        """Roll back, because the roll-out ended before this edge was done."""
         await self._go_back(Stage.WITHDRAWN, f"withdrawn while it waited: {self.record.why}")
 
     async def _go_back(self, ends: Stage, why: str) -> None:
-        """Put the bundle before in place again, and apply it."""
+        """Activate and apply the previous bundle."""
         if not self.record.running or self.record.running == self.record.bundle:
             self._settle(Stage.FAILED, f"{why}; there is no bundle before to go back to")
             return
@@ -199,7 +199,7 @@ class Agent:
         await self._go_on_back(None)
 
     async def _go_on_back(self, _desired: Desired | None) -> None:
-        """Apply what of the return waits."""
+        """Apply the pending changes of the rollback."""
         if self._installation.current != self.record.running:
             await asyncio.to_thread(self._installation.activate, self.record.running)
         applied = await asyncio.to_thread(self._applied)
@@ -210,11 +210,11 @@ class Agent:
         self._settle(self.record.ends, self.record.why)
 
     async def _give_up(self, _desired: Desired | None) -> None:
-        """Note that a roll-out ended before anything was touched."""
+        """Record that the roll-out ended before this edge changed anything."""
         self._settle(Stage.WITHDRAWN, "the roll-out ended before it was taken")
 
     def _applied(self) -> Applied:
-        """Have the edge take over what is in place, with changed code and files that only a start reads."""
+        """Have the edge apply the active bundle, including changed code and files that only a start reads."""
         try:
             applied = self._here.apply(f"roll-out {self.record.rollout} of {self.record.by}")
         except FleetError as error:
@@ -234,9 +234,9 @@ class Agent:
         return applied
 
     async def _gone(self) -> str:
-        """Return why the edge does not come back with what is in place; empty while it may, or runs.
+        """Return why the edge counts as lost with the active bundle; empty while it runs or may come back.
 
-        One that did not run before is started when somebody starts it.
+        An edge that did not run before the bundle is not expected to run.
         """
         running = await asyncio.to_thread(self._here.running)
         now = self._clock.monotonic()
@@ -250,7 +250,7 @@ class Agent:
         return f"edge {self._edge} ran before, and has been gone for {GONE_FOR:.0f} s with the bundle"
 
     async def _worse(self, settle: float) -> str:
-        """Watch the edge for some seconds; return what is worse at their end, empty when nothing is."""
+        """Watch the edge for ``settle`` seconds; return what is worse at their end, empty if nothing is."""
         until = self._clock.monotonic() + settle
         while True:
             found = await asyncio.to_thread(self._here.running)
@@ -261,36 +261,36 @@ class Agent:
             await self._sleep(HEALTH_EVERY)
         return _worse_than(self.record, found)
 
-    # -- what it keeps and tells -----------------------------------------------------------------------
+    # -- record and reports ----------------------------------------------------------------------------
 
     def _refuse(self, why: str) -> None:
-        """Record what is refused; nothing was touched."""
+        """Record the refusal of a bundle; nothing has changed on the edge."""
         record = self.record
         refusal = Refusal(self._clock.time(), record.rollout, record.bundle, why[:LONGEST_WHY])
         self._keep(refusals=(*record.refusals, refusal)[-MOST_REFUSALS:])
         self._settle(Stage.REFUSED, why)
 
     def _settle(self, stage: Stage, why: str) -> None:
-        """Record how it ended."""
+        """Record the end of this edge's part in the roll-out."""
         level = logging.INFO if stage is Stage.DONE else logging.WARNING
         bundle = self.record.bundle[:12]
         log.log(level, "bundle %s: %s%s", bundle, stage.value, f": {why}" if why else "")
         self._keep(stage=stage, why=why[:LONGEST_WHY], adapters=(), loaded=(), files=(), faults=None)
 
     def _keep(self, **changes: Any) -> None:
-        """Change the record, on the disk first; raises StateError."""
+        """Change the record, first on disk; raises StateError."""
         record: Record = msgspec.structs.replace(self.record, **changes)
         self._installation.keep(record)
         self.record = record
 
     def _silent(self, error: FleetError) -> None:
-        """Note why the store cannot be used, once."""
+        """Keep and log why the store cannot be used; log a repeated reason only once."""
         if str(error) != self.problem:
             log.warning("%s", error)
         self.problem = str(error)
 
     async def _report(self) -> None:
-        """Report what is new."""
+        """Write a report to the store if the record has changed or the last report is old."""
         record, now = self.record, self._clock.time()
         if self._reported is record and now - self._reported_at < REPORT_EVERY:
             return
@@ -317,9 +317,9 @@ class Agent:
 
 
 def _worse_than(record: Record, found: Running) -> str:
-    """Return what is worse with a running edge than before the bundle; empty when nothing is.
+    """Return what is worse on a running edge than before the bundle; empty if nothing is.
 
-    One that did not run before must come up able to work.
+    An edge that did not run before must come up ``ok`` or ``degraded``.
     """
     if record.health and record.faults is not None:
         worse = got_worse(record.faults, found.faults)
@@ -332,7 +332,7 @@ def _worse_than(record: Record, found: Running) -> str:
 
 
 def _bounded(lines: tuple[str, ...]) -> tuple[str, ...]:
-    """Return lines as they are reported: so many, so long."""
+    """Return the lines of a report, cut to the permitted number and length."""
     return tuple(line[:LONGEST_LINE] for line in lines[:MOST_LINES])
 
 

@@ -1,7 +1,7 @@
-"""A bundle: the fleet file of one or several edges and the files that it needs, as bytes and back. Pure.
+"""Bundles: encoding and decoding of a fleet file and its files, for one or several edges. Pure.
 
-A bundle is addressed by the SHA-256 of its content. It comes from outside: ``opened`` checks size, address
-and signature before it decodes anything, and every name before anybody writes a file.
+The address of a bundle is the SHA-256 of its content. A bundle is untrusted input: ``opened`` checks size,
+address and signature before it decodes the content, and every file name before a caller writes a file.
 """
 
 from __future__ import annotations
@@ -19,25 +19,26 @@ from fleet.runtime.state_format import format_of
 
 FORMAT = 1
 HEAD = b"fleet bundle 1\n"
-"""How a bundle begins; it is signed with the content, so that no other signed text passes for one."""
+"""First line of a bundle; it is part of the signed text, so that no other signed text passes as a bundle."""
 LARGEST = 16 << 20  # bytes of a bundle
 MOST_FILES = 1000
-LONGEST_PART = 128  # characters of one step of a name
+LONGEST_PART = 128  # characters of one component of a path
 FLEET_FILE = "fleet.yaml"
 LOCAL = frozenset({"secrets.yaml"})
-"""What an edge has itself, and takes from no bundle."""
-_HEADER = 1024  # bytes, at most
+"""Files that belong to the edge; a bundle must not contain them."""
+_HEADER = 1024  # maximum bytes of the header
 
 
 class BundleError(FleetError):
-    """A bundle cannot be made, or is refused."""
+    """A bundle cannot be built, or is refused."""
 
 
 class Bundle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a bundle holds.
+    """Content of a bundle.
 
-    ``edges`` may take it. ``version`` only grows. ``files`` has ``fleet.yaml`` and what it needs. ``secrets``
-    are the names that each edge must have in its own secrets.yaml. ``fleet`` made it, at ``made`` (Unix s).
+    ``edges``: the edges that may install it. ``version``: grows with each bundle. ``files``: ``fleet.yaml``
+    and the files that it names. ``secrets``: names that each edge must have in its own secrets.yaml.
+    ``fleet``: version of the program that built it. ``made``: build time (Unix s).
     """
 
     format: int
@@ -55,12 +56,12 @@ class _Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def address_of(content: bytes) -> str:
-    """Return the address of a bundle's content."""
+    """Return the address of the content of a bundle."""
     return hashlib.sha256(content).hexdigest()
 
 
 def sealed(bundle: Bundle, key: PrivateKey) -> tuple[str, bytes]:
-    """Return a bundle's address, and its bytes with a signature; raises BundleError."""
+    """Return the address and the signed bytes of a bundle; raises BundleError."""
     _check(bundle)
     content = msgspec.json.encode(bundle, order="deterministic")
     header = msgspec.json.encode(_Header(key.public.name, key.sign(HEAD + content)))
@@ -71,9 +72,10 @@ def sealed(bundle: Bundle, key: PrivateKey) -> tuple[str, bytes]:
 
 
 def opened(data: bytes, trusted: Mapping[str, PublicKey], address: str = "") -> tuple[str, Bundle]:
-    """Return the address and the bundle of bytes that one of the trusted keys signed; raises BundleError.
+    """Verify and decode a bundle; return its address and content.
 
-    ``address``: the content must have this one.
+    The bytes must be signed by one of the trusted keys. If ``address`` is not empty, the content must have
+    that address. Raises BundleError.
     """
     header, content = _parts(data)
     found = address_of(content)
@@ -90,7 +92,7 @@ def opened(data: bytes, trusted: Mapping[str, PublicKey], address: str = "") -> 
 
 
 def _parts(data: bytes) -> tuple[_Header, bytes]:
-    """Return the header and the content."""
+    """Split the bytes of a bundle into header and content; raises BundleError."""
     if len(data) > LARGEST:
         raise BundleError(f"the bundle has more than {LARGEST >> 20} MiB")
     if not data.startswith(HEAD):
@@ -105,7 +107,7 @@ def _parts(data: bytes) -> tuple[_Header, bytes]:
 
 
 def _decoded(content: bytes) -> Bundle:
-    """Return the bundle of a signed content."""
+    """Return the decoded content of a bundle whose signature was verified; raises BundleError."""
     try:
         number = format_of(content)
         if number > FORMAT:
@@ -116,7 +118,7 @@ def _decoded(content: bytes) -> Bundle:
 
 
 def _check(bundle: Bundle) -> None:
-    """Refuse a bundle whose names lead elsewhere, or that lacks something; raises BundleError."""
+    """Check version, edges, files and file names of a bundle; raises BundleError."""
     if bundle.version < 1:
         raise BundleError("the bundle's version must be at least 1")
     if not bundle.edges:
@@ -130,7 +132,7 @@ def _check(bundle: Bundle) -> None:
 
 
 def _check_name(name: str, files: Mapping[str, bytes]) -> None:
-    """Refuse a name that leads out of the bundle's folder, or in the way of another."""
+    """Refuse a file name that leaves the folder of the bundle or collides; raises BundleError."""
     path = PurePosixPath(name)
     plain = name.isprintable() and "\\" not in name and str(path) == name and not path.is_absolute()
     if (

@@ -1,4 +1,4 @@
-"""What an edge does next about the bundle that it shall run: a table, and the rule of versions. Pure."""
+"""Decisions of the agent of an edge: the table of actions, and the version rule. Pure."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fleet.rollout.messages import SETTLED, Desired, Stage
 
 
 class Refusal(msgspec.Struct, frozen=True):
-    """What an edge refused, when (Unix s) and why."""
+    """One refused bundle; ``stamp`` in Unix seconds."""
 
     stamp: float
     rollout: str
@@ -21,14 +21,15 @@ class Refusal(msgspec.Struct, frozen=True):
 
 
 class Record(msgspec.Struct, frozen=True):
-    """How far an edge is, as its disk has it.
+    """Persistent state of the agent of an edge.
 
-    ``running`` is the last bundle that was taken as a whole; ``highest`` the highest version that was ever
-    put in place, by ``highest_bundle``. ``bundle`` and ``stage`` are of the roll-out ``rollout``, begun by
-    ``by``. ``placed``: when (Unix s) the link was last changed; ``health``: that of the edge before, empty
-    where it did not run, and ``faults`` what was wrong then, which must not get worse; None in a record of an
-    older fleet. ``adapters`` have changed code, of which ``loaded`` was taken into use; ``files`` are
-    read by a start of the edge only. ``ends``: what a return ends as.
+    ``running``: the last bundle that was applied completely. ``highest``: the highest version that was ever
+    activated, by the bundle ``highest_bundle``. ``bundle``, ``stage``: the bundle of the roll-out ``rollout``
+    and its progress; ``by`` began the roll-out. ``ends``: the final stage after a rollback. ``placed``: when
+    the link was last changed (Unix s). ``health``: health of the edge before the bundle, empty if it did not
+    run. ``faults``: its faults at that time, which must not get worse; None in a record of an older version.
+    ``adapters``: adapters with changed code, of which ``loaded`` have been reloaded. ``files``: changed files
+    that the edge reads at its start only.
     """
 
     running: str = ""
@@ -52,23 +53,23 @@ class Record(msgspec.Struct, frozen=True):
 
 
 class Relation(StrEnum):
-    """How what is desired stands to what the edge is at."""
+    """Relation of the desired bundle to the bundle in the record."""
 
-    NOTHING = "nothing"  # nothing is desired, or no longer and the edge never began
+    NOTHING = "nothing"  # no desired bundle, or one that was withdrawn before the edge began
     SAME = "same"
     WITHDRAWN = "withdrawn"
     OTHER = "other"
 
 
 class Action(StrEnum):
-    """What an edge does next."""
+    """Next action of an agent."""
 
     REST = "rest"
-    TAKE = "take"  # fetch, check, put in place, apply
-    GO_ON = "go on"  # apply what waits
-    RETURN = "return"  # put the bundle before in place again, apply
-    GO_ON_BACK = "go on back"  # apply what of that waits
-    GIVE_UP = "give up"  # nothing was touched yet
+    TAKE = "take"  # fetch, check, activate, apply
+    GO_ON = "go on"  # apply the pending changes
+    RETURN = "return"  # activate and apply the previous bundle
+    GO_ON_BACK = "go on back"  # apply the pending changes of the rollback
+    GIVE_UP = "give up"  # nothing has changed yet
 
 
 _UNTIL_IT_ENDS = dict.fromkeys(Relation, Action.GO_ON_BACK)
@@ -85,14 +86,14 @@ ACTIONS: Mapping[Stage, Mapping[Relation, Action]] = {
         Relation.NOTHING: Action.GO_ON,
         Relation.SAME: Action.GO_ON,
         Relation.WITHDRAWN: Action.RETURN,
-        Relation.OTHER: Action.RETURN,  # which may be refused, and must find nothing half applied
+        Relation.OTHER: Action.RETURN,  # the other may be refused; that must not leave this one half applied
     },
     Stage.RETURNING: _UNTIL_IT_ENDS,
 }
 
 
 def relation(record: Record, desired: Desired | None) -> Relation:
-    """Return how what is desired stands to what the edge is at."""
+    """Return the relation of the desired bundle to the bundle in the record."""
     if desired is None:
         return Relation.NOTHING
     same = (desired.rollout, desired.bundle) == (record.rollout, record.bundle)
@@ -102,15 +103,15 @@ def relation(record: Record, desired: Desired | None) -> Relation:
 
 
 def action(record: Record, desired: Desired | None) -> Action:
-    """Return what the edge does next."""
+    """Return the next action of the agent."""
     return ACTIONS[record.stage][relation(record, desired)]
 
 
 def version_refusal(record: Record, bundle: str, version: int) -> str:
-    """Return why a bundle of this version is not taken; empty when it is.
+    """Return why a bundle of this version is refused; empty if it is accepted.
 
-    Versions only grow, so that a bundle of before, with its signature, brings no error back. What the edge
-    runs already, and the same bundle again, pass.
+    Versions must grow, so that an old bundle with a valid signature cannot bring back an old error. The
+    bundle that the edge runs, and the one with the highest version, are accepted again.
     """
     if bundle in (record.running, record.highest_bundle) or version > record.highest:
         return ""

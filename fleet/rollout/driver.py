@@ -1,7 +1,7 @@
-"""Drives a roll-out: reads what edges report, steps the waves, and tells the next edges.
+"""Driver of a roll-out: reads the reports of edges, steps the waves, assigns bundles to the next edges.
 
-Everything that it knows is in the store. Whoever leaves it (Ctrl-C) leaves the roll-out as it is: edges that
-were told go on, no other is told until it is driven again.
+All state is in the store. After Ctrl-C the roll-out stays as it is: edges that have a bundle assigned
+continue, and no other edge gets one until the roll-out is driven again.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fleet.rollout.store import FleetStore, StoreError
 from fleet.rollout.waves import Phase, Plan, Progress, Told, aborted, limit_of, step, wave_ends
 
 LOOK_EVERY = 1.0  # s
-SILENT_FOR = 60.0  # s; a store that does not answer for so long ends the driver
+SILENT_FOR = 60.0  # s; the driver ends if the store does not answer for this time
 
 VERDICTS: Mapping[Stage, Told] = {
     Stage.TAKING: Told.OPEN,
@@ -30,26 +30,26 @@ VERDICTS: Mapping[Stage, Told] = {
     Stage.REFUSED: Told.FAILED,
     Stage.WITHDRAWN: Told.FAILED,
 }
-"""What the report of an edge means for the roll-out."""
+"""Status of an edge in the roll-out, by the stage that it reports."""
 
 
 class RolloutRunning(FleetError):
-    """Another roll-out is under way."""
+    """Another roll-out is in progress."""
 
 
 class RolloutMissing(FleetError):
-    """No roll-out is in the store."""
+    """The store has no roll-out."""
 
 
 def plan_of(rollout: Rollout) -> Plan:
-    """Return how a roll-out goes; raises WavesError."""
+    """Return the plan of a roll-out; raises WavesError."""
     edges = tuple(rollout.targets)
     ends = wave_ends(rollout.waves, len(edges))
     return Plan(edges, ends, limit_of(rollout.stop_if), rollout.parallel, rollout.within)
 
 
 def verdicts(rollout: Rollout, observed: Mapping[str, Observed]) -> dict[str, Told]:
-    """Return what the reports of edges say of this roll-out; a report on another bundle says nothing."""
+    """Return the status of each edge by its report; a report about another bundle is ignored."""
     return {
         edge: VERDICTS[report.stage]
         for edge, report in observed.items()
@@ -59,7 +59,7 @@ def verdicts(rollout: Rollout, observed: Mapping[str, Observed]) -> dict[str, To
 
 
 class Driver:
-    """Drives one roll-out. ``tell`` hears of each step; ``sleep`` waits for seconds."""
+    """Driver of one roll-out. ``tell`` is called after each step; ``sleep`` takes seconds."""
 
     def __init__(
         self,
@@ -76,7 +76,7 @@ class Driver:
         self._told = False
 
     async def begin(self, rollout: Rollout) -> None:
-        """Store a new roll-out; raises RolloutRunning while another one is under way."""
+        """Store a new roll-out; raises RolloutRunning while another one is in progress."""
         plan_of(rollout)
         before, revision = await self._store.rollout()
         if before is not None and before.progress.phase is Phase.RUNNING:
@@ -88,13 +88,13 @@ class Driver:
         await self._store.keep(rollout, revision)
 
     async def drive(self) -> Rollout:
-        """Drive the roll-out in the store until it ends; raises StoreError for a store that stays silent."""
+        """Drive the roll-out in the store until it ends; raises StoreError if the store stays silent."""
         heard = self._clock.monotonic()
         while True:
             try:
                 rollout, observed = await self.turn()
             except StoreError as error:
-                self._told = False  # what was stored may not have gone out
+                self._told = False  # desired states may not have been written
                 if self._clock.monotonic() - heard >= SILENT_FOR:
                     raise StoreError(f"{error}; drive it again with: fleet rollout resume") from error
                 await self._sleep(LOOK_EVERY)
@@ -116,10 +116,10 @@ class Driver:
         return await self._advance(rollout, progress, revision), observed
 
     async def abort(self, by: str) -> Rollout:
-        """End the roll-out: no other edge is told, and edges that are not done go back.
+        """Abort the roll-out: no other edge gets its bundle, and edges that are not done roll back.
 
-        One that has ended stays as it ended, and its edges are told again: whoever ended it may have been cut
-        off before.
+        A roll-out that has ended keeps its phase. The withdrawals are written again, because the driver that
+        ended it may have been interrupted before it wrote them.
         """
         rollout, revision = await self._stored()
         return await self._advance(rollout, aborted(rollout.progress, f"aborted by {by}"), revision)
@@ -132,7 +132,10 @@ class Driver:
         return rollout, revision
 
     async def _advance(self, before: Rollout, progress: Progress, revision: int) -> Rollout:
-        """Store a step, then tell the edges; who drives it anew tells again what may not have gone out."""
+        """Store a step, then write the desired state of the edges.
+
+        A new driver writes them all again, because its predecessor may have been interrupted between the two.
+        """
         rollout: Rollout = msgspec.structs.replace(before, progress=progress)
         if progress != before.progress:
             await self._store.keep(rollout, revision)
@@ -149,12 +152,12 @@ class Driver:
         return rollout
 
     async def _withdraw(self, rollout: Rollout, edges: Iterable[str]) -> None:
-        """Tell edges that they shall no longer take their bundle, also those that are silent."""
+        """Withdraw the bundle from these edges, also from silent ones."""
         for edge in edges:
             await self._store.desire(edge, self._desired(rollout, edge, withdrawn=True))
 
     def _desired(self, rollout: Rollout, edge: str, *, withdrawn: bool) -> Desired:
-        """Return what an edge shall run."""
+        """Return the desired state of an edge."""
         target = rollout.targets[edge]
         return Desired(
             rollout.id, target.bundle, target.parts, rollout.settle, rollout.by, withdrawn=withdrawn

@@ -1,4 +1,4 @@
-"""The edge on this computer, as the agent of its roll-outs uses it: through the way of ``fleet apply``."""
+"""Access of the agent to the edge on this computer, by the same requests as ``fleet apply``."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ RELOAD_WITHIN = 90.0  # s
 
 
 class Code(msgspec.Struct, frozen=True):
-    """What of a bundle the comparison of fleet files does not see.
+    """Changes of a bundle outside its fleet file.
 
-    ``adapters``: their code changed. ``files``: the edge reads them at its start only.
+    ``adapters``: adapters with changed code. ``files``: changed files that the edge reads at its start only.
     """
 
     adapters: tuple[str, ...] = ()
@@ -32,7 +32,11 @@ class Code(msgspec.Struct, frozen=True):
 
 
 class Applied(msgspec.Struct, frozen=True):
-    """What came of one attempt: why it ``failed``, why a part ``waits``; both empty when it is whole."""
+    """Result of one attempt to apply a bundle.
+
+    ``failed``: the failures. ``waits``: the parts that cannot be applied yet, with their reasons. Both are
+    empty if everything was applied. ``lines``: one line for each change.
+    """
 
     lines: tuple[str, ...] = ()
     failed: str = ""
@@ -40,7 +44,7 @@ class Applied(msgspec.Struct, frozen=True):
 
 
 class Running(msgspec.Struct, frozen=True):
-    """An edge that runs: its health, since when it runs (Unix s), and what is wrong, part by part."""
+    """A running edge: its health, the time of its start (Unix s), and the faults of its parts."""
 
     health: str
     cause: str
@@ -49,29 +53,29 @@ class Running(msgspec.Struct, frozen=True):
 
 
 class EdgeHere(Protocol):
-    """What the agent asks of the edge; everything blocks."""
+    """Operations of the agent on its edge; all of them block."""
 
     def check(self, folder: Path, before: Path | None) -> Code:
-        """Check the files of a bundle, and compare with those before; raises FleetError."""
+        """Check the files of a bundle and compare them with the previous ones; raises FleetError."""
 
     def apply(self, by: str) -> Applied:
-        """Have the edge take over its file; raises FleetError when it refuses the file as a whole."""
+        """Have the edge apply its fleet file; raises FleetError if it refuses the whole file."""
 
     def reload(self, adapter: str) -> str:
-        """Have the changed code of an adapter taken into use; return why it waits, empty when it is."""
+        """Reload the changed code of an adapter; return why that has to wait, empty if it is done."""
 
     def running(self) -> Running | None:
-        """Return the running edge, None when it does not run."""
+        """Return the running edge, None if it does not run."""
 
 
 class LocalEdge:
-    """The edge of an installation; ``file`` is the fleet file in use, by the path that stays the same."""
+    """The edge of an installation; ``file`` is the path of its fleet file through the link ``current``."""
 
     def __init__(self, edge: str, file: Path) -> None:
         self._edge, self._file = edge, file
 
     def check(self, folder: Path, before: Path | None) -> Code:
-        """Check the files of a bundle, and compare with those before."""
+        """Check the files of a bundle and compare them with the previous ones."""
         file = folder / FLEET_FILE
         loaded = load(file)
         if loaded.config.edge.id != self._edge:
@@ -83,7 +87,7 @@ class LocalEdge:
         return _code(folder, loaded, changed)
 
     def apply(self, by: str) -> Applied:
-        """Have the edge take over its file."""
+        """Have the edge apply its fleet file."""
         asked = ChangesAsked("apply", by=by, file=str(self._file.resolve()))
         answer = ask_changes(self._edge, str(self._file), asked)
         if answer is None:
@@ -91,7 +95,7 @@ class LocalEdge:
         return summary(answer.changes)
 
     def reload(self, adapter: str) -> str:
-        """Have the changed code of an adapter taken into use."""
+        """Reload the changed code of an adapter in its workers."""
         try:
             with Edges.reach(str(self._file)) as edges:
                 robots = [state for state in edges.states() if state.adapter == adapter]
@@ -103,7 +107,7 @@ class LocalEdge:
                     if reply is None or not reply.ok:
                         return f"worker {worker}: {reply.reason if reply else 'it does not answer'}"
         except NotRunning:
-            return ""  # its next start reads it
+            return ""  # the next start of the edge loads it
         return ""
 
     def running(self) -> Running | None:
@@ -120,7 +124,7 @@ class LocalEdge:
 
 
 def summary(changes: Iterable[Change]) -> Applied:
-    """Return what came of all changes together."""
+    """Return the result of all changes together."""
     lines, failed, waits = [], [], []
     for change in changes:
         if change.kind is ChangeKind.UNTOUCHED:
@@ -134,19 +138,19 @@ def summary(changes: Iterable[Change]) -> Applied:
 
 
 def _changed(before: Path, after: Path) -> list[str]:
-    """Return the files that differ between two folders."""
+    """Return the names of the files that differ between two folders."""
     one, other = _contents(before), _contents(after)
     return sorted(name for name in {*one, *other} if one.get(name) != other.get(name))
 
 
 def _contents(folder: Path) -> dict[str, bytes]:
-    """Return the files of a folder, but for the secrets, which are the edge's own."""
+    """Return the files of a folder by name, without the secrets, which belong to the edge."""
     files = (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files if path.name != SECRETS}
 
 
 def _code(folder: Path, loaded: Loaded, changed: list[str]) -> Code:
-    """Return what the changed files mean, which are not part of the fleet file."""
+    """Sort changed files that are not part of the fleet file into code of adapters and other files."""
     places = [path.resolve() for path in loaded.config.plugins]
 
     def is_code(name: str) -> bool:

@@ -1,7 +1,7 @@
-"""What is wrong on an edge, part by part, and whether it got worse. Pure.
+"""Faults of the parts of an edge, and whether they got worse. Pure.
 
-The health of an edge as a whole is that of its worst part: it does not change when one fault takes the place
-of another.
+The health of a whole edge is that of its worst part. It does not change if one fault replaces another;
+therefore the parts are compared.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from fleet.health.aggregate import LEVELS
 from fleet.model.health import Level
 from fleet.model.state import EdgeState, RobotState
 
-EDGE, CLOUD = "the edge", "the cloud"  # parts that are no robot: no robot's name has a blank
+EDGE, CLOUD = "the edge", "the cloud"  # parts that are no robot; names of robots have no blanks
 LONGEST_CAUSE = 200  # characters
-_CLOUD_LEVELS = {"connected": Level.DEGRADED, "refused": Level.FAULT}  # else it is not reached
+_CLOUD_LEVELS = {"connected": Level.DEGRADED, "refused": Level.FAULT}  # any other state: OFFLINE
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 class Fault(msgspec.Struct, frozen=True):
-    """What is wrong with one part of an edge: a robot, the cloud, the edge itself.
+    """Fault of one part of an edge: a robot, the cloud, or the edge itself.
 
     ``level`` is a word of ``Level``.
     """
@@ -34,10 +34,10 @@ class Fault(msgspec.Struct, frozen=True):
 
 
 class Worse(StrEnum):
-    """Whether a part with one level before and another now is worse."""
+    """Whether a part got worse between two levels."""
 
     NO = "no"
-    NEW_CAUSE = "new cause"  # if the cause is another
+    NEW_CAUSE = "new cause"  # only if its cause has changed
     YES = "yes"
 
 
@@ -62,32 +62,32 @@ WORSE: Mapping[Level, Mapping[Level, Worse]] = {
     },
     Level.FAULT: dict.fromkeys(Level, Worse.NO),
 }
-"""By the level before and the level now.
+"""Comparison by the previous and the present level.
 
-A new cause counts only where the part works: of one that cannot be reached or used nobody knows what else is
-wrong with it, and a restart alone gives its silence other words.
+A new cause counts only for a part that works. Other faults of a part that is unreachable or unusable are
+unknown, and a mere restart changes the wording of its cause.
 """
 
 
 def faults_of(edge: EdgeState, robots: Iterable[RobotState]) -> tuple[Fault, ...]:
-    """Return what is wrong with an edge and its robots; those of other edges do not count."""
+    """Return the faults of an edge and of its robots; robots of other edges are ignored."""
     services = list(_of_services(edge))
     own = [_fault(robot.name, robot.health, robot.cause) for robot in robots if robot.edge == edge.edge]
     told = [*map(_level, services), *(min(_level(fault), Level.DEGRADED) for fault in own)]
-    whole = _fault(EDGE, edge.health, edge.cause)  # an older edge does not tell its own problems
+    whole = _fault(EDGE, edge.health, edge.cause)  # an older edge does not report its own problems
     unexplained = [whole] if _level(whole) > max(told, default=Level.OK) else []
     return tuple(fault for fault in (*services, *own, *unexplained) if _level(fault) is not Level.OK)
 
 
 def got_worse(before: Iterable[Fault], now: Iterable[Fault]) -> tuple[str, ...]:
-    """Return in words what is wrong now and was not, or not as much, before; empty when nothing is."""
+    """Return a text for each part that is worse than before; empty if none is."""
     known = {_place(fault): fault for fault in before}
     pairs = ((known.get(_place(fault)), fault) for fault in now)
     return tuple(_words(was, fault) for was, fault in pairs if _is_worse(was, fault))
 
 
 def _of_services(edge: EdgeState) -> Iterator[Fault]:
-    """Yield what is wrong with what the edge itself rests on."""
+    """Yield the faults of the cloud connection and of the edge itself."""
     if edge.cloud_cause:
         yield _fault(CLOUD, _CLOUD_LEVELS.get(edge.cloud, Level.OFFLINE).word, edge.cloud_cause)
     for problem in edge.problems:
@@ -95,27 +95,27 @@ def _of_services(edge: EdgeState) -> Iterator[Fault]:
 
 
 def _fault(part: str, level: str, cause: str) -> Fault:
-    """Return a fault; its cause is cut to length."""
+    """Return a fault with its cause cut to ``LONGEST_CAUSE``."""
     return Fault(part, level, cause[:LONGEST_CAUSE])
 
 
 def _level(fault: Fault) -> Level:
-    """Return how bad a fault is; an unknown word counts as the worst."""
+    """Return the level of a fault; an unknown word counts as the worst."""
     return LEVELS.get(fault.level, Level.FAULT)
 
 
 def _place(fault: Fault) -> tuple[str, str]:
-    """Return where a fault is: each problem of the edge itself is a place of its own."""
+    """Return the key by which a fault is compared: its part, and for the edge itself also its cause."""
     return fault.part, _without_figures(fault.cause) if fault.part == EDGE else ""
 
 
 def _without_figures(cause: str) -> str:
-    """Return a cause without its numbers, which change while it stays the same."""
+    """Return a cause without its numbers, which may change while the cause stays the same."""
     return _NUMBER.sub("#", cause)
 
 
 def _is_worse(was: Fault | None, fault: Fault) -> bool:
-    """Return whether a part is worse than it was; None: nothing was wrong with it."""
+    """Return whether a part is worse than before; ``was`` is None if it had no fault."""
     verdict = WORSE[_level(was) if was else Level.OK][_level(fault)]
     if verdict is Worse.NEW_CAUSE and was is not None:
         return _without_figures(was.cause) != _without_figures(fault.cause)
@@ -123,7 +123,7 @@ def _is_worse(was: Fault | None, fault: Fault) -> bool:
 
 
 def _words(was: Fault | None, fault: Fault) -> str:
-    """Return in words how a part got worse."""
+    """Return a text about a part that got worse."""
     before = "ok" if was is None else was.level
     if before == fault.level:
         return f"{fault.part} is {fault.level} for another cause than before: {fault.cause}"

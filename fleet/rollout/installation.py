@@ -1,12 +1,12 @@
-"""The folder of an edge that takes bundles: each in a folder of its own, and a link to the one in use.
+"""Folder of an edge with bundles: one subfolder for each bundle, and a link to the active one.
 
-    rollout.yaml          where the store is, whose bundles are taken
-    secrets.yaml          the edge's own secrets
-    versions/ADDRESS/     the files of a bundle
-    current               link to the folder in use; the edge runs with current/fleet.yaml
-    rollout-state.json    how far the edge is
+    rollout.yaml          address of the store, trusted keys
+    secrets.yaml          secrets of the edge
+    versions/ADDRESS/     files of a bundle
+    current               link to the active bundle; the edge runs with current/fleet.yaml
+    rollout-state.json    record of the agent (``fleet.rollout.decision.Record``)
 
-The link is exchanged in one step, so an edge that is started at any moment reads one bundle or the other.
+The link is replaced atomically, so an edge that starts at any moment reads one complete bundle.
 """
 
 from __future__ import annotations
@@ -32,39 +32,39 @@ _PART = ".new-"
 
 
 class Installation:
-    """The folder of one edge; everything blocks, and raises StateError."""
+    """Folder of one edge; all methods block and raise StateError."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._lock = FileLock(folder / STATE)
 
     def take(self) -> None:
-        """Take the folder for this process; raises StateTaken when another one has it."""
+        """Lock the folder for this process; raises StateTaken if another process holds the lock."""
         self._lock.take()
 
     def let_go(self) -> None:
-        """Let go of the folder."""
+        """Unlock the folder."""
         self._lock.release()
 
     @property
     def current(self) -> str:
-        """The address of the bundle in use; empty without one."""
+        """Address of the active bundle; empty if there is none."""
         try:
             return (self.folder / CURRENT).readlink().name
         except OSError:
             return ""
 
     def folder_of(self, bundle: str) -> Path:
-        """Return where the files of a bundle are."""
+        """Return the folder with the files of a bundle."""
         return self.folder / VERSIONS / bundle
 
     @property
     def file_in_use(self) -> Path:
-        """The fleet file in use, by the path that stays the same."""
+        """Path of the fleet file through the link, which stays the same for every bundle."""
         return self.folder / CURRENT / FLEET_FILE
 
     def stage(self, bundle: Bundle, address: str) -> None:
-        """Write the files of a bundle into its folder, whole or not at all."""
+        """Write the files of a bundle into its folder atomically."""
         place = self.folder_of(address)
         if address in self._in_use() and place.is_dir():
             return
@@ -82,7 +82,7 @@ class Installation:
             raise StateError(f"cannot write the bundle to {place}: {error.strerror or error}") from None
 
     def activate(self, address: str) -> None:
-        """Let the link lead to a bundle that was staged."""
+        """Point the link at a staged bundle."""
         fresh = self.folder / f".{CURRENT}.new"
         try:
             fresh.unlink(missing_ok=True)
@@ -95,21 +95,21 @@ class Installation:
             ) from None
 
     def tidy(self) -> None:
-        """Remove the bundles that nobody goes back to."""
+        """Remove all bundles that are not in use."""
         folder, kept = self.folder / VERSIONS, self._in_use()
         for path in folder.iterdir() if folder.is_dir() else ():
             if path.name not in kept:
                 shutil.rmtree(path, ignore_errors=True)
 
     def _in_use(self) -> frozenset[str]:
-        """Return the bundles that are never removed: in place, and the last that was taken as a whole.
+        """Return the bundles that are kept: the active one, and the last one that was applied completely.
 
-        While another one waits, the edge may run with that, and goes back to it.
+        While a new bundle is pending, the edge may still run with the previous one and may roll back to it.
         """
         return frozenset({self.current, self.record().running})
 
     def record(self) -> Record:
-        """Return how far the edge is."""
+        """Read the record of the agent; an empty record if there is none."""
         path = self.folder / STATE
         try:
             data = path.read_bytes()
@@ -127,7 +127,7 @@ class Installation:
         return found
 
     def keep(self, record: Record) -> None:
-        """Write how far the edge is, whole or not at all."""
+        """Write the record of the agent atomically."""
         path = self.folder / STATE
         fresh = path.with_suffix(".new")
         try:
@@ -139,7 +139,7 @@ class Installation:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file to the disk, for this user alone."""
+    """Write a file that only this user may read, and synchronise it to disk."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
     with os.fdopen(descriptor, "wb") as file:
@@ -149,7 +149,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _sync(folder: Path) -> None:
-    """Wait until the disk has the names in a folder."""
+    """Synchronise the entries of a folder to disk."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

@@ -1,4 +1,4 @@
-"""Makes a bundle of a fleet file and the files that it needs; it never has a secret in it."""
+"""Building of a bundle from a fleet file and the files that it names, without secrets."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from fleet.version import __version__
 
 
 class Made(msgspec.Struct, frozen=True):
-    """A bundle, and in words what the fleet file names that is not in it."""
+    """A built bundle; ``left_out`` lists files that the fleet file names and the bundle does not contain."""
 
     bundle: Bundle
     left_out: tuple[str, ...]
 
 
 def make(file: Path, edges: Iterable[str], version: int, environ: Mapping[str, str], now: float) -> Made:
-    """Return the bundle of a fleet file for these edges, or for its own; ``now`` is Unix seconds.
+    """Build the bundle of a fleet file for these edges, or for the edge of the file if there are none.
 
-    Raises BundleError, InvalidConfig.
+    ``now`` is in Unix seconds. Raises BundleError, InvalidConfig.
     """
     config = sections_of(file, environ)
     document = read(file, environ)
@@ -59,7 +59,7 @@ def make(file: Path, edges: Iterable[str], version: int, environ: Mapping[str, s
 
 
 def _refuse_secrets(document: Document, files: Mapping[str, bytes], file: Path) -> None:
-    """Refuse a file of the configuration that holds a secret itself."""
+    """Refuse a configuration file that contains a secret literally; raises BundleError."""
     for name, lines in document.lines.items():
         inside = Path(name).resolve().relative_to(file.parent.resolve()).as_posix()
         shown = files[inside].decode().splitlines()

@@ -1,4 +1,4 @@
-"""What stands in the store of roll-outs, and how it is read: desired and observed state, the roll-out."""
+"""Entries in the store of roll-outs: desired and observed states, the roll-out."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ LONGEST_SETTLE = 600.0  # s
 
 Id = Annotated[str, Meta(max_length=64)]
 Address = Annotated[str, Meta(pattern="^([0-9a-f]{64})?$")]
-"""The address of a bundle; empty for none."""
+"""Address of a bundle; empty for none."""
 
 T = TypeVar("T", bound=msgspec.Struct)
 
 
 class Stage(StrEnum):
-    """How far an edge is with the bundle that it shall run."""
+    """Progress of an edge with its desired bundle."""
 
-    TAKING = "taking"  # it fetches and checks it
-    WAITING = "waiting"  # it is in place; a part of it waits, and why
-    DONE = "done"  # the edge runs with it, and is no less healthy than before
-    RETURNING = "returning"  # the one before is in place again; a part of that waits
-    FAILED = "failed"  # the edge runs with the one before
-    REFUSED = "refused"  # nothing was touched
-    WITHDRAWN = "withdrawn"  # the roll-out ended before the edge was done; it runs with the one before
+    TAKING = "taking"  # the agent fetches and checks the bundle
+    WAITING = "waiting"  # the bundle is active; some of its changes are pending
+    DONE = "done"  # all changes are applied, and the edge is no less healthy than before
+    RETURNING = "returning"  # the previous bundle is active again; some of its changes are pending
+    FAILED = "failed"  # the edge runs with the previous bundle
+    REFUSED = "refused"  # nothing has changed
+    WITHDRAWN = "withdrawn"  # the roll-out ended before the edge was done; it runs with the previous bundle
 
 
 SETTLED = frozenset({Stage.DONE, Stage.FAILED, Stage.REFUSED, Stage.WITHDRAWN})
 
 
 class Desired(msgspec.Struct, frozen=True):
-    """What an edge shall run, as the roll-out ``rollout`` wants it.
+    """Desired state of an edge in the roll-out ``rollout``.
 
-    ``bundle`` is an address, in ``parts`` parts in the store. ``settle``: for how many seconds the edge is
-    watched; at their end it must be as healthy with it as before. ``by``: who rolls out. ``withdrawn``: no
-    longer, if the edge is not done.
+    ``bundle``: the address of the bundle, stored in ``parts`` parts. ``settle``: observation time in seconds,
+    at whose end the edge must be as healthy as before. ``by``: the operator. ``withdrawn``: the edge no
+    longer has to run the bundle, and rolls back if it is not done.
     """
 
     rollout: Id
@@ -60,9 +60,11 @@ class Desired(msgspec.Struct, frozen=True):
 
 
 class Observed(msgspec.Struct, frozen=True):
-    """What an edge reports: how far it is with ``bundle`` of ``rollout``, and what it runs with.
+    """Report of an edge: its progress with the bundle ``bundle`` of the roll-out ``rollout``.
 
-    ``lines`` say what changed, one line for each robot or section; ``health`` is that of the edge.
+    ``lines``: the changes, one line for each robot or section. ``running``: the active bundle. ``version``:
+    the highest version that it has had. ``health``: health of the edge. ``stamp``: Unix s. ``fleet``: version
+    of the program.
     """
 
     edge: Id
@@ -82,7 +84,7 @@ class Observed(msgspec.Struct, frozen=True):
 
 
 class Target(msgspec.Struct, frozen=True):
-    """The bundle of one edge in a roll-out."""
+    """Bundle of one edge in a roll-out."""
 
     bundle: str
     parts: int
@@ -90,7 +92,10 @@ class Target(msgspec.Struct, frozen=True):
 
 
 class Rollout(msgspec.Struct, frozen=True):
-    """A roll-out; ``waves`` and ``stop_if`` as they were given, ``progress`` how far it is."""
+    """A roll-out and its progress; ``waves`` and ``stop_if`` are the texts given by the operator.
+
+    ``began`` in Unix seconds; ``within`` and ``settle`` in seconds.
+    """
 
     id: str
     by: str
@@ -106,7 +111,7 @@ class Rollout(msgspec.Struct, frozen=True):
 
 
 def read_entry(data: bytes, kind: type[T], place: str) -> T:
-    """Return an entry of the store; raises StateError."""
+    """Decode an entry of the store; raises StateError."""
     if len(data) > LARGEST:
         raise StateError(f"{place} has more than {LARGEST >> 20} MiB")
     try:

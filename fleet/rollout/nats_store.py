@@ -1,8 +1,9 @@
-"""The store of roll-outs in NATS JetStream.
+"""Store of roll-outs in NATS JetStream.
 
-An edge reads and writes by single subjects alone, so that permissions for subjects bound what it can do
-(``fleet.rollout.accounts``): it makes no consumer, whose messages could be led to subjects of others. That is
-why bundles are parts in a bucket and not in NATS's object store, which is read through consumers.
+An edge reads and writes single subjects only, so that subject permissions are sufficient to restrict it
+(``fleet.rollout.accounts``). It creates no consumers, because their messages could be directed to subjects of
+others. For the same reason bundles are stored in parts in a key-value bucket, and not in the object store of
+NATS, which is read through consumers.
 """
 
 from __future__ import annotations
@@ -30,27 +31,27 @@ from fleet.rollout.store import MOST_PARTS, StoreError, parts_of
 
 log = logging.getLogger(__name__)
 
-WITHIN = 5.0  # s for one request, and for the connection
+WITHIN = 5.0  # s, for each request and for connecting
 
 
 class Connection:
-    """A connection to the store; ``name`` is that of the edge, or of who rolls out."""
+    """Connection to the store; ``name`` is the name of the edge, or ``OPERATOR``."""
 
     def __init__(self, settings: RolloutSettings, name: str) -> None:
         self._settings = settings
         self._name = name
         self._client: Client | None = None
         self._stream: JetStreamContext | None = None
-        self._said = ""  # the server's last words, as of a permission
+        self._said = ""  # last error from the server, such as a permissions violation
 
     async def close(self) -> None:
-        """Leave the store."""
+        """Close the connection."""
         client, self._client, self._stream = self._client, None, None
         if client is not None:
             await client.close()
 
     async def ready(self) -> JetStreamContext:
-        """Return the connected client; raises StoreError."""
+        """Connect if necessary and return the JetStream context; raises StoreError."""
         if self._client is not None and self._client.is_closed:
             self._client = self._stream = None
         if self._stream is None:
@@ -62,7 +63,7 @@ class Connection:
         return self._stream
 
     async def last(self, bucket: str, key: str) -> tuple[bytes, int] | None:
-        """Return the value of a key and its revision, None where there is none; raises StoreError."""
+        """Return the value and the revision of a key, None if it has none; raises StoreError."""
         stream = await self.ready()
         try:
             found = await stream.get_msg(f"KV_{bucket}", subject=subject(bucket, key), direct=True)
@@ -83,7 +84,7 @@ class Connection:
             raise self.silent(error) from error
 
     def silent(self, error: Exception) -> StoreError:
-        """Return the error for a store that does not answer or refuses."""
+        """Return the error for a store that does not answer, or refuses a request."""
         words = self._said or str(error) or type(error).__name__
         if not self._said and isinstance(error, BrokenPipeError | ConnectionResetError):
             words = (
@@ -94,7 +95,7 @@ class Connection:
         return StoreError(f"the store of roll-outs ({servers}) does not answer {self._name}: {words}")
 
     async def _connected(self) -> Client:
-        """Connect; later losses of the connection are nats-py's to repair."""
+        """Connect; nats-py repairs later losses of the connection."""
         given = self._settings
         options: dict[str, Any] = {}
         if any(server.startswith("tls:") for server in given.servers):
@@ -113,20 +114,20 @@ class Connection:
         )
 
     async def _heard(self, error: Exception) -> None:
-        """Keep what the server says; whoever waits for an answer tells it."""
+        """Keep an error of the server for the request that fails because of it."""
         self._said = _words(error)
         log.debug("the store of roll-outs: %s", self._said)
 
 
 def _words(error: Exception) -> str:
-    """Return an error in words; a server may close before its reason was read."""
+    """Return the text of an error; a server may close the connection before its reason was read."""
     if isinstance(error, BrokenPipeError | ConnectionResetError):
         return "it ended the connection, as with a certificate or an account that it refuses; see its log"
     return str(error) or type(error).__name__
 
 
 def _tls(settings: RolloutSettings) -> ssl.SSLContext:
-    """Return what is shown and trusted; raises OSError."""
+    """Return the TLS context with the certificate of this computer and the trusted CA; raises OSError."""
     context = ssl.create_default_context(cafile=str(settings.ca_file) if settings.ca_file else None)
     if settings.certificate is not None and settings.private_key is not None:
         context.load_cert_chain(settings.certificate, settings.private_key)
@@ -134,18 +135,18 @@ def _tls(settings: RolloutSettings) -> ssl.SSLContext:
 
 
 class NatsEdgeStore:
-    """What one edge may read and write."""
+    """Store as one edge uses it (``fleet.rollout.store.EdgeStore``)."""
 
     def __init__(self, settings: RolloutSettings, edge: str) -> None:
         self._edge = edge
         self._connection = Connection(settings, edge)
 
     async def close(self) -> None:
-        """Leave the store."""
+        """Close the connection."""
         await self._connection.close()
 
     async def desired(self) -> Desired | None:
-        """Return what the edge shall run."""
+        """Return the desired state of the edge, None if there is none."""
         found = await self._connection.last(DESIRED, self._edge)
         return None if found is None else read_entry(found[0], Desired, f"{DESIRED}/{self._edge}")
 
@@ -164,29 +165,29 @@ class NatsEdgeStore:
         return bytes(data)
 
     async def report(self, observed: Observed) -> None:
-        """Write what the edge reports."""
+        """Write the report of the edge."""
         await self._connection.put(OBSERVED, self._edge, msgspec.json.encode(observed))
 
 
 def _part_key(address: str, number: int) -> str:
-    """Return the key of a part; raises BundleError for an address that is none."""
+    """Return the key of one part of a bundle; raises BundleError for an invalid address."""
     if len(address) != 64 or not set(address) <= set("0123456789abcdef"):
         raise BundleError(f"{address[:64]!r} is no address of a bundle")
     return f"{address}.{number}"
 
 
 class NatsFleetStore:
-    """What whoever rolls out reads and writes."""
+    """Store as an operator uses it (``fleet.rollout.store.FleetStore``)."""
 
     def __init__(self, settings: RolloutSettings) -> None:
         self._connection = Connection(settings, OPERATOR)
 
     async def close(self) -> None:
-        """Leave the store."""
+        """Close the connection."""
         await self._connection.close()
 
     async def prepare(self) -> None:
-        """Make the buckets that are not there yet; raises StoreError."""
+        """Create missing buckets; raises StoreError."""
         stream = await self._connection.ready()
         for bucket in (DESIRED, OBSERVED, BUNDLES, ROLLOUTS):
             try:
@@ -197,18 +198,18 @@ class NatsFleetStore:
                 raise self._connection.silent(error) from error
 
     async def put_bundle(self, address: str, data: bytes) -> int:
-        """Store a bundle, and return in how many parts; raises StoreError."""
+        """Store a bundle and return the number of its parts; raises StoreError."""
         parts = parts_of(data)
         for number, part in enumerate(parts):
             await self._connection.put(BUNDLES, _part_key(address, number), part)
         return len(parts)
 
     async def desire(self, edge: str, desired: Desired) -> None:
-        """Write what an edge shall run; raises StoreError."""
+        """Write the desired state of an edge; raises StoreError."""
         await self._connection.put(DESIRED, edge, msgspec.json.encode(desired))
 
     async def observed(self, edges: Iterable[str]) -> dict[str, Observed]:
-        """Return what these edges report; one whose report cannot be read is as silent. Raises StoreError."""
+        """Return the reports of these edges, without missing and unreadable ones; raises StoreError."""
         found: dict[str, Observed] = {}
         for edge in edges:
             entry = await self._connection.last(OBSERVED, edge)
@@ -221,14 +222,14 @@ class NatsFleetStore:
         return found
 
     async def rollout(self) -> tuple[Rollout | None, int]:
-        """Return the last roll-out, and the revision that its change needs; raises StoreError, StateError."""
+        """Return the last roll-out and its revision, for ``keep``; raises StoreError, StateError."""
         found = await self._connection.last(ROLLOUTS, CURRENT)
         if found is None:
             return None, 0
         return read_entry(found[0], Rollout, f"{ROLLOUTS}/{CURRENT}"), found[1]
 
     async def keep(self, rollout: Rollout, revision: int) -> int:
-        """Write a roll-out in the place of a revision, and return its own; raises StoreError."""
+        """Replace the roll-out of this revision and return the new revision; raises StoreError."""
         stream = await self._connection.ready()
         try:
             bucket = await stream.key_value(ROLLOUTS)

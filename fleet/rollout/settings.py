@@ -1,7 +1,7 @@
-"""``rollout.yaml``: where the store of roll-outs is, and whose bundles an edge takes.
+"""Model of ``rollout.yaml``: address of the store of roll-outs, trusted keys.
 
-It stands beside the bundles of an edge and in none of them, so that no roll-out cuts an edge off from the
-next one, and none brings its own key.
+The file is beside the bundles of an edge and part of none, so that no roll-out can cut an edge off from the
+next one or add a trusted key.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FILE = "rollout.yaml"
 
 
 class RolloutSettings(Model):
-    """What rollout.yaml says, on an edge and where roll-outs are started."""
+    """Content of rollout.yaml, on an edge and on the computer of an operator."""
 
     servers: tuple[Annotated[str, AfterValidator(check_server)], ...] = Field(
         min_length=1, description="tls://HOST:4222 of the NATS servers, which are one cluster."
@@ -65,7 +65,7 @@ class RolloutSettings(Model):
 
 
 def _key(path: Path) -> PublicKey:
-    """Return the key of a file."""
+    """Read a public key; raises SigningKeyError."""
     try:
         return public_key(path.read_bytes())
     except OSError as error:
@@ -75,7 +75,7 @@ def _key(path: Path) -> PublicKey:
 
 
 def read_settings(file: Path, environ: Mapping[str, str] = os.environ) -> RolloutSettings:
-    """Return what a rollout.yaml says; raises InvalidConfig."""
+    """Read a rollout.yaml; raises InvalidConfig."""
     document = read(file, environ)
     settings = None
     if isinstance(document.data, dict):

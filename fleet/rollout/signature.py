@@ -1,4 +1,4 @@
-"""Signatures of bundles: Ed25519 keys, and the trusted keys of an edge. Pure."""
+"""Ed25519 signatures of bundles, and the trusted keys of an edge. Pure."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ class SigningKeyError(FleetError):
 
 
 class PublicKey:
-    """A key that checks signatures; ``name`` is the beginning of its SHA-256."""
+    """Public key that verifies signatures; ``name`` is the beginning of its SHA-256."""
 
     def __init__(self, key: Ed25519PublicKey) -> None:
         self._key = key
         self.name = hashlib.sha256(key.public_bytes_raw()).hexdigest()[:16]
 
     def pem(self) -> bytes:
-        """Return it as a PEM file."""
+        """Return the key in PEM format."""
         form = serialization.PublicFormat.SubjectPublicKeyInfo
         return self._key.public_bytes(serialization.Encoding.PEM, form)
 
     def accepts(self, text: bytes, signature: bytes) -> bool:
-        """Return whether its private key signed a text."""
+        """Return whether the signature of a text was made with the private key of this key."""
         try:
             self._key.verify(signature, text)
         except InvalidSignature:
@@ -38,14 +38,14 @@ class PublicKey:
 
 
 class PrivateKey:
-    """A key that signs."""
+    """Private key that makes signatures; ``public`` is its public key."""
 
     def __init__(self, key: Ed25519PrivateKey) -> None:
         self._key = key
         self.public = PublicKey(key.public_key())
 
     def pem(self) -> bytes:
-        """Return it as a PEM file, unencrypted."""
+        """Return the key in PEM format, unencrypted."""
         form = serialization.PrivateFormat.PKCS8
         return self._key.private_bytes(serialization.Encoding.PEM, form, serialization.NoEncryption())
 
@@ -55,12 +55,12 @@ class PrivateKey:
 
 
 def new_key() -> PrivateKey:
-    """Make a key."""
+    """Generate a key."""
     return PrivateKey(Ed25519PrivateKey.generate())
 
 
 def private_key(pem: bytes) -> PrivateKey:
-    """Return the private key of a PEM file; raises SigningKeyError."""
+    """Return the private key in a PEM file; raises SigningKeyError."""
     try:
         key = serialization.load_pem_private_key(pem, None)
     except (ValueError, TypeError, UnsupportedAlgorithm) as error:
@@ -71,7 +71,7 @@ def private_key(pem: bytes) -> PrivateKey:
 
 
 def public_key(pem: bytes) -> PublicKey:
-    """Return the public key of a PEM file; raises SigningKeyError."""
+    """Return the public key in a PEM file; raises SigningKeyError."""
     try:
         key = serialization.load_pem_public_key(pem)
     except (ValueError, UnsupportedAlgorithm) as error:
@@ -82,11 +82,11 @@ def public_key(pem: bytes) -> PublicKey:
 
 
 def by_name(keys: Iterable[PublicKey]) -> dict[str, PublicKey]:
-    """Return keys by their names."""
+    """Return the keys by name."""
     return {key.name: key for key in keys}
 
 
 def is_signed(text: bytes, signature: bytes, name: str, trusted: Mapping[str, PublicKey]) -> bool:
-    """Return whether the trusted key of this name signed a text."""
+    """Return whether a text has a valid signature of the trusted key with this name."""
     key = trusted.get(name)
     return key is not None and key.accepts(text, signature)

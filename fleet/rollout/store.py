@@ -1,4 +1,4 @@
-"""The store of roll-outs, as an edge and whoever rolls out see it (``fleet.rollout.nats_store``)."""
+"""Interfaces of the store of roll-outs for edges and operators; ``nats_store`` implements them."""
 
 from __future__ import annotations
 
@@ -9,46 +9,46 @@ from fleet.errors import FleetError
 from fleet.rollout.bundle import HEAD, LARGEST
 from fleet.rollout.messages import Desired, Observed, Rollout
 
-PART = 256 << 10  # bytes of a part of a bundle
+PART = 256 << 10  # bytes of one part of a bundle
 MOST_PARTS = -(-(LARGEST + len(HEAD)) // PART)
 
 
 class StoreError(FleetError):
-    """The store of roll-outs does not answer, or refuses."""
+    """The store of roll-outs does not answer, or refuses a request."""
 
 
 class EdgeStore(Protocol):
-    """What an edge reads and writes."""
+    """Store as one edge uses it."""
 
     async def desired(self) -> Desired | None:
-        """Return what the edge shall run, None where nothing is said; raises StoreError, StateError."""
+        """Return the desired state of the edge, None if there is none; raises StoreError, StateError."""
 
     async def bundle(self, address: str, parts: int) -> bytes:
-        """Return the bytes of a bundle; raises StoreError, BundleError for one that is too large."""
+        """Return the bytes of a bundle; raises StoreError, and BundleError if it is too large."""
 
     async def report(self, observed: Observed) -> None:
-        """Write what the edge reports; raises StoreError."""
+        """Write the report of the edge; raises StoreError."""
 
 
 class FleetStore(Protocol):
-    """What whoever rolls out reads and writes; everything raises StoreError."""
+    """Store as an operator uses it; all methods raise StoreError."""
 
     async def put_bundle(self, address: str, data: bytes) -> int:
-        """Store a bundle, and return in how many parts."""
+        """Store a bundle and return the number of its parts."""
 
     async def desire(self, edge: str, desired: Desired) -> None:
-        """Write what an edge shall run."""
+        """Write the desired state of an edge."""
 
     async def observed(self, edges: Iterable[str]) -> dict[str, Observed]:
-        """Return what these edges report; one whose report cannot be read is as silent."""
+        """Return the reports of these edges, without missing and unreadable ones."""
 
     async def rollout(self) -> tuple[Rollout | None, int]:
-        """Return the last roll-out, and the revision that its change needs; raises StateError too."""
+        """Return the last roll-out and its revision, for ``keep``; also raises StateError."""
 
     async def keep(self, rollout: Rollout, revision: int) -> int:
-        """Write a roll-out in the place of a revision, and return its own."""
+        """Replace the roll-out of this revision and return the new revision."""
 
 
 def parts_of(data: bytes) -> list[bytes]:
-    """Return the parts in which the bytes of a bundle are stored."""
+    """Split the bytes of a bundle into parts for the store."""
     return [data[at : at + PART] for at in range(0, len(data), PART)]

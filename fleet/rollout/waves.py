@@ -1,8 +1,8 @@
-"""The waves of a roll-out, as a state machine: which edges are told next, and when it stops. Pure.
+"""State machine of the waves of a roll-out: which edges get their bundle next, and when it stops. Pure.
 
-Edges are told in their order. A wave begins when every edge of the wave before has settled, and the limit on
-failures has held at every step. The share of failures is that of the edges told so far, so that a bundle that
-nobody can use stops in its first wave.
+Bundles are assigned to the edges in their order. A wave begins when all edges of the previous wave have
+settled, provided that the limit on failures has held at each step. Failures are counted as a share of the
+edges assigned so far, so that a bundle that no edge can use stops the roll-out in its first wave.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ _LIMIT = re.compile(r"failed\s*>\s*(\d{1,6}(?:\.\d+)?)\s*(%?)")
 
 
 class WavesError(FleetError):
-    """The waves of a roll-out, or its limit, cannot be read."""
+    """The text of the waves or of the limit of a roll-out is invalid."""
 
 
 class Phase(StrEnum):
-    """How far a roll-out is."""
+    """Phase of a roll-out."""
 
     RUNNING = "running"
     STOPPED = "stopped"  # too many edges failed
-    ABORTED = "aborted"  # a person ended it
+    ABORTED = "aborted"  # by a person
     COMPLETED = "completed"
 
 
 class Event(StrEnum):
-    """What moves a roll-out from one phase to another."""
+    """Event that moves a roll-out from one phase to another."""
 
     TOO_MANY_FAILED = "too many failed"
     ABORT = "abort"
@@ -46,33 +46,33 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = {
     (Phase.RUNNING, Event.ABORT): Phase.ABORTED,
     (Phase.RUNNING, Event.ALL_SETTLED): Phase.COMPLETED,
 }
-"""Any other event changes nothing: what has ended stays as it ended."""
+"""Any other event changes nothing: a roll-out that has ended keeps its phase."""
 
 
 class Told(StrEnum):
-    """What is known of an edge that was told; one that was not has no entry."""
+    """Status of an edge with an assigned bundle; an edge without one has no entry."""
 
     OPEN = "open"
     DONE = "done"
     FAILED = "failed"
-    OVERDUE = "overdue"  # it had not settled in time; it may still have the bundle before it, or in part
+    OVERDUE = "overdue"  # not settled in time; it may still run the previous bundle, or part of the new one
 
 
 class Limit(msgspec.Struct, frozen=True):
-    """How many edges may fail: ``most``, in percent of those told so far or as a number."""
+    """Limit on failed edges: ``most`` of them, as a number or in percent of those assigned so far."""
 
     most: float
     percent: bool
 
     def is_exceeded(self, failed: int, told: int) -> bool:
-        """Return whether too many have failed."""
+        """Return whether too many edges have failed."""
         return failed * 100 > self.most * told if self.percent else failed > self.most
 
 
 class Plan(msgspec.Struct, frozen=True):
-    """How a roll-out goes: its edges in order, where each wave ends, the limit.
+    """Plan of a roll-out: its edges in order, the number of edges after each wave, the limit on failures.
 
-    At most ``parallel`` edges change at a time; one that has not settled ``within`` seconds is
+    At most ``parallel`` edges change at a time. An edge that has not settled within ``within`` seconds is
     overdue, which counts as a failure.
     """
 
@@ -84,7 +84,11 @@ class Plan(msgspec.Struct, frozen=True):
 
 
 class Progress(msgspec.Struct, frozen=True):
-    """How far a roll-out is; ``since`` when each edge was told (Unix s), ``why`` what ended it early."""
+    """Progress of a roll-out.
+
+    ``told``: status of each edge with an assigned bundle. ``since``: time of the assignment (Unix s).
+    ``why``: reason of an early end.
+    """
 
     phase: Phase = Phase.RUNNING
     told: dict[str, Told] = {}
@@ -92,18 +96,18 @@ class Progress(msgspec.Struct, frozen=True):
     why: str = ""
 
     def count(self, what: Told) -> int:
-        """Return how many of the edges that were told are so."""
+        """Return the number of edges with this status."""
         return sum(each is what for each in self.told.values())
 
     def not_done(self) -> list[str]:
-        """Return the edges that were told and are not done."""
+        """Return the edges with an assigned bundle that are not done."""
         return [edge for edge, each in self.told.items() if each is not Told.DONE]
 
 
 def wave_ends(text: str, edges: int) -> tuple[int, ...]:
-    """Return after how many edges each wave of ``1,10%,100%`` ends; raises WavesError.
+    """Return the number of edges after each wave, for a text like ``1,10%,100%``; raises WavesError.
 
-    A share is rounded up. The last wave is all edges.
+    A share is rounded up. After the last wave it is always all edges.
     """
     matches = [_WAVE.fullmatch(part.strip()) for part in text.split(",")]
     given = [(int(each[1]), bool(each[2])) for each in matches if each is not None]
@@ -121,7 +125,7 @@ def wave_ends(text: str, edges: int) -> tuple[int, ...]:
 
 
 def limit_of(text: str) -> Limit:
-    """Return the limit of ``failed > 2%`` or ``failed > 3``; raises WavesError."""
+    """Parse a limit such as ``failed > 2%`` or ``failed > 3``; raises WavesError."""
     match = _LIMIT.fullmatch(text.strip())
     if match is None or (match[2] and float(match[1]) > 100):
         raise WavesError(f"{text!r} is no limit: write  failed > 2%  or  failed > 3")
@@ -129,9 +133,10 @@ def limit_of(text: str) -> Limit:
 
 
 def step(plan: Plan, progress: Progress, seen: Mapping[str, Told], now: float) -> Progress:
-    """Return the progress after what was seen of edges that were told; new in ``told`` are those to tell now.
+    """Return the progress after the reported statuses; new entries of ``told`` get their bundle now.
 
-    ``now`` is Unix seconds. What is seen of an edge that was not told, or has settled, counts for nothing.
+    ``now`` is in Unix seconds. The status of an edge without an assigned bundle, or of one that has settled,
+    is ignored.
     """
     if progress.phase is not Phase.RUNNING:
         return progress
@@ -152,18 +157,18 @@ def step(plan: Plan, progress: Progress, seen: Mapping[str, Told], now: float) -
 
 
 def aborted(progress: Progress, why: str) -> Progress:
-    """Return the progress after a person has ended the roll-out."""
+    """Return the progress after an abort by a person."""
     return _moved(progress, Event.ABORT, why)
 
 
 def _moved(progress: Progress, event: Event, why: str = "") -> Progress:
-    """Return the progress after an event."""
+    """Return the progress after an event; ``why`` is the reason of the end."""
     phase = TRANSITIONS.get((progress.phase, event))
     return progress if phase is None else msgspec.structs.replace(progress, phase=phase, why=why)
 
 
 def _state(plan: Plan, progress: Progress, name: str, seen: Mapping[str, Told], now: float) -> Told:
-    """Return what is known of an edge that was told."""
+    """Return the status of an edge with an assigned bundle."""
     before = progress.told[name]
     if before is not Told.OPEN:
         return before
@@ -173,12 +178,12 @@ def _state(plan: Plan, progress: Progress, name: str, seen: Mapping[str, Told], 
 
 
 def _failed(plan: Plan, told: Mapping[str, Told]) -> list[str]:
-    """Return the edges that failed or are overdue, in order."""
+    """Return the failed and overdue edges, in order."""
     return [name for name in plan.edges if told.get(name) in (Told.FAILED, Told.OVERDUE)]
 
 
 def _next(plan: Plan, told: Mapping[str, Told]) -> tuple[str, ...]:
-    """Return the edges to tell now."""
+    """Return the edges that get their bundle now."""
     unsettled = sum(each is Told.OPEN for each in told.values())
     end = next((end for end in plan.ends if end > len(told)), len(told))
     begins_wave = len(told) in (0, *plan.ends)

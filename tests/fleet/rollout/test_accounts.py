@@ -1,4 +1,4 @@
-"""The accounts of a NATS server for roll-outs; that the server keeps to them is in test_nats_store."""
+"""Accounts of a NATS server for roll-outs; test_nats_store checks that a server enforces them."""
 
 import pytest
 

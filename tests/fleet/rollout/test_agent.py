@@ -1,4 +1,4 @@
-"""The agent of an edge: what it takes, what it refuses, and what it goes back from."""
+"""Agent of an edge: accepted bundles, refusals, rollbacks."""
 
 import asyncio
 import tempfile
@@ -202,7 +202,7 @@ async def other_bundle_of_the_same_version(yard):
 
 
 async def replayed_bundle(yard):
-    """Return the first bundle, with its good signature, after the edge has had a newer one."""
+    """Offer an old bundle with a valid signature after a newer one; return the expected refusal."""
     await yard.want(2)
     await yard.want(3, rollout="r2")
     await yard.want(2, rollout="r3")
@@ -256,11 +256,11 @@ async def test_an_attempt_is_refused_recorded_and_touches_nothing(yard, attempt)
 
 
 class Killed(BaseException):
-    """The agent is killed."""
+    """Kill of the agent at some point."""
 
 
 def dying(call, left):
-    """Return a call that kills the agent after so many, before or after its effect."""
+    """Return a call that kills the agent after ``left[0]`` calls, before or after its effect."""
 
     def dies(*arguments):
         left[0] -= 1
@@ -289,7 +289,7 @@ steps = st.lists(
 
 
 async def live(yard, story):
-    """Let an edge live through a story, and then in peace; return the versions that it was put on."""
+    """Run an agent through a sequence of events, then undisturbed until it settles."""
     last, number = yard.first, 0
     for what, value, outcomes in story:
         left = [value if what == "kill" else -1]

@@ -1,4 +1,4 @@
-"""An edge that gets less healthy with a bundle, or ends with it, goes back to the bundle before."""
+"""Rollback of an edge that gets less healthy with a bundle, or ends with it."""
 
 import msgspec
 import pytest
@@ -20,7 +20,7 @@ def yard(tmp_path):
 
 
 def changes_later(yard, seconds, state):
-    """Have the edge get into another state some seconds from now, if it runs with version 2."""
+    """Change the state of the edge some seconds from now, if it runs with version 2."""
     at, before = yard.clock.monotonic() + seconds, yard.here.state
 
     def running():

@@ -1,4 +1,4 @@
-"""Bundles: what goes in comes out, and what somebody changed is refused before anything is written."""
+"""Bundles: round trip, and refusal of changed bytes before anything is written."""
 
 import msgspec
 import pytest

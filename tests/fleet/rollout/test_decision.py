@@ -1,4 +1,4 @@
-"""What an edge does next about the bundle that it shall run."""
+"""Decisions of the agent of an edge."""
 
 from hypothesis import given
 from hypothesis import strategies as st

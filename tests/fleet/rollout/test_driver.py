@@ -1,4 +1,4 @@
-"""A roll-out to a hundred puppet edges, some of which fail: it stops in time, and nothing is half applied."""
+"""Roll-out to a hundred fake edges, some of which fail: it stops in time, and nothing is half applied."""
 
 import contextlib
 import random
@@ -28,7 +28,7 @@ FAILS = {
 
 
 class Fleet:
-    """A hundred edges with real agents and folders, and what drives a roll-out to them."""
+    """A hundred fake edges with real agents and folders, and the driver of a roll-out to them."""
 
     def __init__(self, folder, edges=EDGES):
         self.store, self.clock = MemoryStore(), ManualClock()
@@ -59,7 +59,7 @@ class Fleet:
         return Driver(self.store, clock=self.clock, sleep=self.sleep)
 
     async def sleep(self, seconds):
-        """Let time pass; every agent looks once in it."""
+        """Advance the clock; each agent polls the store once."""
         self.clock.advance(seconds)
         for agent, _ in self.edges.values():
             if agent.record.rollout or agent._edge in self.store.desired_of:
@@ -78,12 +78,12 @@ class Fleet:
         return (await self.driver.drive()).progress
 
     async def settle(self):
-        """Let every agent come to its end."""
+        """Let every agent settle."""
         for _ in range(5):
             await self.sleep(1.0)
 
     def running(self):
-        """Return what each edge runs with: by the link, by its last application, and by its record."""
+        """Return old or new for each edge, after checking that its link, last apply and record agree."""
         found = {}
         for name, (agent, here) in self.edges.items():
             content = agent._installation.file_in_use.read_bytes()
@@ -207,7 +207,7 @@ async def test_who_detaches_leaves_it_and_another_drives_it_to_its_end(fleet, af
         calls += 1
         kept = await keep(rollout, revision)
         if calls == after:
-            raise Detached  # after it was stored, before the edges were told
+            raise Detached  # after the step was stored, before the desired states were written
         return kept
 
     fleet.store.keep = cut_off

@@ -1,4 +1,4 @@
-"""The edge on this computer, as its agent uses it; that it applies is in tests/system/test_rollout.py."""
+"""Access of an agent to the edge on its computer; tests/system/test_rollout.py checks that it applies."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What got worse on an edge: part by part, whatever its health as a whole says."""
+"""Faults of an edge that got worse, part by part, regardless of its health as a whole."""
 
 import msgspec
 import pytest
@@ -89,7 +89,7 @@ def test_robots_of_other_edges_on_the_bus_do_not_count():
 
 
 def test_an_edge_tells_what_the_comparison_needs():
-    """That the words of the edge's own health are found again as its problems."""
+    """The cause in the health of an edge is found again in its problems."""
     problems = ["no port 9100", "history: disk full"]
     health = edge_health((), map(degraded, problems))
     told = edge(health=health.level.word, cause=health.cause, problems=problems)

@@ -1,4 +1,4 @@
-"""The folder of an edge that takes bundles: one bundle or the other, never a mixture."""
+"""Folder of an edge with bundles: one bundle or the other, never a mixture."""
 
 import json
 
@@ -92,7 +92,7 @@ def test_the_record_is_the_same_after_a_restart(installation):
 
 def test_the_version_before_reads_the_record_and_the_other_way_round(installation):
     class Before(msgspec.Struct, frozen=True):
-        """The fields that the version before looks at."""
+        """Fields that the previous version reads."""
 
         bundle: str = ""
         health: str = ""

@@ -1,4 +1,4 @@
-"""What a bundle has of a configuration, and what it must not have."""
+"""Content of a bundle that is built from a configuration, and what it must not contain."""
 
 import pytest
 from cryptography.hazmat.primitives import serialization

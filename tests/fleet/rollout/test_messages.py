@@ -1,4 +1,4 @@
-"""Entries of the store: what cannot be read is refused in one line."""
+"""Entries of the store: an unreadable one is refused in one line."""
 
 import msgspec
 import pytest

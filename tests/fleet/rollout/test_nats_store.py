@@ -1,4 +1,4 @@
-"""The store in a real NATS server, with TLS and an account for each edge: what passes, and what not."""
+"""Store in a real NATS server, with TLS and an account for each edge: permitted and refused requests."""
 
 import asyncio
 import random
@@ -36,7 +36,7 @@ tls {{
 }}
 """
 ADDRESS = "a" * 64
-ENDED = "a certificate or an account that it refuses"  # if it closes before the client has read why
+ENDED = "a certificate or an account that it refuses"  # if the server closes before the client has read the reason
 
 
 class Authority:
@@ -56,7 +56,7 @@ class Authority:
 
 
 class Server:
-    """A server with accounts, and settings for its clients."""
+    """NATS server with accounts, and settings for its clients."""
 
     def __init__(self, port, authority, other):
         self.port, self.authority, self.other = port, authority, other
@@ -211,7 +211,7 @@ async def test_the_answer_to_an_edge_cannot_be_led_to_what_it_may_not_write(serv
     stream = await connection.ready()
     await stream._nc.publish(request, b"{}", reply=reply)
     await stream._nc.flush()
-    await edge.report(Observed("yard-1", "r1", ADDRESS, Stage.DONE))  # answered after what was led away
+    await edge.report(Observed("yard-1", "r1", ADDRESS, Stage.DONE))  # answered after the diverted reply
     await connection.close()
     second = NatsEdgeStore(server.settings("yard-2"), "yard-2")
     try:
@@ -292,11 +292,11 @@ async def test_a_hundred_puppets_on_one_server_stop_a_roll_out_in_time(tmp_path)
         progress = (await asyncio.wait_for(driver.drive(), 120)).progress
         ended = set()
         while len(ended) < len(looking):
-            for task in looking:  # once more: up to Python 3.11 wait_for loses one that comes with an answer
+            for task in looking:  # again: up to Python 3.11, wait_for loses a cancellation that meets a result
                 task.cancel()
             ended, _ = await asyncio.wait(looking, timeout=1.0)
         for agent in agents.values():
-            await agent.turn()  # what was withdrawn goes back
+            await agent.turn()  # withdrawn bundles are rolled back
         for agent in agents.values():
             await agent._store.close()
         await fleet.close()

@@ -1,4 +1,4 @@
-"""rollout.yaml: where the store is, and whose bundles are taken."""
+"""rollout.yaml: address of the store, trusted keys."""
 
 import pytest
 

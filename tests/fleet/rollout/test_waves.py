@@ -1,4 +1,4 @@
-"""The waves of a roll-out: what is told in which order, and when it stops."""
+"""Waves of a roll-out: the order of the edges, and when it stops."""
 
 import json
 
@@ -27,7 +27,7 @@ def plan_of(edges, waves="1,10%,100%", stop_if="failed > 2%", parallel=20, withi
 
 
 def run(plan, failing=(), silent=()):
-    """Run a roll-out in which every edge answers one step after it was told."""
+    """Run a roll-out in which every edge answers one step after it got its bundle."""
     progress, history = Progress(), []
     for now in range(1000):
         seen = {
@@ -142,7 +142,7 @@ def test_whatever_edges_do_the_rules_hold_at_every_step(edges, waves, stop_if, p
 
 
 def holds(plan, before, progress):
-    """Assert what is true of every step."""
+    """Assert the invariants of every step."""
     told = list(progress.told)
     new = told[len(before.told) :]
     assert told == list(plan.edges[: len(told)]), "edges are told in order, each once"
