@@ -19,12 +19,12 @@ def test_each_edge_and_operator_has_a_user_and_each_edge_an_account():
 
 
 @pytest.mark.parametrize("name", ["*", ">", "yard.>", 'a"', "yard 1", "", "Yard"])
-def test_what_is_no_name_of_an_edge_is_refused(name):
+def test_an_invalid_name_of_an_edge_is_refused(name):
     with pytest.raises(AccountsError, match="no name of an edge"):
         server_accounts([name], ["alice"])
 
 
 @pytest.mark.parametrize(("edges", "operators"), [(["a", "a"], []), (["a"], ["a"]), ([], ["a", "a"])])
-def test_a_name_that_stands_twice_is_refused(edges, operators):
+def test_a_name_given_twice_is_refused(edges, operators):
     with pytest.raises(AccountsError, match="a is named twice"):
         server_accounts(edges, operators)

@@ -25,7 +25,7 @@ def yard(tmp_path):
     return Yard(tmp_path)
 
 
-async def test_a_new_bundle_is_taken_applied_and_reported(yard):
+async def test_a_new_bundle_is_installed_applied_and_reported(yard):
     address = await yard.want(2)
     report = await yard.report()
     assert (report.stage, report.bundle, report.running) == (Stage.DONE, address, address)
@@ -35,7 +35,7 @@ async def test_a_new_bundle_is_taken_applied_and_reported(yard):
     assert len(yard.here.applied) == 1, "what is done is done once"
 
 
-async def test_a_robot_in_flight_waits_and_the_edge_says_so_until_it_rests(yard):
+async def test_a_change_of_a_flying_robot_is_reported_as_waiting_until_it_rests(yard):
     yard.here.outcomes = [MOVES, MOVES]
     await yard.want(2)
     assert ((await yard.report()).stage, (await yard.report()).why) == (Stage.WAITING, MOVES.waits)
@@ -49,7 +49,7 @@ async def test_a_robot_in_flight_waits_and_the_edge_says_so_until_it_rests(yard)
     "outcome",
     [Applied(failed="rex: it does not answer"), Refused("edge yard-1: another change is under way")],
 )
-async def test_what_fails_puts_the_bundle_before_in_place_again_and_applies_it(yard, outcome):
+async def test_a_bundle_that_fails_is_rolled_back(yard, outcome):
     yard.here.outcomes = [outcome]
     await yard.want(2)
     report = await yard.report()
@@ -57,7 +57,7 @@ async def test_what_fails_puts_the_bundle_before_in_place_again_and_applies_it(y
     assert yard.here.applied == [b"version 2 ", b"version 1 "]
 
 
-async def test_a_file_that_the_edge_cannot_use_touches_nothing(yard):
+async def test_an_unusable_fleet_file_changes_nothing(yard):
     yard.here.refuses = {b"broken": BundleError("fleet.yaml:1:1: robots: there are none")}
     await yard.want(2, text="broken")
     report = await yard.report()
@@ -67,7 +67,7 @@ async def test_a_file_that_the_edge_cannot_use_touches_nothing(yard):
     assert yard.text == "version 1"
 
 
-async def test_an_edge_that_gets_less_healthy_goes_back(yard):
+async def test_an_edge_that_gets_less_healthy_rolls_back(yard):
     def gets_worse(by):
         content = yard.installation.file_in_use.read_bytes()
         faults = (Fault("rex", "fault", "motor 3"),) if b"version 2" in content else ()
@@ -81,7 +81,7 @@ async def test_an_edge_that_gets_less_healthy_goes_back(yard):
     assert report.why == "rex is fault, was ok: motor 3"
 
 
-async def test_a_return_that_has_to_wait_goes_on_until_it_is_whole(yard):
+async def test_a_rollback_that_has_to_wait_continues_until_it_is_complete(yard):
     yard.here.outcomes = [Applied(failed="rex: no answer"), MOVES]
     await yard.want(2)
     assert (await yard.report()).stage is Stage.RETURNING
@@ -101,7 +101,7 @@ async def test_a_roll_out_that_ends_while_a_robot_moves_is_withdrawn(yard):
     assert (await yard.report()).stage is Stage.DONE, "the same bundle may be rolled out again"
 
 
-async def test_what_waits_goes_back_before_another_bundle_is_looked_at(yard):
+async def test_a_waiting_bundle_is_rolled_back_before_another_one_is_considered(yard):
     yard.here.outcomes = [MOVES]
     await yard.want(3)
     await yard.want(2, rollout="r2")
@@ -112,12 +112,12 @@ async def test_what_waits_goes_back_before_another_bundle_is_looked_at(yard):
     assert yard.here.applied[-1] == b"version 1 "
 
 
-async def test_what_is_done_is_not_withdrawn(yard):
+async def test_a_bundle_that_is_done_is_not_withdrawn(yard):
     await yard.withdraw(await yard.want(2))
     assert ((await yard.report()).stage, yard.text) == (Stage.DONE, "version 2")
 
 
-async def test_a_silent_store_ends_nothing_that_was_begun(yard):
+async def test_a_silent_store_interrupts_no_bundle_in_progress(yard):
     yard.here.outcomes = [MOVES]
     await yard.want(2)
     yard.store.silent = True
@@ -130,7 +130,7 @@ async def test_a_silent_store_ends_nothing_that_was_begun(yard):
 
 
 @pytest.mark.parametrize("before", ["the link", "the edge was asked"])
-async def test_an_agent_that_is_killed_half_way_goes_on_from_its_disk(yard, before, monkeypatch):
+async def test_an_agent_that_is_killed_half_way_continues_from_its_disk(yard, before, monkeypatch):
     def die(*_):
         raise KeyboardInterrupt
 
@@ -160,7 +160,7 @@ async def test_changed_code_is_reloaded_and_a_file_that_only_a_start_reads_waits
     assert (await yard.report()).stage is Stage.DONE
 
 
-async def test_what_nobody_foresaw_does_not_end_the_agent(yard, caplog):
+async def test_an_unexpected_error_does_not_end_the_agent(yard, caplog):
     looks = 0
 
     def breaks(folder, before):
@@ -243,7 +243,7 @@ ATTEMPTS = [
 
 
 @pytest.mark.parametrize("attempt", ATTEMPTS, ids=lambda attempt: attempt.__name__)
-async def test_an_attempt_is_refused_recorded_and_touches_nothing(yard, attempt):
+async def test_an_attempt_is_refused_recorded_and_changes_nothing(yard, attempt):
     words = await attempt(yard)
     report = await yard.report()
     assert report.stage is Stage.REFUSED
@@ -320,7 +320,7 @@ async def live(yard, story):
 
 @settings(max_examples=60)
 @given(story=steps)
-def test_whatever_happens_the_edge_ends_with_one_bundle_as_a_whole(story):
+def test_any_sequence_of_events_ends_with_one_complete_bundle(story):
     with tempfile.TemporaryDirectory() as folder:
         yard = Yard(Path(folder))
         asyncio.run(live(yard, story))

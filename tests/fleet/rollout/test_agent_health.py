@@ -30,7 +30,7 @@ def changes_later(yard, seconds, state):
     yard.here.running = running
 
 
-async def test_an_edge_that_gets_worse_late_in_its_time_goes_back(yard):
+async def test_an_edge_that_gets_worse_late_in_its_observation_time_rolls_back(yard):
     changes_later(yard, 8.0, Running("degraded", "", 0.0, (MOTOR,)))
     await yard.want(2, settle=10.0)
     report = await yard.report()
@@ -38,7 +38,7 @@ async def test_an_edge_that_gets_worse_late_in_its_time_goes_back(yard):
     assert report.why == "rex is fault, was ok: motor 3"
 
 
-async def test_an_edge_that_is_well_again_at_the_end_of_its_time_is_done(yard):
+async def test_an_edge_that_has_recovered_at_the_end_of_its_observation_time_is_done(yard):
     yard.here.state = Running("degraded", "", 0.0, (MOTOR,))
     changes_later(yard, 3.0, Running("ok", "", 0.0))
     await yard.want(2, settle=10.0)
@@ -46,7 +46,7 @@ async def test_an_edge_that_is_well_again_at_the_end_of_its_time_is_done(yard):
     assert yard.clock.monotonic() >= 10.0
 
 
-async def test_a_fault_in_the_place_of_another_fails_the_bundle_and_the_one_before_does_not(yard):
+async def test_a_fault_that_replaces_another_fails_the_bundle_and_an_old_fault_does_not(yard):
     yard.here.state = Running("degraded", "", 0.0, (BATTERY,))
     changes_later(yard, 3.0, Running("degraded", "", 0.0, (MOTOR,)))
     await yard.want(2, settle=10.0)
@@ -54,7 +54,7 @@ async def test_a_fault_in_the_place_of_another_fails_the_bundle_and_the_one_befo
     assert (report.stage, report.why) == (Stage.FAILED, "rex is fault, was ok: motor 3")
 
 
-async def test_what_was_wrong_before_does_not_fail_the_bundle(yard):
+async def test_a_fault_from_before_does_not_fail_the_bundle(yard):
     yard.here.state = Running("degraded", "", 0.0, (BATTERY, MOTOR))
     changes_later(yard, 3.0, Running("degraded", "", 0.0, (MOTOR,)))
     await yard.want(2, settle=10.0)
@@ -62,7 +62,7 @@ async def test_what_was_wrong_before_does_not_fail_the_bundle(yard):
     assert yard.installation.record().faults is None, "it is kept only until it is judged"
 
 
-async def test_a_report_names_three_parts_and_the_number_of_the_others(yard):
+async def test_a_report_names_three_parts_and_the_number_of_others(yard):
     faults = tuple(Fault(f"r{number}", "offline", "silent") for number in range(5))
     changes_later(yard, 3.0, Running("degraded", "", 0.0, faults))
     await yard.want(2, settle=10.0)
@@ -70,7 +70,7 @@ async def test_a_report_names_three_parts_and_the_number_of_the_others(yard):
     assert why.endswith("r2 is offline, was ok: silent; and 2 more")
 
 
-async def test_an_agent_that_is_restarted_compares_with_what_was_wrong_before_the_bundle(yard):
+async def test_a_restarted_agent_compares_with_the_faults_before_the_bundle(yard):
     yard.here.state = Running("degraded", "", 0.0, (BATTERY,))
     yard.here.outcomes = [Applied(waits="rex: it is armed")]
     await yard.want(2)
@@ -80,7 +80,7 @@ async def test_an_agent_that_is_restarted_compares_with_what_was_wrong_before_th
     assert (await yard.report()).why == "rex is fault, was ok: motor 3"
 
 
-async def test_the_record_of_an_older_fleet_is_judged_by_the_health_of_the_edge_as_a_whole(yard):
+async def test_with_the_record_of_an_older_version_the_health_of_the_whole_edge_is_compared(yard):
     yard.here.outcomes = [Applied(waits="rex: it is armed")]
     await yard.want(2)
     yard.installation.keep(msgspec.structs.replace(yard.installation.record(), faults=None))
@@ -100,7 +100,7 @@ async def test_an_edge_that_was_down_must_come_up_able_to_work(yard):
     assert report.why == "the edge is fault, did not run before: rex: motor 3"
 
 
-async def test_an_edge_that_dies_with_the_bundle_and_stays_away_goes_back(yard):
+async def test_an_edge_that_dies_with_the_bundle_and_stays_away_rolls_back(yard):
     def dies(by):
         yard.here.state = None
         return WAITS

@@ -32,7 +32,7 @@ def forged(bundle):
     return HEAD + header + b"\n" + content
 
 
-def test_what_goes_in_comes_out_under_the_address_of_its_content():
+def test_an_opened_bundle_equals_the_sealed_one_and_has_the_address_of_its_content():
     address, data = sealed(bundle_of(), KEY)
     assert opened(data, TRUSTED, address) == (address, bundle_of())
     assert len(address) == 64
@@ -79,7 +79,7 @@ def test_a_bundle_with_the_content_of_another_address_is_refused():
         "fleet.yaml/below",
     ],
 )
-def test_a_signed_bundle_whose_file_leads_elsewhere_is_refused(name):
+def test_a_signed_bundle_with_a_file_outside_its_folder_is_refused(name):
     data = forged(bundle_of(files={"fleet.yaml": b"", name: b""}))
     with pytest.raises(BundleError, match=r"no name of a file|the edge's own|stands below"):
         opened(data, TRUSTED)

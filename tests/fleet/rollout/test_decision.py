@@ -23,7 +23,7 @@ def test_every_stage_and_relation_has_its_action():
     }
 
 
-def test_what_is_desired_is_the_same_withdrawn_another_or_nothing():
+def test_the_desired_bundle_is_the_same_withdrawn_another_or_none():
     assert relation(AT, None) is Relation.NOTHING
     assert relation(AT, Desired("r1", "b2", 1)) is Relation.SAME
     assert relation(AT, Desired("r2", "b2", 1)) is Relation.OTHER
@@ -32,24 +32,24 @@ def test_what_is_desired_is_the_same_withdrawn_another_or_nothing():
     assert relation(AT, Desired("r2", "b3", 1, withdrawn=True)) is Relation.NOTHING
 
 
-def test_a_return_is_finished_before_anything_else_begins():
+def test_a_rollback_is_finished_before_anything_else_begins():
     assert set(ACTIONS[Stage.RETURNING].values()) == {Action.GO_ON_BACK}
 
 
-def test_what_has_settled_is_left_only_for_another_bundle_or_roll_out():
+def test_a_settled_edge_acts_only_on_another_bundle_or_roll_out():
     for stage in SETTLED:
         begun = [each for each, what in ACTIONS[stage].items() if what is not Action.REST]
         assert begun == [Relation.OTHER]
 
 
-def test_what_waits_goes_on_and_is_taken_back_when_it_is_withdrawn():
+def test_a_waiting_bundle_continues_and_is_rolled_back_when_it_is_withdrawn():
     assert action(AT, Desired("r1", "b2", 1)) is Action.GO_ON
     assert action(AT, Desired("r1", "b2", 1, withdrawn=True)) is Action.RETURN
     assert action(AT, Desired("r2", "b3", 1)) is Action.RETURN
 
 
 @given(st.lists(st.tuples(st.sampled_from("abcdef"), st.integers(1, 6)), max_size=20))
-def test_versions_of_bundles_that_are_put_in_place_never_fall_but_to_the_one_in_use(wanted):
+def test_versions_of_activated_bundles_never_fall_except_to_the_one_in_use(wanted):
     record = Record()
     for bundle, version in wanted:
         if version_refusal(record, bundle, version):

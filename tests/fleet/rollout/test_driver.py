@@ -131,7 +131,7 @@ async def test_a_bundle_that_no_edge_can_use_stops_in_the_first_wave(fleet, how)
     assert set(fleet.running().values()) == {"old"}
 
 
-async def test_edges_that_wait_when_it_stops_go_back(fleet):
+async def test_edges_that_wait_when_it_stops_roll_back(fleet):
     waits = Applied(waits="rex: it is armed; disarm it first")
     fleet.fails(["edge-003"], outcomes=[waits] * 50)
     fleet.fails(["edge-005"], outcomes=[Applied(failed="rex: it does not answer")])
@@ -149,7 +149,7 @@ async def test_a_wave_waits_for_a_robot_in_flight_until_its_time_is_over(fleet):
     assert (progress.phase, list(progress.told)) == (Phase.STOPPED, ["edge-000"])
 
 
-async def test_an_edge_that_comes_back_after_its_time_takes_nothing(fleet):
+async def test_an_edge_that_comes_back_when_it_is_overdue_installs_nothing(fleet):
     agent, here = fleet.edges.pop("edge-000")
     fleet.store.observed_of.pop("edge-000", None)
     await fleet.driver.begin(rollout_of(dict.fromkeys(EDGES, fleet.new), within=30.0))
@@ -159,7 +159,7 @@ async def test_an_edge_that_comes_back_after_its_time_takes_nothing(fleet):
     assert (agent.record.running, here.applied) == (fleet.old, [])
 
 
-async def test_an_overdue_edge_goes_back_while_the_roll_out_goes_on(fleet):
+async def test_an_overdue_edge_rolls_back_while_the_roll_out_continues(fleet):
     fleet.fails(["edge-000"], outcomes=[Applied(waits="rex: it is armed")] * 35)
     progress = await fleet.roll_out(within=30.0, stop_if="failed > 5")
     await fleet.settle()
@@ -169,7 +169,7 @@ async def test_an_overdue_edge_goes_back_while_the_roll_out_goes_on(fleet):
 
 
 @pytest.mark.parametrize("how", ["it is aborted again", "another one begins"])
-async def test_edges_are_told_again_of_an_end_that_was_cut_off(fleet, how):
+async def test_withdrawals_are_written_again_after_an_interrupted_end(fleet, how):
     fleet.fails(EDGES, outcomes=[Applied(waits="rex: it is armed")])
     await fleet.begin(waves="10,100%")
     await fleet.driver.turn()
@@ -197,7 +197,7 @@ class Detached(Exception):
 
 
 @pytest.mark.parametrize("after", [1, 2, 4, 7])
-async def test_who_detaches_leaves_it_and_another_drives_it_to_its_end(fleet, after):
+async def test_after_a_driver_detaches_another_one_drives_to_the_end(fleet, after):
     await fleet.begin(parallel=5)
     calls = 0
     keep = fleet.store.keep
@@ -221,7 +221,7 @@ async def test_who_detaches_leaves_it_and_another_drives_it_to_its_end(fleet, af
     assert set(fleet.running().values()) == {"new"}
 
 
-async def test_an_abort_takes_back_what_is_not_done(fleet):
+async def test_an_abort_rolls_back_edges_that_are_not_done(fleet):
     fleet.fails(EDGES, outcomes=[Applied(waits="rex: it is armed")])
     await fleet.begin(waves="10,100%")
     await fleet.driver.turn()
@@ -233,7 +233,7 @@ async def test_an_abort_takes_back_what_is_not_done(fleet):
     assert (await fleet.driven().abort("eve")).progress.why == "aborted by bob"
 
 
-async def test_one_roll_out_at_a_time_and_one_who_drives_it(fleet):
+async def test_only_one_roll_out_and_one_driver_at_a_time(fleet):
     await fleet.begin()
     with pytest.raises(RolloutRunning, match="roll-out r1 of alice is under way"):
         await fleet.begin()
@@ -266,7 +266,7 @@ async def test_one_lost_answer_of_the_store_does_not_end_the_driver(fleet):
     assert set(fleet.running().values()) == {"new"}
 
 
-async def test_a_store_that_stays_silent_ends_the_driver_and_it_says_how_to_go_on(fleet):
+async def test_a_store_that_stays_silent_ends_the_driver_with_advice_to_resume(fleet):
     await fleet.begin()
     fleet.store.silent = True
     with pytest.raises(StoreError, match="does not answer; drive it again with: fleet rollout resume"):
@@ -279,7 +279,7 @@ async def test_without_a_roll_out_there_is_nothing_to_drive():
         await Driver(MemoryStore(), clock=ManualClock()).drive()
 
 
-async def test_an_old_report_says_nothing_of_a_new_roll_out(fleet):
+async def test_a_report_of_an_old_roll_out_is_ignored(fleet):
     await fleet.roll_out()
     wanted = rollout_of(dict.fromkeys(EDGES, fleet.new))
     await fleet.driver.begin(msgspec.structs.replace(wanted, id="r2"))

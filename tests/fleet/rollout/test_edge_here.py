@@ -56,7 +56,7 @@ def here(tmp_path):
         ({"body": "legs: 6\n"}, Code((), ("bodies/rex.yaml",))),
     ],
 )
-def test_what_the_comparison_of_fleet_files_does_not_see_is_named(here, tmp_path, changes, code):
+def test_changes_outside_the_fleet_file_are_listed(here, tmp_path, changes, code):
     before = folder_of(tmp_path / "a")
     assert here.check(folder_of(tmp_path / "b", **changes), before) == code
 
@@ -66,7 +66,7 @@ def test_the_file_of_another_edge_is_refused(here, tmp_path):
         here.check(folder_of(tmp_path / "b", edge="yard-2"), None)
 
 
-def test_an_edge_that_does_not_run_has_the_bundle_at_its_start(here, tmp_path, monkeypatch):
+def test_an_edge_that_does_not_run_gets_the_bundle_at_its_start(here, tmp_path, monkeypatch):
     monkeypatch.setenv("FLEET_RUNTIME_DIR", str(tmp_path / "runtime"))
     folder_of(tmp_path / "current")
     assert here.running() is None
@@ -74,7 +74,7 @@ def test_an_edge_that_does_not_run_has_the_bundle_at_its_start(here, tmp_path, m
     assert here.reload("bot") == ""
 
 
-def test_changes_are_one_outcome_with_a_line_each():
+def test_changes_are_summed_up_with_one_line_each():
     done = Change("rex", ChangeKind.SETTINGS, outcome=Outcome.DONE)
     waits = Change("max", ChangeKind.REBUILT, why="it is armed", outcome=Outcome.REFUSED)
     failed = Change("ada", ChangeKind.REBUILT, why="no answer", outcome=Outcome.FAILED)

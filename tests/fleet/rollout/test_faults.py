@@ -21,7 +21,7 @@ def edge(**fields):
     return EdgeState("yard-1", "0.2.0", 0.0, 1.0, **fields)
 
 
-def test_a_fault_that_takes_the_place_of_another_is_worse_though_the_edge_is_as_healthy_as_before():
+def test_a_fault_that_replaces_another_is_worse_at_the_same_health_of_the_edge():
     before = [robot("rex", "degraded", "battery 9 %"), robot("max")]
     after = [robot("rex"), robot("max", "degraded", "motor 3 is hot")]
     whole = [edge_health(states, ()).level for states in (before, after)]
@@ -50,7 +50,7 @@ def test_a_robot_fails_a_bundle_only_when_it_is_worse_than_before(before, after,
     assert got_worse(*faults) == ((told,) if told else ())
 
 
-def test_a_robot_that_is_new_must_be_well_and_one_that_is_gone_counts_no_more():
+def test_a_new_robot_must_be_ok_and_a_removed_one_is_ignored():
     was = faults_of(edge(), [robot("rex", "fault", "x")])
     assert got_worse(was, faults_of(edge(), [robot("ada")])) == ()
     assert got_worse(was, faults_of(edge(), [robot("ada", "offline", "silent")])) == (
@@ -58,14 +58,14 @@ def test_a_robot_that_is_new_must_be_well_and_one_that_is_gone_counts_no_more():
     )
 
 
-def test_each_problem_of_the_edge_itself_counts_by_its_own():
+def test_each_problem_of_the_edge_itself_counts_separately():
     before = faults_of(edge(health="degraded", problems=["the disk has 90 MB left"]), ())
     assert got_worse(before, faults_of(edge(problems=["the disk has 80 MB left"]), ())) == ()
     both = edge(health="degraded", problems=["the disk has 80 MB left", "no port 9100"])
     assert got_worse(before, faults_of(both, ())) == ("the edge is degraded, was ok: no port 9100",)
 
 
-def test_a_cloud_that_was_not_reached_before_may_be_so_in_other_words():
+def test_an_unreachable_cloud_may_change_its_cause():
     away = [
         faults_of(edge(cloud=state, cloud_cause=f"cloud {state}: {why}", health="degraded"), ())
         for state, why in (("connecting", "no answer"), ("disconnected", "no route"))
@@ -76,7 +76,7 @@ def test_a_cloud_that_was_not_reached_before_may_be_so_in_other_words():
     assert got_worse(refused, away[0]) == ()
 
 
-def test_an_older_edge_that_does_not_tell_its_problems_is_compared_by_its_health():
+def test_an_older_edge_without_reported_problems_is_compared_by_its_health():
     assert faults_of(edge(health="degraded", cause="no port 9100"), [robot("rex")]) == (
         Fault(EDGE, "degraded", "no port 9100"),
     )
@@ -88,7 +88,7 @@ def test_robots_of_other_edges_on_the_bus_do_not_count():
     assert faults_of(edge(), [robot("rex", "fault", "x", edge="yard-2")]) == ()
 
 
-def test_an_edge_tells_what_the_comparison_needs():
+def test_an_edge_reports_the_problems_that_the_comparison_needs():
     """The cause in the health of an edge is found again in its problems."""
     problems = ["no port 9100", "history: disk full"]
     health = edge_health((), map(degraded, problems))
@@ -114,13 +114,13 @@ snapshots = st.lists(faults, max_size=8).map(one_a_part)
 
 
 @given(snapshot=snapshots)
-def test_what_stays_as_it_is_is_never_worse(snapshot):
+def test_an_unchanged_state_is_never_worse(snapshot):
     assert got_worse(snapshot, snapshot) == ()
     assert got_worse(snapshot, ()) == ()
 
 
 @given(before=snapshots, after=snapshots)
-def test_whatever_was_well_before_and_is_not_is_worse(before, after):
+def test_any_part_that_was_ok_and_is_not_is_worse(before, after):
     ill = {fault.part for fault in before}
     new = [fault for fault in after if fault.part not in ill]
     told = got_worse(before, after)
@@ -128,7 +128,7 @@ def test_whatever_was_well_before_and_is_not_is_worse(before, after):
 
 
 @given(before=snapshots, after=snapshots, part=st.sampled_from(["rex", "max", CLOUD]))
-def test_no_part_is_judged_by_another(before, after, part):
+def test_each_part_is_compared_only_with_itself(before, after, part):
     def of(snapshot):
         return tuple(fault for fault in snapshot if fault.part == part)
 
@@ -158,6 +158,6 @@ def test_figures_in_a_cause_change_nothing(before, number):
     assert got_worse(before, after) == ()
 
 
-def test_health_words_that_are_not_known_count_as_the_worst():
+def test_an_unknown_word_for_health_counts_as_the_worst():
     was = faults_of(edge(), [robot("rex", Health().level.word)])
     assert got_worse(was, (Fault("rex", "molten", "?"),)) == ("rex is molten, was ok: ?",)

@@ -64,7 +64,7 @@ def test_a_disk_that_fails_while_files_are_written_leaves_the_bundle_in_use(inst
     assert [path.name for path in (installation.folder / "versions").iterdir()] == [first]
 
 
-def test_a_bundle_in_use_is_never_written_over(installation):
+def test_a_bundle_in_use_is_never_overwritten(installation):
     first = staged(installation, 1)
     installation.activate(first)
     installation.file_in_use.write_text("changed by hand")
@@ -72,7 +72,7 @@ def test_a_bundle_in_use_is_never_written_over(installation):
     assert installation.file_in_use.read_text() == "changed by hand"
 
 
-def test_the_bundle_that_the_edge_runs_with_stays_while_another_one_waits(installation):
+def test_the_previous_bundle_is_kept_while_a_new_one_waits(installation):
     first, second = staged(installation, 1), staged(installation, 2)
     installation.keep(Record(running=first, bundle=second, stage=Stage.WAITING))
     installation.activate(second)
@@ -90,7 +90,7 @@ def test_the_record_is_the_same_after_a_restart(installation):
     assert Installation(installation.folder).record() == record
 
 
-def test_the_version_before_reads_the_record_and_the_other_way_round(installation):
+def test_the_previous_version_reads_the_record_and_vice_versa(installation):
     class Before(msgspec.Struct, frozen=True):
         """Fields that the previous version reads."""
 
@@ -112,13 +112,13 @@ def test_a_damaged_record_is_refused_because_an_older_bundle_could_pass(installa
         installation.record()
 
 
-def test_the_record_of_a_newer_fleet_is_refused(installation):
+def test_the_record_of_a_newer_version_is_refused(installation):
     (installation.folder / STATE).write_text(json.dumps({"format": 2}))
     with pytest.raises(StateNewer, match="format 2"):
         installation.record()
 
 
-def test_one_process_has_the_folder(installation):
+def test_only_one_process_can_lock_the_folder(installation):
     installation.take()
     with pytest.raises(StateTaken):
         Installation(installation.folder).take()

@@ -40,7 +40,7 @@ def made(site, *edges, file="fleet.yaml"):
     return make(site / file, edges, 3, {}, 1e9).bundle
 
 
-def test_it_has_all_that_the_fleet_file_needs_and_secrets_by_name_only(site):
+def test_it_contains_all_files_of_the_fleet_file_and_only_names_of_secrets(site):
     bundle = made(site)
     assert set(bundle.files) == {"fleet.yaml", "robots.yaml", "plugins/toy.py", "bodies/rex.yaml"}
     assert (bundle.edges, bundle.secrets, bundle.version) == (("yard-1",), ("cyberwave_token",), 3)
@@ -48,7 +48,7 @@ def test_it_has_all_that_the_fleet_file_needs_and_secrets_by_name_only(site):
     assert bundle.files["fleet.yaml"].decode() == FILE
 
 
-def test_it_has_empty_files_too(site):
+def test_it_contains_empty_files_too(site):
     (site / "plugins" / "__init__.py").write_text("")
     (site / "bodies" / "rex.yaml").write_text("")
     found = make(site / "fleet.yaml", (), 3, {}, 1e9)
@@ -56,7 +56,7 @@ def test_it_has_empty_files_too(site):
     assert found.left_out == ()
 
 
-def test_it_may_be_for_other_edges_and_of_a_file_with_another_name(site):
+def test_it_may_be_for_other_edges_and_from_a_file_with_another_name(site):
     (site / "fleet.yaml").rename(site / "yard.yaml")
     bundle = made(site, "yard-1", "yard-2", file="yard.yaml")
     assert bundle.edges == ("yard-1", "yard-2")
@@ -65,7 +65,7 @@ def test_it_may_be_for_other_edges_and_of_a_file_with_another_name(site):
 
 
 @pytest.mark.parametrize("line", ["password: plain-text", "token: cw_0123456789"])
-def test_a_secret_that_stands_in_the_file_is_refused_with_its_line(site, line):
+def test_a_literal_secret_in_the_file_is_refused_with_its_line(site, line):
     cloud = f"cloud: {{host: mqtt.example.com, username: a, {line}}}"
     (site / "fleet.yaml").write_text(FILE.replace(FILE.splitlines()[2], cloud))
     with pytest.raises(BundleError, match=r"fleet\.yaml:3: a secret stands here; write  !secret NAME"):
@@ -95,7 +95,7 @@ def test_a_private_key_in_der_form_is_refused(site, password):
         made(site)
 
 
-def test_what_is_named_as_a_key_is_refused_whatever_it_holds(site):
+def test_a_file_that_is_named_as_a_key_is_refused_whatever_its_content(site):
     tls = '{listen: "127.0.0.1:8443", tls: {cert: web.pem, key: web.bin}}'
     (site / "fleet.yaml").write_text(f"{FILE}console: {tls}\n")
     (site / "web.pem").write_text("certificate")
@@ -104,7 +104,7 @@ def test_what_is_named_as_a_key_is_refused_whatever_it_holds(site):
         made(site)
 
 
-def test_who_may_log_in_at_the_console_is_not_in_it(site):
+def test_it_does_not_contain_the_people_of_the_console(site):
     (site / "fleet.yaml").write_text(f"{FILE}console: {{people: people.json}}\n")
     (site / "people.json").write_text("[]")
     found = make(site / "fleet.yaml", (), 3, {}, 1e9)

@@ -12,7 +12,7 @@ ADDRESS = "a" * 64
 
 
 @pytest.mark.parametrize("entry", [Desired("r1", ADDRESS, 2), Observed("yard-1", "r1", ADDRESS, Stage.DONE)])
-def test_what_was_written_is_read(entry):
+def test_an_entry_is_read_as_it_was_written(entry):
     assert read_entry(msgspec.json.encode(entry), type(entry), "here") == entry
 
 
@@ -36,12 +36,12 @@ def test_a_newer_format_and_a_large_entry_are_refused_with_the_place():
         Observed("yard-1", "r1", ADDRESS, Stage.DONE, lines=("l" * 201,)),
     ],
 )
-def test_what_is_longer_or_larger_than_it_can_be_is_refused(wrong):
+def test_a_value_beyond_its_limit_is_refused(wrong):
     with pytest.raises(StateError, match="here cannot be read"):
         read_entry(msgspec.json.encode(wrong), type(wrong), "here")
 
 
 @given(st.binary(max_size=100))
-def test_any_other_bytes_are_refused(data):
+def test_arbitrary_bytes_are_refused(data):
     with pytest.raises(StateError, match="here cannot be read"):
         read_entry(data, Desired, "here")

@@ -36,7 +36,7 @@ tls {{
 }}
 """
 ADDRESS = "a" * 64
-ENDED = "a certificate or an account that it refuses"  # if the server closes before the client has read the reason
+ENDED = "a certificate or an account that it refuses"  # if it closes before the reason was read
 
 
 class Authority:
@@ -100,7 +100,7 @@ async def edge(server, fleet):
     await store.close()
 
 
-async def test_an_edge_reads_what_it_shall_run_and_reports_how_far_it_is(fleet, edge):
+async def test_an_edge_reads_its_desired_state_and_writes_its_report(fleet, edge):
     desired = Desired("r1", ADDRESS, 1)
     assert await edge.desired() is None
     await fleet.desire("yard-1", desired)
@@ -110,7 +110,7 @@ async def test_an_edge_reads_what_it_shall_run_and_reports_how_far_it_is(fleet, 
     assert await fleet.observed(["yard-1", "yard-2"]) == {"yard-1": observed}
 
 
-async def test_a_bundle_of_several_parts_arrives_whole(fleet, edge):
+async def test_a_bundle_of_several_parts_arrives_complete(fleet, edge):
     address, data = sealed(bundle_of(large=b"x" * (2 * PART)), new_key())
     parts = await fleet.put_bundle(address, data)
     assert parts == 3
@@ -126,7 +126,7 @@ async def test_a_bundle_that_is_too_large_incomplete_or_has_no_address_is_not_fe
         await edge.bundle("../fleet_desired.yard-2", 1)
 
 
-async def test_a_roll_out_is_written_only_in_the_place_of_what_was_read(fleet):
+async def test_a_roll_out_replaces_only_the_revision_that_was_read(fleet):
     rollout = rollout_of({"yard-1": ADDRESS})
     _, revision = await fleet.rollout()
     revision = await fleet.keep(rollout, revision)
@@ -135,7 +135,7 @@ async def test_a_roll_out_is_written_only_in_the_place_of_what_was_read(fleet):
         await fleet.keep(rollout, revision - 1)
 
 
-async def test_what_is_no_entry_is_told_with_its_place(server, fleet, edge):
+async def test_an_invalid_entry_is_reported_with_its_place(server, fleet, edge):
     connection = Connection(server.settings("alice"), "OPERATOR")
     await connection.put("fleet_desired", "yard-1", b"\xff")
     await connection.close()
@@ -199,7 +199,7 @@ LED_AWAY = {
 
 
 @pytest.mark.parametrize("how", LED_AWAY)
-async def test_the_answer_to_an_edge_cannot_be_led_to_what_it_may_not_write(server, fleet, edge, how):
+async def test_a_reply_to_an_edge_cannot_be_directed_to_a_forbidden_subject(server, fleet, edge, how):
     request, reply = LED_AWAY[how]
     mine, others = Desired("r1", ADDRESS, 1), Desired("r1", "b" * 64, 1)
     await fleet.desire("yard-1", mine)
@@ -223,7 +223,7 @@ async def test_the_answer_to_an_edge_cannot_be_led_to_what_it_may_not_write(serv
 
 
 @pytest.mark.parametrize("attempt", TOO_MUCH, ids=lambda attempt: attempt.__name__)
-async def test_an_edge_is_refused_what_its_account_does_not_have(server, fleet, attempt, monkeypatch):
+async def test_an_edge_is_refused_requests_outside_its_account(server, fleet, attempt, monkeypatch):
     monkeypatch.setattr("fleet.rollout.nats_store.WITHIN", 1.0)
     connection = Connection(server.settings("yard-1"), "yard-1")
     try:
@@ -264,7 +264,7 @@ async def test_a_connection_is_refused(server, fleet, how, words, monkeypatch):
         await store.close()
 
 
-async def test_a_hundred_puppets_on_one_server_stop_a_roll_out_in_time(tmp_path):
+async def test_a_roll_out_to_a_hundred_fake_edges_on_one_server_stops_in_time(tmp_path):
     names = [f"edge-{number:03}" for number in range(100)]
     failing = set(random.Random(7).sample(names[10:], 5))
     key = new_key()
@@ -292,7 +292,7 @@ async def test_a_hundred_puppets_on_one_server_stop_a_roll_out_in_time(tmp_path)
         progress = (await asyncio.wait_for(driver.drive(), 120)).progress
         ended = set()
         while len(ended) < len(looking):
-            for task in looking:  # again: up to Python 3.11, wait_for loses a cancellation that meets a result
+            for task in looking:  # again: wait_for may lose a cancellation up to Python 3.11
                 task.cancel()
             ended, _ = await asyncio.wait(looking, timeout=1.0)
         for agent in agents.values():

@@ -21,7 +21,7 @@ def settings_of(folder, text):
     return read_settings(folder / "rollout.yaml", {})
 
 
-def test_paths_are_as_seen_from_its_folder(folder):
+def test_paths_are_relative_to_its_folder(folder):
     settings = settings_of(
         folder, "servers: ['tls://nats.example.com:4222']\nedge: yard-1\ntrust: [site.pub]\n"
     )
@@ -43,13 +43,13 @@ def test_paths_are_as_seen_from_its_folder(folder):
         ("servers: ['tls://a:4222']\nkeys: []", "keys"),
     ],
 )
-def test_what_cannot_be_used_is_told_with_its_place(folder, text, words):
+def test_an_unusable_value_is_reported_with_its_place(folder, text, words):
     with pytest.raises(InvalidConfig, match=words) as told:
         settings_of(folder, text)
     assert "rollout.yaml:" in str(told.value)
 
 
-def test_a_file_that_is_no_public_key_is_told(folder):
+def test_a_file_that_is_no_public_key_is_reported(folder):
     (folder / "site.pub").write_bytes(KEY.pem())
     with pytest.raises(SigningKeyError, match=r"site\.pub: it is no public key"):
         settings_of(folder, "servers: ['tls://a:4222']\ntrust: [site.pub]").trusted()

@@ -13,7 +13,7 @@ def test_a_key_is_the_same_after_it_was_written_and_read():
     assert public_key(key.public.pem()).accepts(b"text", key.sign(b"text"))
 
 
-def test_only_a_trusted_key_signs():
+def test_only_signatures_of_trusted_keys_are_accepted():
     key, other = new_key(), new_key()
     trusted = by_name([key.public])
     assert is_signed(b"text", key.sign(b"text"), key.public.name, trusted)
@@ -22,7 +22,7 @@ def test_only_a_trusted_key_signs():
     assert not is_signed(b"text", b"", key.public.name, trusted)
 
 
-def test_what_is_no_ed25519_key_is_refused_with_what_to_do():
+def test_a_key_of_another_kind_is_refused_with_advice():
     curve = ec.generate_private_key(ec.SECP256R1())
     private = curve.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()

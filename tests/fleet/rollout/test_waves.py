@@ -58,18 +58,18 @@ def test_waves_count_all_edges_so_far_and_the_last_one_is_all(text, edges, ends)
 
 
 @pytest.mark.parametrize("text", ["", "0,100%", "10,5", "101%", "a", "1,,2", "50%,10%", "-1", "1.5"])
-def test_waves_that_mean_nothing_are_refused(text):
+def test_invalid_waves_are_refused(text):
     with pytest.raises(WavesError, match="no waves"):
         wave_ends(text, 100)
 
 
 @pytest.mark.parametrize("text", ["", "failed", "failed > ", "failed < 2%", "failed > 101%", "health worse"])
-def test_a_limit_that_means_nothing_is_refused(text):
+def test_an_invalid_limit_is_refused(text):
     with pytest.raises(WavesError, match="no limit"):
         limit_of(text)
 
 
-def test_a_limit_is_a_share_of_the_edges_told_or_a_number():
+def test_a_limit_is_a_share_of_the_assigned_edges_or_a_number():
     assert limit_of("failed > 2%") == Limit(2.0, percent=True)
     assert limit_of("failed>0") == Limit(0.0, percent=False)
     assert not Limit(2.0, percent=True).is_exceeded(2, 100)
@@ -77,7 +77,7 @@ def test_a_limit_is_a_share_of_the_edges_told_or_a_number():
     assert Limit(0.0, percent=False).is_exceeded(1, 100)
 
 
-def test_a_bundle_that_nobody_can_use_stops_in_the_first_wave():
+def test_a_bundle_that_no_edge_can_use_stops_in_its_first_wave():
     plan = plan_of(100)
     progress, _ = run(plan, failing=plan.edges)
     assert progress.phase is Phase.STOPPED
@@ -85,14 +85,14 @@ def test_a_bundle_that_nobody_can_use_stops_in_the_first_wave():
     assert progress.why == "1 of 1 edges failed: edge-000"
 
 
-def test_with_no_failure_every_edge_is_told_once_and_it_completes():
+def test_without_failures_every_edge_is_assigned_once_and_it_completes():
     plan = plan_of(100)
     progress, _ = run(plan)
     assert progress.phase is Phase.COMPLETED
     assert list(progress.told) == list(plan.edges)
 
 
-def test_one_failure_in_the_last_wave_stops_before_most_edges_are_told():
+def test_one_failure_in_the_last_wave_stops_before_most_edges_are_assigned():
     plan = plan_of(100, parallel=5)
     progress, _ = run(plan, failing={"edge-012"})
     assert progress.phase is Phase.STOPPED
@@ -107,7 +107,7 @@ def test_a_silent_edge_is_overdue_after_its_time_and_counts_as_failed():
     assert progress.why == "1 of 3 edges failed: edge-001"
 
 
-def test_a_roll_out_that_was_aborted_tells_nobody_any_more():
+def test_an_aborted_roll_out_assigns_no_further_edges():
     plan = plan_of(10)
     progress = step(plan, Progress(), {}, 0.0)
     ended = aborted(progress, "alice")
@@ -125,7 +125,7 @@ verdicts = st.sampled_from([Told.OPEN, Told.DONE, Told.FAILED])
     parallel=st.integers(1, 70),
     data=st.data(),
 )
-def test_whatever_edges_do_the_rules_hold_at_every_step(edges, waves, stop_if, parallel, data):
+def test_the_invariants_hold_at_every_step_for_any_behaviour_of_edges(edges, waves, stop_if, parallel, data):
     plan = plan_of(edges, waves, stop_if, parallel)
     progress, now = Progress(), 0.0
     for _ in range(40):
@@ -163,7 +163,7 @@ def holds(plan, before, progress):
         assert not progress.count(Told.OPEN)
 
 
-def test_progress_is_kept_as_plain_json():
+def test_progress_is_stored_as_plain_json():
     progress = step(plan_of(2), Progress(), {}, 3.0)
     assert json.loads(msgspec.json.encode(progress)) == {
         "phase": "running",
