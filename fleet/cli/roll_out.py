@@ -37,7 +37,7 @@ def with_waves(function: Callable[..., object]) -> Callable[..., object]:
         "--stop-if",
         default="failed > 0",
         show_default=True,
-        help="With --fleet: when it stops, as 'failed > 2%' of the edges told so far, or 'failed > 3'.",
+        help="With --fleet: when to stop, as 'failed > 2%' of the edges started so far, or 'failed > 3'.",
     )
     @click.option(
         "--parallel",

@@ -36,7 +36,7 @@ CODES: Mapping[Phase, ExitCode] = {
     Phase.STOPPED: ExitCode.SOME_FAILED,
     Phase.ABORTED: ExitCode.SOME_FAILED,
 }
-DETACHED = "detached: edges that were told go on, no other is told; fleet rollout resume drives it again"
+DETACHED = "detached: edges that have started continue, no other starts until: fleet rollout resume"
 
 store_option = click.option(
     "--store",
@@ -124,7 +124,7 @@ def resume(out: Output, store_file: Path) -> ExitCode:
 @store_option
 @with_output
 def abort(out: Output, store_file: Path) -> ExitCode:
-    """End the roll-out: no further edge is told, and an edge that is not done goes back.
+    """End the roll-out: no further edge starts, and an edge that is not done goes back.
 
     Edges that are done keep the new bundle. To revert them, roll out the old content with a higher version.
     """
@@ -221,7 +221,7 @@ async def drive(out: Output, store: NatsFleetStore) -> ExitCode:
 
 
 def show(out: Output, found: Rollout, observed: Mapping[str, Observed]) -> None:
-    """Show a roll-out, with a line for each edge that was told and is not simply done."""
+    """Show a roll-out, with a line for each edge that has started and is not simply done."""
     out.data({"rollout": msgspec.to_builtins(found), "observed": msgspec.to_builtins(observed)})
     out.say(_headline(found))
     for edge, told in found.progress.told.items():
@@ -238,7 +238,7 @@ def _headline(found: Rollout) -> str:
     progress = found.progress
     done, failed = progress.count(Told.DONE), progress.count(Told.FAILED)
     words = f"roll-out {found.id} of {found.by}: {progress.phase.value}"
-    words += f", {len(progress.told)} of {len(found.targets)} edges told, {done} done, {failed} failed"
+    words += f", {len(progress.told)} of {len(found.targets)} edges started, {done} done, {failed} failed"
     if overdue := progress.count(Told.OVERDUE):
         words += f", {overdue} overdue"
     return f"{words}: {progress.why}" if progress.why else words

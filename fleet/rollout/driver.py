@@ -96,7 +96,7 @@ class Driver:
             except StoreError as error:
                 self._told = False  # desired states may not have been written
                 if self._clock.monotonic() - heard >= SILENT_FOR:
-                    raise StoreError(f"{error}; drive it again with: fleet rollout resume") from error
+                    raise StoreError(f"{error}; continue with: fleet rollout resume") from error
                 await self._sleep(LOOK_EVERY)
                 continue
             heard = self._clock.monotonic()

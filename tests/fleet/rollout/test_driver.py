@@ -269,7 +269,7 @@ async def test_one_lost_answer_of_the_store_does_not_end_the_driver(fleet):
 async def test_a_store_that_stays_silent_ends_the_driver_with_advice_to_resume(fleet):
     await fleet.begin()
     fleet.store.silent = True
-    with pytest.raises(StoreError, match="does not answer; drive it again with: fleet rollout resume"):
+    with pytest.raises(StoreError, match="does not answer; continue with: fleet rollout resume"):
         await fleet.driver.drive()
     assert fleet.clock.monotonic() >= SILENT_FOR
 
