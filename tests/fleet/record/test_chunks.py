@@ -77,6 +77,34 @@ def test_a_look_adds_what_was_written_since_and_a_closed_file_adds_nothing(file)
     assert len(all_of(chunks)) == 3
 
 
+def test_a_chunk_of_which_a_byte_was_changed_is_left_out_and_told(file):
+    for number in range(3):
+        file.add(message("/a", number), 1000 + number)
+        file.flush()
+    chunks = Chunks(file.path)
+    chunks.look()
+    middle = chunks.found[1]
+    content = bytearray(file.path.read_bytes())
+    content[middle.at + middle.size - 1] ^= 1
+    file.path.write_bytes(content)
+    assert [each.received for each in all_of(chunks)] == [1000, 1002]
+    assert (chunks.damaged, chunks.is_cut) == ({middle.at}, False)
+
+
+def test_a_file_without_an_end_is_told_as_cut(file):
+    for number in range(3):
+        file.add(message("/a", number), 1000 + number)
+        file.flush()
+    chunks = Chunks(file.path)
+    chunks.look()
+    assert not chunks.is_cut
+    content = file.path.read_bytes()
+    file.path.write_bytes(content[: chunks.found[2].at + 10])
+    again = Chunks(file.path)
+    again.look()
+    assert (len(again.found), again.is_cut) == (2, True)
+
+
 @settings(max_examples=60)
 @given(st.integers(8, 2000), st.binary(min_size=1, max_size=40), st.booleans())
 def test_no_damage_makes_it_fail(tmp_path_factory, at, data, whole):
