@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fleet.console.past import Pasts
 from fleet.console.series import MOST_SPENT, MOST_WINDOW, Thinned, Wanted, read_series, require_bounds
 from fleet.errors import Refused
 from fleet.record.messages import Message
@@ -136,3 +137,15 @@ def test_messages_that_cannot_be_read_are_told(tmp_path):
     ring.close()
     found = read(tmp_path, "battery.charge_pct")
     assert found["problems"] == ["1 messages of /yard-1/rex/battery cannot be read"]
+
+
+async def test_a_file_that_is_cut_off_is_told_with_the_series(tmp_path):
+    write_recording(tmp_path, BEGINS, 10)
+    (path,) = tmp_path.glob("*.mcap")
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 4])
+    pasts = Pasts(lambda: [tmp_path])
+    found = await pasts.series(Wanted("yard-1/rex", ("position.x",), BEGINS, BEGINS + 10, 100))
+    assert found["values"]["position.x"][1][0] == 0.0
+    assert path.name in found["problems"][0]
+    with pytest.raises(Refused, match="begins before it ends"):
+        await pasts.series(Wanted("yard-1/rex", (), BEGINS, BEGINS, 100))
