@@ -16,7 +16,7 @@ MOST_ROBOTS = 1000  # in one request
 LONGEST_WORD = 200  # characters of an identity, a name, a reason
 LONGEST_SDP = 12_000  # characters of a session description
 MOST_SERIES = 20  # numbers of a robot in one request
-MOST_POINTS = 2000  # of one number
+MOST_POINTS = 1000  # of one number
 FASTEST = 50.0  # m/s or rad/s; the edge enforces each robot's own limits
 
 NumberName = Annotated[str, msgspec.Meta(max_length=LONGEST)]

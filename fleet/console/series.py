@@ -128,7 +128,8 @@ class _Found:
         """Return names and series for a page; each series as its times and its values."""
         points = {name: thinned.points() for name, thinned in self._series.items()}
         values = {
-            name: [[at for at, _ in each], [value for _, value in each]] for name, each in points.items()
+            name: [[round(at, 3) for at, _ in each], [value for _, value in each]]
+            for name, each in points.items()
         }
         wanted = self._wanted
         return {

@@ -5,7 +5,7 @@ import { ask, live, onChange, store } from "./store.js";
 
 export const SHOWN = 60; // s before and after the moment
 const READ = 150; // s before and after the moment
-const POINTS = 1500; // of one number
+const POINTS = 800; // of one number
 const SETTLED = 200; // ms without a move until reading
 const FRESH = 5; // s of a move after which the newest values are read again
 const GAP = 5; // s without a value: the line is broken there
@@ -29,7 +29,7 @@ function isEnough(robot, at, names) {
 }
 
 // A line between two distant values would show what was not recorded.
-function broken([times, values]) {
+export function broken([times, values]) {
   const found = [[], []];
   times.forEach((at, number) => {
     const before = times[number - 1];

@@ -93,6 +93,35 @@ def shows_at(page, robot, where):
     wait_until("the robot to be there", lambda: pose(page, robot) == where)
 
 
+def plot(page, robot, number):
+    """Select a robot, and plot a recorded number of it."""
+    page.click(f'#robots li[data-id="{robot}"]')
+    page.locator("#robot .plots option", has_text=number).wait_for(state="attached")
+    page.select_option("#robot .plots select", number)
+
+
+def plotted(page):
+    """Return the picture of the plot, and the columns of the line at the moment in it."""
+    return page.evaluate(
+        """() => {
+          const canvas = document.querySelector(".plot canvas");
+          const { width, height } = canvas;
+          const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+          const [red, green, blue] = [0x7a, 0x3e, 0x00];
+          const columns = new Set();
+          for (let at = 0; at < data.length; at += 4)
+            if (data[at] === red && data[at + 1] === green && data[at + 2] === blue)
+              columns.add((at / 4) % width);
+          return [canvas.toDataURL(), [...columns].sort((one, other) => one - other), width];
+        }"""
+    )
+
+
+def values_shown(page):
+    """Return the value beside each plot."""
+    return page.locator(".plot .value").all_inner_texts()
+
+
 def test_the_fleet_at_a_second_is_told_with_its_poses_health_runs_and_events(served, begins):
     with served.page(Permission.VIEW) as page:
         page.ask("moment", request="one", at=begins + 12.0)
@@ -217,43 +246,25 @@ def test_who_may_not_export_is_not_offered_it(open_past, begins):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_no_barrier_in_the_past(open_past, begins, scheme):
+    def barriers():
+        found = page.evaluate("axe.run()")["violations"]
+        return [(each["id"], [node["html"] for node in each["nodes"]]) for each in found]
+
     page = open_past(at=begins + 25, color_scheme=scheme)
     page.evaluate(AXE.read_text())
-    found = page.evaluate("axe.run()")["violations"]
-    assert [(each["id"], [node["html"] for node in each["nodes"]]) for each in found] == []
-
-
-def plotted(page):
-    """Return the picture of the plot, and the columns of the line at the moment in it."""
-    return page.evaluate(
-        """() => {
-          const canvas = document.querySelector(".plot canvas");
-          const { width, height } = canvas;
-          const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
-          const [red, green, blue] = [0x7a, 0x3e, 0x00];
-          const columns = new Set();
-          for (let at = 0; at < data.length; at += 4)
-            if (data[at] === red && data[at + 1] === green && data[at + 2] === blue)
-              columns.add((at / 4) % width);
-          return [canvas.toDataURL(), [...columns].sort((one, other) => one - other), width];
-        }"""
-    )
-
-
-def values_shown(page):
-    """Return the value beside each plot."""
-    return page.locator(".plot .value").all_inner_texts()
+    assert barriers() == []
+    plot(page, REX, "position.x")
+    page.wait_for_selector(".plot canvas")
+    assert barriers() == []
 
 
 def test_a_plot_of_the_past_shows_the_recorded_values_around_the_moment_and_follows_the_slider(
     open_past, yard, begins
 ):
     page = open_past(at=begins + 100)
-    page.click(f'#robots li[data-id="{REX}"]')
-    offered = page.locator("#robot .plots option")
-    offered.filter(has_text="position.x").wait_for(state="attached")
-    assert {"position.qw", "joint_states.positions.knee"} <= set(offered.all_inner_texts())
-    page.select_option("#robot .plots select", "position.x")
+    plot(page, REX, "position.x")
+    offered = page.locator("#robot .plots option").all_inner_texts()
+    assert {"position.qw", "joint_states.positions.knee"} <= set(offered)
     page.wait_for_selector(".plot canvas")
     wait_until("the value of the moment", lambda: values_shown(page) == ["100"])
     before, line, width = plotted(page)
@@ -280,15 +291,19 @@ def test_a_plot_of_the_past_shows_the_recorded_values_around_the_moment_and_foll
 
 def test_a_plot_without_recorded_values_says_so(open_past, begins):
     page = open_past(at=begins + 100)
-    page.click(f'#robots li[data-id="{ANN}"]')
-    page.locator("#robot .plots option", has_text="position.x").wait_for(state="attached")
-    page.select_option("#robot .plots select", "position.x")
+    plot(page, ANN, "position.x")
     wait_until("the value", lambda: values_shown(page) == ["0"])
     goes_to(page, begins + LENGTH + 29)
     wait_until("its age", lambda: values_shown(page) == ["0 (30 s before)"])
     goes_to(page, begins + LENGTH + 300)
     wait_until("no value", lambda: values_shown(page) == ["not recorded"])
     page.locator("#robot .plots", has_text="no number was recorded around this moment").wait_for()
+
+
+def test_a_curve_is_broken_where_no_value_was_recorded(open_past):
+    page = open_past()
+    curve = page.evaluate("async () => (await import('/pastplots.js')).broken([[0, 1, 9], [3, 4, 5]])")
+    assert curve == [[0, 1, 5, 9], [3, 4, None, 5]]
 
 
 def test_who_may_view_gets_series_of_recorded_numbers_and_why_a_request_is_refused(served, begins):

@@ -1,11 +1,14 @@
 """A window of recordings: one robot's messages, spread over the window, and what of it cannot be read."""
 
+import errno
 import itertools
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fleet.record.chunks import Chunks
 from fleet.record.past import MOST_IN_WINDOW, Past
 from fleet.record.window import Window, spread
 from tests.tools.recordings import write_recording
@@ -88,7 +91,14 @@ def test_topics_whose_names_are_lost_are_told(folder):
     assert f"{path.name} is damaged: some topics of it cannot be read" in told
 
 
-def test_a_file_that_is_deleted_or_may_not_be_read_is_told(folder):
+def test_a_file_that_may_not_be_read_is_told(folder, monkeypatch):
+    (path,) = folder.glob("*.mcap")
+    monkeypatch.setattr(Chunks, "look", Mock(side_effect=PermissionError(errno.EACCES, "Permission denied")))
+    window = window_of(folder, 0.0, 30.0)
+    assert (window.parts, window.all_problems()) == ([], [f"{path.name} cannot be read: Permission denied"])
+
+
+def test_a_file_that_is_deleted_meanwhile_is_told(folder):
     (path,) = folder.glob("*.mcap")
     window = window_of(folder, 0.0, 30.0)
     path.unlink()
