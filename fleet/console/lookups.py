@@ -18,7 +18,6 @@ from fleet.console.requests import (
     VideoAnswered,
     VideoAsked,
 )
-from fleet.console.series import Wanted
 from fleet.errors import Refused
 
 if TYPE_CHECKING:
@@ -73,9 +72,8 @@ class Lookups:
 
     async def _series(self, asked: SeriesAsked) -> dict[str, object]:
         """Return recorded numbers of a robot."""
-        wanted = Wanted(asked.robot, asked.names, asked.since, asked.until, asked.points)
         with self._one("window"):
-            return {"series": await self._hub.pasts.series(wanted)}
+            return {"series": await self._hub.pasts.series(asked)}
 
     @contextlib.contextmanager
     def _one(self, what: str) -> Iterator[None]:

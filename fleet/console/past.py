@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fleet.console.moment import moment
-from fleet.console.series import Wanted, read_series, require_bounds
+from fleet.console.requests import SeriesAsked
+from fleet.console.series import read_series, require_bounds
 from fleet.errors import Refused
 from fleet.record.child import EXTRA, is_installed
 
@@ -49,11 +50,11 @@ class Pasts:
         async with self._reading:
             return await asyncio.to_thread(self._moment, at)
 
-    async def series(self, wanted: Wanted) -> dict[str, Any]:
+    async def series(self, asked: SeriesAsked) -> dict[str, Any]:
         """Return numbers of a robot in a window, as ``read_series`` does; raises Refused."""
-        require_bounds(wanted)
+        require_bounds(asked)
         async with self._reading:
-            return await asyncio.to_thread(self._series, wanted)
+            return await asyncio.to_thread(self._series, asked)
 
     def _extent(self) -> dict[str, float]:
         """Return the time range; blocks."""
@@ -70,15 +71,15 @@ class Pasts:
             raise Refused(f"{NOTHING} of that time", hint=HOW)
         return moment(at, found, [each for past in pasts for each in past.track(at, TRACK, TRACK_POINTS)])
 
-    def _series(self, wanted: Wanted) -> dict[str, Any]:
+    def _series(self, asked: SeriesAsked) -> dict[str, Any]:
         """Return numbers of a robot in a window; blocks."""
         pasts = self._pasts()
         from fleet.record.window import Window  # noqa: PLC0415 - its packages are an extra
 
-        window = Window(f"/{wanted.robot}/", wanted.since, wanted.until)
+        window = Window(f"/{asked.robot}/", asked.since, asked.until)
         for past in pasts:
             past.find(window)
-        return read_series(wanted, window, self._spent)
+        return read_series(asked, window, self._spent)
 
     def _pasts(self) -> list[Past]:
         """Return the existing folders of recordings; raises Refused without the extra."""

@@ -11,10 +11,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-import msgspec
-
 from fleet.console.numbers import source_in
 from fleet.console.recorded_numbers import recorded_numbers, recorded_source
+from fleet.console.requests import SeriesAsked
 from fleet.errors import Refused
 
 if TYPE_CHECKING:
@@ -29,19 +28,6 @@ SAMPLES = 30  # messages of each topic that are searched for names, when no seri
 
 Point = tuple[float, float]
 """Unix s, and the value."""
-
-
-class Wanted(msgspec.Struct, frozen=True):
-    """Request for numbers of a robot (``edge/robot``), received from ``since`` until ``until`` (Unix s).
-
-    ``points``: most points of each number.
-    """
-
-    robot: str
-    names: tuple[str, ...]
-    since: float
-    until: float
-    points: int
 
 
 class Thinned:
@@ -68,22 +54,22 @@ class Thinned:
         return [point for part in sorted(self._parts) for point in sorted(set(self._parts[part]))]
 
 
-def require_bounds(wanted: Wanted) -> None:
+def require_bounds(asked: SeriesAsked) -> None:
     """Raise Refused for a robot or window that cannot be."""
-    if [bool(part) for part in wanted.robot.split("/")] != [True, True]:
-        raise Refused(f"{wanted.robot!a} is no robot: its name is EDGE/ROBOT")
-    if not (math.isfinite(wanted.until) and 0 <= wanted.since < wanted.until < 1e10):
+    if [bool(part) for part in asked.robot.split("/")] != [True, True]:
+        raise Refused(f"{asked.robot!a} is no robot: its name is EDGE/ROBOT")
+    if not (math.isfinite(asked.until) and 0 <= asked.since < asked.until < 1e10):
         raise Refused("a window begins before it ends, both in Unix seconds")
-    if wanted.until - wanted.since > MOST_WINDOW:
+    if asked.until - asked.since > MOST_WINDOW:
         raise Refused(f"a window has {MOST_WINDOW / 60:g} min at most")
 
 
-def read_series(wanted: Wanted, window: Window, spent: Callable[[], float]) -> dict[str, Any]:
+def read_series(asked: SeriesAsked, window: Window, spent: Callable[[], float]) -> dict[str, Any]:
     """Return the series of the wanted numbers, with the names of all; ``spent`` is processor time, s.
 
     ``share`` is the share of the window that was read, ``problems`` what of it cannot be read.
     """
-    found = _Found(wanted)
+    found = _Found(asked)
     parts, begun, count = window.parts, spent(), 0
     for part in parts:
         if spent() - begun > MOST_SPENT:
@@ -97,10 +83,10 @@ def read_series(wanted: Wanted, window: Window, spent: Callable[[], float]) -> d
 class _Found:
     """The numbers found in messages."""
 
-    def __init__(self, wanted: Wanted) -> None:
-        self._wanted = wanted
-        self._series = {name: Thinned(wanted.since, wanted.until, wanted.points) for name in wanted.names}
-        self._sources = {source_in(name) for name in wanted.names}
+    def __init__(self, asked: SeriesAsked) -> None:
+        self._asked = asked
+        self._series = {name: Thinned(asked.since, asked.until, asked.points) for name in asked.names}
+        self._sources = {source_in(name) for name in asked.names}
         self._names: set[str] = set()
         self._samples: Counter[str] = Counter()
         self._unreadable: Counter[str] = Counter()
@@ -131,15 +117,15 @@ class _Found:
             name: [[round(at, 3) for at, _ in each], [value for _, value in each]]
             for name, each in points.items()
         }
-        wanted = self._wanted
+        asked = self._asked
         return {
-            "robot": wanted.robot,
-            "since": wanted.since,
-            "until": wanted.until,
+            "robot": asked.robot,
+            "since": asked.since,
+            "until": asked.until,
             "names": sorted(self._names)[:MOST_OFFERED],
             "values": values,
         }
 
     def problems(self) -> list[str]:
         """Return which messages cannot be read."""
-        return [f"{count} messages of {topic} cannot be read" for topic, count in self._unreadable.items()]
+        return [f"unreadable messages of {topic}: {count}" for topic, count in self._unreadable.items()]

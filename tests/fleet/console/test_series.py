@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.console.past import Pasts
-from fleet.console.series import MOST_SPENT, MOST_WINDOW, Thinned, Wanted, read_series, require_bounds
+from fleet.console.requests import SeriesAsked
+from fleet.console.series import MOST_SPENT, MOST_WINDOW, Thinned, read_series, require_bounds
 from fleet.errors import Refused
 from fleet.record.messages import Message
 from fleet.record.past import Past
@@ -75,7 +76,7 @@ def test_a_peak_of_one_value_among_thousands_stays():
 )
 def test_a_robot_or_window_that_cannot_be_is_refused(robot, since, until, why):
     with pytest.raises(Refused, match=why):
-        require_bounds(Wanted(robot, (), since, until, 10))
+        require_bounds(SeriesAsked("r", robot, since, until))
 
 
 @pytest.fixture(scope="module")
@@ -87,10 +88,10 @@ def folder(tmp_path_factory):
 
 
 def read(folder, *names, since=0.0, until=SECONDS, points=1000, spent=lambda: 0.0, robot="yard-1/rex"):
-    wanted = Wanted(robot, names, BEGINS + since, BEGINS + until, points)
-    window = Window(f"/{robot}/", wanted.since, wanted.until)
+    asked = SeriesAsked("r", robot, BEGINS + since, BEGINS + until, names, points)
+    window = Window(f"/{robot}/", asked.since, asked.until)
     Past(folder).find(window)
-    return read_series(wanted, window, spent)
+    return read_series(asked, window, spent)
 
 
 def test_the_values_of_the_window_are_told_at_their_times(folder):
@@ -136,7 +137,7 @@ def test_messages_that_cannot_be_read_are_told(tmp_path):
     file.add(Message("/yard-1/rex/battery", "fleet.BatteryReport", b'{"stamp": "x"}'), round(BEGINS * 1e9))
     ring.close()
     found = read(tmp_path, "battery.charge_pct")
-    assert found["problems"] == ["1 messages of /yard-1/rex/battery cannot be read"]
+    assert found["problems"] == ["unreadable messages of /yard-1/rex/battery: 1"]
 
 
 async def test_a_file_that_is_cut_off_is_told_with_the_series(tmp_path):
@@ -144,8 +145,8 @@ async def test_a_file_that_is_cut_off_is_told_with_the_series(tmp_path):
     (path,) = tmp_path.glob("*.mcap")
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 4])
     pasts = Pasts(lambda: [tmp_path])
-    found = await pasts.series(Wanted("yard-1/rex", ("position.x",), BEGINS, BEGINS + 10, 100))
+    found = await pasts.series(SeriesAsked("r", "yard-1/rex", BEGINS, BEGINS + 10, ("position.x",)))
     assert found["values"]["position.x"][1][0] == 0.0
     assert path.name in found["problems"][0]
     with pytest.raises(Refused, match="begins before it ends"):
-        await pasts.series(Wanted("yard-1/rex", (), BEGINS, BEGINS, 100))
+        await pasts.series(SeriesAsked("r", "yard-1/rex", BEGINS, BEGINS))

@@ -77,12 +77,18 @@ def test_a_look_adds_what_was_written_since_and_a_closed_file_adds_nothing(file)
     assert len(all_of(chunks)) == 3
 
 
-def test_a_chunk_of_which_a_byte_was_changed_is_left_out_and_told(file):
+def three_chunks(file):
+    """Write three chunks with one message each, and find them."""
     for number in range(3):
         file.add(message("/a", number), 1000 + number)
         file.flush()
     chunks = Chunks(file.path)
     chunks.look()
+    return chunks
+
+
+def test_a_chunk_of_which_a_byte_was_changed_is_left_out_and_told(file):
+    chunks = three_chunks(file)
     middle = chunks.found[1]
     content = bytearray(file.path.read_bytes())
     content[middle.at + middle.size - 1] ^= 1
@@ -92,11 +98,7 @@ def test_a_chunk_of_which_a_byte_was_changed_is_left_out_and_told(file):
 
 
 def test_a_file_without_an_end_is_told_as_cut(file):
-    for number in range(3):
-        file.add(message("/a", number), 1000 + number)
-        file.flush()
-    chunks = Chunks(file.path)
-    chunks.look()
+    chunks = three_chunks(file)
     assert not chunks.is_cut
     content = file.path.read_bytes()
     file.path.write_bytes(content[: chunks.found[2].at + 10])
