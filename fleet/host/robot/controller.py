@@ -113,6 +113,7 @@ class RobotController:
             store=self.speeds.store,
             drives=capabilities.drives,
             follow=self.joints.follow if config.follows and capabilities.moves_joints else None,
+            absence=lambda: attached.absence if attached.reachable is None else "",
         ) | run_commands(admission, self._stop)
         self.configured = (admission, self.speeds, self.guard, driving, self.goals.follower)
 
