@@ -75,7 +75,7 @@ class JointControl:
         self._follow: Receipt | None = None  # of that request, until the first report of the leader
 
     def follow(self, ask: Command, receipt: Receipt) -> None:
-        """Start following the leader, until any stop; done once a report of it is followed, within a lease."""
+        """Start following the leader until any stop; done once one of its reports is followed."""
         self._end_follow("it was asked for again")
         self._led, self._by, self._follow = {}, ask.origin, receipt
         self.deadman.feed(self._clock.monotonic(), self.lease)
