@@ -68,6 +68,7 @@ ELSEWHERE = {
     "host/follow/leg_follower.py": "adapters/fleet_quadruped/test_navigation.py",
     "host/follow/stuck.py": "adapters/fleet_quadruped/test_navigation.py",
     "host/journal/execution_journal.py": "fleet/host/journal/test_journal.py",
+    "host/journal/unwritten_mark.py": "fleet/host/journal/test_journal_file.py",
     "host/logs/folders.py": "fleet/cli/test_logs.py",
     "host/logs/line_format.py": "fleet/host/logs/test_rotating_file.py",
     "host/logs/setup.py": "fleet/host/logs/test_flood_filter.py",
