@@ -14,6 +14,7 @@ from fleet import (
     LatestMotion,
     Limits,
     Link,
+    LinkLost,
     NotReady,
     Range,
     Refused,
@@ -107,11 +108,18 @@ class UgvAdapter(Adapter[UgvConfig]):
         self.halt()
         if self._board.serves:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._board.stands.wait(), STANDSTILL)
+                async with asyncio.timeout(STANDSTILL):
+                    await self._board.stands.wait()
 
     def halt(self) -> None:
         """Stop the wheels and the camera mount at once; from any thread."""
         self._board.halt()
+
+    def halt_unheard(self, reason: str) -> bool:  # noqa: ARG002 - every stop is the same
+        """Write the stops; raises LinkLost if the line does not take them."""
+        if not self._board.halt():
+            raise LinkLost(f"{self.config.link} is down")
+        return True
 
     # -- the camera's joints -------------------------------------------------------------------------
 
