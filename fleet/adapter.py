@@ -33,6 +33,7 @@ from fleet.model.navigation import Progress, Task
 from fleet.model.report import Report
 from fleet.robot_config import AdapterConfig, Limits, Separation
 from fleet.simulation import Simulation, SimulationStart
+from fleet.wire.stops import EMERGENCY
 
 __all__ = [
     "Adapter",
@@ -307,6 +308,19 @@ class Adapter(AdapterBase[ConfigT]):
         ``stop("emergency_stop")`` follows as soon as the event loop runs.
         """
         self.halt()
+
+    def halt_unheard(self, reason: str) -> bool:
+        """Write a requested stop to a robot that does not answer: it may still hear; rules as for ``halt``.
+
+        ``reason`` is the requested stop: ``stop``, ``emergency_stop`` and others. Returns True if the bytes
+        were handed to an open link, False if the adapter cannot tell. Raises LinkError or a CommandError with
+        the reason if nothing was written.
+        """
+        if reason == EMERGENCY:
+            self.emergency_halt()
+        else:
+            self.halt()
+        return False
 
     def navigate(self, task: Task) -> AsyncIterator[Progress]:  # noqa: ARG002 - for overriders
         """Execute a task and yield its progress; return when it is done, raise when it fails.

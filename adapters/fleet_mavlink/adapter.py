@@ -146,6 +146,11 @@ class MavlinkAdapter(PayloadCommands, TransitionCommands, UpkeepCommands):
         with contextlib.suppress(LinkError):
             self._session.halt(takes_over=True)
 
+    def halt_unheard(self, reason: str) -> bool:
+        """Write a requested stop to a vehicle that is not heard, or was heard long ago; from any thread."""
+        self._session.halt_unheard(takes_over=reason in _TAKE_OVER)
+        return True
+
     async def navigate(self, task: Task) -> AsyncIterator[Progress]:
         """Fly a task with the autopilot's own position control."""
         session = self._session

@@ -10,6 +10,7 @@ from fleet import (
     GeoOrigin,
     Limits,
     LinkLost,
+    NotReady,
     Refused,
     Robot,
     Unsupported,
@@ -38,7 +39,7 @@ from fleet_mavlink.navigation import AutopilotNavigator
 from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
 from fleet_mavlink.plans import Plans
-from fleet_mavlink.preconditions import require_connection, require_heartbeat
+from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.remote_id import RemoteId
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import VehicleState
@@ -183,19 +184,16 @@ class VehicleSession:
         The plain stop of a drive returns once the vehicle stands; the hold follows a moment later, or at once
         when it does not stand. A vehicle under somebody else's control is left alone unless ``takes_over``,
         because the plain stop at the end of a drive must not take it from its pilot; raises Refused then. A
-        vehicle that is not moved here is braked whoever moves it. Raises NotReady when the vehicle does not
-        answer: then it is unknown whether it stops. A failed stop stays in health until one succeeds, or the
-        motors are off.
+        vehicle that is not moved here is braked whoever moves it. To one that is not heard the stop is only
+        written; raises NotReady then: it is unknown whether it stops. A failed stop stays in health until
+        one succeeds, or the motors are off.
         """
         if self.authority.lost_to and not takes_over:
             self.commander.turns.supersede(reason)
             self.driver.brake()
-            raise Refused(
-                f"a pilot or a fail-safe has it, in {self.authority.taker}: it was left to that",
-                hint="hover, brake and emergency_stop take it",
-            )
+        self._require_ours(takes_over=takes_over)
         try:
-            await self._stop(reason)
+            await self._stop(reason, takes_over=takes_over)
         except Superseded:
             raise
         except CommandError as error:
@@ -204,9 +202,15 @@ class VehicleSession:
             raise
         self.health.unstopped = ""
 
-    async def _stop(self, reason: str) -> None:
-        """Brake and hold, or raise."""
-        require_heartbeat(self.vehicle)
+    async def _stop(self, reason: str, *, takes_over: bool) -> None:
+        """Brake and hold, or raise; a vehicle that is not heard gets the stop too."""
+        if not self.vehicle.connected:
+            self.halt_unheard(takes_over=takes_over)
+            raise NotReady(
+                f"no heartbeat from system {self.vehicle.system}: the stop was written, and not seen to be "
+                "carried out",
+                hint="check the link and its power",
+            )
         if reason == GENTLE and self.driver.rest() and await self._rests():
             return
         self.commander.turns.supersede(reason)
@@ -235,35 +239,63 @@ class VehicleSession:
         self.driver.end()
         await self.flight.kill()
 
-    def halt(self, *, takes_over: bool = False) -> None:
+    def halt(self, *, asked: bool = False, takes_over: bool = False) -> bool:
         """Write the messages that stop the vehicle now; from any thread. The next tick continues from there.
 
-        Motion that was asked for and is not confirmed yet is not asked for again. A vehicle that does not
-        answer may be in its own fail-safe, so its mode is not changed; one that comes down, or is under
-        somebody else's control, is left alone: unless ``takes_over``.
+        Motion that was asked for and is not confirmed yet is not asked for again. ``asked``: somebody wants
+        this stop. Otherwise the mode of a vehicle that does not answer is not changed, because it may be in
+        its own fail-safe, and one that comes down is left alone. One under somebody else's control is left
+        alone unless ``takes_over``, which implies ``asked``. Returns False if nothing was written; raises
+        LinkLost.
         """
-        state, flavour = self.vehicle.state, self.vehicle.flavour
-        self.commander.turns.halt(EMERGENCY_HALTED if takes_over else HALTED)
+        asked = asked or takes_over
+        self.commander.turns.halt(EMERGENCY_HALTED if asked else HALTED)
         self.driver.halted = True
-        reached = self.vehicle.connected or takes_over  # a silent vehicle may still hear
-        if self.comes_down and not takes_over:
-            return
+        taken = self.vehicle.flavour is not None and self.authority.lost_to and not takes_over
+        if taken or (self.comes_down and not asked):
+            return False
+        return self._hub.send_from_any_thread(self._halting(asked=asked), self.vehicle)
+
+    def _halting(self, *, asked: bool) -> list[MavlinkMessage]:
+        """Return the messages that stop the vehicle, none for one on the ground.
+
+        One that is silent may have been armed since it was heard, and may still hear.
+        """
+        vehicle, flavour = self.vehicle, self.vehicle.flavour
+        heard = vehicle.connected
+        if not vehicle.state.armed and (heard or not asked):
+            return []
         if flavour is None:
-            brake = self.brakes.first() if reached else None
-            self._hub.send_from_any_thread([brake] if brake is not None else [], self.vehicle)
-            return
-        if not state.armed or (self.authority.lost_to and not takes_over):
-            return
-        streamed = flavour.mode_of(state) == flavour.external and not flavour.tries_brakes
-        messages: list[MavlinkMessage] = [ned_setpoint(Vector3(), 0.0, self.vehicle.system)] * streamed
+            return [*self.brakes.messages()] if heard or asked else []
+        streamed = flavour.mode_of(vehicle.state) == flavour.external and not flavour.tries_brakes
+        messages: list[MavlinkMessage] = [ned_setpoint(Vector3(), 0.0, vehicle.system)] * streamed
         # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.
-        best = holding_of(self.vehicle) if reached else None
+        best = holding_of(vehicle) if heard or asked else None
         if best is not None:
             pending = self.commander.turns.current
             goes_on = pending is not None and not pending.superseded  # a landing, about to change the mode
             (self.authority.expect_also if goes_on else self.authority.expect)(*best.modes)
             messages += map(self.commander.addressed, best.asks)
-        self._hub.send_from_any_thread(messages, self.vehicle)
+        return messages
+
+    def halt_unheard(self, *, takes_over: bool) -> None:
+        """Write a requested stop to a vehicle that may not be heard; from any thread.
+
+        Raises Refused with the reason if it is not written, LinkLost if the link does not take it.
+        """
+        self._require_ours(takes_over=takes_over)
+        if self.vehicle.connected and not self.vehicle.state.armed:
+            raise Refused("its motors are off")
+        if not self.halt(asked=True, takes_over=takes_over):
+            raise LinkLost(f"nobody was heard on {self._hub.link.url} yet to whom it could be sent")
+
+    def _require_ours(self, *, takes_over: bool) -> None:
+        """Raise Refused if a plain stop would take the vehicle from its pilot or its fail-safe."""
+        if self.authority.lost_to and not takes_over:
+            raise Refused(
+                f"a pilot or a fail-safe has it, in {self.authority.taker}: it was left to that",
+                hint="hover, brake and emergency_stop take it",
+            )
 
     async def setup_signing(self) -> None:
         """Give the vehicle our key; returns once it signs with it. Raises Unsupported when it does not."""

@@ -14,6 +14,7 @@ from fleet import (
     LatestMotion,
     Limits,
     Link,
+    LinkLost,
     NotReady,
     Range,
     Refused,
@@ -113,6 +114,12 @@ class UgvAdapter(Adapter[UgvConfig]):
     def halt(self) -> None:
         """Stop the wheels and the camera mount at once; from any thread."""
         self._board.halt()
+
+    def halt_unheard(self, reason: str) -> bool:  # noqa: ARG002 - every stop is the same
+        """Write the stops; raises LinkLost if the line does not take them."""
+        if not self._board.halt():
+            raise LinkLost(f"{self.config.link} is down")
+        return True
 
     # -- the camera's joints -------------------------------------------------------------------------
 

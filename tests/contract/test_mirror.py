@@ -78,7 +78,6 @@ ELSEWHERE = {
     "host/edge/robot_reports.py": "fleet/host/edge/test_run_results.py",
     "host/edge/renamed.py": "fleet/host/edge/test_changes.py",
     "host/edge/worker_robots.py": "fleet/host/workers/test_worker_manager.py",
-    "host/process/robot_endpoints.py": "fleet/host/process/test_robot_process.py",
     "host/process/twin_holders.py": "fleet/host/test_two_edges.py",
     "host/process/rebuild.py": "fleet/host/edge/test_changes.py",
     "host/process/robot_runs.py": "fleet/host/process/test_robot_process.py",

@@ -128,6 +128,12 @@ class FrameAdapterRunner(Adapter[Any]):
         """Write the safe-stop frames at once and drop the velocity; from any thread."""
         self._motion.halt()
 
+    def halt_unheard(self, reason: str) -> bool:  # noqa: ARG002 - every stop is the same
+        """Write the safe-stop frames; raises LinkLost if the link does not take them."""
+        if not self._motion.halt():
+            raise LinkLost(f"{self.config.link} takes nothing: it is down, or nobody was heard on it yet")
+        return True
+
     def _halt_frames(self) -> MotionFrames:
         """Return fresh stop frames, or those of the start: a bug must not keep a robot moving."""
         try:

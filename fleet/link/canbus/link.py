@@ -50,7 +50,7 @@ class CanLink:
         """Return more than any motion while the transmit queue is full, so that only the newest waits."""
         return _FULL if self._bus.blocked else 0
 
-    def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - a bus has no addresses
+    def send(self, data: bytes, address: Address = None) -> bool:  # noqa: ARG002 - a bus has no addresses
         """Write a packed frame, or drop and count it when the transmit queue is full.
 
         Raises LinkLost when the bus is dead, ValueError for bytes that are no frame of this bus.
@@ -63,13 +63,16 @@ class CanLink:
         if self._ending.ended:
             raise self._ending.error()
         with self._lock:
+            before = self._bus.dropped
             self._bus.send(frame)
             self.stats.dropped = self._bus.dropped
+            written = self.stats.dropped == before
         if self._bus.dead:
             raise self._ending.fall(self._bus.dead)
         self.stats.sent += 1
         if (note := self._tap.note) is not None:
             note("out", data)
+        return written
 
     async def lost(self) -> None:
         """Wait until the bus dies, then raise LinkLost with the reason."""

@@ -219,6 +219,15 @@ async def test_silence_is_amber_in_a_second_red_in_three_and_halts(bench):
         await bench.pass_time(2.0)
 
 
+async def test_a_stop_of_a_base_that_is_not_heard_is_written(bench):
+    bench.adapter.drive(forward(0.3))
+    await bench.pass_time(0.5)
+    bench.board.set_fault("mute", 1.0)
+    assert bench.adapter.halt_unheard("stop")
+    await bench.pass_time(0.1)
+    assert bench.board.physics.wanted == [0.0, 0.0]
+
+
 BAD_WIRES = [
     {"corrupt": 0.01},
     {"partial": 1.0},
