@@ -37,8 +37,8 @@ FOXGLOVE_DESKTOP = "file://"
 """Origin of Foxglove's desktop program.
 
 Its page is a local file (foxglove/studio, packages/studio-desktop/src/main/StudioWindow.ts). A WebSocket of
-such a page has the origin ``file://`` in Electron, which gives local files more rights than a browser does
-(electron/electron, docs/tutorial/fuses.md: grantFileProtocolExtraPrivileges; webpack/webpack-dev-server#3821).
+such a page has the origin ``file://`` in Electron (webpack/webpack-dev-server#3821), which gives local files
+more rights than a browser does (electron/electron, docs/tutorial/fuses.md: grantFileProtocolExtraPrivileges).
 Measured with Chromium 156: ``file://`` with --allow-file-access-from-files, the same right, and ``null``
 without. ``null`` is refused: any page can open a sandboxed frame that has it.
 """
