@@ -84,6 +84,17 @@ def test_a_stop_that_could_not_be_passed_on_is_passed_on_again_until_the_holder_
     assert len(edge.session.put_on) == 1
 
 
+def test_the_stops_are_listed_though_a_robot_joins_meanwhile(edge):
+    class Joins(Robot):
+        @property
+        def latched(self):
+            edge.robots["new"] = Robot()
+            return True
+
+    edge.robots["rex"] = Joins()
+    assert edge.stops.listed == {"rex": ""}
+
+
 def test_without_an_entry_every_robot_is_stopped(edge):
     edge.stops.take_over(None)
     assert edge.stops.listed == {"rex": NOT_KNOWN, "max": NOT_KNOWN}
