@@ -234,7 +234,7 @@ class MavlinkAdapter(PayloadCommands, TransitionCommands, UpkeepCommands):
         """Start the motors, in a mode that can be moved in."""
         await self._session.flight.arm(force=force)
 
-    @command("disarm")
+    @command("disarm", in_place=True)
     async def disarm(self, *, force: bool = False) -> None:
         """Stop the motors; refused in the air and while it drives, whatever ``force`` says."""
         await self._session.flight.disarm(force=force)

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from fleet.clock import Clock
+from fleet.commands import CommandSpec
 from fleet.errors import Refused
 from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.receipt import Receipt
@@ -34,6 +35,9 @@ BEGINNINGS = frozenset({"takeoff", "arm"})
 
 CLIMBS = {"takeoff": ("altitude", 0), "ascend": ("distance", 1), "descend": ("distance", -1)}
 """Vertical commands: the parameter with the distance, and its sign (0: height above home)."""
+
+WAYS_BACK = "possible are stop, land, return_to_home and motion that leads back inside"
+"""Ends a refusal of a robot outside its fence: what a person can do."""
 
 LANDINGS = frozenset({"land", "return_to_home"})
 """Commands that lead down, which is safe: for a flying robot they are never refused because of another
@@ -186,9 +190,13 @@ class MotionGuard:
 
     # -- checks of requests --------------------------------------------------------------------------
 
-    def beginning(self, ask: Command) -> str | None:
-        """Return why a command may not start a flight or change the height; else None."""
-        begins = self._start_trouble() if ask.name in BEGINNINGS else None
+    def beginning(self, ask: Command, spec: CommandSpec | None = None) -> str | None:
+        """Return why a command may not start; else None.
+
+        Judged are a start of a flight, a change of the height, and outside the fence all that may move the
+        robot to another place, as ``spec`` declares it.
+        """
+        begins = self._start_trouble() if ask.name in BEGINNINGS else self._outside_trouble(ask, spec)
         apart = self.apart if _drives_home(ask, self._robot.can) else None
         met = (
             apart.trouble_on(self._place.way_down(ask.name)) if apart is not None and apart.is_judged else ""
@@ -206,25 +214,49 @@ class MotionGuard:
                 EventKind.SEPARATION, why, telemetry="separation", data={"reason": why}
             )
 
-    def _climb_trouble(self, ask: Command) -> str:
-        """Return why a robot may not move straight up or down; empty when it may, or for other commands."""
-        if ask.name not in CLIMBS or self.apart is None or not self.apart.is_judged:
-            return ""
+    def _outside_trouble(self, ask: Command, spec: CommandSpec | None) -> str | None:
+        """Return why a command may not move a robot that is outside its fence, or may be; None if it may.
+
+        Straight up or down, it may go where it is allowed to be.
+        """
+        harmless = spec is None or not spec.moves or spec.safe or spec.in_place or ask.name in LANDINGS
+        out = "" if harmless else self.fencing.breached
+        if not out:
+            return None
+        move, pose = self._climb(ask), self._place.fresh()
+        if move is not None and pose is not None and self.fencing.fence is not None:
+            end = pose.position + move.translation
+            if not self.fencing.way_trouble(pose.position, (end,)):
+                return None
+        return f"{out}; {WAYS_BACK}"
+
+    def _climb(self, ask: Command) -> RelativeMove | None:
+        """Return the vertical move of a command; None for other commands, and for an unknown height."""
         pose, home = self._place.fresh(), self._place.home_point()
-        if pose is None:
-            return "the robot's position is unknown, so its separation cannot be kept"
+        if ask.name not in CLIMBS or pose is None:
+            return None
         field, sign = CLIMBS[ask.name]
         metres = ask.data.get(field, getattr(self._config, "takeoff_altitude", 0.0))
         if not isinstance(metres, int | float) or not math.isfinite(metres):
-            return ""  # the command itself refuses it
+            return None  # the command itself refuses it
         rise = sign * abs(metres) if sign else home.z + metres - pose.position.z
-        task = RelativeMove(Vector3(0.0, 0.0, rise), body_frame=False)
-        return self.apart.task_trouble(task, (pose.position + task.translation,))
+        return RelativeMove(Vector3(0.0, 0.0, rise), body_frame=False)
+
+    def _climb_trouble(self, ask: Command) -> str:
+        """Return which robot is in the way straight up or down; empty for none, and for other commands."""
+        if ask.name not in CLIMBS or self.apart is None or not self.apart.is_judged:
+            return ""
+        move, pose = self._climb(ask), self._place.fresh()
+        if pose is None:
+            return "the robot's position is unknown, so its separation cannot be kept"
+        if move is None:
+            return ""
+        return self.apart.task_trouble(move, (pose.position + move.translation,))
 
     def _start_trouble(self) -> str | None:
         """Return why a task whose path is unknown, such as a flight, may not start; None when it may."""
-        if self.fencing.trouble:
-            return f"it is {self.fencing.trouble}"
+        if self.fencing.breached:
+            return f"{self.fencing.breached}; {WAYS_BACK}"
         return (self._battery.start_trouble() or None) if self._battery else None
 
     def task(self, task: AnyTask | None) -> str | None:
@@ -240,7 +272,9 @@ class MotionGuard:
             return str(error)
         home = self._place.home_point()
         around = circled(task, self._circle)
-        trouble = self.fencing.fence.way_trouble(start, points, home, around) if self.fencing.fence else ""
+        trouble = self.fencing.way_trouble(start, points, around)
+        if trouble and self.fencing.trouble:
+            trouble = f"{trouble}; {WAYS_BACK}"
         if not trouble and self._battery is not None and isinstance(task, FlyMission):
             trouble = self._battery.start_trouble()
         if not trouble and self._battery is not None:
