@@ -108,7 +108,8 @@ class UgvAdapter(Adapter[UgvConfig]):
         self.halt()
         if self._board.serves:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._board.stands.wait(), STANDSTILL)
+                async with asyncio.timeout(STANDSTILL):
+                    await self._board.stands.wait()
 
     def halt(self) -> None:
         """Stop the wheels and the camera mount at once; from any thread."""

@@ -118,12 +118,16 @@ class InflightWindow:
         """Handle PUBREC: return the PUBREL for a QoS 2 message, None if the broker refuses it.
 
         The message stays in flight until PUBCOMP, and is returned to the outbox like any other if the
-        connection is lost before: the broker may withhold it until then.
+        connection is lost before: the broker may withhold it until then. A refusal ends the exchange, also of
+        a message that is not in flight (MQTT 5, 4.3.3: PUBREL answers a reason code below 0x80).
         """
         message = self._inflight.get(packet.packet_id)
-        if int(packet.reason_code) >= 0x80 and message is not None:
-            del self._inflight[packet.packet_id]
-            self._refused(message, packet.reason_code.name)
+        if int(packet.reason_code) >= 0x80:
+            if message is None:
+                logger.warning("the broker refuses message %d, which is not in flight", packet.packet_id)
+            else:
+                del self._inflight[packet.packet_id]
+                self._refused(message, packet.reason_code.name)
             return None
         known = mqtt5.PubRelReasonCode.SUCCESS if message else mqtt5.PubRelReasonCode.PACKET_ID_NOT_FOUND
         return mqtt5.PubRelPacket(packet.packet_id, reason_code=known)

@@ -128,7 +128,8 @@ class LeaseKeeper:
     async def _read(self) -> None:
         """Read the store."""
         try:
-            entry, revision = await asyncio.wait_for(self._store.read(), 3 * ANSWER_WITHIN)
+            async with asyncio.timeout(3 * ANSWER_WITHIN):
+                entry, revision = await self._store.read()
         except Exception as error:  # noqa: BLE001 - an unexpected error must not end the thread unnoticed
             self._silent(error)
             return
@@ -143,7 +144,8 @@ class LeaseKeeper:
         stops = self._user.stops()
         entry = self.lease.begin(wish, stops, self._clock())
         try:
-            revision = await asyncio.wait_for(self._store.write(entry, self.lease.revision), ANSWER_WITHIN)
+            async with asyncio.timeout(ANSWER_WITHIN):
+                revision = await self._store.write(entry, self.lease.revision)
         except Exception as error:  # noqa: BLE001 - an unexpected error must not end the thread unnoticed
             self.lease.unanswered()
             self._silent(error)

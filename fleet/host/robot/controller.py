@@ -179,11 +179,13 @@ class RobotController:
 
     def detach(self, why: str) -> None:
         """Detach the adapter at the end of its run."""
-        self.lost(why)
-        self._admission.taken_over(f"lost: {why}")
-        self.joints.forget()
-        self.attached.detach()
-        self.motion.in_control = False
+        try:
+            self.lost(why)
+        finally:
+            self._admission.taken_over(f"lost: {why}")
+            self.joints.forget()
+            self.attached.detach()
+            self.motion.in_control = False
 
     def authority_lost(self, reason: str) -> None:
         """Handle the loss of control to a pilot or another station: motion ends until a new command."""

@@ -438,6 +438,20 @@ def test_a_message_of_qos_2_that_the_broker_refuses_is_told_and_not_released():
     assert talk.replies() == []
 
 
+def test_a_refusal_of_a_message_that_is_not_in_flight_is_not_answered(caplog):
+    talk = Talk()
+    talk.hear(mqtt5.PubRecPacket(7, reason_code=mqtt5.PubRecReasonCode.PACKET_ID_IN_USE))
+    assert talk.replies() == []
+    assert "message 7, which is not in flight" in caplog.text
+
+
+def test_a_message_that_the_broker_has_and_is_not_in_flight_is_released_as_unknown():
+    talk = Talk()
+    talk.hear(mqtt5.PubRecPacket(7))
+    (release,) = talk.replies()
+    assert release == mqtt5.PubRelPacket(7, reason_code=mqtt5.PubRelReasonCode.PACKET_ID_NOT_FOUND)
+
+
 def test_a_broker_without_qos_2_gets_qos_1():
     talk = Talk(max_qos=mqtt5.QoS(1))
     talk.put(message("offer", 2))
