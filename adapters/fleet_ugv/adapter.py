@@ -75,7 +75,7 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     async def connect(self) -> None:
         """Open the line; raises LinkLost or LinkRefused."""
-        url = await self._url()
+        url = await _url(self.config, self.robot)
         inbox = Inbox(self.config, self.robot.clock)
         self._link = await self.robot.enter(opened_link(url, inbox.arrived))
         slot = LatestMotion(self._link, self.robot.clock, baud=parse_link_url(url).baud)
@@ -89,15 +89,6 @@ class UgvAdapter(Adapter[UgvConfig]):
         finally:
             self._board.end()
             self.robot.state[POSE] = self._odometry.pose
-
-    async def _url(self) -> str:
-        """Return the link to open; a simulated base is started first."""
-        if not self.config.simulated:
-            return self.config.link
-        simulator = await self.robot.enter(self.robot.share(SIMULATOR, lambda: SimProcess(SIMULATOR)))
-        setting = self.config.setting
-        spec = spec_of(self.config.link, ticks=setting.ticks, diameter=setting.diameter)
-        return await self.robot.enter(simulator.robot(spec))
 
     def drive(self, velocity: Velocity) -> None:
         """Hold this body velocity; a sideways part is dropped."""
@@ -262,3 +253,13 @@ def _pair(values: Sequence[int]) -> tuple[int | None, int | None]:
     if len(values) > 2:
         raise Refused("there are two lamps", hint="a list of two levels at most")
     return (values[0] if values else None, values[-1] if values else None)
+
+
+async def _url(config: UgvConfig, robot: Robot) -> str:
+    """Return the link to open; a simulated base is started first."""
+    if not config.simulated:
+        return config.link
+    simulator = await robot.enter(robot.share(SIMULATOR, lambda: SimProcess(SIMULATOR)))
+    setting = config.setting
+    spec = spec_of(config.link, ticks=setting.ticks, diameter=setting.diameter)
+    return await robot.enter(simulator.robot(spec))

@@ -19,6 +19,7 @@ from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import Capabilities
 from fleet.host.robot.battery_watch import BATTERY, BatteryWatch
 from fleet.host.robot.fence_keeper import FenceKeeper
+from fleet.host.robot.outside_fence import CLIMBS, LANDINGS, WAYS_BACK, outside_trouble, stays, vertical_way
 from fleet.host.robot.robot_place import RobotPlace
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.robot.whereabouts import Whereabouts
@@ -32,16 +33,6 @@ from fleet.robot_config import AdapterConfig, BatteryPolicy, Limits
 
 BEGINNINGS = frozenset({"takeoff", "arm"})
 """Commands that start a flight: refused outside the fence and with too little battery."""
-
-CLIMBS = {"takeoff": ("altitude", 0), "ascend": ("distance", 1), "descend": ("distance", -1)}
-"""Vertical commands: the parameter with the distance, and its sign (0: height above home)."""
-
-WAYS_BACK = "possible are stop, land, return_to_home and motion that leads back inside"
-"""Ends a refusal of a robot outside its fence: what a person can do."""
-
-LANDINGS = frozenset({"land", "return_to_home"})
-"""Commands that lead down, which is safe: for a flying robot they are never refused because of another
-robot, only reported."""
 
 
 class GuardActions(Protocol):
@@ -196,12 +187,18 @@ class MotionGuard:
         Judged are a start of a flight, a change of the height, and outside the fence all that may move the
         robot to another place, as ``spec`` declares it.
         """
-        begins = self._start_trouble() if ask.name in BEGINNINGS else self._outside_trouble(ask, spec)
+        rise = vertical_way(ask, self._place, getattr(self._config, "takeoff_altitude", 0.0))
+        if ask.name in BEGINNINGS:
+            begins = self._start_trouble()
+        else:
+            begins = None if stays(ask, spec) else outside_trouble(self.fencing, self._place, rise)
         apart = self.apart if _drives_home(ask, self._robot.can) else None
         met = (
             apart.trouble_on(self._place.way_down(ask.name)) if apart is not None and apart.is_judged else ""
         )
-        return begins or self._climb_trouble(ask) or (f"its way home is not free: {met}" if met else None)
+        return (
+            begins or self._climb_trouble(ask, rise) or (f"its way home is not free: {met}" if met else None)
+        )
 
     def _tell_landing(self, name: str) -> None:
         """Report that a landing or return leads past another robot; it is not refused for that."""
@@ -214,44 +211,16 @@ class MotionGuard:
                 EventKind.SEPARATION, why, telemetry="separation", data={"reason": why}
             )
 
-    def _outside_trouble(self, ask: Command, spec: CommandSpec | None) -> str | None:
-        """Return why a command may not move a robot that is outside its fence, or may be; None if it may.
-
-        Straight up or down, it may go where it is allowed to be.
-        """
-        harmless = spec is None or not spec.moves or spec.safe or spec.in_place or ask.name in LANDINGS
-        out = "" if harmless else self.fencing.breached
-        if not out:
-            return None
-        move, pose = self._climb(ask), self._place.fresh()
-        if move is not None and pose is not None and self.fencing.fence is not None:
-            end = pose.position + move.translation
-            if not self.fencing.way_trouble(pose.position, (end,)):
-                return None
-        return f"{out}; {WAYS_BACK}"
-
-    def _climb(self, ask: Command) -> RelativeMove | None:
-        """Return the vertical move of a command; None for other commands, and for an unknown height."""
-        pose, home = self._place.fresh(), self._place.home_point()
-        if ask.name not in CLIMBS or pose is None:
-            return None
-        field, sign = CLIMBS[ask.name]
-        metres = ask.data.get(field, getattr(self._config, "takeoff_altitude", 0.0))
-        if not isinstance(metres, int | float) or not math.isfinite(metres):
-            return None  # the command itself refuses it
-        rise = sign * abs(metres) if sign else home.z + metres - pose.position.z
-        return RelativeMove(Vector3(0.0, 0.0, rise), body_frame=False)
-
-    def _climb_trouble(self, ask: Command) -> str:
+    def _climb_trouble(self, ask: Command, rise: Vector3 | None) -> str:
         """Return which robot is in the way straight up or down; empty for none, and for other commands."""
         if ask.name not in CLIMBS or self.apart is None or not self.apart.is_judged:
             return ""
-        move, pose = self._climb(ask), self._place.fresh()
+        pose = self._place.fresh()
         if pose is None:
             return "the robot's position is unknown, so its separation cannot be kept"
-        if move is None:
+        if rise is None:
             return ""
-        return self.apart.task_trouble(move, (pose.position + move.translation,))
+        return self.apart.task_trouble(RelativeMove(rise, body_frame=False), (pose.position + rise,))
 
     def _start_trouble(self) -> str | None:
         """Return why a task whose path is unknown, such as a flight, may not start; None when it may."""

@@ -1,16 +1,14 @@
 """A robot kept inside its fence and within its battery."""
 
-import msgspec
 import pytest
 
 from fleet.errors import Refused
-from fleet.host.robot.motion_guard import WAYS_BACK
+from fleet.host.robot.outside_fence import WAYS_BACK
 from fleet.model.command import ReplyStatus
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, quaternion_from_yaw
 from fleet.model.navigation import Control, FollowPath, Goal, GoTo, Navigate, RelativeMove
 from fleet.model.report import BatteryReport, FlightControllerReport
-from fleet.wire.stops import STOP_WORDS
 
 YARD = [(-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0)]
 FENCE = {"inclusion": [YARD]}
@@ -154,74 +152,6 @@ async def test_a_flight_does_not_begin_outside_or_with_too_little_battery(make_b
     bench.ask(asks.command("takeoff"))
     await asks.settle()
     assert bench.puppet.told == [("takeoff", None)]
-
-
-UNDECLARED = "shy"
-EVERYWHERE = ("land", "return_to_home", "battery_check", "sit_down", "disarm")
-INSIDE_ONLY = ("arm", "takeoff", "dock", "ascend", "descend")
-
-
-@pytest.fixture
-def anywhere(make_bench):
-    """Return a fenced robot with more commands."""
-    bench = make_bench(fence=FENCE, limits={"altitude": 30.0})
-    can = bench.controller.can
-    model = can.commands[UNDECLARED]
-    more = {
-        name: msgspec.structs.replace(model, name=name, in_place=name in {"sit_down", "disarm"})
-        for name in ("return_to_home", "sit_down", "disarm", "dock")
-    }
-    heights = {
-        name: msgspec.structs.replace(can.commands["takeoff"], name=name) for name in ("ascend", "descend")
-    }
-    bench.controller.can = msgspec.structs.replace(can, commands={**can.commands, **more, **heights})
-    return bench
-
-
-def judged(bench, asks, name, **data):
-    """Return what the guard says of a command."""
-    return bench.controller.guard.beginning(asks.command(name, data=data), bench.controller.can.command(name))
-
-
-def is_out(bench):
-    bench.stands(30.0)
-
-
-def is_unknown(bench):
-    bench.stands()
-    bench.clock.advance(2.0)
-
-
-@pytest.mark.parametrize(
-    ("where", "why"),
-    [(is_out, "it is outside the fence"), (is_unknown, "its position is unknown, so its fence")],
-    ids=["outside", "unknown"],
-)
-async def test_outside_or_nobody_knows_where_only_what_leads_back_or_down_begins(anywhere, asks, where, why):
-    where(anywhere)
-    for name in EVERYWHERE:
-        assert judged(anywhere, asks, name) is None, name
-    for name in INSIDE_ONLY:
-        refusal = judged(anywhere, asks, name, distance=3.0)
-        assert refusal is not None, name
-        assert refusal.startswith(why), name
-        assert refusal.endswith(WAYS_BACK), name
-    answers = {name: anywhere.ask(asks.command(name)) for name in ("dock", *STOP_WORDS, "land")}
-    await asks.settle()
-    assert [name for name, (answer,) in answers.items() if not answer.ok] == ["dock"]
-
-
-async def test_inside_the_fence_every_command_is_left_to_its_adapter(anywhere, asks):
-    anywhere.stands(20.5)  # less than a metre out: noise
-    for name in (*EVERYWHERE, *INSIDE_ONLY):
-        assert judged(anywhere, asks, name, distance=3.0) is None, name
-
-
-async def test_who_is_too_high_may_sink_and_not_climb(anywhere, asks):
-    anywhere.stands(0.0, 0.0, 40.0)
-    assert judged(anywhere, asks, "descend", distance=15.0) is None
-    assert "the limit is 30 m" in judged(anywhere, asks, "descend", distance=5.0)
-    assert "above home" in judged(anywhere, asks, "ascend", distance=1.0)
 
 
 async def test_from_outside_only_a_goal_inside_on_a_way_back_is_taken(make_bench, asks):
