@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar, TypeVar
@@ -20,6 +19,7 @@ from fleet import (
     Refused,
     Robot,
     Separation,
+    TimedOut,
     Velocity,
     command,
     opened_link,
@@ -37,7 +37,7 @@ from fleet_ugv.sim.spec import spec_of
 
 GivenT = TypeVar("GivenT")
 
-STANDSTILL = 1.0  # s that a stop waits until the wheels are seen to stand
+STANDSTILL = 3.0  # s, of the host's 5 s, that a stop waits until the wheels are seen to stand
 NUDGE = 0.1  # rad by which camera_up, _down, _left and _right move
 SIMULATOR = "fleet_ugv.sim"
 _Level = Annotated[int, Range(0, 255, "(full brightness)")]
@@ -95,12 +95,19 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._board.drive(velocity)
 
     async def stop(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason, it stands
-        """Stop the wheels and wait until they are seen to stand."""
+        """Stop the wheels and wait until they are seen to stand; raises TimedOut if they are not in time."""
         self.halt()
-        if self._board.serves:
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(STANDSTILL):
-                    await self._board.stands.wait()
+        if not self._board.serves:
+            return
+        try:
+            async with asyncio.timeout(STANDSTILL):
+                await self._board.stands.wait()
+        except TimeoutError:
+            raise TimedOut(
+                f"the wheels were not seen to stand within {STANDSTILL:g} s; "
+                f"the last that was heard of them: {self._board.observer.speed:.2f} m/s",
+                hint="stop it by other means",
+            ) from None
 
     def halt(self) -> None:
         """Stop the wheels and the camera mount at once; from any thread."""
