@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Coroutine
 from typing import Any, Protocol
 
+from fleet.runtime.exception_barrier import contained
 from fleet.standby.lease import Entry, Lease, LeaseState, Wish
 from fleet.standby.store import ANSWER_WITHIN, LeaseStore
 
@@ -97,7 +98,7 @@ class LeaseKeeper:
     async def _run(self) -> None:
         """Keep the lease until the end."""
         while not self._ended.is_set():
-            self._poll()
+            contained(log, "the lease could not be looked after; it is tried again")(self._poll)()
             await asyncio.sleep(POLL_EVERY)
         if self._asking is not None:
             await asyncio.wait({self._asking}, timeout=2 * ANSWER_WITHIN)

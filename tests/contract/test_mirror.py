@@ -53,7 +53,6 @@ ELSEWHERE = {
     "history/reader.py": "fleet/history/test_store.py",
     "history/record.py": "fleet/history/test_store.py",
     "host/edge/certificate_expiry.py": "fleet/cli/test_certs.py",
-    "host/edge/pair_stops.py": "system/test_standby.py",
     "host/edge/standby.py": "system/test_standby.py",
     "host/edge/coordinators.py": "fleet/host/edge/test_partners.py",
     "host/edge/cloud_presence.py": "fleet/host/test_two_edges.py",

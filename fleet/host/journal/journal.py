@@ -68,8 +68,11 @@ class RobotJournal:
         return any(past.action and not past.outcome for past in self.past)
 
     def latch(self, why: str) -> None:
-        """Record an emergency stop, or with an empty ``why`` its release; from any thread."""
-        self._put(Latched(self._robot, why))
+        """Record an emergency stop, or with an empty ``why`` its release; from any thread.
+
+        A cause that no file could hold, such as a name in another encoding, must not keep the stop from it.
+        """
+        self._put(Latched(self._robot, why.encode(errors="replace").decode()))
 
     def note(self, identity: str, name: str, *, action: bool = False, way: str = "") -> None:
         """Record that a command is being executed; without an identity it cannot repeat and is not kept."""
@@ -276,7 +279,11 @@ class Journal:
         closing = False
         while not closing:
             closing = self._closing.wait(GATHER)
-            self._keep(last=closing)
+            try:
+                self._keep(last=closing)
+            except Exception as error:
+                log.exception("the journal's thread goes on")
+                self._fail(error)
             self._also()
 
     def _keep(self, *, last: bool) -> None:

@@ -6,6 +6,7 @@ A thread reads the bus, because most of python-can's interfaces have nothing tha
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
 from collections import deque
 
@@ -16,6 +17,8 @@ from fleet.link.canbus.bus import BusUrl, OpenCanBus, parse_link
 from fleet.link.canbus.frame import CanFrame
 from fleet.link.link_end import LinkEnd
 from fleet.link.tap import tap_of
+
+log = logging.getLogger(__name__)
 
 _POLL = 0.05  # s that one read waits: bounds the time of a close
 _BACKLOG = 4096  # frames that wait for the loop; beyond it the oldest are dropped and counted
@@ -91,6 +94,10 @@ class CanLink:
                 frames = self._bus.receive(_POLL)
             except LinkLost as error:
                 self._ending.fall(self._bus.dead or str(error))
+                return
+            except Exception as error:  # an unread bus must not look like one without frames
+                log.exception("reading %s failed", self.url)
+                self._ending.fall(f"it cannot be read: {type(error).__name__}: {error}")
                 return
             if not frames:
                 continue

@@ -68,7 +68,11 @@ class Edge:
         self.clock.advance(RETRY)
 
     def until_written(self):
-        wait_until("the disk takes it", lambda: not (self.journal.problem or self.journal._unwritten))
+        wait_until("the disk takes it", self._is_written)
+
+    def _is_written(self):
+        with self.journal._using:
+            return not (self.journal.problem or self.journal._waiting or self.journal._unwritten)
 
     def until_failed(self):
         wait_until("the trouble is told", lambda: self.journal.problem)
@@ -229,6 +233,28 @@ def test_a_mark_of_an_earlier_process_counts_though_the_next_one_had_no_database
     edge.lose_power()
     edge.start()
     assert (edge.journal.robot("rex").latched, edge.journal.robot("max").latched) == ("", LOST)
+
+
+def test_a_stop_is_written_though_its_cause_is_no_text(edge):
+    edge.start().robot("rex").latch("asked by r\udce9mi")
+    edge.until_written()
+    edge.lose_power()
+    edge.start()
+    assert edge.journal.robot("rex").latched == "asked by r?mi"
+
+
+def test_the_thread_of_the_journal_outlives_a_failure(edge, monkeypatch):
+    edge.start()
+    rex = edge.journal.robot("rex")
+    with monkeypatch.context() as ill:
+        ill.setattr(edge.journal._file, "commit", lambda *_: {}["oops"])
+        rex.note("r1", "land")
+        edge.until_failed()
+    edge.clock.advance(RETRY)
+    edge.until_written()
+    edge.lose_power()
+    edge.start()
+    assert edge.known() == ["r1"]
 
 
 def test_a_robot_that_is_added_again_knows_what_the_disk_does_not(edge):
