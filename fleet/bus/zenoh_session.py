@@ -8,11 +8,11 @@ everything else that arrives on its link.
 from __future__ import annotations
 
 import contextlib
+import copy
 import json
 import logging
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import zenoh
@@ -98,6 +98,7 @@ class Query:
 
     def __init__(self, query: zenoh.Query, key: str, more: str = "") -> None:
         self._query: zenoh.Query | None = query
+        self._open = [0]  # a number for each part that is open, see ``divided``; who takes the 0 ends it
         self.key = key
         self.asked, self.suffix = _parted(str(query.key_expr), more.count("/"))
         self.payload = query.payload.to_bytes() if query.payload is not None else b""
@@ -114,11 +115,20 @@ class Query:
         self.reply(payload, key)
         self.close()
 
+    def divided(self, keys: Sequence[str]) -> list[Query]:
+        """Return a query for each of these keys, in place of this one; the last to be closed ends it."""
+        self._open = list(range(len(keys)))
+        parts = [copy.copy(self) for _ in keys]
+        for part, key in zip(parts, keys, strict=True):
+            part.key = key
+        self._query = None
+        return parts
+
     def close(self) -> None:
         """End the replies to this query."""
-        if self._query is not None:
-            self._query.drop()
-            self._query = None
+        query, self._query = self._query, None
+        if query is not None and self._open.pop() == 0:
+            query.drop()
 
 
 class ZenohSession:
@@ -172,11 +182,8 @@ class ZenohSession:
 
     def subscribe(self, key: str, call: OnSample) -> Callable[[], None]:
         """Call ``call`` with key and payload of each sample under ``key``; return a function that ends it."""
-
-        def arrived(sample: zenoh.Sample) -> None:
-            call(*_read(sample))
-
-        return self._keep(self._session.declare_subscriber(key, _direct(arrived)))
+        arrived = _direct(lambda sample: call(*_read(sample)))
+        return self._keep(self._session.declare_subscriber(key, arrived))
 
     def _keep(self, *declared: Any) -> Callable[[], None]:
         """Keep declarations until the session is closed; return a function that ends them before."""
@@ -245,10 +252,12 @@ class ZenohSession:
 
         With ``more`` (``/as/*/*``) also on keys with these additional chunks. Return a function that ends it.
         """
-        asked = {suffix: partial(_asked, call, key, suffix) for suffix in ("", more)}
-        return self._keep(
-            *(self._session.declare_queryable(key + suffix, _direct(call)) for suffix, call in asked.items())
-        )
+
+        def declared(suffix: str) -> Any:
+            asked = _direct(lambda query: call(Query(query, key, suffix)))
+            return self._session.declare_queryable(key + suffix, asked)
+
+        return self._keep(*map(declared, {"", more}))
 
     def ask(
         self,
@@ -305,10 +314,7 @@ class ZenohSession:
         return [key for key, _ in _answers(self._session.liveliness().get(key, timeout=timeout))]
 
     def watch_tokens(self, key: str, call: Callable[[str, bool], None]) -> Callable[[], None]:
-        """Call ``call`` with each token's key and whether it lives: for existing tokens, then each change.
-
-        Return a function that ends it.
-        """
+        """Call ``call`` with each token's key and whether it lives, now and at changes; return its end."""
 
         def changed(sample: zenoh.Sample) -> None:
             call(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
@@ -330,11 +336,6 @@ def _config(settings: Mapping[str, object]) -> zenoh.Config:
 def keys_intersect(one: str, other: str) -> bool:
     """Return True when two key expressions have a key in common."""
     return zenoh.KeyExpr(one).intersects(zenoh.KeyExpr(other))
-
-
-def _asked(call: Callable[[Query], None], key: str, more: str, query: zenoh.Query) -> None:
-    """Pass on a query."""
-    call(Query(query, key, more))
 
 
 def _parted(asked: str, chunks: int) -> tuple[str, str]:

@@ -19,6 +19,7 @@ from typing import cast
 import msgspec
 
 from fleet.bus import keys
+from fleet.bus.query_table import QueryTable
 from fleet.bus.zenoh_session import Query
 from fleet.errors import WireError
 from fleet.host.process.permitted_requests import PermittedRequests
@@ -73,11 +74,12 @@ class CommonStarts:
     def declare(self) -> None:
         """Serve the requests for common starts on the bus."""
         edge, control = self._process.edge, self._process.bus.control
+        apart = bool(self._process.worker)
+        prepared = QueryTable(control, keys.prepare(edge, "*"), more=keys.ASKER, apart=apart)
 
         def serve(robot: LocalRobot) -> Callable[[], None]:
             robot.controller.event_reporter.heard = partial(self._interrupted, robot.name)
-            asked = partial(self._asked_to_prepare, robot)
-            return control.answer(keys.prepare(edge, robot.name), asked, more=keys.ASKER)
+            return prepared.add(keys.prepare(edge, robot.name), partial(self._asked_to_prepare, robot))
 
         self._process.services.append(serve)
         control.answer(keys.starts(edge), self._asked)
@@ -177,7 +179,8 @@ class CommonStarts:
 
         robot.requests.begin(Command(READY, origin=ask.origin), Receipt(READY, told, waits=True))
         try:
-            reply = await asyncio.wait_for(ended, READY_WITHIN)
+            async with asyncio.timeout(READY_WITHIN):
+                reply = await ended
         except TimeoutError:
             return "it does not say whether it is ready"
         if not reply.done:

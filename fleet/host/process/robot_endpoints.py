@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import cast, get_args
 
@@ -12,6 +11,7 @@ import msgspec
 
 from fleet.bus import keys
 from fleet.bus.bus import Bus
+from fleet.bus.query_table import QueryTable
 from fleet.bus.zenoh_session import Query
 from fleet.host.process.permitted_requests import PermittedRequests
 from fleet.host.requests.answering import answer_to
@@ -25,44 +25,33 @@ KINDS = get_args(Kind)
 
 
 class RobotEndpoints:
-    """The keys of the robots of one process; on the event loop."""
+    """The keys of the robots of one process, the edge's or a ``worker``'s; on the event loop."""
 
-    def __init__(self, edge: str, bus: Bus, askers: Askers) -> None:
+    def __init__(self, edge: str, bus: Bus, askers: Askers, worker: str) -> None:
         self._edge, self._control = edge, bus.control
         self._loop = asyncio.get_running_loop()
         self._askers, self._permitted = askers, PermittedRequests(askers)
+        table = partial(QueryTable, bus.control, apart=bool(worker))
+        self._commands = table(keys.command(edge, "*"), more=keys.ASKER)
+        self._states, self._descriptions = table(keys.state(edge, "*")), table(keys.description(edge, "*"))
 
-    def open(self, robot: LocalRobot) -> Callable[[], None]:
-        """Serve a robot on the bus; return a function that ends it."""
-        edge, control, opened = self._edge, self._control, contextlib.ExitStack()
-        for end in (
-            control.answer(keys.command(edge, robot.name), self._asker(robot), more=keys.ASKER),
-            control.answer(keys.state(edge, robot.name), self._teller(robot.state)),
-            control.answer(keys.description(edge, robot.name), self._teller(robot.describe)),
-            control.token(keys.robot(edge, robot.name)),  # ends first: it shows that the robot is there
-        ):
-            opened.callback(end)
-        return opened.close
+    def open(self, robot: LocalRobot) -> Iterable[Callable[[], None]]:
+        """Serve a robot on the bus; return functions that end it, to be called in reverse."""
+        edge, name = self._edge, robot.name
+        return (
+            self._commands.add(keys.command(edge, name), partial(self._asked, robot)),
+            self._states.add(keys.state(edge, name), partial(self._tell, robot.state)),
+            self._descriptions.add(keys.description(edge, name), partial(self._tell, robot.describe)),
+            self._control.token(keys.robot(edge, name)),  # ends first: it shows that the robot is there
+        )
 
-    def _asker(self, robot: LocalRobot) -> Callable[[Query], None]:
-        """Return the query handler for a robot's commands; on the bus's thread, hence it only hands over."""
+    def _asked(self, robot: LocalRobot, question: Query) -> None:
+        """Take a query for a robot's commands; on the bus's thread, hence it only hands over."""
+        self._loop.call_soon_threadsafe(self._read(robot, question))
 
-        def asked(question: Query) -> None:
-            self._loop.call_soon_threadsafe(self._read(robot, question))
-
-        return asked
-
-    def _teller(self, what: Callable[[], msgspec.Struct]) -> Callable[[Query], None]:
-        """Return a query handler that answers with the present value, on the event loop."""
-
-        def tell(question: Query) -> None:
-            question.reply(msgspec.json.encode(what()))
-            question.close()
-
-        def asked(question: Query) -> None:
-            self._loop.call_soon_threadsafe(tell, question)
-
-        return asked
+    def _tell(self, what: Callable[[], msgspec.Struct], question: Query) -> None:
+        """Answer with the present value, on the event loop; on the bus's thread."""
+        self._loop.call_soon_threadsafe(lambda: question.answer(msgspec.json.encode(what())))
 
     def _read(self, robot: LocalRobot, question: Query) -> Callable[[], None]:
         """Decode a robot's query, on the bus's thread; return the call that executes it, on the loop.
