@@ -289,7 +289,10 @@ class Adapter(AdapterBase[ConfigT]):
 
     @abstractmethod
     async def stop(self, reason: str) -> None:
-        """Bring the robot to a safe standstill and hold it; must not raise if the link is gone.
+        """Bring the robot to a safe standstill and hold it; its return means that it was seen to stand.
+
+        Raises a CommandError or LinkError with the reason if it was not. Without feedback the return means
+        that the stop was written.
 
         For an aircraft: brake and hold position in the air, never cut the motors. The host limits its
         duration.

@@ -14,7 +14,6 @@ from fleet import (
     Refused,
     Robot,
     Unsupported,
-    Vector3,
 )
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.braking import Brakes
@@ -26,15 +25,14 @@ from fleet_mavlink.constants import AUTOPILOT
 from fleet_mavlink.event_metadata import EventKeeper
 from fleet_mavlink.failsafes import Failsafes
 from fleet_mavlink.fence import FenceKeeper
-from fleet_mavlink.flavour import Flavour, ned_setpoint
+from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight, is_standing
 from fleet_mavlink.frames import origin_of
 from fleet_mavlink.gimbal import Gimbal
+from fleet_mavlink.halts import Halts, require_ours
 from fleet_mavlink.link_hub import LinkHub
 from fleet_mavlink.logs import LogReader
-from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.mission import MissionPilot
-from fleet_mavlink.motion_effect import EMERGENCY_HALTED, HALTED
 from fleet_mavlink.navigation import AutopilotNavigator
 from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
@@ -47,7 +45,7 @@ from fleet_mavlink.steering import Steering
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.turns import Superseded
-from fleet_mavlink.vehicle import Vehicle, circle_of, holding_of, lacking_of
+from fleet_mavlink.vehicle import Vehicle, circle_of, lacking_of
 from fleet_mavlink.vehicle_health import VehicleHealth
 from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
 from fleet_mavlink.wing_settings import WingSettings
@@ -90,6 +88,15 @@ class VehicleSession:
             busy=self.commander.turns.lock.locked,
         )
         self.brakes = Brakes(vehicle, self.commander)
+        self.halts = Halts(
+            vehicle,
+            hub,
+            commander=self.commander,
+            authority=self.authority,
+            driver=self.driver,
+            brakes=self.brakes,
+            comes_down=lambda: self.comes_down,
+        )
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
         self.takeoff = TakeOff(self.flight, self.parameters)
         self.navigator = AutopilotNavigator(self.flight, self.takeoff, limits)
@@ -191,7 +198,7 @@ class VehicleSession:
         if self.authority.lost_to and not takes_over:
             self.commander.turns.supersede(reason)
             self.driver.brake()
-        self._require_ours(takes_over=takes_over)
+        require_ours(self.authority, takes_over=takes_over)
         try:
             await self._stop(reason, takes_over=takes_over)
         except Superseded:
@@ -205,7 +212,7 @@ class VehicleSession:
     async def _stop(self, reason: str, *, takes_over: bool) -> None:
         """Brake and hold, or raise; a vehicle that is not heard gets the stop too."""
         if not self.vehicle.connected:
-            self.halt_unheard(takes_over=takes_over)
+            self.halts.write(takes_over=takes_over)
             raise NotReady(
                 f"no heartbeat from system {self.vehicle.system}: the stop was written, and not seen to be "
                 "carried out",
@@ -238,64 +245,6 @@ class VehicleSession:
         self.commander.turns.supersede("kill")
         self.driver.end()
         await self.flight.kill()
-
-    def halt(self, *, asked: bool = False, takes_over: bool = False) -> bool:
-        """Write the messages that stop the vehicle now; from any thread. The next tick continues from there.
-
-        Motion that was asked for and is not confirmed yet is not asked for again. ``asked``: somebody wants
-        this stop. Otherwise the mode of a vehicle that does not answer is not changed, because it may be in
-        its own fail-safe, and one that comes down is left alone. One under somebody else's control is left
-        alone unless ``takes_over``, which implies ``asked``. Returns False if nothing was written; raises
-        LinkLost.
-        """
-        asked = asked or takes_over
-        self.commander.turns.halt(EMERGENCY_HALTED if asked else HALTED)
-        self.driver.halted = True
-        taken = self.vehicle.flavour is not None and self.authority.lost_to and not takes_over
-        if taken or (self.comes_down and not asked):
-            return False
-        return self._hub.send_from_any_thread(self._halting(asked=asked), self.vehicle)
-
-    def _halting(self, *, asked: bool) -> list[MavlinkMessage]:
-        """Return the messages that stop the vehicle, none for one on the ground.
-
-        One that is silent may have been armed since it was heard, and may still hear.
-        """
-        vehicle, flavour = self.vehicle, self.vehicle.flavour
-        heard = vehicle.connected
-        if not vehicle.state.armed and (heard or not asked):
-            return []
-        if flavour is None:
-            return [*self.brakes.messages()] if heard or asked else []
-        streamed = flavour.mode_of(vehicle.state) == flavour.external and not flavour.tries_brakes
-        messages: list[MavlinkMessage] = [ned_setpoint(Vector3(), 0.0, vehicle.system)] * streamed
-        # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.
-        best = holding_of(vehicle) if heard or asked else None
-        if best is not None:
-            pending = self.commander.turns.current
-            goes_on = pending is not None and not pending.superseded  # a landing, about to change the mode
-            (self.authority.expect_also if goes_on else self.authority.expect)(*best.modes)
-            messages += map(self.commander.addressed, best.asks)
-        return messages
-
-    def halt_unheard(self, *, takes_over: bool) -> None:
-        """Write a requested stop to a vehicle that may not be heard; from any thread.
-
-        Raises Refused with the reason if it is not written, LinkLost if the link does not take it.
-        """
-        self._require_ours(takes_over=takes_over)
-        if self.vehicle.connected and not self.vehicle.state.armed:
-            raise Refused("its motors are off")
-        if not self.halt(asked=True, takes_over=takes_over):
-            raise LinkLost(f"nobody was heard on {self._hub.link.url} yet to whom it could be sent")
-
-    def _require_ours(self, *, takes_over: bool) -> None:
-        """Raise Refused if a plain stop would take the vehicle from its pilot or its fail-safe."""
-        if self.authority.lost_to and not takes_over:
-            raise Refused(
-                f"a pilot or a fail-safe has it, in {self.authority.taker}: it was left to that",
-                hint="hover, brake and emergency_stop take it",
-            )
 
     async def setup_signing(self) -> None:
         """Give the vehicle our key; returns once it signs with it. Raises Unsupported when it does not."""

@@ -255,7 +255,7 @@ class RobotController:
             receipt.follow(first)
             return
         moves, safe = (spec.moves, spec.safe) if spec else (ask.name in MOTION, ask.name not in MOTION)
-        refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask)
+        refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask, spec)
         if refusal is not None:
             receipt.reject(refusal)
         elif own is not None:

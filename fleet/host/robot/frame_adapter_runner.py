@@ -120,9 +120,9 @@ class FrameAdapterRunner(Adapter[Any]):
         self._motion.carry_out(tuple(self.inner.encode_joints(targets)), turn)
 
     async def stop(self, reason: str) -> None:
-        """Write the safe-stop frames, now and a few times more."""
+        """Write the safe-stop frames, now and a few times more; raises LinkLost if the link takes none."""
         _log.info("%s: stop: %s", self.config.name, reason)
-        self.halt()
+        self.halt_unheard(reason)
 
     def halt(self) -> None:
         """Write the safe-stop frames at once and drop the velocity; from any thread."""

@@ -281,6 +281,8 @@ async def test_a_stop_of_a_robot_that_is_not_heard_is_written_or_it_says_that_it
     running.machine.unplug()
     with pytest.raises(LinkLost, match="takes nothing"):
         running.adapter.halt_unheard("stop")
+    with pytest.raises(LinkLost, match="takes nothing"):
+        await running.adapter.stop("stop")
 
 
 class SlowLine:
