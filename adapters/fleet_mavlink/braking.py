@@ -19,8 +19,7 @@ from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 
 _UNKNOWN = UnknownKind()
 _STANDS = 0.25  # m/s; slower counts as standing
-_SLOWED = 0.7  # share of the first speed down to which a moving vehicle must slow,
-_SLOW = 0.5  # m/s, or below this speed
+_SLOW = 0.5  # m/s; below, whatever it was stopped at, it has slowed down
 _FRESH = 1.0  # s
 _A_PAUSE = "a pause"
 _WITHIN = 3.0  # s for the whole stop, of the host's 5 s; ArduRover coasts 7 s from 3.5 m/s in HOLD
@@ -51,7 +50,7 @@ class Brakes:
         if kind.goes_over:
             await self._see_hover(left, shown)
         elif kind.stands(vehicle.state):
-            await self._see(speed, left, shown)
+            await self._see(kind, speed, left, shown)
 
     def messages(self) -> Iterator[MavlinkMessage]:
         """Yield the best braking messages for a vehicle that is not moved here; from any thread.
@@ -93,7 +92,7 @@ class Brakes:
         else:
             await self._commander.ask(brake.ask, tries=2)
 
-    async def _see(self, before: float | None, seconds: float, shown: str) -> None:
+    async def _see(self, kind: VehicleKind, before: float | None, seconds: float, shown: str) -> None:
         """Wait until the vehicle stands; raises TimedOut if it does not even slow down."""
         vehicle = self._vehicle
         if before is None and shown != _A_PAUSE:
@@ -101,7 +100,7 @@ class Brakes:
         if await vehicle.until(self._stands, seconds):
             return
         now = self._speed(vehicle.state)
-        if now is None or before is None or now > max(before * _SLOWED, _SLOW):
+        if now is None or before is None or now > max(kind.slows_to(before), _SLOW):
             seen = "does not tell how fast it is" if now is None else f"still moves at {now:.1f} m/s"
             raise TimedOut(f"{vehicle.what} took {shown} and {seen}", hint="stop it by other means")
 
