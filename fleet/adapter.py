@@ -256,7 +256,7 @@ class Adapter(AdapterBase[ConfigT]):
         while its link is still open, closes the contexts, waits with growing delays and creates a new
         adapter.
         """
-        await asyncio.Event().wait()
+        await asyncio.get_running_loop().create_future()
 
     def drive(self, velocity: Velocity) -> None:
         """Hold this body velocity until the next call or a stop; must not block.
