@@ -313,15 +313,13 @@ class CloudClient:
         """Periodic work: detect dead links, drop expired messages."""
         while True:
             await asyncio.sleep(self._connection.watch_interval if self._connection else 1.0)
-            for look in (self._watch_connection, self._outbox.tick, self._flush_now):
-                contained(logger, "watching the cloud connection failed")(look)()
-
-    def _watch_connection(self) -> None:
-        """Detect a dead link, and filters that the broker refuses later."""
-        if self._connection:
-            self._connection.watch()
-        if self.state is CloudState.CONNECTED and self._session is not None:
-            self._set_state(CloudState.CONNECTED, "; ".join(self._session.problems))
+            tried = contained(logger, "watching the cloud connection failed")
+            if self._connection:
+                tried(self._connection.watch)()
+            if self.state is CloudState.CONNECTED and self._session is not None:  # may refuse filters later
+                self._set_state(CloudState.CONNECTED, "; ".join(self._session.problems))
+            tried(self._outbox.tick)()
+            tried(self._flush_now)()
 
     def _deliver(self, messages: list[CloudMessage]) -> None:
         """Deliver messages; an error in the callback must not end the connection."""

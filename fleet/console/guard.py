@@ -38,7 +38,7 @@ FOXGLOVE_DESKTOP = "file://"
 
 Its page is a local file (foxglove/studio, packages/studio-desktop/src/main/StudioWindow.ts). A WebSocket of
 such a page has the origin ``file://`` in Electron (webpack/webpack-dev-server#3821), which gives local files
-more rights than a browser does (electron/electron, docs/tutorial/fuses.md: grantFileProtocolExtraPrivileges).
+more rights than a browser does (electron/electron, its fuse grantFileProtocolExtraPrivileges).
 Measured with Chromium 156: ``file://`` with --allow-file-access-from-files, the same right, and ``null``
 without. ``null`` is refused: any page can open a sandboxed frame that has it.
 """

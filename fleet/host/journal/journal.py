@@ -200,9 +200,18 @@ class Journal:
         journal = self._execution_journal
         if journal is None or journal.length <= LONGEST:
             return
-        self._unwritten.shorten(LONGEST // 2)
+        self._gather()  # what has come since is in the file, too
+        for changes in (self._left, self._unwritten):
+            changes.shorten(LONGEST // 4)
+        stops = self._left.latches | self._set | self._unwritten.latches
         try:
-            journal.replace([*(Latched(*stop) for stop in self._set.items()), *self._unwritten.started])
+            journal.replace(
+                [
+                    *(Latched(*stop) for stop in stops.items()),
+                    *self._left.started,
+                    *self._unwritten.started,
+                ]
+            )
         except OSError as error:
             self._fail(error)
 
@@ -227,9 +236,9 @@ class Journal:
         found: list[InterruptedCommand] = []
         try:
             with self._using:
-                if self._file is not None:
-                    now = self._clock.time()
-                    found = [each for name in names for each in self._file.take_interrupted(name, now)]
+                if (file := self._file) is not None:
+                    for name in names:
+                        found += file.take_interrupted(name, self._clock.time())
         except sqlite3.Error as error:
             self._fail(error)
         return found
@@ -300,7 +309,7 @@ class Journal:
             changed = bool(self._unwritten)
             if due:
                 self._commit()
-                self._mark.put(unwritten=self._unwritten.stops)
+            self._mark.put(unwritten=self._unwritten.stops)
             with self._adding:
                 if self._unwritten:
                     self._shorten()

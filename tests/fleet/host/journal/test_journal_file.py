@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import sqlite3
 
 import pytest
 
@@ -284,6 +285,45 @@ def test_of_many_commands_that_no_disk_takes_the_newest_are_known_to_the_next_pr
     assert "r999" in known
     assert 10 < len(known) < 200
     assert edge.journal.robot("rex").latched == LOST
+
+
+def test_what_earlier_processes_left_and_what_has_just_come_is_kept_when_it_is_shortened(edge, monkeypatch):
+    begun = ExecutionJournal(edge.memory / BEGUN)
+    for row in (Latched("gone", "fire"), Started("rex", "of before", "land", False, edge.clock.time())):
+        begun.add(row)
+    begun.close()
+    edge.block_folder()
+    edge.start()
+    rex = edge.journal.robot("rex")
+    monkeypatch.setattr("fleet.host.journal.journal.LONGEST", 0)
+    monkeypatch.setattr("fleet.host.journal.changes.NetChanges.shorten", lambda *_: None)
+    with edge.journal._using:  # nothing is gathered meanwhile
+        rex.note("just come", "land")
+        rex.latch("")
+        with edge.journal._adding:
+            edge.journal._shorten()
+    edge.kill()
+    edge.unblock_folder()
+    edge.start()
+    assert set(edge.known()) == {"of before", "just come"}
+    assert (edge.journal.robot("gone").latched, edge.journal.robot("rex").latched) == ("fire", "")
+
+
+def test_commands_whose_end_is_reported_are_not_lost_by_a_later_failure(edge, monkeypatch):
+    for robot in ("rex", "max"):
+        edge.start().robot(robot).note("r1", "takeoff", way="cloud")
+        edge.until_written()
+        edge.kill()
+    edge.start()
+    take = edge.journal._file.take_interrupted
+
+    def fail(robot, now):
+        if robot == "max":
+            raise sqlite3.OperationalError("disk I/O error")
+        return take(robot, now)
+
+    monkeypatch.setattr(edge.journal._file, "take_interrupted", fail)
+    assert [each.robot for each in edge.journal.take_interrupted(["rex", "max"])] == ["rex"]
 
 
 def test_rows_are_replaced_all_or_none(tmp_path, monkeypatch):
