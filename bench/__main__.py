@@ -17,6 +17,7 @@ NAMES = (
     "stops",
     "together",
     "pad",
+    "console",
     "record",
     "fleet_view",
     "soak",

@@ -27,7 +27,7 @@ from fleet.link.canbus.bus import OpenCanBus
 from fleet.model.report import Report
 from fleet.testing.robot import RecordingRobot, serve
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.loop import Loop
 from fleet_quadruped.control.orders import Activity, DogState, Order

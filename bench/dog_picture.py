@@ -9,7 +9,7 @@ from pathlib import Path
 from PIL import Image, ImageDraw, ImageFont
 
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig

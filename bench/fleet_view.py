@@ -70,8 +70,7 @@ class Puppets:
 
     def __init__(self, *arguments):
         command = [sys.executable, "-m", "bench.summary_puppets", *map(str, arguments)]
-        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-        self.process = subprocess.Popen(command, **pipes)
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def up(self):
         if self.process.stdout.readline() != "up\n":

@@ -13,7 +13,7 @@ import time
 
 from bench.common import cpu_seconds, fleet, free_port, line, mosquitto, process, quantiles, robot, twin_of
 from bench.latency import DO_SET_HOME, Cloud, samples
-from fleet.client.edges import Edges
+from fleet.cli.stop import StopEffort
 
 AIRCRAFT = 50
 SECONDS = 8.0
@@ -137,12 +137,12 @@ def command(cloud, notes, number):
 def stop_all(edge, notes):
     """Return the seconds from ``fleet stop --all`` to the arrival of HOLD at the last aircraft."""
     os.environ["FLEET_RUNTIME_DIR"] = edge.runtime
-    with Edges.reach(None) as edges:
-        edges.states()  # open the connection
-        notes.forget()
-        began = time.monotonic()
-        edges.stop([])
+    notes.forget()
+    began = time.monotonic()
+    with StopEffort(()) as effort:
+        effort.try_here()
         arrived = notes.first(HOLD, set(range(1, AIRCRAFT + 1)))
+        effort.end()
     if len(arrived) < AIRCRAFT:
         sys.exit(f"only {len(arrived)} of {AIRCRAFT} aircraft heard the stop")
     return max(arrived.values()) - began

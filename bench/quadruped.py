@@ -23,7 +23,7 @@ from bench import dog_loop
 from bench.common import line
 from fleet.runtime.interpreter import interpreter_settings
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.robot.description import EXAMPLE, DogDescription, load_description
 from fleet_quadruped.robot.names import JOINTS
@@ -148,7 +148,7 @@ def stops(dog: DogDescription) -> None:
         rig.go(1.5 + phase * dog.gait.period / 8, Twist(0.5))
         falling: list[float] = []
         felt: list[float] = []
-        speeds = [rig.sim.world.data.qvel[:3].tolist()]
+        speeds = [physics(rig).data.qvel[:3].tolist()]
 
         def watch(
             rig: Rig = rig,
@@ -156,8 +156,9 @@ def stops(dog: DogDescription) -> None:
             felt: list[float] = felt,
             speeds: list[list[float]] = speeds,
         ) -> None:
-            falling.append(rig.sim.world.fall_speed)
-            now = rig.sim.world.data.qvel[:3].tolist()
+            world = physics(rig)
+            falling.append(world.fall_speed)
+            now = world.data.qvel[:3].tolist()
             x, y, z = ((one - other) / rig.dog.dt for one, other in zip(now, speeds[-1], strict=True))
             speeds.append(now)
             felt.append(math.hypot(x, y, z + 9.81) / 9.81)
@@ -224,6 +225,12 @@ def enables(dog: DogDescription) -> None:
         f"{1000 * (rig.sim.time - begun):.0f} ms",
         "aim: under 100 ms",
     )
+
+
+def physics(rig: Rig) -> MujocoWorld:
+    """Return the physics of a robot simulated by MuJoCo."""
+    assert isinstance(rig.sim.world, MujocoWorld)
+    return rig.sim.world
 
 
 def repeats(dog: DogDescription, times: int = 20) -> None:

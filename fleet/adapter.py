@@ -33,6 +33,7 @@ from fleet.model.navigation import Progress, Task
 from fleet.model.report import Report
 from fleet.robot_config import AdapterConfig, Limits, Separation
 from fleet.simulation import Simulation, SimulationStart
+from fleet.wire.stops import EMERGENCY
 
 __all__ = [
     "Adapter",
@@ -288,7 +289,10 @@ class Adapter(AdapterBase[ConfigT]):
 
     @abstractmethod
     async def stop(self, reason: str) -> None:
-        """Bring the robot to a safe standstill and hold it; must not raise if the link is gone.
+        """Bring the robot to a safe standstill and hold it; its return means that it was seen to stand.
+
+        Raises a CommandError or LinkError with the reason if it was not. Without feedback the return means
+        that the stop was written.
 
         For an aircraft: brake and hold position in the air, never cut the motors. The host limits its
         duration.
@@ -307,6 +311,19 @@ class Adapter(AdapterBase[ConfigT]):
         ``stop("emergency_stop")`` follows as soon as the event loop runs.
         """
         self.halt()
+
+    def halt_unheard(self, reason: str) -> bool:
+        """Write a requested stop to a robot that does not answer: it may still hear; rules as for ``halt``.
+
+        ``reason`` is the requested stop: ``stop``, ``emergency_stop`` and others. Returns True if the bytes
+        were handed to an open link, False if the adapter cannot tell. Raises LinkError or a CommandError with
+        the reason if nothing was written.
+        """
+        if reason == EMERGENCY:
+            self.emergency_halt()
+        else:
+            self.halt()
+        return False
 
     def navigate(self, task: Task) -> AsyncIterator[Progress]:  # noqa: ARG002 - for overriders
         """Execute a task and yield its progress; return when it is done, raise when it fails.

@@ -68,6 +68,7 @@ class CommandSpec(msgspec.Struct, frozen=True):
     - ``safe``: allowed while an emergency stop is latched, because it can only make things safer.
     - ``moves``: may move the robot, so the control lease applies and a running action ends.
     - ``interrupts``: if False, a running action goes on, and the command is refused as busy.
+    - ``in_place``: moves the robot, but not to another place (it stands up): allowed outside its fence.
     - ``streams``: the method is an async generator; its first yield means that the robot accepted the
       command.
     - ``ranges``: bounds by parameter.
@@ -82,11 +83,17 @@ class CommandSpec(msgspec.Struct, frozen=True):
     parameters: type[msgspec.Struct]
     summary: str
     interrupts: bool = True
+    in_place: bool = False
     ranges: Mapping[str, Range] = {}
 
 
 def command(
-    *names: str, timeout: float = 10.0, safe: bool = False, moves: bool = True, interrupts: bool = True
+    *names: str,
+    timeout: float = 10.0,
+    safe: bool = False,
+    moves: bool = True,
+    interrupts: bool = True,
+    in_place: bool = False,
 ) -> Callable[[MethodT], MethodT]:
     """Declare a method as the command ``names``: the first is its name, the others are aliases.
 
@@ -100,7 +107,7 @@ def command(
     """
 
     def mark(method: MethodT) -> MethodT:
-        setattr(method, _MARK, (names, timeout, safe, moves, interrupts))
+        setattr(method, _MARK, (names, timeout, safe, moves, interrupts, in_place))
         return method
 
     return mark
@@ -113,7 +120,7 @@ def commands_of(owner: type) -> Mapping[str, CommandSpec]:
         marked = getattr(method, _MARK, None)
         if marked is None:
             continue
-        names, timeout, safe, moves, interrupts = marked
+        names, timeout, safe, moves, interrupts, in_place = marked
         for name in names:
             found[name] = CommandSpec(
                 name=name,
@@ -125,6 +132,7 @@ def commands_of(owner: type) -> Mapping[str, CommandSpec]:
                 parameters=_parameters_of(method),
                 summary=(inspect.getdoc(method) or "").partition("\n")[0],
                 interrupts=interrupts,
+                in_place=in_place,
                 ranges=_ranges_of(method),
             )
     return found

@@ -6,7 +6,15 @@ import re
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    WithJsonSchema,
+)
 from pydantic_core import PydanticCustomError
 
 
@@ -36,7 +44,7 @@ def _existing(path: Path) -> Path:
 
 _DURATION = re.compile(r"(\d+(?:\.\d+)?) ?(s|min|h)")
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
-_LONGEST = 86_400.0  # s
+LONGEST = 86_400.0  # s; longest duration
 
 
 def _seconds(given: Any) -> Any:
@@ -49,7 +57,12 @@ def _seconds(given: Any) -> Any:
     return float(match[1]) * _SECONDS[match[2]]
 
 
-Duration = Annotated[float, BeforeValidator(_seconds), Field(gt=0, le=_LONGEST, allow_inf_nan=False)]
+Duration = Annotated[
+    float,
+    BeforeValidator(_seconds),
+    Field(gt=0, le=LONGEST, allow_inf_nan=False),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": f"^{_DURATION.pattern}$"}]}),
+]
 """A duration in seconds; written as a number, or as in ``12 min``."""
 NewPath = Annotated[Path, AfterValidator(_beside)]
 """A path relative to the folder of fleet.yaml; it need not exist."""

@@ -49,6 +49,7 @@ def _load(path):
 
 PROGRAMS = _load(Path(__file__).with_name("programs.py"))
 TIERS = _load(Path(__file__).with_name("tiers.py"))
+HANGS = _load(Path(__file__).with_name("hangs.py"))
 MISSING = "missing program: "  # begins the reason of each test that does not run for want of a program
 
 MOSQUITTO = (
@@ -223,8 +224,9 @@ def pytest_xdist_auto_num_workers():
 
 
 def pytest_addoption(parser, pluginmanager):
-    """Add the tiers of the tests."""
+    """Add the tiers of the tests, and the end of those that hang."""
     pluginmanager.register(TIERS, "tiers")
+    pluginmanager.register(HANGS, "hangs")
 
 
 def missing_programs(config):

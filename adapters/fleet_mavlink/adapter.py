@@ -12,7 +12,6 @@ from fleet import (
     Health,
     Level,
     Limits,
-    LinkError,
     NotReady,
     Progress,
     Range,
@@ -33,9 +32,10 @@ from fleet_mavlink.maintenance import UpkeepCommands
 from fleet_mavlink.payload import PayloadCommands
 from fleet_mavlink.preconditions import home_unknown, not_in_the_air, require_connection, require_has
 from fleet_mavlink.redaction import SigningKeyRedaction
-from fleet_mavlink.session import GENTLE, VehicleSession
+from fleet_mavlink.session import VehicleSession
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.stops import Stops
 from fleet_mavlink.traffic import tell_traffic
 from fleet_mavlink.transition import TransitionCommands
 from fleet_mavlink.vehicle import Vehicle
@@ -44,10 +44,6 @@ from fleet_mavlink.watching import show
 _SIMULATOR = "fleet_mavlink.sim"
 _Distance = Annotated[float, Range(-1000.0, 1000.0, "m")]  # the word says up or down, whatever the sign
 _Height = Annotated[float, Range(0.0, 10_000.0, "m above home")]  # the vehicle's ceiling is lower
-_TAKE_OVER = frozenset({"hover", "brake", "emergency_stop"})
-"""The stops that mean the vehicle itself, whoever has it; the others end what we do with it."""
-_ASKED = _TAKE_OVER | {GENTLE, "pause"}
-"""The stops that somebody asked for; the others are the host's own, when something failed or ends."""
 
 
 def _simulation(config: MavlinkConfig, start: SimulationStart) -> Simulation:
@@ -62,7 +58,7 @@ def _replayed(config: Any, robot: Robot) -> MavlinkAdapter:
     return MavlinkAdapter(config.model_copy(update={"watchers": (), "traffic": "off"}), robot)
 
 
-class MavlinkAdapter(PayloadCommands, TransitionCommands, UpkeepCommands):
+class MavlinkAdapter(Stops, PayloadCommands, TransitionCommands, UpkeepCommands):
     """A multirotor, plane or VTOL on ArduPilot or PX4, or a rover or boat on ArduPilot.
 
     Which of them it is decides what it takes of the vocabulary (``vocabulary``), and nothing else for who
@@ -121,30 +117,6 @@ class MavlinkAdapter(PayloadCommands, TransitionCommands, UpkeepCommands):
     def drive(self, velocity: Velocity) -> None:
         """Stream this body velocity; raises NotReady or Refused when the vehicle cannot be driven."""
         self._session.driver.drive(velocity)
-
-    async def stop(self, reason: str) -> None:
-        """Brake and hold in the air; motors are never cut.
-
-        A landing, or a flight home, is the autopilot's own and the safest that is left when an edge ends: it
-        is broken off for somebody who asks for it only. What is not moved here is braked for nobody else.
-        Raises a CommandError when the vehicle was not seen to stop.
-        """
-        if reason not in _ASKED and not self._session.is_ours_to_stop:
-            return
-        try:
-            await self._session.stop(reason, takes_over=reason in _TAKE_OVER)
-        except LinkError as error:
-            raise NotReady(f"nobody knows whether it stops: {error}") from error
-
-    def halt(self) -> None:
-        """Write zero velocity, or the hold command, at once; from any thread. A landing goes on."""
-        with contextlib.suppress(LinkError):
-            self._session.halt()
-
-    def emergency_halt(self) -> None:
-        """Write the same, whatever it does and whoever has it; from any thread."""
-        with contextlib.suppress(LinkError):
-            self._session.halt(takes_over=True)
 
     async def navigate(self, task: Task) -> AsyncIterator[Progress]:
         """Fly a task with the autopilot's own position control."""
@@ -229,7 +201,7 @@ class MavlinkAdapter(PayloadCommands, TransitionCommands, UpkeepCommands):
         """Start the motors, in a mode that can be moved in."""
         await self._session.flight.arm(force=force)
 
-    @command("disarm")
+    @command("disarm", in_place=True)
     async def disarm(self, *, force: bool = False) -> None:
         """Stop the motors; refused in the air and while it drives, whatever ``force`` says."""
         await self._session.flight.disarm(force=force)

@@ -16,15 +16,18 @@ from fleet_mavlink.vehicle_kind import Brake
 from fleet_mavlink.vocabulary import HOVERING, NO_VELOCITIES, UNSET_QUADPLANE
 from fleet_mavlink.wings import Winged
 
-GUIDED_HOVERS, _ASSIST = "Q_GUIDED_MODE", "Q_ASSIST_SPEED"
+GUIDED_HOVERS, _ASSIST, _CRUISE = "Q_GUIDED_MODE", "Q_ASSIST_SPEED", "AIRSPEED_CRUISE"
 _ABOVE_ASSIST = 2.0  # m/s
 _BY_ROTORS = frozenset({"QSTABILIZE", "QHOVER", "QLOITER", "QLAND", "QRTL", "QAUTOTUNE", "QACRO"})
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
-_BRAKING = 2.0  # m/s2: assumed deceleration of a QuadPlane to hover (Q_TRANS_DECEL)
+_DECELERATION, _BRAKING = "Q_TRANS_DECEL", 2.0  # of a QuadPlane to its hover, m/s2; assumed until it is known
+_HARDER = 1.25  # times Q_TRANS_DECEL: how hard it brakes from its wings without passing its target
 _NEAR = 0.9 * 1.5  # stopping distances from cruise airspeed: it certainly hovers to nearer positions
 _PULLED, _PULLS = 8.0, 3.2  # distance (m, plus s at its speed) covered after a transition is aborted
+_SLOWED = 0.9  # share of the speed of its wings, after the 3 s for which a stop is observed
 _FRESH = 1.5  # s: largest age difference between position and heartbeat
-_FASTEST_HOVER = 10.0  # m/s, fastest projected hover; a faster vehicle flies on its wings
+_FASTEST_HOVER = 10.0  # m/s; a faster vehicle flies on its wings, or slows down from them
+_FASTEST_CRUISE = 30.0  # m/s, assumed until it is known
 
 
 def reposition(to: GeoPoint) -> CommandInt:
@@ -56,16 +59,26 @@ class _ArduPlane(ArduPilotFlavour):
         """Table of fail-safe parameters of planes."""
         return "arduplane"
 
-    def goes_on(self, speed: float) -> float:
-        """Return the stopping distance in hover, m; limited to the speed of a hover."""
-        return min(speed, _FASTEST_HOVER) * speed / (2 * _BRAKING)
+    def goes_on(self, speed: float, state: VehicleState) -> float:
+        """Return the stopping distance, m; without known rotors limited to the speed of a hover.
 
-    def to_stand(self, here: GeoPoint, velocity: Vector3 | None) -> CommandInt:
-        """Return the command to its stopping point, for a velocity (NED, m/s)."""
+        A QuadPlane that is sent nearer passes its target, turns its nose, brakes less, and flies back. To
+        a place beyond ``_NEAR`` it would fly on its wings.
+        """
+        hovers = min(speed, _FASTEST_HOVER) * speed / (2 * _BRAKING)
+        slows = state.settings.get(_DECELERATION, _BRAKING if state.vtol_state else 0.0)
+        if not slows:
+            return hovers
+        near = _NEAR * state.settings.get(_CRUISE, _FASTEST_CRUISE) ** 2 / (2 * slows)
+        return min(max(hovers, speed**2 / (2 * _HARDER * slows)), near)
+
+    def to_stand(self, here: GeoPoint, state: VehicleState) -> CommandInt:
+        """Return the command to its stopping point."""
+        velocity = state.velocity
         speed = velocity.horizontal() if velocity is not None else 0.0
         if velocity is None or not 0.0 < speed < math.inf:
             return reposition(here)
-        seconds = self.goes_on(speed) / speed
+        seconds = self.goes_on(speed, state) / speed
         ahead = Vector3(velocity.y * seconds, velocity.x * seconds, 0.0)
         return reposition(geo_from_world(GeoOrigin(here.latitude, here.longitude, here.altitude), ahead))
 
@@ -90,7 +103,7 @@ class ArduPlane(Winged, _ArduPlane):
     takeoff_height: ClassVar[str | None] = "TKOFF_ALT"
     lands_here: ClassVar[bool] = False
     circle: ClassVar[str] = "WP_LOITER_RAD"
-    airspeeds: ClassVar[tuple[str, str, str]] = ("AIRSPEED_MIN", "AIRSPEED_CRUISE", "AIRSPEED_MAX")
+    airspeeds: ClassVar[tuple[str, str, str]] = ("AIRSPEED_MIN", _CRUISE, "AIRSPEED_MAX")
 
     @property
     def settings(self) -> tuple[str, ...]:
@@ -137,7 +150,7 @@ class UntoldArduPlane(ArduPlane):
         elif mode != "GUIDED":
             best = Brake("GUIDED", self.mode_command("GUIDED"))
         elif here is not None:
-            best = Brake("GUIDED", self.to_stand(here, state.velocity))
+            best = Brake("GUIDED", self.to_stand(here, state))
         else:
             best = Brake("GUIDED", self.mode_command("GUIDED"), first=circles[0])
         return (best, *circles)
@@ -179,7 +192,7 @@ class QuadPlane(_ArduPlane):
     @property
     def settings(self) -> tuple[str, ...]:
         """Parameters of its wings, of its behaviour in GUIDED, and its speeds."""
-        return (*_PLANE.settings, "Q_WP_SPEED", "Q_TRANS_DECEL", _ASSIST)
+        return (*_PLANE.settings, "Q_WP_SPEED", _DECELERATION, _ASSIST)
 
     @property
     def failsafe_table(self) -> str:
@@ -194,10 +207,14 @@ class QuadPlane(_ArduPlane):
         """Return True while it hovers."""
         return state.vtol_state in VTOL_HOVERS
 
+    def slows_to(self, speed: float) -> float:
+        """Return the speed below which it is slowing down; from its wings it takes longer."""
+        return _SLOWED * speed if speed > _FASTEST_HOVER else super().slows_to(speed)
+
     def hold_command(self, state: VehicleState) -> Ask:
         """Return the command to its stopping point; without a position QLAND."""
         here = _here(state)
-        return self.mode_command(self.land) if here is None else self.to_stand(here, state.velocity)
+        return self.mode_command(self.land) if here is None else self.to_stand(here, state)
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
         """Return the hold, then a landing in case the hold is refused."""
@@ -220,7 +237,7 @@ class QuadPlane(_ArduPlane):
 
         Raises Refused if it cannot fly that slowly, NotReady before its parameters are known.
         """
-        cruise, brakes = (state.settings.get(name) for name in (_PLANE.airspeeds[1], "Q_TRANS_DECEL"))
+        cruise, brakes = (state.settings.get(name) for name in (_CRUISE, _DECELERATION))
         own = state.settings.get("Q_WP_SPEED")
         if cruise is None or not brakes or own is None:
             raise NotReady("its speeds are not known yet", hint="they are read when it is met; try again")
@@ -263,7 +280,7 @@ class QuadPlaneInTransition(QuadPlane):
 
     goes_over: ClassVar[bool] = True
 
-    def goes_on(self, speed: float) -> float:
+    def goes_on(self, speed: float, state: VehicleState) -> float:  # noqa: ARG002 - independent of the state
         """Return the distance that ArduPlane 4.6.3 was observed to cover, m."""
         return _PULLED + _PULLS * speed
 

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from fleet import CommandError, NotReady, Refused, TimedOut
+from collections.abc import Iterator
+
+from fleet import CommandError, NotReady, Refused, TimedOut, Vector3
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.constants import VTOL_HOVERS
-from fleet_mavlink.flavour import arm_command
-from fleet_mavlink.messages import Ask
+from fleet_mavlink.flavour import arm_command, ned_setpoint
+from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.motion_effect import Effect
 from fleet_mavlink.preconditions import require_heartbeat
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.turns import Superseded
+from fleet_mavlink.unknown_kind import UnknownKind
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 
+_UNKNOWN = UnknownKind()
 _STANDS = 0.25  # m/s; slower counts as standing
-_SLOWED = 0.7  # share of the first speed down to which a moving vehicle must slow,
-_SLOW = 0.5  # m/s, or below this speed
+_SLOW = 0.5  # m/s; below, whatever it was stopped at, it has slowed down
 _FRESH = 1.0  # s
 _A_PAUSE = "a pause"
 _WITHIN = 3.0  # s for the whole stop, of the host's 5 s; ArduRover coasts 7 s from 3.5 m/s in HOLD
@@ -47,14 +50,19 @@ class Brakes:
         if kind.goes_over:
             await self._see_hover(left, shown)
         elif kind.stands(vehicle.state):
-            await self._see(speed, left, shown)
+            await self._see(kind, speed, left, shown)
 
-    def first(self) -> Ask | None:
-        """Return the best braking command for a vehicle that is not moved here, or None; from any thread."""
+    def messages(self) -> Iterator[MavlinkMessage]:
+        """Yield the best braking messages for a vehicle that is not moved here; from any thread.
+
+        One that was never heard may be anything: it gets a zero velocity, which every autopilot follows in
+        its external mode and ignores in the others, and a pause. A mode has other numbers on each of them.
+        """
         state, kind = self._vehicle.state, self._vehicle.kind
-        if kind is None or not state.armed:
-            return None
-        return self._commander.addressed(kind.brakes(state)[0].ask)
+        if kind is None:
+            kind = _UNKNOWN
+            yield ned_setpoint(Vector3(), 0.0, self._vehicle.system)
+        yield self._commander.addressed(kind.brakes(state)[0].ask)
 
     async def _engage(self, kind: VehicleKind) -> str:
         """Try the brakes in order until one is not refused; return the mode that is then shown."""
@@ -84,7 +92,7 @@ class Brakes:
         else:
             await self._commander.ask(brake.ask, tries=2)
 
-    async def _see(self, before: float | None, seconds: float, shown: str) -> None:
+    async def _see(self, kind: VehicleKind, before: float | None, seconds: float, shown: str) -> None:
         """Wait until the vehicle stands; raises TimedOut if it does not even slow down."""
         vehicle = self._vehicle
         if before is None and shown != _A_PAUSE:
@@ -92,7 +100,7 @@ class Brakes:
         if await vehicle.until(self._stands, seconds):
             return
         now = self._speed(vehicle.state)
-        if now is None or before is None or now > max(before * _SLOWED, _SLOW):
+        if now is None or before is None or now > max(kind.slows_to(before), _SLOW):
             seen = "does not tell how fast it is" if now is None else f"still moves at {now:.1f} m/s"
             raise TimedOut(f"{vehicle.what} took {shown} and {seen}", hint="stop it by other means")
 

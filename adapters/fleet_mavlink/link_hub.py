@@ -140,11 +140,18 @@ class LinkHub:
         """Send a message; raises LinkLost. Only on the event loop's thread."""
         self.link.send(self._packer.pack(message, way), address)
 
-    def send_from_any_thread(self, messages: list[MavlinkMessage], vehicle: Vehicle) -> None:
-        """Send messages to a vehicle off the event loop, with their own sequence numbers; raises LinkLost."""
+    def send_from_any_thread(self, messages: list[MavlinkMessage], vehicle: Vehicle) -> bool:
+        """Send messages to a vehicle off the event loop, with their own sequence numbers; raises LinkLost.
+
+        Returns False if there were none, or one was dropped: nobody was heard yet whom it could be sent to.
+        """
         way = msgspec.structs.replace(vehicle.trust.way, link=_BESIDE)
-        for sequence, message in enumerate(messages):
-            self.link.send(pack(message, self.system, self.component, sequence, way), vehicle.address)
+        frames = [
+            pack(message, self.system, self.component, sequence, way)
+            for sequence, message in enumerate(messages)
+        ]
+        written = [self.link.send(frame, vehicle.address) for frame in frames]
+        return bool(written) and all(written)
 
     async def beat(self) -> None:
         """Send a heartbeat once a second; ends with the link."""

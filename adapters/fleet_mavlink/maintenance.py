@@ -61,7 +61,7 @@ class UpkeepCommands(SessionAdapter):
         data = await self._session.logs.read(id, offset, count)
         return {"offset": offset, "count": len(data), "data": base64.b64encode(data).decode()}
 
-    @command("start_compass_calibration", timeout=300.0)
+    @command("start_compass_calibration", timeout=300.0, in_place=True)
     async def start_compass_calibration(self) -> AsyncIterator[Progress]:
         """Calibrate the compass: rotate the vehicle about all its axes until it is done."""
         async for progress in self._session.compass.calibrate():
@@ -77,7 +77,7 @@ class UpkeepCommands(SessionAdapter):
         """Send the autopilot our signing key, over a link without listeners; it signs from then on."""
         await self._session.setup_signing()
 
-    @command("reboot", "reboot_aircraft")
+    @command("reboot", "reboot_aircraft", in_place=True)
     async def reboot(self) -> None:
         """Restart the autopilot; refused while it is armed."""
         await self._session.flight.reboot()

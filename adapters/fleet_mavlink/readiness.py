@@ -22,7 +22,7 @@ from fleet_mavlink.texts import WARNING, Sentence
 _SAID_FOR = 35.0  # s; ArduPilot repeats what is wrong every 30 s
 _REASONS = ("arm", "prearm", "preflight")  # with which an autopilot begins what keeps it from arming
 _FOUND, _REFUSED = "prearm: ", "arm: "  # how ArduPilot begins what its checks find, and why it does not arm
-_OF_THE_MODE = "mode not armable"
+_OF_THE_MODE = ("mode not armable", "AUTO missing takeoff waypoint")  # the latter of a QuadPlane after a plan
 _NEED_NOT_BE_TOLD = frozenset({"satellites", "battery"})
 _WORDS_WITHIN = 0.5  # s after the checks were asked for
 _BIT_WITHIN = 1.5  # s in which SYS_STATUS comes, once a second

@@ -79,15 +79,17 @@ class Ways:
         """Return -1: several links have no single descriptor."""
         return -1
 
-    def send(self, data: bytes, address: Address = None) -> None:
+    def send(self, data: bytes, address: Address = None) -> bool:
         """Write to the link of an address, or to all links without one.
 
         Data written while a link is down is lost, as on a radio link; the link is reopened by itself.
         """
+        written = False
         for way, link in tuple(self._open.items()):
             if address is None or address.way == way:
                 with contextlib.suppress(LinkLost):
-                    link.send(data, address.address if address is not None else None)
+                    written |= link.send(data, address.address if address is not None else None)
+        return written
 
     async def lost(self) -> None:
         """Wait forever: each link reopens automatically."""

@@ -10,10 +10,10 @@ from fleet import (
     GeoOrigin,
     Limits,
     LinkLost,
+    NotReady,
     Refused,
     Robot,
     Unsupported,
-    Vector3,
 )
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.braking import Brakes
@@ -25,20 +25,19 @@ from fleet_mavlink.constants import AUTOPILOT
 from fleet_mavlink.event_metadata import EventKeeper
 from fleet_mavlink.failsafes import Failsafes
 from fleet_mavlink.fence import FenceKeeper
-from fleet_mavlink.flavour import Flavour, ned_setpoint
+from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight, is_standing
 from fleet_mavlink.frames import origin_of
 from fleet_mavlink.gimbal import Gimbal
+from fleet_mavlink.halts import Halts, require_ours
 from fleet_mavlink.link_hub import LinkHub
 from fleet_mavlink.logs import LogReader
-from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.mission import MissionPilot
-from fleet_mavlink.motion_effect import EMERGENCY_HALTED, HALTED
 from fleet_mavlink.navigation import AutopilotNavigator
 from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
 from fleet_mavlink.plans import Plans
-from fleet_mavlink.preconditions import require_connection, require_heartbeat
+from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.remote_id import RemoteId
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import VehicleState
@@ -46,7 +45,7 @@ from fleet_mavlink.steering import Steering
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.turns import Superseded
-from fleet_mavlink.vehicle import Vehicle, circle_of, holding_of, lacking_of
+from fleet_mavlink.vehicle import Vehicle, circle_of, lacking_of
 from fleet_mavlink.vehicle_health import VehicleHealth
 from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
 from fleet_mavlink.wing_settings import WingSettings
@@ -89,6 +88,15 @@ class VehicleSession:
             busy=self.commander.turns.lock.locked,
         )
         self.brakes = Brakes(vehicle, self.commander)
+        self.halts = Halts(
+            vehicle,
+            hub,
+            commander=self.commander,
+            authority=self.authority,
+            driver=self.driver,
+            brakes=self.brakes,
+            comes_down=lambda: self.comes_down,
+        )
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
         self.takeoff = TakeOff(self.flight, self.parameters)
         self.navigator = AutopilotNavigator(self.flight, self.takeoff, limits)
@@ -183,19 +191,16 @@ class VehicleSession:
         The plain stop of a drive returns once the vehicle stands; the hold follows a moment later, or at once
         when it does not stand. A vehicle under somebody else's control is left alone unless ``takes_over``,
         because the plain stop at the end of a drive must not take it from its pilot; raises Refused then. A
-        vehicle that is not moved here is braked whoever moves it. Raises NotReady when the vehicle does not
-        answer: then it is unknown whether it stops. A failed stop stays in health until one succeeds, or the
-        motors are off.
+        vehicle that is not moved here is braked whoever moves it. To one that is not heard the stop is only
+        written; raises NotReady then: it is unknown whether it stops. A failed stop stays in health until
+        one succeeds, or the motors are off.
         """
         if self.authority.lost_to and not takes_over:
             self.commander.turns.supersede(reason)
             self.driver.brake()
-            raise Refused(
-                f"a pilot or a fail-safe has it, in {self.authority.taker}: it was left to that",
-                hint="hover, brake and emergency_stop take it",
-            )
+        require_ours(self.authority, takes_over=takes_over)
         try:
-            await self._stop(reason)
+            await self._stop(reason, takes_over=takes_over)
         except Superseded:
             raise
         except CommandError as error:
@@ -204,9 +209,15 @@ class VehicleSession:
             raise
         self.health.unstopped = ""
 
-    async def _stop(self, reason: str) -> None:
-        """Brake and hold, or raise."""
-        require_heartbeat(self.vehicle)
+    async def _stop(self, reason: str, *, takes_over: bool) -> None:
+        """Brake and hold, or raise; a vehicle that is not heard gets the stop too."""
+        if not self.vehicle.connected:
+            self.halts.write(takes_over=takes_over)
+            raise NotReady(
+                f"no heartbeat from system {self.vehicle.system}: the stop was written, and not seen to be "
+                "carried out",
+                hint="check the link and its power",
+            )
         if reason == GENTLE and self.driver.rest() and await self._rests():
             return
         self.commander.turns.supersede(reason)
@@ -234,36 +245,6 @@ class VehicleSession:
         self.commander.turns.supersede("kill")
         self.driver.end()
         await self.flight.kill()
-
-    def halt(self, *, takes_over: bool = False) -> None:
-        """Write the messages that stop the vehicle now; from any thread. The next tick continues from there.
-
-        Motion that was asked for and is not confirmed yet is not asked for again. A vehicle that does not
-        answer may be in its own fail-safe, so its mode is not changed; one that comes down, or is under
-        somebody else's control, is left alone: unless ``takes_over``.
-        """
-        state, flavour = self.vehicle.state, self.vehicle.flavour
-        self.commander.turns.halt(EMERGENCY_HALTED if takes_over else HALTED)
-        self.driver.halted = True
-        reached = self.vehicle.connected or takes_over  # a silent vehicle may still hear
-        if self.comes_down and not takes_over:
-            return
-        if flavour is None:
-            brake = self.brakes.first() if reached else None
-            self._hub.send_from_any_thread([brake] if brake is not None else [], self.vehicle)
-            return
-        if not state.armed or (self.authority.lost_to and not takes_over):
-            return
-        streamed = flavour.mode_of(state) == flavour.external and not flavour.tries_brakes
-        messages: list[MavlinkMessage] = [ned_setpoint(Vector3(), 0.0, self.vehicle.system)] * streamed
-        # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.
-        best = holding_of(self.vehicle) if reached else None
-        if best is not None:
-            pending = self.commander.turns.current
-            goes_on = pending is not None and not pending.superseded  # a landing, about to change the mode
-            (self.authority.expect_also if goes_on else self.authority.expect)(*best.modes)
-            messages += map(self.commander.addressed, best.asks)
-        self._hub.send_from_any_thread(messages, self.vehicle)
 
     async def setup_signing(self) -> None:
         """Give the vehicle our key; returns once it signs with it. Raises Unsupported when it does not."""

@@ -11,6 +11,8 @@ import msgspec
 from fleet_mavlink.messages import Ask
 from fleet_mavlink.state import VehicleState
 
+_SLOWED = 0.7  # share of the first speed
+
 
 class Brake(msgspec.Struct, frozen=True):
     """One way to brake: the command, and the mode that the heartbeat shows once it was executed.
@@ -69,6 +71,10 @@ class VehicleKind(ABC):
     def stands(self, state: VehicleState) -> bool:  # noqa: ARG002 - VTOLs need it
         """Return whether it stands still once it has braked: planes cannot."""
         return True
+
+    def slows_to(self, speed: float) -> float:
+        """Return the speed, m/s, below which a vehicle that was stopped at ``speed`` is slowing down."""
+        return _SLOWED * speed
 
     @abstractmethod
     def position_usable(self, state: VehicleState, now: float) -> bool | None:

@@ -44,7 +44,7 @@ class WatchedVehicle:
         *,
         authority: Authority,
         stopped: Callable[[], bool],
-        halt: Callable[[], None],
+        halt: Callable[[], object],
         log: logging.Logger,
     ) -> None:
         self._config = config

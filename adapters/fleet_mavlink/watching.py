@@ -43,7 +43,7 @@ async def _shown(
         session.vehicle,
         authority=session.authority,
         stopped=lambda: robot.emergency_stop,
-        halt=partial(session.halt, takes_over=True),
+        halt=partial(session.halts.halt, takes_over=True),
         log=robot.log,
     )
     with watcher.showing(session.vehicle.system, vehicle) as is_shown:

@@ -160,19 +160,19 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     # -- commands ------------------------------------------------------------------------------------
 
-    @command("stand_up", timeout=8.0)
+    @command("stand_up", timeout=8.0, in_place=True)
     async def stand_up(self, *, delta_z: _Height | None = None) -> AsyncIterator[Progress]:
         """Stand up; with delta_z (m): stand higher by that much."""
         async for progress in self._rise_or_lower(delta_z, up=True):
             yield progress
 
-    @command("sit_down", timeout=12.0)
+    @command("sit_down", timeout=12.0, in_place=True)
     async def sit_down(self, *, delta_z: _Height | None = None) -> AsyncIterator[Progress]:
         """Sit down and take the torque off; with delta_z (m): stand lower by that much."""
         async for progress in self._rise_or_lower(delta_z, up=False):
             yield progress
 
-    @command("joint_mode", timeout=5.0)
+    @command("joint_mode", timeout=5.0, in_place=True)
     async def joint_mode(self) -> AsyncIterator[Progress]:
         """Hold the present posture and accept small joint moves around it, until any stop."""
         if self._dog is not None and not isinstance(self._dog, DogDescription):
@@ -181,7 +181,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         yield Progress(0.0)
         await self._body.reach({_POSING}, "joint_mode", within=4.0)
 
-    @command("recovery_stand", timeout=30.0)
+    @command("recovery_stand", timeout=30.0, in_place=True)
     async def recovery_stand(self) -> AsyncIterator[Progress]:
         """Get up from any position."""
         await self._body.request(BodyRequest.RECOVER)

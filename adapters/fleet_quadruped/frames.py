@@ -138,8 +138,9 @@ class FrameDecoder:
         found: dict[str, float] = {}
         for unpack_from, fields in plan[1]:
             for (name, scale, offset, invalid), raw in zip(fields, unpack_from(data), strict=True):
-                if raw != invalid and math.isfinite(raw):
-                    found[name] = raw * scale + offset
+                value = raw * scale + offset
+                if raw != invalid and math.isfinite(value):
+                    found[name] = value
         return found
 
 

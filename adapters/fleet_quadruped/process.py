@@ -108,26 +108,38 @@ class BodyProcess:
             if not process.stdin.is_closing():  # else the process has died already
                 process.stdin.write(DISMISSED)
             process.stdin.close()
-            await _left(process, self._leave)
-        for descriptor in self._descriptors:
-            os.close(descriptor)
-        self._descriptors = []
+        try:
+            if process is not None:
+                await _left(process, self._leave)
+        finally:
+            for descriptor in self._descriptors:
+                os.close(descriptor)
+            self._descriptors = []
 
 
 async def _left(process: asyncio.subprocess.Process, within: float) -> None:
     """Wait until the process has ended; kill it after ``within`` s.
 
-    Cancellation does not shorten the wait: a robot whose controller is killed while it sits down falls.
+    Cancellation does not shorten the wait: a robot whose controller is killed while it sits down falls. It is
+    passed on afterwards.
     """
     loop = asyncio.get_running_loop()
     until = loop.time() + within
-    while process.returncode is None and (rest := until - loop.time()) > 0:
-        with contextlib.suppress(TimeoutError, asyncio.CancelledError):
-            await asyncio.wait_for(process.wait(), rest)
+    cancelled: asyncio.CancelledError | None = None
+    while process.returncode is None and loop.time() < until:
+        try:
+            async with asyncio.timeout_at(until):
+                await process.wait()
+        except TimeoutError:
+            break
+        except asyncio.CancelledError as error:
+            cancelled = error
     if process.returncode is None:
         with contextlib.suppress(ProcessLookupError):
             process.kill()
         await process.wait()
+    if cancelled is not None:
+        raise cancelled
 
 
 def _error(message: StatusMessage) -> LinkLost | LinkRefused:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar, TypeVar
@@ -14,11 +13,13 @@ from fleet import (
     LatestMotion,
     Limits,
     Link,
+    LinkLost,
     NotReady,
     Range,
     Refused,
     Robot,
     Separation,
+    TimedOut,
     Velocity,
     command,
     opened_link,
@@ -36,7 +37,7 @@ from fleet_ugv.sim.spec import spec_of
 
 GivenT = TypeVar("GivenT")
 
-STANDSTILL = 1.0  # s that a stop waits until the wheels are seen to stand
+STANDSTILL = 3.0  # s, of the host's 5 s, that a stop waits until the wheels are seen to stand
 NUDGE = 0.1  # rad by which camera_up, _down, _left and _right move
 SIMULATOR = "fleet_ugv.sim"
 _Level = Annotated[int, Range(0, 255, "(full brightness)")]
@@ -74,7 +75,7 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     async def connect(self) -> None:
         """Open the line; raises LinkLost or LinkRefused."""
-        url = await self._url()
+        url = await _url(self.config, self.robot)
         inbox = Inbox(self.config, self.robot.clock)
         self._link = await self.robot.enter(opened_link(url, inbox.arrived))
         slot = LatestMotion(self._link, self.robot.clock, baud=parse_link_url(url).baud)
@@ -89,29 +90,34 @@ class UgvAdapter(Adapter[UgvConfig]):
             self._board.end()
             self.robot.state[POSE] = self._odometry.pose
 
-    async def _url(self) -> str:
-        """Return the link to open; a simulated base is started first."""
-        if not self.config.simulated:
-            return self.config.link
-        simulator = await self.robot.enter(self.robot.share(SIMULATOR, lambda: SimProcess(SIMULATOR)))
-        setting = self.config.setting
-        spec = spec_of(self.config.link, ticks=setting.ticks, diameter=setting.diameter)
-        return await self.robot.enter(simulator.robot(spec))
-
     def drive(self, velocity: Velocity) -> None:
         """Hold this body velocity; a sideways part is dropped."""
         self._board.drive(velocity)
 
     async def stop(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason, it stands
-        """Stop the wheels and wait until they are seen to stand."""
+        """Stop the wheels and wait until they are seen to stand; raises TimedOut if they are not in time."""
         self.halt()
-        if self._board.serves:
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._board.stands.wait(), STANDSTILL)
+        if not self._board.serves:
+            return
+        try:
+            async with asyncio.timeout(STANDSTILL):
+                await self._board.stands.wait()
+        except TimeoutError:
+            raise TimedOut(
+                f"the wheels were not seen to stand within {STANDSTILL:g} s; "
+                f"the last that was heard of them: {self._board.observer.speed:.2f} m/s",
+                hint="stop it by other means",
+            ) from None
 
     def halt(self) -> None:
         """Stop the wheels and the camera mount at once; from any thread."""
         self._board.halt()
+
+    def halt_unheard(self, reason: str) -> bool:  # noqa: ARG002 - every stop is the same
+        """Write the stops; raises LinkLost if the line does not take them."""
+        if not self._board.halt():
+            raise LinkLost(f"{self.config.link} is down")
+        return True
 
     # -- the camera's joints -------------------------------------------------------------------------
 
@@ -254,3 +260,13 @@ def _pair(values: Sequence[int]) -> tuple[int | None, int | None]:
     if len(values) > 2:
         raise Refused("there are two lamps", hint="a list of two levels at most")
     return (values[0] if values else None, values[-1] if values else None)
+
+
+async def _url(config: UgvConfig, robot: Robot) -> str:
+    """Return the link to open; a simulated base is started first."""
+    if not config.simulated:
+        return config.link
+    simulator = await robot.enter(robot.share(SIMULATOR, lambda: SimProcess(SIMULATOR)))
+    setting = config.setting
+    spec = spec_of(config.link, ticks=setting.ticks, diameter=setting.diameter)
+    return await robot.enter(simulator.robot(spec))

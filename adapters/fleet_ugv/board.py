@@ -111,10 +111,11 @@ class Board:
         """Encode a body velocity; raises Refused."""
         return (self.codec.motion(self._kinematics.inverse(velocity)),)
 
-    def halt(self) -> None:
-        """Write the stops of wheels and mount at once; from any thread."""
-        self._motion.halt()
+    def halt(self) -> bool:
+        """Write the stops of wheels and mount at once; from any thread. False: not written."""
+        written = self._motion.halt()
         self.hold_gimbal()
+        return written
 
     def hold_gimbal(self) -> None:
         """Write the stop of the mount at once; from any thread."""

@@ -30,10 +30,11 @@ class Side:
 
 
 @contextlib.contextmanager
-def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), **sections):
+def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), pose_only=False, **sections):
     """Run a candidate.
 
-    ``rate`` is our robots' own report rate; the others are loaded by a source instead. ``heard_at`` is the
+    ``rate`` is our robots' own report rate, ``pose_only``: of nothing else; the others are loaded by a source
+    instead. ``heard_at`` is the
     broker's own port if ``port`` is a proxy's. ``workers`` are workers of our edge, each with a robot of its
     own. ``sections`` are further sections of our fleet.yaml.
     """
@@ -42,7 +43,7 @@ def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), **sectio
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))
         journal = Path(folder) / "journal"
         journal.touch()
-        robots = puppets(number, rate=rate, journal=str(journal))
+        robots = puppets(number, rate=rate, pose_only=pose_only, journal=str(journal))
         twins = [robot["twin"] for robot in robots]
         if name == "fleet":
             listen = {"bus": {"listen": [f"tcp/127.0.0.1:{bus}"], "insecure": "local"}}

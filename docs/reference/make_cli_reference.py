@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import click
 
 from fleet.cli import output
-from fleet.cli.main import COMMANDS, SUMMARIES, fleet
+from fleet.cli.main import COMMANDS, fleet
 from fleet.cli.output import ExitCode
 
 OF_ADAPTERS = {"can": "Look at a quadruped's CAN buses and drives, move one joint."}
@@ -71,7 +71,7 @@ def command_section(name: str, command: click.Command, parent: click.Context) ->
 def render() -> str:
     """Return the whole reference."""
     lines = [INTRODUCTION.rstrip(), "", "| command | |", "|---|---|"]
-    lines += [f"| [`fleet {name}`](#fleet-{name}) | {SUMMARIES[name]} |" for name in COMMANDS]
+    lines += [f"| [`fleet {name}`](#fleet-{name}) | {COMMANDS[name].summary} |" for name in COMMANDS]
     lines += [f"| [`fleet {name}`](#fleet-{name}) | {words} |" for name, words in OF_ADAPTERS.items()]
     lines += exit_codes()
     context = click.Context(fleet, info_name="fleet", **fleet.context_settings)

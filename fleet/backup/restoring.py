@@ -21,7 +21,7 @@ from fleet.backup.archive import CONFIG, STATE, BackupError, Manifest
 from fleet.backup.state_files import NEWEST, PLAIN
 from fleet.errors import StateError
 from fleet.host.journal.execution_journal import ANY
-from fleet.host.journal.journal import FORMATS as JOURNAL_FORMATS
+from fleet.host.journal.journal_file import FORMATS as JOURNAL_FORMATS
 from fleet.spool.state_folder import JOURNAL, SPOOL, FileLock
 
 _DAY = "%Y-%m-%d %H:%M"

@@ -8,7 +8,7 @@ from fleet.console.people import FILE as PEOPLE
 from fleet.history.store import FORMATS as HISTORY_FORMATS
 from fleet.history.store import HISTORY
 from fleet.host.edge.rehearsals import PASSES
-from fleet.host.journal.journal import FORMATS as JOURNAL_FORMATS
+from fleet.host.journal.journal_file import FORMATS as JOURNAL_FORMATS
 from fleet.missions.store import FORMATS as MISSIONS_FORMATS
 from fleet.missions.store import MISSIONS
 from fleet.schedules.store import FILE as SCHEDULES

@@ -241,7 +241,7 @@ class Bridge:
         """
         states = {state.twin: state for state in robots}
         self._conflicts.look()
-        if self._pings:
+        if self._pings and self.client.state is CloudState.CONNECTED:
             self.round_trip.ask()
         for port in self._served():
             state = states.get(port.twin)

@@ -54,6 +54,7 @@ class OutboundChannel:
         "channel",
         "credit",
         "document",
+        "dropped",
         "due",
         "durable",
         "fresh",
@@ -116,6 +117,7 @@ class OutboundChannel:
         self.due = float("-inf")  # monotonic time from which the next may be sent
         self.credit = 0.0  # events that may be sent now (token bucket)
         self.refused = False  # the last sample could not be translated
+        self.dropped = False  # its robot was removed or replaced: its newest state is of the past
 
     def part(self, name: str) -> OutboundChannel:
         """Return the outbound channel of one part; itself for an empty name.
@@ -130,7 +132,14 @@ class OutboundChannel:
                 raise WireError(f"more than {MOST_PARTS} different states", where=self.channel)
             rule = rule_of_part(self.rule, name)
             found = self.parts.setdefault(name, OutboundChannel(self.key, self.info, rule, self.session))
+            found.dropped = self.dropped
         return found
+
+    def drop(self) -> None:
+        """Mark the channel and its parts as dropped; a thread of the bus may still hold or queue them."""
+        self.dropped = True
+        for part in self.parts.values():
+            part.dropped = True
 
     def admits_event(self, now: float) -> bool:
         """Return False for an event above the channel's rate; the events of one second may arrive as a burst.

@@ -8,11 +8,15 @@ from fleet.clock import Clock
 from fleet.wire.ping import is_clouds_pong
 
 PING_EVERY = 10.0  # s between pings
-LOST_AFTER = 30.0  # s; later pongs belong to no known ping
+LATE_AFTER = 30.0  # s after which the round trip is unknown until the pong is here
+LOST_AFTER = 120.0  # s; no pong is so late, so the ping or its pong was lost
 
 
 class RoundTrip:
     """Measures the round trip on one twin.
+
+    A pong does not say which ping it answers. Therefore no ping is sent while another one may still be
+    answered, and each pong belongs to the only ping in flight, however late it is.
 
     ``seconds`` is the last round trip; None before the first, and when pongs are missing.
     """
@@ -30,10 +34,12 @@ class RoundTrip:
         if now < self._next:
             return
         self._next = now + PING_EVERY
-        if self._sent is not None and now - self._sent < LOST_AFTER:
-            return
         if self._sent is not None:
-            self.seconds = None
+            late = now - self._sent
+            if late >= LATE_AFTER:
+                self.seconds = None
+            if late < LOST_AFTER:
+                return
         self._sent = now
         self._send()
 

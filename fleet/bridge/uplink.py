@@ -137,7 +137,10 @@ class Uplink:
         begin = f"cw/{twin}/"
         for key in [key for key in list(self._channels) if key.startswith(begin)]:
             outbound = self._channels.pop(key)
-            if outbound is not None and outbound in self._repeated:
+            if outbound is None:
+                continue
+            outbound.drop()
+            if outbound in self._repeated:
                 self._repeated.remove(outbound)
         self.streaming.discard(twin)
 
@@ -245,6 +248,8 @@ class Uplink:
 
     def _may_send(self, outbound: OutboundChannel, now: float) -> bool:
         """Return whether to send the newest sample now; otherwise it stays queued, or is dropped."""
+        if outbound.dropped:
+            return False
         if now < outbound.due or (self._held_up and not outbound.streams):
             self._fresh.append(outbound)
             return False

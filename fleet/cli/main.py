@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import click
 
@@ -22,90 +23,84 @@ from fleet.version import __version__
 
 log = logging.getLogger(__name__)
 
-COMMANDS: Mapping[str, str] = {
-    "init": "fleet.cli.init:init",
-    "check": "fleet.cli.check:check",
-    "run": "fleet.cli.run:run",
-    "diff": "fleet.cli.changes:diff",
-    "apply": "fleet.cli.changes:apply",
-    "bundle": "fleet.cli.bundle:bundle",
-    "rollout": "fleet.cli.rollout:rollout",
-    "demo": "fleet.cli.demo:demo",
-    "ps": "fleet.cli.ps:ps",
-    "top": "fleet.cli.top:top",
-    "console": "fleet.cli.console:console",
-    "record": "fleet.cli.record:record",
-    "replay": "fleet.cli.replay:replay",
-    "describe": "fleet.cli.describe:describe",
-    "send": "fleet.cli.send:send",
-    "goto": "fleet.cli.goto:goto",
-    "stop": "fleet.cli.stop:stop",
-    "release": "fleet.cli.release:release",
-    "history": "fleet.cli.history:history",
-    "ready": "fleet.cli.ready:ready",
-    "mission": "fleet.cli.mission:mission",
-    "schedule": "fleet.cli.schedule:schedule",
-    "take": "fleet.cli.take:take",
-    "params": "fleet.cli.params:params",
-    "logs": "fleet.cli.logs:logs",
-    "flight-logs": "fleet.cli.flight_logs:flight_logs",
-    "video": "fleet.cli.video:video",
-    "spool": "fleet.cli.spool:spool",
-    "failover": "fleet.cli.failover:failover",
-    "service": "fleet.cli.service:service",
-    "doctor": "fleet.cli.doctor:doctor",
-    "backup": "fleet.cli.backup:backup",
-    "restore": "fleet.cli.restore:restore",
-    "support": "fleet.cli.support:support",
-    "certs": "fleet.cli.certs:certs",
-    "calibrate": "fleet.cli.calibrate:calibrate",
-    "adapters": "fleet.cli.adapters:adapters",
-    "schema": "fleet.cli.schema:schema",
-    "completion": "fleet.cli.completion:completion",
+
+class Entry(NamedTuple):
+    """A command: its ``place``, from which it is imported when it is used, and its line in the overview."""
+
+    place: str
+    summary: str
+
+
+COMMANDS: Mapping[str, Entry] = {
+    "init": Entry("fleet.cli.init:init", "Write an example fleet.yaml."),
+    "check": Entry("fleet.cli.check:check", "Check a fleet file and report every error."),
+    "run": Entry("fleet.cli.run:run", "Run the fleet of a fleet file."),
+    "diff": Entry(
+        "fleet.cli.changes:diff", "Show what a changed fleet file would change in the running edge."
+    ),
+    "apply": Entry("fleet.cli.changes:apply", "Apply a changed fleet file to the running edge."),
+    "bundle": Entry("fleet.cli.bundle:bundle", "Make, show and install signed bundles of a configuration."),
+    "rollout": Entry(
+        "fleet.cli.rollout:rollout", "Run the agent of an edge, and control roll-outs to many edges."
+    ),
+    "demo": Entry("fleet.cli.demo:demo", "Run simulated robots; nothing else is needed."),
+    "ps": Entry("fleet.cli.ps:ps", "Show the running robots and their health."),
+    "top": Entry("fleet.cli.top:top", "Show a site or a whole fleet, live: troubles by cause."),
+    "console": Entry("fleet.cli.console:console", "Show the fleet in a browser."),
+    "record": Entry(
+        "fleet.cli.record:record", "Record reports and requests of robots in files for Foxglove."
+    ),
+    "replay": Entry(
+        "fleet.cli.replay:replay", "Play a recording again, or feed its raw frames to today's adapters."
+    ),
+    "describe": Entry(
+        "fleet.cli.describe:describe", "Show the commands of a robot, and whether it would accept them now."
+    ),
+    "send": Entry("fleet.cli.send:send", "Send a command to a robot and wait for its answer."),
+    "goto": Entry("fleet.cli.goto:goto", "Send a robot to a place."),
+    "stop": Entry("fleet.cli.stop:stop", "Stop robots at once."),
+    "release": Entry(
+        "fleet.cli.release:release", "Release stopped robots, and show who stopped them, when and why."
+    ),
+    "history": Entry("fleet.cli.history:history", "Show the commands to robots, their senders and outcomes."),
+    "ready": Entry("fleet.cli.ready:ready", "Show whether an aircraft would take off now, and why not."),
+    "mission": Entry(
+        "fleet.cli.mission:mission", "Start, follow and control missions of one or several robots."
+    ),
+    "schedule": Entry("fleet.cli.schedule:schedule", "Show, enable and disable the schedules of missions."),
+    "take": Entry("fleet.cli.take:take", "Take a robot out of the run of a mission."),
+    "params": Entry("fleet.cli.params:params", "Read and write a robot's own parameters."),
+    "logs": Entry("fleet.cli.logs:logs", "Show the log of an edge and its workers."),
+    "flight-logs": Entry(
+        "fleet.cli.flight_logs:flight_logs", "List and fetch the logs that a robot keeps on board."
+    ),
+    "video": Entry("fleet.cli.video:video", "Send a camera's pictures as video on request of the cloud."),
+    "spool": Entry(
+        "fleet.cli.spool:spool", "Show or delete the messages that are queued for the cloud on disk."
+    ),
+    "failover": Entry("fleet.cli.failover:failover", "Hand the robots of a pair over to its other edge."),
+    "service": Entry(
+        "fleet.cli.service:service", "Run the edge as a service of systemd: install, status, logs, uninstall."
+    ),
+    "doctor": Entry("fleet.cli.doctor:doctor", "Check everything around an edge, and suggest remedies."),
+    "backup": Entry("fleet.cli.backup:backup", "Pack state and configuration, to replace a dead computer."),
+    "restore": Entry("fleet.cli.restore:restore", "Restore the backup of an edge on this computer."),
+    "support": Entry(
+        "fleet.cli.support:support", "Pack configuration, logs and history, without secrets, for support."
+    ),
+    "certs": Entry("fleet.cli.certs:certs", "Make and renew the certificates of a site's bus."),
+    "calibrate": Entry("fleet.cli.calibrate:calibrate", "Measure a wheeled robot's wheels and turns."),
+    "adapters": Entry(
+        "fleet.cli.adapters:adapters",
+        "Show the kinds of robots that can be used, make new ones, reload changed ones.",
+    ),
+    "schema": Entry("fleet.cli.schema:schema", "Print the JSON Schema of fleet.yaml for editors."),
+    "completion": Entry(
+        "fleet.cli.completion:completion", "Print the shell completion for robots and commands."
+    ),
 }
 HIDDEN: Mapping[str, str] = {"run-edge": "fleet.cli.run_edge:run_edge"}
 """Commands for the project's own programs, not for users."""
-SUMMARIES: Mapping[str, str] = {
-    "init": "Write an example fleet.yaml.",
-    "check": "Check a fleet file and report every error.",
-    "run": "Run the fleet of a fleet file.",
-    "diff": "Show what a changed fleet file would change in the running edge.",
-    "apply": "Apply a changed fleet file to the running edge.",
-    "bundle": "Make, show and install signed bundles of a configuration.",
-    "rollout": "Run the agent of an edge, and control roll-outs to many edges.",
-    "demo": "Run simulated robots; nothing else is needed.",
-    "ps": "Show the running robots and their health.",
-    "top": "Show a site or a whole fleet, live: troubles by cause.",
-    "console": "Show the fleet in a browser.",
-    "record": "Record reports and requests of robots in files for Foxglove.",
-    "replay": "Play a recording again, or feed its raw frames to today's adapters.",
-    "describe": "Show the commands of a robot, and whether it would accept them now.",
-    "send": "Send a command to a robot and wait for its answer.",
-    "goto": "Send a robot to a place.",
-    "stop": "Stop robots at once.",
-    "release": "Release stopped robots, and show who stopped them, when and why.",
-    "history": "Show the commands to robots, their senders and outcomes.",
-    "ready": "Show whether an aircraft would take off now, and why not.",
-    "mission": "Start, follow and control missions of one or several robots.",
-    "schedule": "Show, enable and disable the schedules of missions.",
-    "take": "Take a robot out of the run of a mission.",
-    "params": "Read and write a robot's own parameters.",
-    "logs": "Show the log of an edge and its workers.",
-    "flight-logs": "List and fetch the logs that a robot keeps on board.",
-    "video": "Send a camera's pictures as video on request of the cloud.",
-    "spool": "Show or delete the messages that are queued for the cloud on disk.",
-    "failover": "Hand the robots of a pair over to its other edge.",
-    "service": "Run the edge as a service of systemd: install, status, logs, uninstall.",
-    "doctor": "Check everything around an edge, and suggest remedies.",
-    "backup": "Pack state and configuration, to replace a dead computer.",
-    "restore": "Restore the backup of an edge on this computer.",
-    "support": "Pack configuration, logs and history, without secrets, for support.",
-    "certs": "Make and renew the certificates of a site's bus.",
-    "calibrate": "Measure a wheeled robot's wheels and turns.",
-    "adapters": "Show the kinds of robots that can be used, make new ones, reload changed ones.",
-    "schema": "Print the JSON Schema of fleet.yaml for editors.",
-    "completion": "Print the shell completion for robots and commands.",
-}
 
 
 class LazyGroup(click.Group):
@@ -117,7 +112,7 @@ class LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         """Import a command; None if there is none of this name."""
-        found = COMMANDS.get(cmd_name) or HIDDEN.get(cmd_name)
+        found = COMMANDS[cmd_name].place if cmd_name in COMMANDS else HIDDEN.get(cmd_name)
         point = None if found else adapter_commands().get(cmd_name)
         if not found and point is None:
             return None
@@ -145,7 +140,7 @@ class LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """List the commands without importing them."""
         with formatter.section("Commands"):
-            formatter.write_dl(list(SUMMARIES.items()))
+            formatter.write_dl([(name, each.summary) for name, each in COMMANDS.items()])
         brought = [(name, each) for name, each in adapter_commands().items() if name not in COMMANDS]
         if brought:
             with formatter.section("Commands of adapters (fleet NAME --help)"):

@@ -16,6 +16,7 @@ from fleet.cli.output import ExitCode, Output, with_output
 from fleet.client.local_user import local_user
 from fleet.clock import SystemClock
 from fleet.host.logs.setup import LogSettings, start_logging
+from fleet.host.runtime.cancellation import end_task
 from fleet.host.runtime.termination_signals import end_by_signal
 from fleet.rollout.accounts import server_accounts
 from fleet.rollout.agent import Agent
@@ -97,8 +98,7 @@ async def _serve(edge: str, installation: Installation) -> None:
         await asyncio.wait({running, ending}, return_when=asyncio.FIRST_COMPLETED)
     finally:
         ending.cancel()
-        running.cancel()
-        await asyncio.wait({running})
+        await end_task(running)
         await store.close()
     if not running.cancelled():
         running.result()
@@ -211,8 +211,7 @@ async def drive(out: Output, store: NatsFleetStore) -> ExitCode:
     await asyncio.wait({driving, ending}, return_when=asyncio.FIRST_COMPLETED)
     ending.cancel()
     if not driving.done():
-        driving.cancel()
-        await asyncio.wait({driving})
+        await end_task(driving)
         out.note(DETACHED)
         return ExitCode.INTERRUPTED
     found = driving.result()

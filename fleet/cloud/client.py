@@ -26,6 +26,7 @@ from fleet.cloud.reconnect_backoff import Backoff
 from fleet.cloud.topics import check_apart, check_topic
 from fleet.cloud.values import CloudMessage, CloudSettings, CloudState, CloudStats
 from fleet.errors import CloudError
+from fleet.runtime.exception_barrier import contained, guarded
 from fleet.spool.message import Outgoing
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import Spool, SpoolSettings
@@ -251,7 +252,7 @@ class CloudClient:
         while True:
             try:
                 state, backoff = CloudState.DISCONNECTED, self._network
-                cause = str(await self._serve())
+                cause = str(await guarded(self._serve))
             except SessionRefused as refusal:
                 state, backoff, cause = CloudState.REFUSED, self._refusals, str(refusal)
             except CloudError as error:
@@ -312,12 +313,13 @@ class CloudClient:
         """Periodic work: detect dead links, drop expired messages."""
         while True:
             await asyncio.sleep(self._connection.watch_interval if self._connection else 1.0)
+            tried = contained(logger, "watching the cloud connection failed")
             if self._connection:
-                self._connection.watch()
+                tried(self._connection.watch)()
             if self.state is CloudState.CONNECTED and self._session is not None:  # may refuse filters later
                 self._set_state(CloudState.CONNECTED, "; ".join(self._session.problems))
-            self._outbox.tick()
-            self._flush_now()
+            tried(self._outbox.tick)()
+            tried(self._flush_now)()
 
     def _deliver(self, messages: list[CloudMessage]) -> None:
         """Deliver messages; an error in the callback must not end the connection."""

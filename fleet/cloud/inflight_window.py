@@ -10,6 +10,7 @@ from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import Protocol
 from fleet.cloud.publish import QueuedQos0, publish, publish_qos0
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudStats
+from fleet.runtime.exception_barrier import call_guarded
 from fleet.spool.message import Outcome, Outgoing
 
 logger = logging.getLogger(__name__)
@@ -118,12 +119,16 @@ class InflightWindow:
         """Handle PUBREC: return the PUBREL for a QoS 2 message, None if the broker refuses it.
 
         The message stays in flight until PUBCOMP, and is returned to the outbox like any other if the
-        connection is lost before: the broker may withhold it until then.
+        connection is lost before: the broker may withhold it until then. A refusal ends the exchange, also of
+        a message that is not in flight (MQTT 5, 4.3.3: PUBREL answers a reason code below 0x80).
         """
         message = self._inflight.get(packet.packet_id)
-        if int(packet.reason_code) >= 0x80 and message is not None:
-            del self._inflight[packet.packet_id]
-            self._refused(message, packet.reason_code.name)
+        if int(packet.reason_code) >= 0x80:
+            if message is None:
+                logger.warning("the broker refuses message %d, which is not in flight", packet.packet_id)
+            else:
+                del self._inflight[packet.packet_id]
+                self._refused(message, packet.reason_code.name)
             return None
         known = mqtt5.PubRelReasonCode.SUCCESS if message else mqtt5.PubRelReasonCode.PACKET_ID_NOT_FOUND
         return mqtt5.PubRelPacket(packet.packet_id, reason_code=known)
@@ -151,10 +156,8 @@ class InflightWindow:
         identifier = self.next_id()
         message.qos = min(message.qos, self._most_qos)
         try:
-            data = publish(message, identifier, now, self._protocol)
-            if len(data) > self._packet_limit:
-                raise self._too_large(data)
-        except (ValueError, TypeError) as error:
+            data = self._checked(call_guarded(publish, message, identifier, now, self._protocol))
+        except Exception as error:  # noqa: BLE001 - the other messages of its batch go on
             self._unsendable(message.topic, error)
             self._record(message, Outcome.REFUSED)
             return b""
@@ -167,19 +170,19 @@ class InflightWindow:
     def _publish_qos0(self, message: QueuedQos0, now: float) -> bytes:
         """Return the packet of a QoS 0 message; empty if the broker would refuse it."""
         try:
-            data = publish_qos0(message, now, self._protocol)
-            if len(data) > self._packet_limit:
-                raise self._too_large(data)
-        except (ValueError, TypeError) as error:
+            data = self._checked(call_guarded(publish_qos0, message, now, self._protocol))
+        except Exception as error:  # noqa: BLE001 - the other messages of its batch go on
             self._unsendable(message.route.topic, error)
             self._stats.outcomes[Outcome.REFUSED] += 1
             return b""
         self._stats.sent += 1
         return data
 
-    def _too_large(self, packet: bytes) -> ValueError:
-        """Return the error for a packet above the broker's limit."""
-        return ValueError(f"{len(packet)} bytes; the broker takes {self._packet_limit}")
+    def _checked(self, packet: bytes) -> bytes:
+        """Return a packet; raises ValueError if it is above the broker's limit."""
+        if len(packet) > self._packet_limit:
+            raise ValueError(f"{len(packet)} bytes; the broker takes {self._packet_limit}")
+        return packet
 
     def _unsendable(self, topic: str, why: Exception) -> None:
         """Warn that a message cannot be sent."""

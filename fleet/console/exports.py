@@ -7,7 +7,7 @@ import contextlib
 import logging
 import sys
 from asyncio.subprocess import PIPE, Process
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from pathlib import Path
 
 import msgspec
@@ -51,7 +51,7 @@ class Export:
     async def blocks(self) -> AsyncIterator[bytes]:
         """Yield the output of the process."""
         assert self._process.stdout is not None
-        while block := await asyncio.wait_for(self._process.stdout.read(BLOCK), SILENT):
+        while block := await _in_time(self._process.stdout.read(BLOCK)):
             yield block
         if await self._process.wait():
             raise OSError("the process that exports has failed")
@@ -102,6 +102,12 @@ def _kill(process: Process) -> None:
         process.kill()
 
 
+async def _in_time(output: Awaitable[bytes]) -> bytes:
+    """Return output of the process; raises TimeoutError if it is silent."""
+    async with asyncio.timeout(SILENT):
+        return await output
+
+
 async def _begin(process: Process, task: ExportTask) -> None:
     """Send the task to the process, and wait until it can write the file; raises Refused."""
     assert process.stdin is not None
@@ -109,7 +115,7 @@ async def _begin(process: Process, task: ExportTask) -> None:
     try:
         process.stdin.write(msgspec.json.encode(task))
         process.stdin.close()
-        problem = decode_json(await asyncio.wait_for(process.stdout.readline(), SILENT), str)
+        problem = decode_json(await _in_time(process.stdout.readline()), str)
     except (OSError, ValueError, TimeoutError, msgspec.DecodeError):
         problem = "the process that exports has failed"
     if problem:

@@ -33,10 +33,19 @@ class Served(msgspec.Struct, frozen=True):
     viewers: frozenset[str] = frozenset()
 
 
+FOXGLOVE_DESKTOP = "file://"
+"""Origin of Foxglove's desktop program.
+
+Its page is a local file (foxglove/studio, packages/studio-desktop/src/main/StudioWindow.ts). A WebSocket of
+such a page has the origin ``file://`` in Electron (webpack/webpack-dev-server#3821), which gives local files
+more rights than a browser does (electron/electron, its fuse grantFileProtocolExtraPrivileges).
+Measured with Chromium 156: ``file://`` with --allow-file-access-from-files, the same right, and ``null``
+without. ``null`` is refused: any page can open a sandboxed frame that has it.
+"""
 LOOPBACK = Served(
     HOSTS,
     "this console is reached by 127.0.0.1 or localhost; from elsewhere through a tunnel (ssh -L)",
-    frozenset({"https://app.foxglove.dev", "file://"}),  # in a browser, and as a desktop program
+    frozenset({"https://app.foxglove.dev", FOXGLOVE_DESKTOP}),
 )
 LONGEST_BODY = 16 * 1024  # bytes of a request
 LONGEST_TARGET = 1024  # bytes of a path with its query

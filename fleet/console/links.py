@@ -55,7 +55,8 @@ async def serve_links(path: Path, make: Callable[[LinkAsked], str]) -> asyncio.A
 
     async def asked(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(OSError, msgspec.DecodeError, ValueError, TimeoutError):
-            line = await asyncio.wait_for(reader.readline(), ANSWER_WITHIN)
+            async with asyncio.timeout(ANSWER_WITHIN):
+                line = await reader.readline()
             link = make(decode_json(line, LinkAsked))
             writer.write(msgspec.json.encode(LinkGiven(link, os.getpid())) + b"\n")
             await writer.drain()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
+import contextlib
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from fleet.console import commands, configuration
@@ -13,6 +14,7 @@ from fleet.console.requests import (
     ExtentAsked,
     HistoryAsked,
     MomentAsked,
+    SeriesAsked,
     VideoAnswered,
     VideoAsked,
 )
@@ -29,13 +31,14 @@ class Lookups:
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
-        self._travels = False
+        self._read: set[str] = set()  # what is being read from the recordings
         self.calls: Mapping[type[object], Lookup] = {
             CausesAsked: self._causes,
             HistoryAsked: self._history,
             ConfigAsked: self._config,
             ExtentAsked: self._extent,
             MomentAsked: self._moment,
+            SeriesAsked: self._series,
             VideoAsked: self._video,
             VideoAnswered: self._video_answer,
         }
@@ -63,14 +66,25 @@ class Lookups:
         return {"extent": await self._hub.pasts.extent()}
 
     async def _moment(self, asked: MomentAsked) -> dict[str, object]:
-        """Return the fleet at a past moment; one at a time for each page."""
-        if self._travels:
-            raise Refused("another moment is still being read for this page")
-        self._travels = True
-        try:
+        """Return the fleet at a past moment."""
+        with self._one("moment"):
             return {"moment": await self._hub.pasts.moment(asked.at)}
+
+    async def _series(self, asked: SeriesAsked) -> dict[str, object]:
+        """Return recorded numbers of a robot."""
+        with self._one("window"):
+            return {"series": await self._hub.pasts.series(asked)}
+
+    @contextlib.contextmanager
+    def _one(self, what: str) -> Iterator[None]:
+        """Read from the recordings, one of a kind at a time for each page; raises Refused."""
+        if what in self._read:
+            raise Refused(f"another {what} is still being read for this page")
+        self._read.add(what)
+        try:
+            yield
         finally:
-            self._travels = False
+            self._read.discard(what)
 
     async def _video(self, asked: VideoAsked) -> dict[str, object]:
         """Return the next offer of a robot's live video."""

@@ -10,10 +10,11 @@ import msgspec
 
 from fleet.console.commands import shown_event
 from fleet.console.fleet_view import FleetView, Goals, id_of
+from fleet.console.recorded_numbers import recorded_numbers
 from fleet.history.record import Record
 from fleet.missions.report import RunState
 from fleet.model.description import RobotDescription
-from fleet.model.report import JointReport, PoseReport
+from fleet.model.report import PoseReport
 from fleet.model.schedule import ScheduleAnswer
 from fleet.model.state import EdgeState, RobotState
 from fleet.replay.reports import report_in
@@ -131,20 +132,18 @@ class _Shown:
         report = _pose_in(message)
         if report is not None and name in self._view.states:
             self._view.put("poses", name, self._view.shown_pose(name, report))
-            turned = report.rotation
-            leans = {"qw": turned.w, "qx": turned.x, "qy": turned.y, "qz": turned.z}
-            self._take_numbers(name, {f"position.{part}": value for part, value in leans.items()})
+            self._take_numbers(message)
 
     def _joints(self, message: ReadMessage) -> None:
         """Take the joint positions of a robot, unless they are outdated."""
-        report = report_in(message.schema, message.data)
-        if isinstance(report, JointReport) and self._at - message.received <= SILENT:
-            told = {f"joint_states.positions.{joint}": value for joint, value in report.positions.items()}
-            self._take_numbers(id_of(message.edge, message.robot), told)
+        if self._at - message.received <= SILENT:
+            self._take_numbers(message)
 
-    def _take_numbers(self, name: str, numbers: Mapping[str, float]) -> None:
-        """Add reported numbers of a robot."""
-        self._view.put("numbers", name, {**(self._view.get("numbers", name) or {}), **numbers})
+    def _take_numbers(self, message: ReadMessage) -> None:
+        """Add the numbers of a report."""
+        name = id_of(message.edge, message.robot)
+        known = self._view.get("numbers", name) or {}
+        self._view.put("numbers", name, {**known, **recorded_numbers(message)})
 
 
 def _pose_in(message: ReadMessage) -> PoseReport | None:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fleet.errors import WireError
+from fleet.model.state import RobotState
 from fleet.wire.samples import json_payload
 from fleet.wire.strict import parse_object
 from fleet.wire.topics import parse_data_key
@@ -18,25 +19,50 @@ DEEPEST = 4
 LONGEST = 120  # characters of a name
 WITHOUT = frozenset({"depth", "driverlog", "event", "frames", "map_update", "photo", "pointcloud", "streams"})
 """Channels with pictures, arrays or text."""
+SPEED = "speed"
+"""The number of a robot's state: m/s."""
 _NOT_PLOTTED = frozenset({"ts", "timestamp"})
 
 
 def numbers_in(key: str, sample: bytes) -> dict[str, float]:
-    """Return the numbers in a report on the bus by their path in it (``battery.percent``).
+    """Return the numbers in a report on the bus, as ``numbers_of`` names them.
 
-    Lists aligned with ``names``, as for joints, use these as the last part of the path. Empty for channels
-    without numbers, and for invalid JSON.
+    Empty for channels without numbers, and for invalid JSON.
     """
     data = parse_data_key(key)
-    if data is None or data.channel in WITHOUT or data.channel.startswith("commands"):
+    source = source_of(data.channel, data.sensor) if data is not None else ""
+    if not source:
         return {}
     try:
-        message = parse_object(json_payload(sample))
+        return numbers_of(source, parse_object(json_payload(sample)))
     except WireError:
         return {}
-    start = f"{data.channel}/{data.sensor}" if data.sensor else data.channel
-    found = ((name, value) for name, value in _walk(start, message, 0) if len(name) <= LONGEST)
+
+
+def source_of(channel: str, sensor: str | None) -> str:
+    """Return the start of the names of a channel's numbers; empty for a channel without numbers."""
+    if channel in WITHOUT or channel.startswith("commands"):
+        return ""
+    return f"{channel}/{sensor}" if sensor else channel
+
+
+def source_in(name: str) -> str:
+    """Return the source in the name of a number."""
+    return name.partition(".")[0]
+
+
+def numbers_of(source: str, message: Mapping[str, Any]) -> dict[str, float]:
+    """Return the numbers in a message as it is on the bus, by their path in it (``battery.charge_pct``).
+
+    Lists aligned with ``names``, as for joints, use these as the last part of the path.
+    """
+    found = ((name, value) for name, value in _walk(source, message, 0) if len(name) <= LONGEST)
     return dict(itertools.islice(found, MOST))
+
+
+def numbers_in_state(state: RobotState) -> dict[str, float]:
+    """Return the numbers of a robot's state."""
+    return {SPEED: state.speed} if state.speed is not None else {}
 
 
 def _walk(name: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:

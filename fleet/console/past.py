@@ -1,14 +1,17 @@
-"""The recordings of a console: the fleet at a past moment."""
+"""The recordings of a console: the fleet at a past moment, and the numbers of a robot around it."""
 
 from __future__ import annotations
 
 import asyncio
 import math
+import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fleet.console.moment import moment
+from fleet.console.requests import SeriesAsked
+from fleet.console.series import read_series, require_bounds
 from fleet.errors import Refused
 from fleet.record.child import EXTRA, is_installed
 
@@ -22,10 +25,16 @@ HOW = "record: in fleet.yaml records; fleet console --recordings FOLDER shows an
 
 
 class Pasts:
-    """The recordings in ``folders``; one moment at a time is read, on a thread of its own."""
+    """The recordings in ``folders``; one moment or window at a time is read, on a thread of its own.
 
-    def __init__(self, folders: Callable[[], Iterable[Path]]) -> None:
+    ``spent`` is the processor time of the calling thread, s.
+    """
+
+    def __init__(
+        self, folders: Callable[[], Iterable[Path]], spent: Callable[[], float] = time.thread_time
+    ) -> None:
         self._folders = folders
+        self._spent = spent
         self._known: dict[Path, Past] = {}
         self._reading = asyncio.Lock()
 
@@ -41,6 +50,12 @@ class Pasts:
         async with self._reading:
             return await asyncio.to_thread(self._moment, at)
 
+    async def series(self, asked: SeriesAsked) -> dict[str, Any]:
+        """Return numbers of a robot in a window, as ``read_series`` does; raises Refused."""
+        require_bounds(asked)
+        async with self._reading:
+            return await asyncio.to_thread(self._series, asked)
+
     def _extent(self) -> dict[str, float]:
         """Return the time range; blocks."""
         found = [extent for past in self._pasts() if (extent := past.extent()) is not None]
@@ -55,6 +70,16 @@ class Pasts:
         if not found:
             raise Refused(f"{NOTHING} of that time", hint=HOW)
         return moment(at, found, [each for past in pasts for each in past.track(at, TRACK, TRACK_POINTS)])
+
+    def _series(self, asked: SeriesAsked) -> dict[str, Any]:
+        """Return numbers of a robot in a window; blocks."""
+        pasts = self._pasts()
+        from fleet.record.window import Window  # noqa: PLC0415 - its packages are an extra
+
+        window = Window(f"/{asked.robot}/", asked.since, asked.until)
+        for past in pasts:
+            past.find(window)
+        return read_series(asked, window, self._spent)
 
     def _pasts(self) -> list[Past]:
         """Return the existing folders of recordings; raises Refused without the extra."""

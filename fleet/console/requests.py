@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from fleet.console.numbers import LONGEST
 from fleet.errors import WireError
 from fleet.model.permission import Permission, needed_for_command
 from fleet.runtime.decoding import json_decoder
@@ -14,8 +15,11 @@ from fleet.runtime.decoding import json_decoder
 MOST_ROBOTS = 1000  # in one request
 LONGEST_WORD = 200  # characters of an identity, a name, a reason
 LONGEST_SDP = 12_000  # characters of a session description
+MOST_SERIES = 20  # numbers of a robot in one request
+MOST_POINTS = 1000  # of one number
 FASTEST = 50.0  # m/s or rad/s; the edge enforces each robot's own limits
 
+NumberName = Annotated[str, msgspec.Meta(max_length=LONGEST)]
 Speed = Annotated[float, msgspec.Meta(ge=-FASTEST, le=FASTEST)]
 
 
@@ -164,6 +168,20 @@ class MomentAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
     at: float
 
 
+class SeriesAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="series"):
+    """Get numbers of a robot from the recordings, received from ``since`` until ``until``, Unix s.
+
+    ``names`` are those of the live numbers; ``points`` are the most of each.
+    """
+
+    request: str
+    robot: str
+    since: float
+    until: float
+    names: Annotated[tuple[NumberName, ...], msgspec.Meta(max_length=MOST_SERIES)] = ()
+    points: Annotated[int, msgspec.Meta(ge=2, le=MOST_POINTS)] = MOST_POINTS
+
+
 class ConfigAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="config"):
     """Get the fleet.yaml of an edge and its errors."""
 
@@ -210,6 +228,7 @@ Request = (
     | ScheduleChange
     | ExtentAsked
     | MomentAsked
+    | SeriesAsked
     | ConfigAsked
     | VideoAsked
     | VideoAnswered
@@ -224,6 +243,7 @@ _NEEDS: Mapping[type[object], Permission] = {
     HistoryAsked: Permission.VIEW,
     ExtentAsked: Permission.VIEW,
     MomentAsked: Permission.VIEW,
+    SeriesAsked: Permission.VIEW,
     PingAsked: Permission.VIEW,
     ReleaseAsked: Permission.OPERATE,
     GotoAsked: Permission.OPERATE,

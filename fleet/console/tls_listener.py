@@ -102,7 +102,8 @@ class TlsListener:
         taken.setblocking(False)
         passed_on = False
         try:
-            first = await asyncio.wait_for(_first_byte(taken), WITHIN)
+            async with asyncio.timeout(WITHIN):
+                first = await _first_byte(taken)
             if first == HANDSHAKE:
                 passed_on = True  # asyncio closes it in any case
                 loop = asyncio.get_running_loop()
@@ -112,7 +113,8 @@ class TlsListener:
                 )
                 loop.call_later(FIRST_REQUEST, self._end_unused, transport, protocol)
             elif first is not None:
-                await asyncio.wait_for(self._answer_plain(taken), WITHIN)
+                async with asyncio.timeout(WITHIN):
+                    await self._answer_plain(taken)
         except (OSError, TimeoutError) as error:  # ssl.SSLError is an OSError
             log.debug("a connection was not begun: %s", error)
         finally:

@@ -37,9 +37,11 @@ class VideoOffers:
         """Return the next offer of a robot (``edge/robot``); raises Refused, or TimedOut without one."""
         if robot in self._waiting:
             raise Refused("another page asks for this video")
-        offered = self._waiting[robot] = asyncio.get_running_loop().create_future()
+        offered: asyncio.Future[VideoOffer] = asyncio.get_running_loop().create_future()
+        self._waiting[robot] = offered
         try:
-            return await asyncio.wait_for(offered, within)
+            async with asyncio.timeout(within):
+                return await offered
         except TimeoutError:
             raise TimedOut("no program on the bus offers video of this robot") from None
         finally:

@@ -12,7 +12,7 @@ import msgspec
 
 from fleet.bus.bus import Bus
 from fleet.console.fleet_view import FleetView
-from fleet.console.numbers import numbers_in
+from fleet.console.numbers import SPEED, numbers_in, numbers_in_state
 from fleet.console.photos import Photos
 from fleet.console.requests import VideoAnswered
 from fleet.console.video_offers import VideoOffers
@@ -92,8 +92,12 @@ class WatchedReports:
                 self.offers.take(robot, sample)
             elif robot in self._watched:
                 found.setdefault(robot, {}).update(numbers_in(key, sample))
-        for robot, numbers in found.items():
-            self._view.put("numbers", robot, (self._view.get("numbers", robot) or {}) | numbers)
+        for robot in self._watched:
+            known: dict[str, float] = self._view.get("numbers", robot) or {}
+            reported = {name: value for name, value in known.items() if name != SPEED}
+            numbers = reported | found.get(robot, {}) | numbers_in_state(self._view.states[robot])
+            if numbers != known:
+                self._view.put("numbers", robot, numbers)
 
     def _take_photo(self, robot: str, sample: bytes) -> None:
         """Take a picture; a page loads it when it learns of it."""

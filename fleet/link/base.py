@@ -17,10 +17,11 @@ class Link(Protocol):
     def fileno(self) -> int:
         """Return the file descriptor that ``send`` writes to, -1 for a link without one."""
 
-    def send(self, data: bytes, address: Address = None) -> None:
+    def send(self, data: bytes, address: Address = None) -> bool:
         """Write without blocking. Without an address, datagrams go to the peer that was last heard.
 
-        May be called from any thread. Raises LinkLost when the link is down.
+        May be called from any thread. Returns False for data that was dropped: there is no peer or no route
+        yet, or a transmit queue is full. Raises LinkLost when the link is down.
         """
 
     async def lost(self) -> None:

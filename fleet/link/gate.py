@@ -53,10 +53,10 @@ class GatedLink:
         self._gate = gate
         self._epoch = epoch
 
-    def send(self, data: bytes, address: Address = None) -> None:
+    def send(self, data: bytes, address: Address = None) -> bool:
         """Write as the link does; raises LinkLost once the gate is closed."""
         self._gate.check(self._epoch, self.url)
-        self._link.send(data, address)
+        return self._link.send(data, address)
 
     def fileno(self) -> int:
         """Return the file descriptor that the link writes to."""

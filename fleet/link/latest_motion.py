@@ -66,15 +66,17 @@ class LatestMotion:
             self._write(frames)
 
     def halt(self, stop: MotionFrames) -> bool:
-        """Discard all motion and write the stop at once; from any thread. False: the link is down."""
+        """Discard all motion and write the stop at once; from any thread.
+
+        False: it was not written, because the link is down or has no peer yet.
+        """
         with self._lock:
             self.turn += 1  # motion decided before this stop is refused by ``put``
             self._waiting = ()
             try:
-                self._write(stop)
+                return self._write(stop)
             except LinkLost:  # the robot's own fail-safe must stop it
                 return False
-            return True
 
     def _write_waiting(self) -> None:
         """Write the newest motion unless more bytes than its own length are still unsent."""
@@ -83,14 +85,13 @@ class LatestMotion:
         motion, self._waiting = self._waiting, ()
         self._write(motion)
 
-    def _write(self, frames: MotionFrames) -> None:
-        """Write, and update the time at which the line will be free."""
-        for frame in frames:
-            if frame:
-                self._link.send(frame, self.peer)
+    def _write(self, frames: MotionFrames) -> bool:
+        """Write, and update the time at which the line will be free; return False if a frame was dropped."""
+        written = [self._link.send(frame, self.peer) for frame in frames if frame]
         if self._byte_time:
             busy = sum(map(len, frames)) * self._byte_time
             self._free_at = max(self._free_at, self._clock.monotonic()) + busy
+        return all(written)
 
     def _inflight(self) -> int:
         """Return the number of unsent bytes: those in the kernel, or those by the line's speed if more."""

@@ -30,7 +30,7 @@ class MemoryLink:
         """Return -1: there is nothing outside this process."""
         return -1
 
-    def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - there is one peer
+    def send(self, data: bytes, address: Address = None) -> bool:  # noqa: ARG002 - there is one peer
         """Hand the bytes to the robot; raises LinkLost once the link has ended."""
         if self._ending.ended:
             raise self._ending.error()
@@ -38,6 +38,7 @@ class MemoryLink:
         if (note := self._tap.note) is not None:
             note("out", data)
         self._robot.take(data)
+        return True
 
     def arrive(self, data: bytes) -> None:
         """Deliver bytes from the robot, from any thread."""

@@ -69,10 +69,10 @@ class MotionSender:
         self._repeats = STOP_REPEATS
         self._written = self._clock.monotonic()
 
-    def halt(self) -> None:
-        """Write the stop at once and schedule its repeats; from any thread."""
+    def halt(self) -> bool:
+        """Write the stop at once and schedule its repeats; from any thread. False: it was not written."""
         self._repeats = STOP_REPEATS
-        self._slot.halt(self._stop())
+        return self._slot.halt(self._stop())
 
     def look(self) -> None:
         """Write waiting motion and due repeats; call it every ``POLL_INTERVAL`` s. Raises LinkLost."""

@@ -57,7 +57,7 @@ class StreamLink:
         """Return the file descriptor that ``send`` writes to."""
         return self._descriptor
 
-    def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - streams have one peer
+    def send(self, data: bytes, address: Address = None) -> bool:  # noqa: ARG002 - streams have one peer
         """Write all of ``data`` or raise LinkLost; from any thread, never blocking."""
         with self._lock:
             if self._ending.ended:
@@ -72,6 +72,7 @@ class StreamLink:
             self.stats.sent += 1
             if (note := self._tap.note) is not None:
                 note("out", data)
+            return True
 
     def unsent(self) -> int:
         """Return the number of bytes that wait in the kernel, 0 once the link has ended; from any thread."""

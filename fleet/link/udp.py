@@ -57,7 +57,7 @@ class UdpLink:
         """Return the socket's descriptor, -1 once it is closed."""
         return self._sock.fileno()
 
-    def send(self, data: bytes, address: Address = None) -> None:
+    def send(self, data: bytes, address: Address = None) -> bool:
         """Write one datagram to ``address``, or to the peer last heard; from any thread, without blocking."""
         target = address or self._peer
         with self._lock:
@@ -69,8 +69,9 @@ class UdpLink:
                 self.stats.sent += 1
                 if (note := self._tap.note) is not None:
                     note("out", data, target)
-            else:
-                self.stats.dropped += 1
+                return True
+            self.stats.dropped += 1
+            return False
 
     def _sent(self, data: bytes, target: Address) -> bool:
         """Send a datagram; return True when the kernel accepted it."""

@@ -15,7 +15,6 @@ from fleet.errors import Refused
 from fleet.missions.model import (
     ALL,
     FOLLOW_AT,
-    LONGEST,
     ActConfig,
     BatteryConfig,
     ConditionConfig,
@@ -41,6 +40,7 @@ from fleet.missions.program import (
     Wait,
     WaitFor,
 )
+from fleet.yaml_model import LONGEST
 
 DEEPEST = 5  # levels of inner missions
 MOST = 10_000  # instructions of a program

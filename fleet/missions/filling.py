@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 
 import msgspec
 
@@ -25,7 +25,7 @@ Rehearsed = Callable[[Program, dict[str, list[str]] | None, dict[str, Point | No
 class Filling:
     """Fills roles from the robots of an edge. ``runs``: those in progress or about to begin.
 
-    ``is_full``: whether a place is occupied up to its capacity.
+    ``is_full``: whether a place is occupied up to its capacity. ``ended``: IDs of runs that have ended.
     """
 
     def __init__(
@@ -33,10 +33,12 @@ class Filling:
         candidates: Callable[[], list[Candidate]],
         runs: Callable[[], Iterable[Run]],
         is_full: Callable[[str], bool],
+        ended: Container[str] = (),
     ) -> None:
         self._candidates = candidates
         self._runs = runs
         self._is_full = is_full
+        self._ended = ended
         self.rehearsed: Rehearsed = lambda *_: "rehearsals are not kept here"
 
     def fill(
@@ -95,12 +97,14 @@ class Filling:
     def _free(self, run: str) -> list[Candidate]:
         """Return all robots as candidates; robots that have joined ``run`` already count as free.
 
-        After a restart, robots belong to the resumed runs before their own states say so.
+        After a restart, robots belong to the resumed runs before their own states say so. The state of a
+        robot in a worker is late: it may still name a run that has ended. Such a robot has been told to
+        leave, and refuses to join another run if it has not.
         """
         has = {member.robot: each.id for each in self._runs() for member in each.engine.robots.ours()}
         found = []
         for each in self._candidates():
-            now = has.get(each.name, each.run)
+            now = has.get(each.name, "" if each.run in self._ended else each.run)
             found.append(msgspec.structs.replace(each, run="" if now == run else now))
         return found
 

@@ -7,14 +7,13 @@ replaces ``{input: NAME}`` by values before the models validate the data.
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
 from fleet.missions.points import MOST_POINTS, is_point, point_trouble
 from fleet.robot_config import Name
-from fleet.yaml_model import Model, wrong
+from fleet.yaml_model import Duration, Model, wrong
 
 ALL = "all"
 """Pseudo-role for every robot of the run."""
@@ -28,27 +27,6 @@ REPEATABLE = frozenset({"goto", "path"})
 """Verbs that lead to the same state when repeated."""
 FOLLOW_AT = 3.0  # m behind another robot, by default
 DEEPEST = 3  # levels of repeats
-_DURATION = re.compile(r"(\d+(?:\.\d+)?) ?(s|min|h)")
-_SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
-LONGEST = 86_400.0  # s
-
-
-def _seconds(given: Any) -> Any:
-    """Convert ``60 s``, ``12 min`` or ``1 h`` to seconds; return other values unchanged."""
-    if not isinstance(given, str):
-        return given
-    match = _DURATION.fullmatch(given.strip())
-    if match is None:
-        raise ValueError(f"{given!r} is no duration: write 60 s, 12 min or 1 h")
-    return float(match[1]) * _SECONDS[match[2]]
-
-
-Duration = Annotated[
-    float,
-    BeforeValidator(_seconds),
-    Field(gt=0, le=LONGEST, allow_inf_nan=False),
-    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": f"^{_DURATION.pattern}$"}]}),
-]
 Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 Verb = Literal["command", "goto", "path", "plan", "follow", "mission"]
 

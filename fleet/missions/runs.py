@@ -11,6 +11,7 @@ import hashlib
 import logging
 import re
 import secrets
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
@@ -52,6 +53,7 @@ log = logging.getLogger(__name__)
 JOIN_WITHIN = 5.0  # s for all robots of a run to join it
 BACK_WITHIN = 20.0  # s for robots to answer again after a restart of the edge
 MOST = 64  # runs in progress
+ENDED = 256  # run IDs kept after the end, for robots whose state still names them
 _RUN_ID = re.compile(r"[A-Za-z0-9-]{1,40}")
 
 _CONTROLS: Mapping[str, Callable[[str], Event]] = {"pause": Pause, "resume": Resume, "abort": Abort}
@@ -100,7 +102,8 @@ class Runs:
         self.places = RunPlaces(site.places, self._runs.get, clock)
         self.occupy = self.places.occupy
         self.give_back = self.places.give_back
-        self.filling = Filling(candidates, self.all, self.places.is_full)
+        self._ended: deque[str] = deque(maxlen=ENDED)
+        self.filling = Filling(candidates, self.all, self.places.is_full, self._ended)
         self._pending: dict[str, _Pending] = {}
 
     # -- services for the runs -------------------------------------------------------------------------
@@ -110,6 +113,7 @@ class Runs:
         self._told(self.state(run))
         if run.engine.over:
             self._runs.pop(run.id, None)
+            self._ended.append(run.id)
 
     def state(self, run: Run) -> RunState:
         """Return the present state of a run."""
@@ -244,6 +248,7 @@ class Runs:
             for member in run.engine.robots.ours():
                 if member.robot not in refused:
                     run.leave(member.robot)
+            self._ended.append(run.id)
             began("", roles, refusal)
             return
         self._runs[run.id] = run

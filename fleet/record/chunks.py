@@ -6,7 +6,6 @@ messages decompresses only a few chunks. Source: https://mcap.dev/spec.
 
 from __future__ import annotations
 
-import contextlib
 import io
 import os
 import struct
@@ -62,13 +61,16 @@ class RawMessage(msgspec.Struct, frozen=True):
 class Chunks:
     """The chunks of the file at ``path``, oldest first; ``look`` adds the ones written since.
 
-    Raises OSError if the file cannot be read; damaged parts are skipped.
+    Raises OSError if the file cannot be read; damaged parts are skipped. ``is_cut``: the file has no end, so
+    that what followed is lost. ``damaged`` are the positions of the chunks that could not be read completely.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.found: list[Chunk] = []
         self.channels: dict[int, Channel] = {}
+        self.is_cut = False
+        self.damaged: set[int] = set()
         self._schemas: dict[int, str] = {}
         self._at = _MAGIC
 
@@ -76,6 +78,7 @@ class Chunks:
         """Find the records written since the last call."""
         with self.path.open("rb", buffering=0) as file:
             size = os.fstat(file.fileno()).st_size
+            self.is_cut = True
             begin, block = self._at, b""
             while True:
                 if self._at + _RECORD.size + _CHUNK.size > begin + len(block):
@@ -84,7 +87,12 @@ class Chunks:
                 if len(block) < at + _RECORD.size + _CHUNK.size:
                     return
                 opcode, length = _RECORD.unpack_from(block, at)
-                if opcode == Opcode.DATA_END or not 0 < length <= size - self._at:
+                if opcode == Opcode.DATA_END:
+                    self.is_cut = False
+                    return
+                if length > size - self._at:  # the file has grown, or is damaged
+                    size = os.fstat(file.fileno()).st_size
+                if not 0 < length <= size - self._at:
                     return
                 self._take(file.fileno(), opcode, length, block[at + _RECORD.size :][: _CHUNK.size])
                 self._at += _RECORD.size + length
@@ -111,7 +119,9 @@ class Chunks:
     def _unpack(self, file: int, chunk: Chunk, wanted: int, take: Callable[[RawMessage], object]) -> None:
         """Read the records of a chunk: schemas, channels, and the messages on the channels ``wanted``."""
         data = _unpacked(os.pread(file, chunk.size, chunk.at))
-        with contextlib.suppress(struct.error):  # the rest is damaged
+        if not data:
+            self.damaged.add(chunk.at)
+        try:
             for opcode, at, length in _records(data):
                 if opcode == Opcode.MESSAGE:
                     channel, _, received, stamp = _MESSAGE.unpack_from(data, at)
@@ -124,6 +134,8 @@ class Chunks:
                     number, schema = _CHANNEL.unpack_from(data, at)
                     topic = _text(data, at + _CHANNEL.size)
                     self.channels[number] = Channel(topic, self._schemas.get(schema, ""))
+        except struct.error:  # the rest is damaged
+            self.damaged.add(chunk.at)
 
 
 def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
@@ -141,7 +153,7 @@ def _unpacked(content: bytes) -> bytes:
         chunk = ChunkRecord.read(ReadDataStream(io.BytesIO(content)))
         if chunk.uncompressed_size > LARGEST:
             return b""
-        stream, length = get_chunk_data_stream(chunk)
+        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
         return stream.read(length)
     except BROKEN:
         return b""

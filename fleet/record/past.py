@@ -1,21 +1,24 @@
-"""A moment of a recording: the newest message of each topic, and the events before it.
+"""A moment of a recording: the newest message of each topic, and the events before it; the files of a window.
 
 The work for a moment is limited, whatever the size of the recording: in files, chunks and events.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
 from fleet.errors import StateError
-from fleet.record.chunks import Channel, Chunk, Chunks, RawMessage
-from fleet.record.reading import ReadMessage
+from fleet.record.chunks import Channel, Chunk, Chunks
+from fleet.record.reading import ReadMessage, message_of
 from fleet.record.ring import begin_of, files_in
+from fleet.record.window import Window
 
 MOST_FILES = 2  # files of a folder read for a moment: the file of the moment, and the one before
+MOST_IN_WINDOW = 4  # files of a folder read for a window
 MOST_CHUNKS = 96  # decompressed for a moment
 KEPT = 8  # files with cached chunk lists
 SEVERAL: Mapping[str, int] = MappingProxyType({"fleet.Record": 60, "fleet.RunState": 60})
@@ -70,6 +73,25 @@ class Past:
                     found += {each.topic: each for _, each in _read(chunks, chunk, positions, until)}.values()
         return found
 
+    def find(self, window: Window) -> None:
+        """Add the chunks of a window to it."""
+        files = self._files()
+        ends = [begin for begin, _ in files[1:]] + [math.inf]  # a file ends when the next one begins
+        there = [
+            path
+            for (begin, path), end in zip(files, ends, strict=True)
+            if begin <= window.until and end >= window.since
+        ]
+        if len(there) > MOST_IN_WINDOW:
+            window.problems.append(
+                f"only the newest {MOST_IN_WINDOW} of {len(there)} files of that time are read"
+            )
+        for path in there[-MOST_IN_WINDOW:]:
+            try:
+                window.add(self._looked_at(path))
+            except OSError as error:
+                window.problems.append(f"{path.name} cannot be read: {error.strerror or error}")
+
     def _files(self) -> list[tuple[float, Path]]:
         """Return the files with the Unix s at which each began, oldest first."""
         return [(begin, path) for path in files_in(self._folder) if (begin := begin_of(path)) is not None]
@@ -77,17 +99,21 @@ class Past:
     def _chunks(self, moment: float) -> Iterator[Chunks]:
         """Yield the chunks of the files for a moment, newest file first."""
         for _, path in [file for file in self._files() if file[0] <= moment][: -MOST_FILES - 1 : -1]:
-            chunks = self._known.pop(path, None) or Chunks(path)
             try:
-                chunks.look()
+                yield self._looked_at(path)
             except FileNotFoundError:
                 continue  # the oldest file, deleted meanwhile
             except OSError as error:
                 raise StateError(f"{path} cannot be read: {error.strerror or error}") from None
-            self._known[path] = chunks
-            while len(self._known) > KEPT:
-                self._known.pop(next(iter(self._known)))
-            yield chunks
+
+    def _looked_at(self, path: Path) -> Chunks:
+        """Return the chunks of a file as it is now; raises OSError."""
+        chunks = self._known.pop(path, None) or Chunks(path)
+        chunks.look()
+        self._known[path] = chunks
+        while len(self._known) > KEPT:
+            self._known.pop(next(iter(self._known)))
+        return chunks
 
 
 class _Search:
@@ -150,10 +176,5 @@ def _read(chunks: Chunks, chunk: Chunk, wanted: int, until: int) -> list[tuple[C
     except OSError as error:
         raise StateError(f"{chunks.path} cannot be read: {error.strerror or error}") from None
     found.sort(key=lambda message: message.received)
-    return [_read_message(chunks.channels[message.channel], message) for message in found]
-
-
-def _read_message(channel: Channel, raw: RawMessage) -> tuple[Channel, ReadMessage]:
-    """Return a message with its channel."""
-    received, stamp = raw.received / _SECOND, raw.stamp / _SECOND
-    return channel, ReadMessage(channel.topic, channel.schema, received, stamp, raw.data)
+    read = ((chunks.channels[message.channel], message) for message in found)
+    return [(channel, message_of(channel, message)) for channel, message in read]

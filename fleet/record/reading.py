@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.errors import StateError
+from fleet.record.chunks import Channel, RawMessage
 from fleet.record.export import messages_of, recorded, recorded_in
 
 
@@ -35,6 +36,11 @@ class ReadMessage(msgspec.Struct, frozen=True):
         """Its robot; for messages of the edge itself another word, or empty."""
         parts = self.topic.split("/")
         return parts[2] if len(parts) > 3 and self.edge else ""
+
+
+def message_of(channel: Channel, raw: RawMessage) -> ReadMessage:
+    """Return a message that was read from a chunk."""
+    return ReadMessage(channel.topic, channel.schema, raw.received / 1e9, raw.stamp / 1e9, raw.data)
 
 
 def read_recording(path: Path, since: float = 0.0, until: float = math.inf) -> Iterator[ReadMessage]:

@@ -58,7 +58,8 @@ async def record(
     try:
         while not ended.is_set():
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(ended.wait(), EVERY)
+                async with asyncio.timeout(EVERY):
+                    await ended.wait()
             for edge, bus in edges.joined.items():
                 joined.ask(edge, bus.control)
             await asyncio.to_thread(recorder.write)

@@ -63,7 +63,8 @@ async def play(
                 for edge in edges.values():
                     edge.flush()
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(ended.wait(), max(left, 0.0))
+                    async with asyncio.timeout(max(left, 0.0)):
+                        await ended.wait()
             if ended.is_set():
                 break
             edges[message.edge].play(message)

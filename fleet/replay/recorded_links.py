@@ -21,11 +21,12 @@ class RecordedLink:
         """Return -1: there is no file to write to."""
         return -1
 
-    def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - there is no peer
+    def send(self, data: bytes, address: Address = None) -> bool:  # noqa: ARG002 - there is no peer
         """Discard the data; raises LinkLost after the end of the link."""
         if self._ending.ended:
             raise self._ending.error()
         self.stats.sent += 1
+        return True
 
     def arrive(self, frame: LinkFrame) -> None:
         """Deliver a recorded frame."""

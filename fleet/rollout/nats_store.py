@@ -55,7 +55,8 @@ class Connection:
             self._client = self._stream = None
         if self._stream is None:
             try:
-                self._client = await asyncio.wait_for(self._connected(), WITHIN)
+                async with asyncio.timeout(WITHIN):
+                    self._client = await self._connected()
             except (NatsError, OSError, TimeoutError, ValueError) as error:
                 raise self.silent(error) from error
             self._stream = self._client.jetstream(timeout=WITHIN)

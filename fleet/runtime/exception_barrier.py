@@ -7,10 +7,13 @@ bypass every handler that is meant to stop the robot.
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Awaitable, Callable
-from typing import TypeVar
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 ResultT = TypeVar("ResultT")
+Given = ParamSpec("Given")
 
 
 async def guarded(work: Callable[[], Awaitable[ResultT]]) -> ResultT:
@@ -34,6 +37,24 @@ def call_guarded(work: Callable[..., ResultT], *arguments: object) -> ResultT:
         raise
     except BaseException as error:
         raise failure_of(error) from error
+
+
+def contained(
+    log: logging.Logger, failure: str
+) -> Callable[[Callable[Given, object]], Callable[Given, None]]:
+    """Return a decorator for calls on which nothing may depend: an exception is logged, with ``failure``."""
+
+    def contain(call: Callable[Given, object]) -> Callable[Given, None]:
+        @wraps(call)
+        def tried(*given: Given.args, **named: Given.kwargs) -> None:
+            try:
+                call(*given, **named)
+            except Exception:
+                log.exception("%s", failure)
+
+        return tried
+
+    return contain
 
 
 def failure_of(error: BaseException) -> Exception:

@@ -49,7 +49,8 @@ class SimProcess:
         assert process.stdin is not None
         process.stdin.close()
         try:
-            await asyncio.wait_for(process.wait(), _STOP)
+            async with asyncio.timeout(_STOP):
+                await process.wait()
         except TimeoutError:
             with contextlib.suppress(ProcessLookupError):
                 process.kill()
@@ -93,7 +94,8 @@ class SimProcess:
             try:
                 process.stdin.write(msgspec.json.encode(line) + b"\n")
                 await process.stdin.drain()
-                answer = await asyncio.wait_for(process.stdout.readline(), _START)
+                async with asyncio.timeout(_START):
+                    answer = await process.stdout.readline()
             except (OSError, TimeoutError) as error:
                 raise LinkLost(f"the simulator does not answer: {error}") from error
         if not answer:

@@ -116,7 +116,8 @@ class SpoolDisk:
                 self._damaged = False
             self._store = store = SpoolFile(self._path, self._size)
             self._load(store)
-        except (StateError, sqlite3.Error, OSError) as error:
+        except (StateError, sqlite3.Error, OSError, ValueError) as error:
+            self._damaged |= isinstance(error, ValueError)  # a row that no fleet has written
             self._close_store()
             self._report_failure(error)
             with self._queue_lock:
@@ -171,10 +172,10 @@ class SpoolDisk:
         for work in (self._follow_clock, self._expire, self._write, self._fetch, self._sync):
             try:
                 work(self._store)
-            except sqlite3.Error as error:  # go on: a full disk can still be read
+            except Exception as error:  # noqa: BLE001 - go on: a full disk can still be read
                 succeeded = False
                 self._report_failure(error)
-                if is_corrupt(error):
+                if isinstance(error, sqlite3.Error) and is_corrupt(error):
                     self._abandon()
                     break
         return succeeded
@@ -200,7 +201,7 @@ class SpoolDisk:
             message.expires = message.deadline + self._offset
         try:
             self._change(store, work, losses)
-        except sqlite3.Error:
+        except Exception:
             with self._queue_lock:
                 self._queue.disk.not_written(work)
                 self._queue.losses.changed = True

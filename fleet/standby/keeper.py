@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Coroutine
 from typing import Any, Protocol
 
+from fleet.runtime.exception_barrier import contained
 from fleet.standby.lease import Entry, Lease, LeaseState, Wish
 from fleet.standby.store import ANSWER_WITHIN, LeaseStore
 
@@ -97,7 +98,7 @@ class LeaseKeeper:
     async def _run(self) -> None:
         """Keep the lease until the end."""
         while not self._ended.is_set():
-            self._poll()
+            contained(log, "the lease could not be looked after; it is tried again")(self._poll)()
             await asyncio.sleep(POLL_EVERY)
         if self._asking is not None:
             await asyncio.wait({self._asking}, timeout=2 * ANSWER_WITHIN)
@@ -128,7 +129,8 @@ class LeaseKeeper:
     async def _read(self) -> None:
         """Read the store."""
         try:
-            entry, revision = await asyncio.wait_for(self._store.read(), 3 * ANSWER_WITHIN)
+            async with asyncio.timeout(3 * ANSWER_WITHIN):
+                entry, revision = await self._store.read()
         except Exception as error:  # noqa: BLE001 - an unexpected error must not end the thread unnoticed
             self._silent(error)
             return
@@ -143,7 +145,8 @@ class LeaseKeeper:
         stops = self._user.stops()
         entry = self.lease.begin(wish, stops, self._clock())
         try:
-            revision = await asyncio.wait_for(self._store.write(entry, self.lease.revision), ANSWER_WITHIN)
+            async with asyncio.timeout(ANSWER_WITHIN):
+                revision = await self._store.write(entry, self.lease.revision)
         except Exception as error:  # noqa: BLE001 - an unexpected error must not end the thread unnoticed
             self.lease.unanswered()
             self._silent(error)

@@ -91,18 +91,18 @@ class NatsLease:
             options["tls"] = ssl.create_default_context(cafile=given.ca_file)
         if given.user is not None:
             options |= {"user": given.user, "password": given.password or ""}
-        connecting = nats.connect(
-            list(given.servers),
-            name="fleet",
-            allow_reconnect=True,
-            max_reconnect_attempts=-1,
-            reconnect_time_wait=0,  # the keeper retries continuously
-            connect_timeout=CONNECT_WITHIN,
-            ping_interval=2,
-            error_cb=_quietly,
-            **options,
-        )
-        return await asyncio.wait_for(connecting, CONNECT_WITHIN)  # nats.connect itself would never give up
+        async with asyncio.timeout(CONNECT_WITHIN):  # nats.connect itself would never give up
+            return await nats.connect(
+                list(given.servers),
+                name="fleet",
+                allow_reconnect=True,
+                max_reconnect_attempts=-1,
+                reconnect_time_wait=0,  # the keeper retries continuously
+                connect_timeout=CONNECT_WITHIN,
+                ping_interval=2,
+                error_cb=_quietly,
+                **options,
+            )
 
 
 async def _quietly(error: Exception) -> None:

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 
 import msgspec
 
+AGAIN_AFTER = 2.0
+"""Seconds after which a stop is forwarded again; a holder that got it has listed it in a fraction of that."""
+
 
 class OwnStop(msgspec.Struct, frozen=True):
     """One robot's emergency stop in this process: whether it is set, and how often it was requested."""
@@ -26,17 +29,18 @@ class FollowedStops:
     """Follows the list of the lease's holder.
 
     A release is followed only for a stop that the holder has listed, and only if no stop has been requested
-    of this edge since. A stop that was requested only of this edge, in this process, is forwarded once.
+    of this edge since. A stop that was requested only of this edge, in this process, is forwarded, and again
+    until the holder lists it.
     """
 
     def __init__(self) -> None:
         self._listed: dict[
             str, int
         ] = {}  # robots on the holder's last list, with the number of our requests then
-        self._forwarded: dict[str, int] = {}
+        self._forwarded: dict[str, tuple[int, float]] = {}  # robot to number of our requests then, and when
 
-    def follow(self, listed: Mapping[str, str], own: Mapping[str, OwnStop]) -> Followed:
-        """Return the actions for the holder's list."""
+    def follow(self, listed: Mapping[str, str], own: Mapping[str, OwnStop], now: float) -> Followed:
+        """Return the actions for the holder's list; ``now``: monotonic seconds."""
         stop = {robot: why for robot, why in listed.items() if robot in own and not own[robot].is_set}
         release = [
             robot
@@ -47,9 +51,14 @@ class FollowedStops:
             robot
             for robot, each in own.items()
             if each.is_set and robot not in listed and robot not in release
-            if each.asked > max(self._forwarded.get(robot, 0), self._listed.get(robot, 0))
+            if each.asked > self._listed.get(robot, 0) and self._is_due(robot, each.asked, now)
         ]
-        self._forwarded |= {robot: own[robot].asked for robot in forward}
+        self._forwarded |= {robot: (own[robot].asked, now) for robot in forward}
         # A stop that we set now because of the list counts as one more request.
         self._listed = {robot: own[robot].asked + (robot in stop) for robot in listed if robot in own}
         return Followed(stop, release, forward)
+
+    def _is_due(self, robot: str, asked: int, now: float) -> bool:
+        """Return whether a stop that the holder does not list is forwarded now."""
+        before, at = self._forwarded.get(robot, (0, now))
+        return asked > before or now - at >= AGAIN_AFTER

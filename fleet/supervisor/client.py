@@ -176,7 +176,8 @@ class SupervisorClient:
         self._waiting[number] = answered
         self._send(UnregisterHalt(robot, number))
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(dropped.wait(), DROPPED_WITHIN)
+            async with asyncio.timeout(DROPPED_WITHIN):
+                await dropped.wait()
         self._waiting.pop(number, None)
 
     def _send(self, message: Message) -> None:

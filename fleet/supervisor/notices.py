@@ -11,7 +11,10 @@ PRINTED_WITHIN = 0.02  # s to wait for a line to be printed before going on
 
 
 def print_in_thread(line: str) -> None:
-    """Print a line to stderr from a thread of its own: a blocked terminal must not delay a halt."""
+    """Print a line to stderr from a thread of its own: a blocked terminal must not delay a halt.
+
+    Where no thread can be started, as on a computer that has run out of them, the line is lost.
+    """
     text = f"fleet: {line}\n"
 
     def write() -> None:
@@ -20,8 +23,9 @@ def print_in_thread(line: str) -> None:
             sys.stderr.flush()
 
     thread = threading.Thread(target=write, name="fleet-print", daemon=True)
-    thread.start()
-    thread.join(PRINTED_WITHIN)
+    with contextlib.suppress(RuntimeError):
+        thread.start()
+        thread.join(PRINTED_WITHIN)
 
 
 def reason_of(code: int) -> str:

@@ -135,7 +135,8 @@ class Supervisor:
         self._peers: list[_Peer] = []
         self._dead: list[_Dead] = []
         self._pending_stops: dict[int, _PendingStop] = {}
-        self._stops: list[StopRequest] = []  # kept for the next edge
+        self._stops: list[StopRequest] = []  # kept until an edge that was given them serves its robots
+        self._given: tuple[StopRequest, ...] = ()
         self._numbers = 0
         self._edge_id = ""
         self._child: subprocess.Popen[bytes] | None = None
@@ -157,12 +158,12 @@ class Supervisor:
                     if code is not None:
                         return code
             finally:
-                self._manager.close()
-                for peer in self._peers:
-                    peer.sock.close()
                 for halts in (*(peer.halts for peer in self._peers), *(dead.halts for dead in self._dead)):
                     halts.write()
                     halts.close()
+                for peer in self._peers:
+                    peer.sock.close()
+                self._manager.close()
 
     @contextlib.contextmanager
     def _listening(self) -> Iterator[None]:
@@ -304,6 +305,7 @@ class Supervisor:
                     peer.send(answer)
             case EdgeRunning() if peer.is_edge:
                 self._ran = True
+                self._stops = [stop for stop in self._stops if stop not in self._given]
                 self._manager.ready()
             case OrderlyEnd():
                 self._ending |= peer.is_edge
@@ -326,9 +328,8 @@ class Supervisor:
         peer.is_edge = self._child is not None and hello.process == self._child.pid
         if peer.is_edge:
             self._notice.abort()
-        stops = tuple(self._stops) if peer.is_edge else ()
-        if peer.send(Welcome(stops)) and peer.is_edge:
-            self._stops.clear()
+            self._given = tuple(self._stops)  # it may die before it has set them
+        peer.send(Welcome(self._given if peer.is_edge else ()))
 
     def _disconnected(self, peer: _Peer) -> None:
         """Handle the end of a connection: halt the robots that are still registered."""
@@ -384,7 +385,8 @@ class Supervisor:
         for number in late:
             pending = self._pending_stops.pop(number)
             taken = pending.had_edge and not any(peer.is_edge for peer in pending.unanswered)
-            if not taken and pending.stop.names not in (each.names for each in self._stops):
+            waiting = (each.names for each in self._stops if each not in self._given)
+            if not taken and pending.stop.names not in waiting:
                 self._stops.append(msgspec.structs.replace(pending.stop, number=0))
             silent = pending.unanswered if taken else self._peers
             pending.names += (robot for peer in silent for robot in peer.halts.write())

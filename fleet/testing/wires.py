@@ -133,10 +133,10 @@ class WornLink:
         self._link = link
         self._wire = wire
 
-    def send(self, data: bytes, address: Address = None) -> None:
+    def send(self, data: bytes, address: Address = None) -> bool:
         """Write the pieces that the wire delivers; raises LinkLost if the link is gone."""
-        for piece in self._wire.carry(data):
-            self._link.send(piece, address)
+        written = [self._link.send(piece, address) for piece in self._wire.carry(data)]
+        return all(written)
 
     async def lost(self) -> None:
         """Wait until the link fails, then raise LinkLost with the reason."""

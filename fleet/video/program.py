@@ -56,7 +56,8 @@ async def send_video(
         while not ended.is_set():
             program.publish_state()
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(ended.wait(), TELL_EVERY)
+                async with asyncio.timeout(TELL_EVERY):
+                    await ended.wait()
     finally:
         await program.close()
         await asyncio.to_thread(bus.close)

@@ -28,7 +28,7 @@ def test_every_adapter_has_an_entry_point(project, packages):
 
 
 def test_every_adapter_is_type_checked(project, packages):
-    assert set(project["tool"]["mypy"]["packages"]) == {"fleet"} | packages
+    assert set(project["tool"]["mypy"]["packages"]) == {"fleet", "bench"} | packages
 
 
 def test_every_adapter_is_held_to_the_layers(project, packages, contracts):

@@ -107,7 +107,7 @@ def test_a_system_with_other_packages_is_told(programs, tmp_path, missing):
 
 @pytest.mark.parametrize(("ci", "code"), [("true", 1), ("", 0)])
 def test_the_last_line_says_what_did_not_run_and_why_and_in_ci_that_is_an_error(root, tmp_path, ci, code):
-    for name in ("conftest.py", "programs.py", "tiers.py"):
+    for name in ("conftest.py", "hangs.py", "programs.py", "tiers.py"):
         shutil.copy(root / "tests" / name, tmp_path)
     (tmp_path / "test_one.py").write_text(
         "import pytest\n"

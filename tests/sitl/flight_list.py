@@ -197,6 +197,26 @@ async def climbs_and_sinks(it):
     await it.do("descend", distance=3.0)
 
 
+async def is_stopped_though_it_is_not_heard(it):
+    """Hear it no more on its way to a place: a plain stop is written all the same, and holds it."""
+    session = it.adapter._session
+    vehicle, hub = session.vehicle, session._hub
+    steps = it.adapter.navigate(GoTo(goal=Goal(position=Vector3(250.0, 0.0, HEIGHT))))
+    await anext(steps)
+    await it.until(lambda: it.state.speed > 2.0, LONG)
+    hub.receive = lambda *_: None
+    await it.until(lambda: not vehicle.connected, LONG)
+    assert it.adapter.halt_unheard("stop")
+    with pytest.raises(NotReady, match="the stop was written"):
+        await it.adapter.stop("stop")
+    await asyncio.sleep(5.0)
+    del hub.receive
+    await it.until(lambda: vehicle.connected and it.state.speed < 0.5, 10.0)
+    mode, wanted = session.flight.mode(it.state), session.flight.flavour.hold
+    assert mode == wanted, f"it is in {mode}"
+    await steps.aclose()
+
+
 async def is_not_disarmed_nor_rebooted_in_the_air(it):
     """Ask for what would let it fall; it is refused."""
     for name, data in (("disarm", {"force": True}), ("reboot", {}), ("kill", {"force": True})):
@@ -240,6 +260,7 @@ STEPS = (
     strafes_without_turning,
     goes_to_a_place,
     climbs_and_sinks,
+    is_stopped_though_it_is_not_heard,
     is_not_disarmed_nor_rebooted_in_the_air,
     returns_home,
     tells_all_of_it,

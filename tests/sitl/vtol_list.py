@@ -279,8 +279,16 @@ async def is_stopped_on_the_way_to_its_hover(it, planes):
         await asyncio.sleep(later)
         where, height = it.state.position, it.state.relative_altitude
         await it.adapter.stop(reason)
+        going.cancel()
         await asyncio.gather(going, return_exceptions=True)
+        farthest = 0.0
+        async with asyncio.timeout(40.0):
+            while planes.speed(it) > 1.0 or it.state.vtol_state != HOVERS:
+                farthest = max(farthest, planes.away(it, where))
+                await asyncio.sleep(0.1)
         await comes_to_stand(it, planes, height, where, within=200.0)  # a QuadPlane comes from 25 m/s
+        back = farthest - planes.away(it, where)
+        assert back < 20.0, f"it flew {farthest:.0f} m on, and {back:.0f} m back"
 
 
 async def flies_home_and_lands(it, planes):
@@ -291,7 +299,10 @@ async def flies_home_and_lands(it, planes):
 
 
 async def lands_by_a_plan(it, planes):
-    """Fly a plan that ends with a landing, from its wings: it comes down with its rotors, at the place."""
+    """Fly a plan that ends with a landing: it comes down with its rotors, at the place.
+
+    It comes from its wings on PX4, from the ground else, also after a landing of the same plan.
+    """
     if not is_arduplane(it):
         await it.do("takeoff", altitude=HEIGHT)
         await it.do("transition", to="forward")
@@ -335,6 +346,7 @@ STEPS = (
     flies_home_and_lands,
     lands_by_a_plan,
     takes_off_after_its_landings,
+    lands_by_a_plan,
 )
 
 

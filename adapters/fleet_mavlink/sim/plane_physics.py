@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fleet_mavlink.sim.physics import GRAVITY, Agility, Aim, Body
 
 _BANK = math.radians(45.0)
 _PUSH = 4.0  # m/s2, of the propeller and of the brakes
 _STEERS = 1.5  # 1/s
+WING_SPEED = 10.0  # m/s; faster, a hovering VTOL is slowing down from its wings
 
 
 @dataclass(slots=True)
@@ -47,13 +48,19 @@ class WingedBody(Body):
 
 @dataclass(slots=True)
 class VtolBody(WingedBody):
-    """``hovers``: its rotors carry it, and it moves like a multirotor."""
+    """``hovers``: its rotors carry it, and it moves like a multirotor.
+
+    ``slows``: m/s2, largest deceleration of its rotors from the speed of its wings.
+    """
 
     hovers: bool = True
+    slows: float = math.inf
 
     def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:
         """Advance by ``dt`` seconds."""
         if self.hovers:
+            if self.speed > WING_SPEED:
+                agility = replace(agility, across=min(agility.across, self.slows))
             Body.advance(self, aim, agility, drift, dt)
         else:
             WingedBody.advance(self, aim, agility, drift, dt)

@@ -11,22 +11,24 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
-from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Land, Manoeuvre, Return, Sink, Takeoff, hold
+from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Land, Manoeuvre, Return, Sink, Takeoff
 from fleet_mavlink.sim.modes import GUIDED_BASE, Mode
 from fleet_mavlink.sim.plane import COMMANDS as PLANES
 from fleet_mavlink.sim.plane import MODES as PLANE_MODES
 from fleet_mavlink.sim.plane import PlaneSpeeds, SimArduPlane
 from fleet_mavlink.sim.plane_moves import Ahead, Circle, Pass
-from fleet_mavlink.sim.plane_physics import VtolBody
+from fleet_mavlink.sim.plane_physics import WING_SPEED, VtolBody
 from fleet_mavlink.sim.speaker import INFO
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 from fleet_mavlink.sim.vtol_mission import VtolMission
 
 TO_FORWARD, TO_HOVER, HOVERS, FORWARD = 1, 2, 3, 4  # MAV_VTOL_STATE
-_FORWARD_TAKES, _HOVER_TAKES = 8.0, 6.0  # s
+_FORWARD_TAKES = 8.0  # s
+_HARDER = 1.25  # times Q_TRANS_DECEL: its largest deceleration from its wings
 _NEAR = 1.5  # stopping distances from cruise airspeed, up to which it hovers to a position
 _HELPS, _PUSHED = 1.0, 2.0  # m/s above Q_ASSIST_SPEED: when its rotors assist, and its speed then
 _OFFSET = 7  # MAV_FRAME_LOCAL_OFFSET_NED
+_TAKEOFFS, _NAV_LAST = frozenset({mav.MAV_CMD_NAV_TAKEOFF, mav.MAV_CMD_NAV_VTOL_TAKEOFF}), 95
 _ABOVE_HOME = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}  # frames
 _STICK_AT_MINIMUM = 2.5  # m/s down
 _LANDED_DISARM = 2.0  # s
@@ -130,7 +132,6 @@ class SimQuadPlane(SimArduPlane):
 
     def __init__(self, boot: Boot) -> None:
         self._goes_over: tuple[float, Manoeuvre] | None = None  # end of the transition, next manoeuvre
-        self._slows_until = 0.0  # end of the transition to hover
         self._has_landed = False  # since it started
         self._hover: FlightSpeeds = HoverSpeeds(boot.params)
         self._wings: FlightSpeeds = AssistedSpeeds(boot.params)
@@ -152,13 +153,19 @@ class SimQuadPlane(SimArduPlane):
         """Its stopping distance from its cruise airspeed, m."""
         return float(self.params["AIRSPEED_CRUISE"] ** 2 / (2 * self.params["Q_TRANS_DECEL"]))
 
+    def refusals(self, *, force: bool) -> list[str]:
+        """Return the refusals, also in AUTO for a mission that does not begin with a take-off."""
+        begins = next((item.command for item in self.missions.items[1:] if item.command < _NAV_LAST), None)
+        missing = self.mode.name == "AUTO" and begins not in _TAKEOFFS and not force
+        return super().refusals(force=force) + ["AUTO missing takeoff waypoint"] * missing
+
     def vtol_state(self) -> int:
         """Return its flight state; forward on the ground, too."""
         if self._goes_over is not None:
             return TO_FORWARD
         if not self.body.hovers:
             return FORWARD
-        return TO_HOVER if self.time < self._slows_until else HOVERS
+        return TO_HOVER if self.body.speed > WING_SPEED else HOVERS
 
     def landed_state(self) -> int:
         """Return in the air also where it stands armed in GUIDED, once it has landed with its rotors."""
@@ -172,11 +179,16 @@ class SimQuadPlane(SimArduPlane):
         super().touched_ground()
 
     def hover(self) -> None:
-        """Hover from now on; on its wings it takes a while to slow down."""
+        """Hover from now on; from the speed of its wings it slows down by Q_TRANS_DECEL."""
         self._goes_over = None
-        if not self.body.hovers:
-            self._slows_until = self.time + (_HOVER_TAKES if self.flying else 0.0)
+        self.body.slows = _HARDER * self.params["Q_TRANS_DECEL"]
         self.body.hovers, self.speeds = True, self._hover
+
+    def _to_stand(self) -> GoTo:
+        """Return the manoeuvre to its stopping point by Q_TRANS_DECEL."""
+        body = self.body
+        seconds = body.speed / (2 * self.params["Q_TRANS_DECEL"])
+        return GoTo(body.north + body.vn * seconds, body.east + body.ve * seconds, body.down)
 
     def go_forward(self, then: Manoeuvre) -> None:
         """Begin the transition to forward flight, along its nose."""
@@ -192,7 +204,7 @@ class SimQuadPlane(SimArduPlane):
             self.hover()
             self.manoeuvre = GoTo(north, east, down)
             return
-        approach = Pass(north, east, down, near / 2)
+        approach = Pass(north, east, down, self.slows_within)
         if body.hovers:
             self.go_forward(approach)
         else:
@@ -208,7 +220,7 @@ class SimQuadPlane(SimArduPlane):
             self.hover()
         elif mode.name == "GUIDED" and self.hovers_in_guided:
             self.hover()
-            self.manoeuvre = hold(self)
+            self.manoeuvre = self._to_stand()
         elif self.body.hovers:
             self.go_forward(self.manoeuvre)
 

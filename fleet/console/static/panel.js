@@ -313,7 +313,7 @@ function draw() {
   part("control", others && [robot.id, robot.control], () => (others ? [askButton(robot)] : []));
   const films = robot && now && operates() && described?.commands.some((command) => command.name === "start_video");
   part("video", films && videoKey(robot), () => (films ? videoOf(robot) : []));
-  part("plots", robot && now && [robot.id, plotsKey(robot)], () => (robot && now ? plots(robot) : []));
+  part("plots", robot && [robot.id, plotsKey()], () => (robot ? plots() : []));
   part("history", robot && now && [robot.id, past], () => (robot && now ? history(robot) : []));
   part("events", !now && [store.past.events, chosen.map((each) => each.id)], () => (now ? [] : events(chosen)));
 }

@@ -1,8 +1,10 @@
 // Plots of the numbers that the selected robot reports. Values are kept while it is selected, so that a new
-// plot shows earlier values. uPlot is loaded with the first plot.
+// plot shows earlier values; in the past they show the recorded ones around the moment. uPlot is loaded with
+// the first plot.
 
-import { element } from "./dom.js";
-import { onChange, store } from "./store.js";
+import { duration, element } from "./dom.js";
+import { MOST as MOST_PLOTS, SHOWN, byName, pastNames, pastSeries, pastValue, pastWords, startPastPlots, wantSeries } from "./pastplots.js";
+import { live, onChange, store } from "./store.js";
 
 const KEPT = 120; // s
 const MOST = 1500; // values of one number
@@ -18,9 +20,9 @@ let redraw = () => {};
 
 function keep(name, value) {
   const [times, values] = (series[name] ??= [[], []]);
-  times.push(store.time);
+  times.push(live.time);
   values.push(value);
-  while (times.length > MOST || store.time - times[0] > KEPT) {
+  while (times.length > MOST || live.time - times[0] > KEPT) {
     times.shift();
     values.shift();
   }
@@ -32,12 +34,20 @@ function take() {
     whose = id;
     for (const name of Object.keys(series)) delete series[name];
   }
-  const robot = store.robots[id];
-  if (!robot) return;
-  const found = { ...store.numbers[id] };
-  if (robot.speed !== null) found.speed = robot.speed;
-  for (const [name, value] of Object.entries(found)) keep(name, value);
-  for (const [name, chart] of charts) if (series[name]) chart.setData(series[name]);
+  for (const [name, value] of Object.entries(live.numbers[id] || {})) keep(name, value);
+}
+
+const shownSeries = (name) => (store.past ? pastSeries(name) : series[name]) || [[], []];
+
+const names = () => (store.past ? pastNames() : Object.keys(series).sort(byName));
+
+const figure = (value) => String(Number(value.toPrecision(5)));
+
+function valueOf(name) {
+  if (!store.past) return series[name] ? figure(series[name][1].at(-1)) : "not reported";
+  const found = pastValue(name);
+  if (!found) return "not recorded";
+  return figure(found.value) + (found.age ? ` (${duration(found.age)} before)` : "");
 }
 
 // -- plots ---------------------------------------------------------------------------------------------------
@@ -57,6 +67,19 @@ const color = (name) => () => getComputedStyle(document.body).getPropertyValue(n
 
 const clock = (stamp) => new Date(stamp * 1000).toTimeString().slice(0, 8);
 
+// In the past: a line at the moment, in the middle of what is shown.
+function drawMoment(chart) {
+  if (!store.past) return;
+  const { ctx, bbox } = chart;
+  ctx.fillStyle = color("--past")();
+  ctx.fillRect(Math.round(chart.valToPos(store.past.at, "x", true)) - 1, bbox.top, 2, bbox.height);
+}
+
+// Single values of the past are no line.
+const areSparse = (_chart, _series, first, last) => Boolean(store.past) && last - first < 2 * SHOWN;
+
+const range = (_chart, least, most) => (store.past ? [store.past.at - SHOWN, store.past.at + SHOWN] : [least, most]);
+
 function chartOf(place, name) {
   const axis = { stroke: color("--dim"), grid: { stroke: color("--line"), width: 1 }, ticks: { show: false }, font: "11px system-ui" };
   const options = {
@@ -64,15 +87,16 @@ function chartOf(place, name) {
     height: HEIGHT,
     legend: { show: false },
     cursor: { y: false },
-    series: [{}, { stroke: color("--accent"), width: 1.5, points: { show: false } }],
+    scales: { x: { range } },
+    hooks: { draw: [drawMoment] },
+    series: [{}, { stroke: color("--accent"), width: 1.5, points: { show: areSparse, size: 3 } }],
     axes: [{ ...axis, size: 26, space: 70, values: (_, stamps) => stamps.map(clock) }, { ...axis, size: 48 }],
   };
-  charts.set(name, new uPlot(options, series[name] || [[], []], place));
+  charts.set(name, new uPlot(options, shownSeries(name), place));
 }
 
 function row(name) {
-  const value = series[name]?.[1].at(-1);
-  const words = element("span", { class: "value" }, value === undefined ? "not reported" : String(Number(value.toPrecision(5))));
+  const words = element("span", { class: "value" }, valueOf(name));
   const place = element("div", { class: "chart", role: "img", "aria-label": `Plot of ${name}` });
   const close = () => {
     shown = shown.filter((each) => each !== name);
@@ -84,44 +108,45 @@ function row(name) {
   return element("div", { class: "plot", data: { number: name } }, element("div", { class: "head" }, element("b", {}, name.replaceAll(".", ".\u200b").replaceAll("_", "_\u200b")), words, element("button", { type: "button", class: "link", onclick: close, "aria-label": `Close the plot of ${name}` }, "close")), place);
 }
 
-function names() {
-  return Object.keys(series).sort((one, other) => one.localeCompare(other, undefined, { numeric: true }));
-}
-
 export function plotsKey() {
-  return [shown, names()];
+  return [shown, names(), Boolean(store.past), store.past && pastWords()];
 }
 
 export function plots() {
   const found = names();
-  if (!found.length && !shown.length) return [element("h3", {}, "Plots"), element("p", { class: "dim" }, "It has reported no number yet.")];
-  const choice = element("select", { "aria-label": "Add a plot" }, element("option", { value: "" }, "Plot a number…"), ...found.filter((name) => !shown.includes(name)).map((name) => element("option", { value: name }, name)));
+  const none = !found.length && !shown.length && !store.past ? "It has reported no number yet." : "";
+  const words = store.past ? pastWords() : none;
+  const told = words ? element("p", { class: "dim", role: "status" }, words) : "";
+  if (!found.length && !shown.length) return [element("h3", {}, "Plots"), told];
+  const choice = element("select", { "aria-label": "Add a plot", disabled: shown.length >= MOST_PLOTS }, element("option", { value: "" }, "Plot a number…"), ...found.filter((name) => !shown.includes(name)).map((name) => element("option", { value: name }, name)));
   choice.addEventListener("change", () => {
     if (!choice.value) return;
     loading ??= load();
     shown = [...shown, choice.value];
     redraw();
+    wantSeries();
   });
   for (const [name, chart] of charts) {
     chart.destroy();
     charts.delete(name);
   }
-  return [element("h3", {}, "Plots"), choice, ...shown.map(row)];
+  return [element("h3", {}, "Plots"), told, choice, ...shown.map(row)];
 }
 
-function tellValues() {
-  for (const each of document.querySelectorAll(".plot")) {
-    const value = series[each.dataset.number]?.[1].at(-1);
-    if (value !== undefined) each.querySelector(".value").textContent = String(Number(value.toPrecision(5)));
-  }
+function update() {
+  for (const [name, chart] of charts) chart.setData(shownSeries(name));
+  for (const each of document.querySelectorAll(".plot")) each.querySelector(".value").textContent = valueOf(each.dataset.number);
 }
 
 export function startPlots(call) {
   redraw = call;
+  startPastPlots(() => shown, () => {
+    redraw();
+    update();
+  });
   onChange((kinds) => {
-    if (store.past) return;
-    if (!kinds.has("numbers") && !kinds.has("robots") && !kinds.has("selection")) return;
+    if (!["numbers", "robots", "selection", "past"].some((kind) => kinds.has(kind))) return;
     take();
-    tellValues();
+    if (!store.past || kinds.has("past") || kinds.has("selection")) update();
   });
 }

@@ -8,7 +8,7 @@ const TRACK = 400; // points of a track
 const STEP = 0.05; // m between two points of a track
 
 const KINDS = ["edges", "robots", "poses", "goals", "descriptions", "missions", "runs", "numbers", "photos", "schedules", "requests"];
-const IN_PAST = new Set(["stop", "ping", "watch", "extent", "moment"]); // what may be asked while the past is shown
+const IN_PAST = new Set(["stop", "ping", "watch", "extent", "moment", "series"]); // what may be asked while the past is shown
 
 // The present, whatever the page shows.
 export const live = { tracks: {}, now: 0, time: 0 };

@@ -163,7 +163,8 @@ class CommonStart:
             on_end=partial(self._soon, ended.set),
         )
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(ended.wait(), within + SPARE)
+            async with asyncio.timeout(within + SPARE):
+                await ended.wait()
         return found
 
     def _fail(self, why: str) -> None:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import msgspec
 
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
+from fleet.clock import Clock
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.runtime.threads import run_in_thread
+from fleet.runtime.exception_barrier import contained
 from fleet.standby.lease import Entry
 from fleet.standby.stops import FollowedStops, OwnStop
 
@@ -24,10 +26,13 @@ NOT_KNOWN = "the stops set before are unknown: the lease service has no entry of
 class PairStops:
     """Stops of one edge's robots; ``other`` is the other edge. On the event loop, except ``listed``."""
 
-    def __init__(self, other: str, robots: Mapping[str, LocalRobot], bus_session: ZenohSession) -> None:
+    def __init__(
+        self, other: str, robots: Mapping[str, LocalRobot], bus_session: ZenohSession, clock: Clock
+    ) -> None:
         self._other = other
         self._robots = robots
         self._bus_session = bus_session
+        self._clock = clock
         self._followed = FollowedStops()
 
     @property
@@ -36,7 +41,7 @@ class PairStops:
 
         Causes are shortened: those of a thousand robots must fit into the lease.
         """
-        stopped = {name: each.controller.latch for name, each in self._robots.items() if _is_set(each)}
+        stopped = {name: each.controller.latch for name, each in list(self._robots.items()) if _is_set(each)}
         return {name: latch.why[:LONGEST_CAUSE] for name, latch in stopped.items()}
 
     def take_over(self, entry: Entry | None) -> None:
@@ -52,7 +57,7 @@ class PairStops:
             name: OwnStop(each.controller.latched, each.controller.latch.asked)
             for name, each in self._robots.items()
         }
-        what = self._followed.follow(entry.stops, own)
+        what = self._followed.follow(entry.stops, own, self._clock.monotonic())
         self._engage({name: self._cause(why) for name, why in what.stop.items()})
         for name in what.release:
             log.warning("%s: its emergency stop was released at edge %s", name, entry.edge)
@@ -62,8 +67,13 @@ class PairStops:
                 latch.engage("a stop that came with the release")
                 latch.record()
         if what.forward:
-            payload = msgspec.json.encode(what.forward)
-            run_in_thread(partial(self._bus_session.put, keys.stop(entry.edge), payload, urgent=True))
+            self._forward(entry.edge, what.forward)
+
+    def _forward(self, holder: str, robots: Sequence[str]) -> None:
+        """Send a stop to the holder; the link to it may be full or gone, and the loop serves other robots."""
+        put = contained(log, f"a stop could not be passed on to edge {holder}; it is tried again")
+        payload = msgspec.json.encode(robots)
+        run_in_thread(partial(put(self._bus_session.put), keys.stop(holder), payload, urgent=True))
 
     def _cause(self, why: str) -> str:
         """Return the cause of a stop that was set at the other edge."""

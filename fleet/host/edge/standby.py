@@ -75,7 +75,7 @@ class Standby:
         self._gate = gate
         self._process = process
         self._robots = list(process.robots.values())
-        self._stops = PairStops(self._other, process.robots, process.bus.control)
+        self._stops = PairStops(self._other, process.robots, process.bus.control, process.clock)
         self._serve = serve
         self._serving: asyncio.Task[None] | None = None
         self._terms = Terms()

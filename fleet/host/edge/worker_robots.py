@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -20,6 +21,9 @@ from fleet.host.workers.worker_task import task_of
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.plugins.registry import Plugin
 from fleet.robot_config import AdapterConfig
+from fleet.runtime.exception_barrier import contained
+
+log = logging.getLogger(__name__)
 
 
 class RemoteRobots:
@@ -140,5 +144,6 @@ def _halt_worker(process: RobotProcess, worker: str) -> None:
 
     On a thread of its own: the link to a hanging worker may be full, and the loop serves all other robots.
     """
+    put = contained(log, f"worker {worker}: its robots could not be halted over the bus")
     key = keys.halt(process.edge, worker)
-    run_in_thread(partial(process.bus.control.put, key, b"", urgent=True), wait=HALT_WAIT)
+    run_in_thread(partial(put(process.bus.control.put), key, b"", urgent=True), wait=HALT_WAIT)

@@ -15,7 +15,7 @@ import itertools
 import logging
 import mmap
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import msgspec
@@ -76,7 +76,7 @@ class ExecutionJournal:
     def __init__(self, path: Path) -> None:
         self._path, self._file = _own(path)
         try:
-            self._map = self._mapped(SIZE)
+            self._map = _mapped(self._file, SIZE, self._path)
         except OSError:
             os.close(self._file)
             raise
@@ -90,7 +90,7 @@ class ExecutionJournal:
         line = (b"" if self._end else _FIRST) + _encode(row) + b"\n"
         end = self._end + len(line)
         if end >= len(self._map):
-            self._map = self._mapped(max(2 * len(self._map), end + 1))
+            self._map = _mapped(self._file, max(2 * len(self._map), end + 1), self._path)
         self._map[self._end : end] = line
         self._end = end
 
@@ -105,12 +105,33 @@ class ExecutionJournal:
         self._map[: self._end] = bytes(self._end)
         self._end = 0
 
+    def replace(self, rows: Iterable[Row]) -> None:
+        """Write these rows in place of all.
+
+        The end of the process at any instruction leaves either the old ones or the new ones.
+        """
+        data = _FIRST + b"".join([_encode(row) + b"\n" for row in rows])
+        path = self._path.with_name(f".{self._path.name}")  # no file of a process, which others read
+        path.unlink(missing_ok=True)
+        if not _locked(file := os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)):
+            raise BlockingIOError(errno.EWOULDBLOCK, os.strerror(errno.EWOULDBLOCK), str(path))
+        try:
+            mapped = _mapped(file, max(SIZE, len(data) + 1), path)
+            mapped[: len(data)] = data
+            path.replace(self._path)
+        except OSError:
+            os.close(file)
+            raise
+        self.close()
+        self._file, self._map, self._end = file, mapped, len(data)
+
     @contextlib.contextmanager
-    def all_rows(self) -> Iterator[list[Row]]:
+    def all_rows(self, *, clear: bool = True) -> Iterator[list[Row]]:
         """Give the rows of all processes of this edge; an incomplete row at the end of a file is skipped.
 
-        After the block, our own rows and those of dead processes are removed. Nobody else would remove them,
-        and a stop among them would be set again at every start, although it was released long ago.
+        After the block, those of dead processes are removed, and with ``clear`` our own. Nobody else would
+        remove them, and a stop among them would be set again at every start, although it was released long
+        ago.
         """
         with contextlib.ExitStack() as stack:
             paths = sorted(self._path.parent.glob(f"{self._path.stem}.*"))
@@ -121,28 +142,33 @@ class ExecutionJournal:
             yield [row for path in paths for row in _rows(path)]
             for other in dead:
                 os.ftruncate(other, 0)
-            self.clear()
-            if len(self._map) > SIZE:
-                self._map.close()
-                os.ftruncate(self._file, SIZE)
-                self._map = self._mapped(SIZE)
+            if clear:
+                self.clear()
+                self._make_small()
 
     def close(self) -> None:
         """Close the file."""
         self._map.close()
         os.close(self._file)
 
-    def _mapped(self, size: int) -> mmap.mmap:
-        """Return the mapped file, with at least this size.
+    def _make_small(self) -> None:
+        """Give back the memory of an empty file that has grown."""
+        if len(self._map) > SIZE:
+            self._map.close()
+            os.ftruncate(self._file, SIZE)
+            self._map = _mapped(self._file, SIZE, self._path)
 
-        New bytes are written out: writing to a hole that memory has no room for would kill the process
-        (SIGBUS).
-        """
-        held = os.fstat(self._file).st_size
-        new = bytes(max(size - held, 0))
-        if os.pwrite(self._file, new, held) < len(new):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
-        return mmap.mmap(self._file, 0)
+
+def _mapped(file: int, size: int, path: Path) -> mmap.mmap:
+    """Return a mapped file, with at least this size.
+
+    New bytes are written out: writing to a hole that memory has no room for would kill the process (SIGBUS).
+    """
+    held = os.fstat(file).st_size
+    new = bytes(max(size - held, 0))
+    if os.pwrite(file, new, held) < len(new):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    return mmap.mmap(file, 0)
 
 
 def execution_journal_file(directory: Path, edge: str, worker: str = "main") -> Path:

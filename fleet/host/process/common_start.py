@@ -197,7 +197,8 @@ class CommonStarts:
 
         robot.requests.begin(Command(READY, origin=ask.origin), Receipt(READY, told, waits=True))
         try:
-            reply = await asyncio.wait_for(ended, READY_WITHIN)
+            async with asyncio.timeout(READY_WITHIN):
+                reply = await ended
         except TimeoutError:
             return "it does not say whether it is ready"
         if not reply.done:

@@ -96,7 +96,8 @@ class SideProgram:
         with contextlib.suppress(ProcessLookupError):
             process.terminate()
         try:
-            await asyncio.wait_for(process.wait(), LEAVE_WITHIN)
+            async with asyncio.timeout(LEAVE_WITHIN):
+                await process.wait()
         except TimeoutError:
             with contextlib.suppress(ProcessLookupError):
                 process.kill()
@@ -124,4 +125,5 @@ async def _watch_parent(parent: int, ended: asyncio.Event) -> None:
         if os.getppid() != parent:
             ended.set()
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(ended.wait(), PARENT_LOOK)
+            async with asyncio.timeout(PARENT_LOOK):
+                await ended.wait()

@@ -282,18 +282,17 @@ class HeldByEdge:
             log.warning("which robots are held cannot be read: %s", error)
             return
         self._heard = self._clock.monotonic()
-        for robot in self._latches:
-            self._hold(robot, held.get(robot, ""))
+        for robot, latch in list(self._latches.items()):  # robots may join meanwhile
+            self._hold(robot, latch, held.get(robot, ""))
 
     def look(self) -> None:
         """Hold the robots while the edge is silent: then the state of their inputs is unknown here."""
         if self._clock.monotonic() - self._heard > SILENT_AFTER:
-            for robot, latch in self._latches.items():
-                self._hold(robot, latch.held or "the edge, which reads its stop input, is silent")
+            for robot, latch in list(self._latches.items()):
+                self._hold(robot, latch, latch.held or "the edge, which reads its stop input, is silent")
 
-    def _hold(self, robot: str, why: str) -> None:
+    def _hold(self, robot: str, latch: EmergencyStopLatch, why: str) -> None:
         """Hold a robot, or with an empty ``why`` free it; end its motion if it was free until now."""
-        latch = self._latches[robot]
         before, latch.held = latch.held, why
         if why and not before:
             self._ended(robot, why)

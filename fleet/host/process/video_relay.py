@@ -55,7 +55,8 @@ class VideoRelay:
             self._loop.call_soon_threadsafe(self._answered, payload, receipt, refusals)
 
         def ended() -> None:
-            self._loop.call_soon_threadsafe(self._ended, asked, receipt, refusals)
+            waited = self._clock.monotonic() - asked  # now: a busy loop must not look like a silent program
+            self._loop.call_soon_threadsafe(self._ended, waited, receipt, refusals)
 
         request = video_request(ask)
         self._bus_session.ask_later(
@@ -74,13 +75,13 @@ class VideoRelay:
         else:
             refusals.append(reply.reason)
 
-    def _ended(self, asked: float, receipt: Receipt, refusals: list[str]) -> None:
-        """Answer the sender when no program has done it."""
+    def _ended(self, waited: float, receipt: Receipt, refusals: list[str]) -> None:
+        """Answer the sender when no program has done it in the seconds ``waited``."""
         if receipt.first is not None:
             return
         if refusals:
             receipt.fail(Refused("; ".join(refusals)))
-        elif self._clock.monotonic() - asked < ANSWER_WITHIN / 2:
+        elif waited < ANSWER_WITHIN / 2:
             receipt.reject(
                 f"no program on the bus sends video of {self._robot}", hint=f"{START} {self._robot}"
             )

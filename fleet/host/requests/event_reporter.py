@@ -17,6 +17,9 @@ from fleet.model.command import Command, JointSetpoint, Origin, Setpoint, Transp
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.navigation import Navigate
 from fleet.model.report import Report, TelemetryReport
+from fleet.runtime.exception_barrier import contained
+
+log = logging.getLogger(__name__)
 
 ROBOT_LOGGER = "fleet.robot."
 """Prefix of the robots' logger names; their warnings are repeated on ``driverlog``."""
@@ -53,7 +56,10 @@ def with_proof(ask: AnyAsk, name: str) -> AnyAsk:
 
 
 class EventReporter:
-    """Event reporter of one robot. ``in_motion`` returns whether this edge moves it, or may do so."""
+    """Event reporter of one robot. ``in_motion`` returns whether this edge moves it, or may do so.
+
+    Motion and stops do not depend on it: what ``publish`` or ``heard`` raise is logged.
+    """
 
     def __init__(
         self,
@@ -64,25 +70,29 @@ class EventReporter:
         in_motion: Callable[[], bool],
     ) -> None:
         self.log = robot_log(name)
-        self._publish = publish
+        self._publish = contained(log, f"an event of {name} could not be reported")(publish)
         self._clock = clock
         self._in_motion = in_motion
         self._ask: Ask | None = None  # request for which it moves, or moved last
         self._ended = float("-inf")
         self.heard: Callable[[str], None] = lambda _why: None  # when anything moves or stops it
 
+    def _hear(self, why: str) -> None:
+        """Pass on that something moves or stops the robot."""
+        contained(log, "motion or a stop of a robot could not be passed on")(self.heard)(why)
+
     def moves(self, ask: Ask) -> None:
         """Record the request for which the robot moves from now on."""
         self._ask = ask
-        self.heard(f"{ask.name} by {ask.origin.session or ask.origin.way}")
+        self._hear(f"{ask.name} by {ask.origin.session or ask.origin.way}")
 
     def stops(self, ask: Command) -> None:
         """Record a request to stop."""
-        self.heard(f"{ask.name} by {ask.origin.session or ask.origin.way}")
+        self._hear(f"{ask.name} by {ask.origin.session or ask.origin.way}")
 
     def ended(self) -> None:
         """Record the end of its motion; events that follow still name the request for which it moved."""
-        self.heard("its motion was ended")
+        self._hear("its motion was ended")
         if self._in_motion():
             self._ended = self._clock.monotonic()
 
@@ -94,7 +104,7 @@ class EventReporter:
     def authority_lost(self, reason: str) -> None:
         """Report that another party took control of the robot."""
         kind = EventKind.AUTHORITY_LOST
-        self.heard(f"authority lost: {reason}")
+        self._hear(f"authority lost: {reason}")
         self.event(kind, f"authority lost: {reason}", telemetry="authority_lost", data={"reason": reason})
 
     def emergency_stop(self, ask: Command, who: str) -> None:

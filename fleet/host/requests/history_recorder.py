@@ -11,8 +11,7 @@ from __future__ import annotations
 import logging
 from collections import OrderedDict
 from collections.abc import Callable
-from functools import partial, wraps
-from typing import ParamSpec
+from functools import partial
 
 import msgspec
 
@@ -25,6 +24,7 @@ from fleet.host.safety.emergency_stop import RELEASE
 from fleet.model.command import Command, JointSetpoint, Origin, Reply, Setpoint
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.navigation import Navigate
+from fleet.runtime.exception_barrier import contained
 from fleet.wire.stops import EMERGENCY
 
 REFUSALS, WINDOW = 20, 60.0  # recorded refusals of a robot, per so many seconds
@@ -33,20 +33,9 @@ REFUSED_EVERY = 5.0  # s between recorded refusals of velocities
 REMEMBERED = 256  # request ids kept for the detection of repeats
 
 log = logging.getLogger(__name__)
-_Given = ParamSpec("_Given")
 
-
-def never_raises(write: Callable[_Given, None]) -> Callable[_Given, None]:
-    """Return ``write`` behind an exception barrier that logs its failure."""
-
-    @wraps(write)
-    def guarded(*given: _Given.args, **named: _Given.kwargs) -> None:
-        try:
-            write(*given, **named)
-        except Exception:
-            log.exception("what happened could not be written into the history")
-
-    return guarded
+never_raises = contained(log, "what happened could not be written into the history")
+"""Decorator: what could not be recorded is logged."""
 
 
 class HistoryRecorder:

@@ -25,7 +25,7 @@ from fleet.host.robot.run_health import RunHealth
 from fleet.host.robot.strikes import STRIKE_WINDOW, STRIKES, Strikes
 from fleet.host.runtime.cancellation import result_of, retrieve_exception
 from fleet.model.health import Health, Level
-from fleet.runtime.exception_barrier import call_guarded, failure_of, guarded
+from fleet.runtime.exception_barrier import call_guarded, contained, failure_of, guarded
 
 SLOW_RETRY = 30.0  # s between retries of a failure that only a person can fix
 NO_FAILSAFE = Health(
@@ -81,6 +81,9 @@ class AdapterRunner:
         self._clock = clock
         self._log = logging.getLogger(f"fleet.robot.{controller.name}")
         self._health = RunHealth(self._log, changed=changed, level_changed=told)
+        self._contained = contained(
+            self._log, "the loss of the robot could not be recorded; it is halted anyway"
+        )
         self._crash: asyncio.Future[None] | None = None
         self._strikes = Strikes()
         self._lifted = asyncio.Event()
@@ -151,7 +154,7 @@ class AdapterRunner:
             self._health.end_start()
             self._crash.cancel()
             retrieve_exception(self._crash)
-            self.controller.detach(end.health.cause)
+            self._contained(self.controller.detach)(end.health.cause)
             await _uninterrupted(handle.take_halt_back())
         return end
 
@@ -200,7 +203,7 @@ class AdapterRunner:
             finally:
                 await _uninterrupted(self._stand(why, open_still=False))
                 handle.close()  # the adapter gets no calls while its link is being closed
-                self.controller.detach(why)
+                self._contained(self.controller.detach)(why)
 
     async def _end_attempt(self, work: asyncio.Future[None], why: str) -> None:
         """Stop the robot, if we controlled it, while its link may still be open; then end the attempt."""
@@ -221,10 +224,7 @@ class AdapterRunner:
         self._ending = asyncio.Event()
         motion = self.controller.motion
         in_control = motion.in_control
-        try:
-            self.controller.lost(why)
-        except Exception:  # noqa: BLE001 - logged: the halt below does not depend on it
-            self._log.exception("the loss of the robot could not be recorded; it is halted all the same")
+        self._contained(self.controller.lost)(why)
         if in_control:
             self.controller.halt()
             with contextlib.suppress(Exception):  # the run is over; only the halt mattered
@@ -259,7 +259,8 @@ class AdapterRunner:
     async def _wait_to_retry(self, seconds: float) -> None:
         """Wait before the next attempt, or until a person asks for it."""
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(self._lifted.wait(), seconds)
+            async with asyncio.timeout(seconds):
+                await self._lifted.wait()
 
     def healthy(self, health: Health) -> None:
         """Apply the adapter's own report of its connection's health."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from fleet.adapter import Adapter
+from fleet.errors import CommandError, LinkError
 from fleet.host.requests.event_reporter import robot_log
+from fleet.host.runtime.threads import run_in_thread
 from fleet.runtime.exception_barrier import call_guarded
 
 
@@ -16,11 +18,10 @@ class AttachedAdapter:
         self.name = name
         self.adapter: Adapter[Any] | None = None
         self.offline = "it has not been reached yet"  # why it cannot be reached; empty while it can
-        self._answered = False  # since the adapter's run began
 
     def attach(self, adapter: Adapter[Any]) -> None:
-        """Attach the adapter of a new run, through which the robot has not answered yet."""
-        self.adapter, self._answered = adapter, False
+        """Attach the adapter of a new run."""
+        self.adapter = adapter
 
     def detach(self) -> None:
         """Detach the adapter at the end of its run."""
@@ -28,7 +29,7 @@ class AttachedAdapter:
 
     def answers(self) -> None:
         """Note that the robot answers: it can be reached from now on."""
-        self.offline, self._answered = "", True
+        self.offline = ""
 
     @property
     def reachable(self) -> Adapter[Any] | None:
@@ -49,11 +50,32 @@ class AttachedAdapter:
         except Exception:  # noqa: BLE001 - logged: the caller goes on with the next robot
             robot_log(self.name).exception("its halt failed")
 
-    @property
-    def halt_outcome(self) -> str:
-        """The probable effect of a halt on a robot that cannot be reached, for the answer to a stop."""
-        if self.adapter is None:
+    def halt_unheard(self, reason: str, *, wait: float) -> str:
+        """Have the adapter write a requested stop to a robot that does not answer.
+
+        Returns what is known of it after ``wait`` seconds at most, for the answer to the stop.
+        """
+        adapter = self.adapter
+        if adapter is None:
             return "the stop was not written: no link to it is open"
-        if not self._answered:
-            return "the stop may not have been written: it has not been heard since its adapter began"
-        return "the stop was written, but the robot does not answer"
+        outcome = "the stop may not have been written: its link has not taken it yet"
+
+        def write() -> None:
+            nonlocal outcome
+            outcome = self._write_unheard(adapter, reason)
+
+        run_in_thread(write, wait=wait)
+        return outcome
+
+    def _write_unheard(self, adapter: Adapter[Any], reason: str) -> str:
+        """Write a requested stop; return what is known of it. On any thread; never raises."""
+        try:
+            written = call_guarded(adapter.halt_unheard, reason)
+        except (CommandError, LinkError) as error:
+            return f"the stop was not written: {error}"
+        except Exception:  # noqa: BLE001 - logged, and told to the sender of the stop
+            robot_log(self.name).exception("its halt failed")
+            return "the stop may not have been written: its adapter failed"
+        if written:
+            return "the stop was written, but the robot does not answer"
+        return "the stop was given to its adapter, which cannot tell if it was written"

@@ -27,7 +27,7 @@ from fleet.host.robot.robot_motion import RobotMotion
 from fleet.host.robot.run_commands import run_commands
 from fleet.host.robot.setpoint_requests import SetpointRequests
 from fleet.host.robot.velocity_control import VelocityControl
-from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
+from fleet.host.runtime.threads import HALT_WAIT, run_in_turn
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.emergency_stop import EmergencyStopLatch
 from fleet.host.safety.verb_speeds import VerbSpeeds
@@ -113,6 +113,7 @@ class RobotController:
             store=self.speeds.store,
             drives=capabilities.drives,
             follow=self.joints.follow if config.follows and capabilities.moves_joints else None,
+            absence=lambda: attached.absence if attached.reachable is None else "",
         ) | run_commands(admission, self._stop)
         self.configured = (admission, self.speeds, self.guard, driving, self.goals.follower)
 
@@ -178,11 +179,13 @@ class RobotController:
 
     def detach(self, why: str) -> None:
         """Detach the adapter at the end of its run."""
-        self.lost(why)
-        self._admission.taken_over(f"lost: {why}")
-        self.joints.forget()
-        self.attached.detach()
-        self.motion.in_control = False
+        try:
+            self.lost(why)
+        finally:
+            self._admission.taken_over(f"lost: {why}")
+            self.joints.forget()
+            self.attached.detach()
+            self.motion.in_control = False
 
     def authority_lost(self, reason: str) -> None:
         """Handle the loss of control to a pilot or another station: motion ends until a new command."""
@@ -216,8 +219,8 @@ class RobotController:
         self._admission.stopped(ask)
         self.event_reporter.stops(ask)
         if self.attached.reachable is None:
-            run_in_thread(self.halt, wait=HALT_WAIT)
-            receipt.reject(f"{self.attached.absence}; {self.attached.halt_outcome}")
+            outcome = self.attached.halt_unheard(ask.name, wait=HALT_WAIT)
+            receipt.reject(f"{self.attached.absence}; {outcome}")
         else:
             self.motion.stand(ask.name, receipt)
         self.last.follow(ask.name, receipt)
@@ -252,7 +255,7 @@ class RobotController:
             receipt.follow(first)
             return
         moves, safe = (spec.moves, spec.safe) if spec else (ask.name in MOTION, ask.name not in MOTION)
-        refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask)
+        refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask, spec)
         if refusal is not None:
             receipt.reject(refusal)
         elif own is not None:

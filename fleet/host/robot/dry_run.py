@@ -17,7 +17,7 @@ def would_refuse(controller: RobotController, name: str, spec: CommandSpec | Non
     """
     ask = Command(name, origin=Origin(Transport.BUS))
     moves, safe = (spec.moves, spec.safe) if spec else (name in MOTION, name not in MOTION)
-    refusal = controller.would_refuse(ask, moves=moves, safe=safe) or controller.guard.beginning(ask)
+    refusal = controller.would_refuse(ask, moves=moves, safe=safe) or controller.guard.beginning(ask, spec)
     if refusal or spec is None:
         return refusal or ""
     if controller.offline:
@@ -50,6 +50,6 @@ def against(controller: RobotController, ask: Command | Navigate, spec: CommandS
         return str(error)
     return (
         controller.would_refuse(ask, moves=spec.moves, safe=spec.safe)
-        or controller.guard.beginning(ask)
+        or controller.guard.beginning(ask, spec)
         or ""
     )

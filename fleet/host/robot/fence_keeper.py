@@ -11,7 +11,7 @@ from fleet.errors import Refused
 from fleet.host.robot.robot_place import RobotPlace
 from fleet.host.safety.fence import Fence
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
-from fleet.model.geometry import Velocity, rotate_to_world
+from fleet.model.geometry import Vector3, Velocity, rotate_to_world
 from fleet.model.polygon import Polygon
 from fleet.robot_config import FenceConfig, Limits
 
@@ -31,8 +31,8 @@ class FenceKeeper:
     def configure(self, config: FenceConfig | None, limits: Limits) -> None:
         """Apply a changed fence and changed limits."""
         self._config, self._limits = config, limits
-        self._has_no_border = config is None and limits.distance is None
-        self.is_open = self._has_no_border and limits.altitude is None
+        self._has_border = config is not None or limits.distance is not None
+        self.is_open = not self._has_border and limits.altitude is None
         if self.is_open:
             self.trouble = ""  # nothing would clear it, since positions are no longer judged
         self.draw()
@@ -60,6 +60,18 @@ class FenceKeeper:
         before, self.trouble = self.trouble, self.fence.breach(pose.position, self._place.home_point())
         return bool(self.trouble) and not before
 
+    @property
+    def breached(self) -> str:
+        """Why the robot may be outside now, as text; empty while it is known to be inside."""
+        if self.trouble:
+            return f"it is {self.trouble}"
+        unknown = self._place.fresh() is None or self.fence is None
+        return "its position is unknown, so its fence cannot be kept" if unknown and self._has_border else ""
+
+    def way_trouble(self, start: Vector3, points: Iterable[Vector3], around: Iterable[float] = ()) -> str:
+        """Return why the robot may not go from a point through others; empty when it may."""
+        return self.fence.way_trouble(start, points, self._place.home_point(), around) if self.fence else ""
+
     def leads_out(self, velocity: Velocity) -> bool:
         """Return whether a body velocity leads out of the fence, or may, because the pose is too old."""
         if self.fence is None or self._place.pose is None:
@@ -71,11 +83,11 @@ class FenceKeeper:
 
     def inside(self, velocity: Velocity) -> Velocity:
         """Return the part of a body velocity that stays in the fence; raises Refused if that is unknown."""
-        if self.is_open or (self._has_no_border and velocity.linear.z <= 0) or velocity.is_zero:
+        if self.is_open or (not self._has_border and velocity.linear.z <= 0) or velocity.is_zero:
             return velocity
         pose = self._place.fresh()
         if pose is None or self.fence is None:
-            if self._config is None:
+            if not self._has_border:
                 return velocity
             raise Refused("the fence cannot be kept: the robot's position is unknown")
         yaw = pose.rotation.yaw

@@ -120,13 +120,19 @@ class FrameAdapterRunner(Adapter[Any]):
         self._motion.carry_out(tuple(self.inner.encode_joints(targets)), turn)
 
     async def stop(self, reason: str) -> None:
-        """Write the safe-stop frames, now and a few times more."""
+        """Write the safe-stop frames, now and a few times more; raises LinkLost if the link takes none."""
         _log.info("%s: stop: %s", self.config.name, reason)
-        self.halt()
+        self.halt_unheard(reason)
 
     def halt(self) -> None:
         """Write the safe-stop frames at once and drop the velocity; from any thread."""
         self._motion.halt()
+
+    def halt_unheard(self, reason: str) -> bool:  # noqa: ARG002 - every stop is the same
+        """Write the safe-stop frames; raises LinkLost if the link does not take them."""
+        if not self._motion.halt():
+            raise LinkLost(f"{self.config.link} takes nothing: it is down, or nobody was heard on it yet")
+        return True
 
     def _halt_frames(self) -> MotionFrames:
         """Return fresh stop frames, or those of the start: a bug must not keep a robot moving."""

@@ -20,7 +20,7 @@ from fleet.host.requests.receipt import Receipt
 from fleet.host.safety.deadman import DeadMan
 from fleet.host.safety.dedup_cache import DedupCache
 from fleet.host.safety.joint_limits import approach, refusal
-from fleet.model.command import Command, JointSetpoint, Origin, Transport
+from fleet.model.command import Command, JointSetpoint, Origin, Reply, Transport
 from fleet.model.joints import JointRange
 from fleet.model.report import JointReport
 from fleet.runtime.exception_barrier import call_guarded
@@ -72,11 +72,30 @@ class JointControl:
         self._stepped = 0.0
         self._repeats: DedupCache[bool] = DedupCache()
         self._by: Origin | None = None  # sender of the request to follow the leader
+        self._follow: Receipt | None = None  # of that request, until the first report of the leader
 
-    def follow(self, ask: Command) -> None:
-        """Start following the leader, whose next report must arrive within a lease; until any stop."""
-        self._led, self._by = {}, ask.origin
+    def follow(self, ask: Command, receipt: Receipt) -> None:
+        """Start following the leader until any stop; done once one of its reports is followed."""
+        self._end_follow("it was asked for again")
+        self._led, self._by, self._follow = {}, ask.origin, receipt
         self.deadman.feed(self._clock.monotonic(), self.lease)
+
+    def followed(self, reply: Reply) -> None:
+        """Process the answer to the leader's targets; the first one answers the request to follow."""
+        receipt, self._follow = self._follow, None
+        if receipt is None:
+            return
+        if reply.ok:
+            receipt.done()
+        else:
+            self.let_go()
+            receipt.reject(f"it does not follow its leader: {reply.reason}", hint=reply.hint)
+
+    def _end_follow(self, why: str) -> None:
+        """Refuse a request to follow for which no report of the leader was followed."""
+        receipt, self._follow = self._follow, None
+        if receipt is not None:
+            receipt.reject(f"it follows no leader: {why}")
 
     def following(self, leader: JointReport) -> JointSetpoint | None:
         """Return the targets that a leader's report gives the joints of the same names; None if not followed.
@@ -172,6 +191,7 @@ class JointControl:
     def step(self) -> None:
         """Move the joints one step further; called on the event loop every ``STEP`` s."""
         if not self.deadman.armed:
+            self._end_follow(f"no report of it within {self.lease:g} s, or something else came first")
             return
         try:
             self._step(self._clock.monotonic())

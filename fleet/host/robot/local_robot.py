@@ -32,7 +32,7 @@ from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.host.runtime.watchdog import Watchdog, Watched
 from fleet.link.backoff import backoff
-from fleet.model.command import Request, Transport
+from fleet.model.command import Reply, Request, Transport
 from fleet.model.description import RobotDescription
 from fleet.model.event import EventReport
 from fleet.model.health import Health, Level
@@ -201,7 +201,12 @@ class LocalRobot:
         """Follow the leader's joint positions, once ``follow_leader`` was commanded; on the loop."""
         ask = self.controller.joints.following(report)
         if ask is not None:
-            self.requests.take("joints", ask, False, self.clock.monotonic(), self.requests.log_refusal)
+            self.requests.take("joints", ask, False, self.clock.monotonic(), self._leader_answered)
+
+    def _leader_answered(self, reply: Reply) -> None:
+        """Process the answer to the leader's targets, which has no other receiver."""
+        self.controller.joints.followed(reply)
+        self.requests.log_refusal(reply)
 
     def publish(self, report: Report) -> None:
         """Send a report to the bus; events are recorded in the edge's history too."""

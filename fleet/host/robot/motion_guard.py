@@ -12,12 +12,14 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from fleet.clock import Clock
+from fleet.commands import CommandSpec
 from fleet.errors import Refused
 from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import Capabilities
 from fleet.host.robot.battery_watch import BATTERY, BatteryWatch
 from fleet.host.robot.fence_keeper import FenceKeeper
+from fleet.host.robot.outside_fence import CLIMBS, LANDINGS, WAYS_BACK, outside_trouble, stays, vertical_way
 from fleet.host.robot.robot_place import RobotPlace
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.robot.whereabouts import Whereabouts
@@ -31,13 +33,6 @@ from fleet.robot_config import AdapterConfig, BatteryPolicy, Limits
 
 BEGINNINGS = frozenset({"takeoff", "arm"})
 """Commands that start a flight: refused outside the fence and with too little battery."""
-
-CLIMBS = {"takeoff": ("altitude", 0), "ascend": ("distance", 1), "descend": ("distance", -1)}
-"""Vertical commands: the parameter with the distance, and its sign (0: height above home)."""
-
-LANDINGS = frozenset({"land", "return_to_home"})
-"""Commands that lead down, which is safe: for a flying robot they are never refused because of another
-robot, only reported."""
 
 
 class GuardActions(Protocol):
@@ -186,14 +181,24 @@ class MotionGuard:
 
     # -- checks of requests --------------------------------------------------------------------------
 
-    def beginning(self, ask: Command) -> str | None:
-        """Return why a command may not start a flight or change the height; else None."""
-        begins = self._start_trouble() if ask.name in BEGINNINGS else None
+    def beginning(self, ask: Command, spec: CommandSpec | None = None) -> str | None:
+        """Return why a command may not start; else None.
+
+        Judged are a start of a flight, a change of the height, and outside the fence all that may move the
+        robot to another place, as ``spec`` declares it.
+        """
+        rise = vertical_way(ask, self._place, getattr(self._config, "takeoff_altitude", 0.0))
+        if ask.name in BEGINNINGS:
+            begins = self._start_trouble()
+        else:
+            begins = None if stays(ask, spec) else outside_trouble(self.fencing, self._place, rise)
         apart = self.apart if _drives_home(ask, self._robot.can) else None
         met = (
             apart.trouble_on(self._place.way_down(ask.name)) if apart is not None and apart.is_judged else ""
         )
-        return begins or self._climb_trouble(ask) or (f"its way home is not free: {met}" if met else None)
+        return (
+            begins or self._climb_trouble(ask, rise) or (f"its way home is not free: {met}" if met else None)
+        )
 
     def _tell_landing(self, name: str) -> None:
         """Report that a landing or return leads past another robot; it is not refused for that."""
@@ -206,25 +211,21 @@ class MotionGuard:
                 EventKind.SEPARATION, why, telemetry="separation", data={"reason": why}
             )
 
-    def _climb_trouble(self, ask: Command) -> str:
-        """Return why a robot may not move straight up or down; empty when it may, or for other commands."""
+    def _climb_trouble(self, ask: Command, rise: Vector3 | None) -> str:
+        """Return which robot is in the way straight up or down; empty for none, and for other commands."""
         if ask.name not in CLIMBS or self.apart is None or not self.apart.is_judged:
             return ""
-        pose, home = self._place.fresh(), self._place.home_point()
+        pose = self._place.fresh()
         if pose is None:
             return "the robot's position is unknown, so its separation cannot be kept"
-        field, sign = CLIMBS[ask.name]
-        metres = ask.data.get(field, getattr(self._config, "takeoff_altitude", 0.0))
-        if not isinstance(metres, int | float) or not math.isfinite(metres):
-            return ""  # the command itself refuses it
-        rise = sign * abs(metres) if sign else home.z + metres - pose.position.z
-        task = RelativeMove(Vector3(0.0, 0.0, rise), body_frame=False)
-        return self.apart.task_trouble(task, (pose.position + task.translation,))
+        if rise is None:
+            return ""
+        return self.apart.task_trouble(RelativeMove(rise, body_frame=False), (pose.position + rise,))
 
     def _start_trouble(self) -> str | None:
         """Return why a task whose path is unknown, such as a flight, may not start; None when it may."""
-        if self.fencing.trouble:
-            return f"it is {self.fencing.trouble}"
+        if self.fencing.breached:
+            return f"{self.fencing.breached}; {WAYS_BACK}"
         return (self._battery.start_trouble() or None) if self._battery else None
 
     def task(self, task: AnyTask | None) -> str | None:
@@ -240,7 +241,9 @@ class MotionGuard:
             return str(error)
         home = self._place.home_point()
         around = circled(task, self._circle)
-        trouble = self.fencing.fence.way_trouble(start, points, home, around) if self.fencing.fence else ""
+        trouble = self.fencing.way_trouble(start, points, around)
+        if trouble and self.fencing.trouble:
+            trouble = f"{trouble}; {WAYS_BACK}"
         if not trouble and self._battery is not None and isinstance(task, FlyMission):
             trouble = self._battery.start_trouble()
         if not trouble and self._battery is not None:

@@ -23,16 +23,33 @@ def own_commands(
     restart: Callable[[], Any],
     store: Callable[[Command], Any],
     drives: bool,
-    follow: Callable[[Command], Any] | None,
+    follow: Callable[[Command, Receipt], None] | None,
+    absence: Callable[[], str],
 ) -> OwnCommands:
     """Return the host's commands by name; ``store`` sets the speed of later verbs.
 
     ``drives``: the robot has such verbs. ``follow`` starts following the leader; None without one.
+    ``absence`` returns why the robot cannot be reached, empty while it can.
     """
-    followed = {} if follow is None else {FOLLOW: lambda ask, receipt: receipt.done(follow(ask))}
+    followed = {} if follow is None else {FOLLOW: _of_a_present_robot(follow, absence)}
     return {
         RELEASE: lambda _, receipt: receipt.do(release),
         RESTART: lambda _, receipt: receipt.do(restart),
         **followed,
         **dict.fromkeys(SETTINGS if drives else (), lambda ask, receipt: receipt.done(store(ask))),
     }
+
+
+def _of_a_present_robot(
+    own: Callable[[Command, Receipt], None], absence: Callable[[], str]
+) -> Callable[[Command, Receipt], None]:
+    """Return a handler that refuses the command while the robot cannot be reached."""
+
+    def handle(ask: Command, receipt: Receipt) -> None:
+        why = absence()
+        if why:
+            receipt.reject(why)
+        else:
+            own(ask, receipt)
+
+    return handle

@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable
 
 from fleet.model.health import Health, Level
+from fleet.runtime.exception_barrier import contained
 
 COMING_UP = 10.0  # s in which the steps of a start are normal: silent line, set-up
 
@@ -15,6 +16,7 @@ class RunHealth:
     """The health of a robot, ``now``.
 
     ``changed`` is called at each change, ``level_changed`` with each new level except the steps of a start.
+    The run of the robot does not depend on them: what they raise is logged.
     """
 
     def __init__(
@@ -22,8 +24,9 @@ class RunHealth:
     ) -> None:
         self.now = Health(Level.OFFLINE, "starting")
         self._log = log
-        self._changed = changed
-        self._level_changed = level_changed
+        watched = contained(log, "a change of its health could not be told")
+        self._changed = watched(changed)
+        self._level_changed = watched(level_changed)
         self._told: Level | None = None
         self._start: asyncio.TimerHandle | None = None  # while it runs, levels are steps of a start
 

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 ResultT = TypeVar("ResultT")
 
+AGAIN_AFTER = 0.5  # s after which a task that goes on is cancelled again
 IGNORED_AFTER = 2.0  # s after which a cancelled task that goes on counts as a failure of the adapter
 
 
@@ -50,6 +51,17 @@ def cancel_and_wait(task: asyncio.Task[None], why: str, on_ignored: Callable[[Ex
     task.cancel(why)
     timer = asyncio.get_running_loop().call_later(IGNORED_AFTER, look)
     task.add_done_callback(lambda _: timer.cancel())
+
+
+async def end_task(task: asyncio.Future[Any]) -> None:
+    """Cancel a task and wait for its end; cancel it again while it goes on.
+
+    A library may swallow a cancellation that comes at the moment at which its wait ends, as each
+    ``asyncio.wait_for`` does with Python 3.11. Our own code uses ``asyncio.timeout``.
+    """
+    task.cancel()
+    while (await asyncio.wait({task}, timeout=AGAIN_AFTER))[1]:
+        task.cancel()
 
 
 def closing(steps: AsyncIterator[object]) -> AbstractAsyncContextManager[AsyncIterator[Any]]:

@@ -6,6 +6,7 @@ not cross an exclusion or leave the inclusions, even if both of its ends are all
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable
 
@@ -16,6 +17,8 @@ from fleet.model.polygon import Point, Polygon, crosses, distance_to_border, pol
 
 SLACK = 1.0  # m out of bounds that count as position noise and overshoot
 STEP = 0.1  # m of a first small step of motion
+_PART, _MOST_PARTS = 0.5, 400  # m between the points at which a way back inside is judged, and their number
+_ROUNDING = 1e-6  # m
 LOOK_AHEAD = 1.5  # s of motion that must stay inside: age of the pose, reaction time and braking
 
 
@@ -58,7 +61,7 @@ class Fence(msgspec.Struct, frozen=True):
         if self.distance is not None and away > self.distance:
             return f"{away:.0f} m from home, the limit is {self.distance:g} m"
         height = point.z - home.z
-        if self.ceiling is not None and height > self.ceiling:
+        if self._is_high(height):
             return f"{height:.1f} m above home, the limit is {self.ceiling:g} m"
         return ""
 
@@ -72,17 +75,37 @@ class Fence(msgspec.Struct, frozen=True):
     ) -> str:
         """Return why a robot may not go from ``start`` through these points; empty when it may.
 
-        A robot that is outside already may come in. ``around``: circling radius at each point, metres.
+        A robot that is outside already may come in: straight, never farther out than before, and through no
+        other forbidden ground. ``around``: circling radius at each point, metres.
         """
-        inside, wide = not self.trouble(start, home), iter(around)
+        outside, wide = self.trouble(start, home), iter(around)
         for number, point in enumerate(points, 1):
             trouble = self.trouble(point, home, next(wide, 0.0))
             if trouble:
                 return f"goal {number} is {trouble}"
-            if inside and self._leaves((start.x, start.y), (point.x, point.y)):
+            if outside and not self._comes_in(start, point, home):
+                return f"it is {outside}, and the straight way to goal {number} does not lead back by itself"
+            if not outside and self._leaves((start.x, start.y), (point.x, point.y)):
                 return f"the straight way to goal {number} leads out of the fence"
-            start, inside = point, True
+            start, outside = point, ""
         return ""
+
+    def _comes_in(self, start: Vector3, end: Vector3, home: Vector3) -> bool:
+        """Return whether a straight path from outside to an allowed point only ever leads back inside."""
+        if self._enters(start, end):
+            return False
+        count = min(_MOST_PARTS, max(2, math.ceil((end - start).norm() / _PART)))
+        way = [start + (end - start).scaled(number / count) for number in range(count + 1)]
+        out = [self._beyond(point, home) for point in way]
+        return all(later <= sooner + _ROUNDING for sooner, later in itertools.pairwise(out))
+
+    def _enters(self, start: Vector3, end: Vector3) -> bool:
+        """Return whether a straight path touches an exclusion in which it does not begin."""
+        here, there = (start.x, start.y), (end.x, end.y)
+        return any(
+            not polygon_contains(polygon, here) and crosses(polygon, here, there)
+            for polygon in self.exclusion
+        )
 
     def _leaves(self, start: Point, end: Point) -> bool:
         """Return whether a straight path between two allowed points crosses forbidden ground."""
@@ -92,11 +115,14 @@ class Fence(msgspec.Struct, frozen=True):
         return bool(homes) and all(crosses(polygon, start, end) for polygon in homes)
 
     def admitted(self, point: Vector3, velocity: Vector3, home: Vector3) -> Vector3:
-        """Return the part of a world velocity (m/s) that keeps the robot inside or brings it back."""
+        """Return the part of a world velocity (m/s) that keeps the robot inside or brings it back.
+
+        A robot outside does not climb: it comes back, or lands.
+        """
         flat, climb = Vector3(velocity.x, velocity.y, 0.0), velocity.z
         if self._worse(point, flat, home):
             flat = Vector3()
-        if climb > 0 and self.ceiling is not None and point.z - home.z + climb * LOOK_AHEAD > self.ceiling:
+        if climb > 0 and (self._is_high(point.z - home.z + climb * LOOK_AHEAD) or self._is_out(point, home)):
             climb = 0.0
         return Vector3(flat.x, flat.y, climb)
 
@@ -110,8 +136,17 @@ class Fence(msgspec.Struct, frozen=True):
         ways = [point + Vector3(velocity.x, velocity.y, 0.0).scaled(seconds) for seconds in steps]
         beyond = max(self._beyond(ahead, home) for ahead in ways)
         before = self._beyond(point, home)
-        passes = before == 0 and self._leaves((point.x, point.y), (ways[-1].x, ways[-1].y))
-        return passes or (beyond > 0 and beyond >= before)
+        if before == 0:
+            return beyond > 0 or self._leaves((point.x, point.y), (ways[-1].x, ways[-1].y))
+        return beyond >= before or self._enters(point, ways[-1])
+
+    def _is_high(self, height: float) -> bool:
+        """Return whether a height above home is above the ceiling."""
+        return self.ceiling is not None and height > self.ceiling
+
+    def _is_out(self, point: Vector3, home: Vector3) -> bool:
+        """Return whether a robot at a point has left the fence sideways, by more than noise."""
+        return self._beyond(point, home) > SLACK
 
     def _beyond(self, point: Vector3, home: Vector3) -> float:
         """Return the metres by which a point is out of bounds, 0 inside."""

@@ -22,6 +22,7 @@ from fleet.host.logs.setup import TOLD
 from fleet.host.workers.reload import RELOADED
 from fleet.link.backoff import backoff
 from fleet.plugins.probe import bare_environment
+from fleet.runtime.exception_barrier import contained
 from fleet.supervisor.sockets import VARIABLE
 
 log = logging.getLogger(__name__)
@@ -61,8 +62,9 @@ class WorkerManager:
         )
         self._task = task
         self._clock = clock
-        self._told = told
-        self._halt = halt
+        kept = contained(log, f"worker {name}: a problem of it could not be told to all")
+        self._told = kept(told)
+        self._halt = contained(log, f"worker {name}: its robots could not be halted over the bus")(halt)
         self.started = 0  # number of processes that have come up
         self.given = b""  # task of the last process that was started
         self._beat = 0.0

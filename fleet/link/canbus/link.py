@@ -6,6 +6,7 @@ A thread reads the bus, because most of python-can's interfaces have nothing tha
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
 from collections import deque
 
@@ -16,6 +17,8 @@ from fleet.link.canbus.bus import BusUrl, OpenCanBus, parse_link
 from fleet.link.canbus.frame import CanFrame
 from fleet.link.link_end import LinkEnd
 from fleet.link.tap import tap_of
+
+log = logging.getLogger(__name__)
 
 _POLL = 0.05  # s that one read waits: bounds the time of a close
 _BACKLOG = 4096  # frames that wait for the loop; beyond it the oldest are dropped and counted
@@ -50,7 +53,7 @@ class CanLink:
         """Return more than any motion while the transmit queue is full, so that only the newest waits."""
         return _FULL if self._bus.blocked else 0
 
-    def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - a bus has no addresses
+    def send(self, data: bytes, address: Address = None) -> bool:  # noqa: ARG002 - a bus has no addresses
         """Write a packed frame, or drop and count it when the transmit queue is full.
 
         Raises LinkLost when the bus is dead, ValueError for bytes that are no frame of this bus.
@@ -63,13 +66,16 @@ class CanLink:
         if self._ending.ended:
             raise self._ending.error()
         with self._lock:
+            before = self._bus.dropped
             self._bus.send(frame)
             self.stats.dropped = self._bus.dropped
+            written = self.stats.dropped == before
         if self._bus.dead:
             raise self._ending.fall(self._bus.dead)
         self.stats.sent += 1
         if (note := self._tap.note) is not None:
             note("out", data)
+        return written
 
     async def lost(self) -> None:
         """Wait until the bus dies, then raise LinkLost with the reason."""
@@ -88,6 +94,10 @@ class CanLink:
                 frames = self._bus.receive(_POLL)
             except LinkLost as error:
                 self._ending.fall(self._bus.dead or str(error))
+                return
+            except Exception as error:  # an unread bus must not look like one without frames
+                log.exception("reading %s failed", self.url)
+                self._ending.fall(f"it cannot be read: {type(error).__name__}: {error}")
                 return
             if not frames:
                 continue

@@ -268,6 +268,35 @@ def test_a_hovering_quadplane_is_sent_to_where_it_comes_to_stand():
     assert (ask.x - 470_000_000) * 0.0111 == pytest.approx(4.0, abs=0.1), "4 m/s at 2 m/s2"
 
 
+@pytest.mark.parametrize(
+    ("speed", "settings", "metres"),
+    [
+        (26.0, {}, 135.2),
+        (26.0, {"Q_TRANS_DECEL": 2.0, "AIRSPEED_CRUISE": 25.0}, 135.2),
+        (26.0, {"Q_TRANS_DECEL": 4.0, "AIRSPEED_CRUISE": 25.0}, 67.6),
+        (35.0, {"Q_TRANS_DECEL": 2.0, "AIRSPEED_CRUISE": 25.0}, 210.9),
+        (900.0, {}, 303.8),
+    ],
+)
+def test_a_quadplane_from_its_wings_is_sent_as_far_as_it_needs_and_not_so_far_that_it_flies_there_on_them(
+    speed, settings, metres
+):
+    state = VehicleState(
+        vtol_state=2,
+        settings={"Q_GUIDED_MODE": 1.0, **settings},
+        position=GeoPoint(47.0, 8.0, 500.0),
+        velocity=Vector3(speed, 0.0, 0.0),
+    )
+    ask = kind_of(Heartbeat(1, ARDUPILOT), state).brakes(state)[0].ask
+    assert (ask.x - 470_000_000) * 0.01112 == pytest.approx(metres, rel=0.01)
+
+
+def test_a_quadplane_may_take_longer_to_slow_down_from_its_wings_than_in_its_hover():
+    quadplane = kind_of(Heartbeat(1, ARDUPILOT), VehicleState(vtol_state=2, settings={"Q_GUIDED_MODE": 1.0}))
+    assert quadplane.slows_to(26.0) > 21.6, "ArduPlane 4.6.3 was seen at 21.6 m/s 3 s later"
+    assert quadplane.slows_to(5.0) == pytest.approx(3.5)
+
+
 def test_every_vehicle_on_px4_is_held_at_its_place():
     for vehicle_type in range(46):
         assert first_brake(PX4, vehicle_type) == ["AUTO.LOITER"]

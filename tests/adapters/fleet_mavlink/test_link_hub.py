@@ -32,6 +32,7 @@ class Wire:
         if self.gone:
             raise LinkLost("gone")
         self.sent.append((address, data))
+        return True
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 from pymavlink.dialects.v20 import all as mav
 
-from fleet import Goal, GoTo, LinkLost, LinkRefused, NotReady, Vector3, Velocity
+from fleet import Goal, GoTo, LinkLost, LinkRefused, NotReady, Refused, Vector3, Velocity
 from fleet.model.health import Level
 from fleet.model.report import (
     BatteryReport,
@@ -16,10 +16,17 @@ from fleet.model.report import (
     PoseReport,
     TelemetryReport,
 )
+from fleet.testing.robot import LoopRobot, serve
+from fleet_mavlink.adapter import MavlinkAdapter
+from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.constants import Cmd
+
+TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 ELSEWHERE = ("10.9.9.9", 14550)
+POSHOLD = 16
+HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}
 
 
 @both
@@ -204,8 +211,16 @@ def test_a_vehicle_that_was_lost_on_its_way_flies_on_until_the_hosts_stop_when_i
     fly(main())
 
 
+UNHEARD = {
+    "emergency halt": lambda adapter: adapter.emergency_halt(),
+    "emergency stop": lambda adapter: adapter.halt_unheard("emergency_stop"),
+    "stop": lambda adapter: adapter.halt_unheard("stop"),
+}
+
+
+@pytest.mark.parametrize("stop", UNHEARD.values(), ids=UNHEARD.keys())
 @pytest.mark.parametrize("vehicle", ["multirotor", "plane", "rover"])
-def test_an_emergency_stop_is_written_to_a_vehicle_that_is_not_heard(fly, sky, vehicle):
+def test_a_requested_stop_is_written_to_a_vehicle_that_is_not_heard(fly, sky, vehicle, stop):
     async def main():
         async with sky("ardupilot", vehicle=vehicle, limits={"speed": 30.0, "distance": 5000.0}) as it:
             await it.met()
@@ -223,8 +238,109 @@ def test_an_emergency_stop_is_written_to_a_vehicle_that_is_not_heard(fly, sky, v
             it.adapter.halt()
             await asyncio.sleep(0.5)
             assert it.mode == "GUIDED", "unasked, what is silent is left to its own fail-safe"
-            it.adapter.emergency_halt()
+            stop(it.adapter)
             await it.until(lambda: it.mode in {"BRAKE", "LOITER", "HOLD"}, within=1.0)
             going.cancel()
+
+    fly(main())
+
+
+@both
+@pytest.mark.parametrize("reason", ["stop", "hover", "emergency_stop"])
+def test_a_stop_is_written_to_what_was_last_seen_on_the_ground_or_on_its_way_down(fly, sky, flavour, reason):
+    """What is silent may have been armed since, and a landing may be what has to be broken off."""
+
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            it.mute = True
+            await asyncio.sleep(4.0)
+            assert not it.state.armed
+            before = len(it.commands)
+            assert it.adapter.halt_unheard(reason)
+            assert len(it.commands) > before
+            it.mute = False
+            await it.until(lambda: it.adapter._session.vehicle.connected)
+            await it.do("takeoff", altitude=20.0)
+            coming = asyncio.ensure_future(it.do("land"))
+            await asyncio.sleep(2.0)
+            it.mute = True
+            await asyncio.sleep(4.0)
+            assert it.adapter.halt_unheard(reason)
+            await it.until(lambda: it.mode == HOLD[flavour], within=1.0)
+            coming.cancel()
+
+    fly(main())
+
+
+@both
+def test_a_stop_by_the_adapter_is_written_before_the_host_knows_that_it_is_silent(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            going = asyncio.ensure_future(it.do("land"))
+            await asyncio.sleep(1.0)
+            it.mute = True
+            await asyncio.sleep(3.1)
+            with pytest.raises(
+                NotReady, match="no heartbeat from system 1: the stop was written, and not seen"
+            ):
+                await it.adapter.stop("stop")
+            await it.until(lambda: it.mode == HOLD[flavour], within=1.0)
+            going.cancel()
+
+    fly(main())
+
+
+def test_a_plain_stop_of_a_silent_vehicle_leaves_it_to_its_pilot_and_says_so(fly, sky):
+    async def main():
+        async with sky("ardupilot") as it:
+            await it.met()
+            await it.do("takeoff")
+            it.hears(mav.MAVLink_command_long_message(1, 1, Cmd.DO_SET_MODE, 0, 1, POSHOLD, 0, 0, 0, 0, 0))
+            await it.until(lambda: it.robot.losses)
+            it.mute = True
+            await asyncio.sleep(4.0)
+            with pytest.raises(
+                Refused, match=r"a pilot or a fail-safe has it, in POSHOLD: it was left to that"
+            ):
+                it.adapter.halt_unheard("stop")
+            assert it.adapter.halt_unheard("hover")
+            await it.until(lambda: it.mode == HOLD["ardupilot"], within=1.0)
+
+    fly(main())
+
+
+def test_a_stop_is_written_to_a_vehicle_that_was_never_heard_as_any_autopilot_takes_it(fly, sky):
+    async def main():
+        async with sky("ardupilot") as it:
+            it.mute = True
+            await asyncio.sleep(1.0)
+            assert it.state.heartbeat is None
+            assert it.adapter.halt_unheard("stop")
+            await asyncio.sleep(0.1)
+            assert it.order[-2:] == [0, Cmd.DO_PAUSE_CONTINUE]
+            with pytest.raises(NotReady, match="no heartbeat from system 1: the stop was written"):
+                await it.adapter.stop("emergency_stop")
+
+    fly(main())
+
+
+def test_a_stop_for_which_there_is_no_address_yet_is_not_called_written(fly):
+    async def main():
+        config = MavlinkConfig(name="kestrel", twin=TWIN, adapter="mavlink", link="udpin:127.0.0.1:0")
+        robot = LoopRobot("kestrel", config.limits.over(MavlinkAdapter.limits))
+        adapter = MavlinkAdapter(config, robot)
+        run = asyncio.ensure_future(serve(adapter))
+        await robot.until(lambda: hasattr(adapter, "_session"))
+        for stop in (lambda: adapter.halt_unheard("stop"), lambda: adapter.halt_unheard("emergency_stop")):
+            with pytest.raises(LinkLost, match=r"nobody was heard on udpin:127.0.0.1:\d+ yet"):
+                stop()
+        with pytest.raises(NotReady, match="nobody knows whether it stops: nobody was heard"):
+            await adapter.stop("stop")
+        robot.close()
+        run.cancel()
+        await asyncio.gather(run, return_exceptions=True)
 
     fly(main())

@@ -1,6 +1,7 @@
 """Stops of a VTOL while it goes over to its wings, and before it has told how it flies."""
 
 import asyncio
+import math
 
 import pytest
 
@@ -63,6 +64,30 @@ def test_a_stop_breaks_a_transition_off_and_the_vtol_hovers(fly, sky, flavour, r
             await stands(it)
             assert it.height == pytest.approx(height, abs=3.0)
             assert it.robot.losses == []
+
+    fly(main())
+
+
+@pytest.mark.parametrize("reason", ["stop", "emergency_stop"])
+def test_a_quadplane_that_is_stopped_on_the_way_back_to_its_hover_is_not_flown_past_its_target_and_back(
+    fly, sky, reason
+):
+    async def main():
+        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+            await hovering(it)
+            await it.do("transition", to="forward")
+            await it.until(lambda: it.speed > 20.0)
+            going = asyncio.ensure_future(it.do("transition", to="hover"))
+            await it.until(lambda: it.state.vtol_state == TO_HOVER, 10.0)
+            began, farthest = it.place, 0.0
+            await it.adapter.stop(reason)
+            going.cancel()
+            for _ in range(800):
+                farthest = max(farthest, math.dist(began, it.place))
+                await asyncio.sleep(0.05)
+            await stands(it)
+            assert math.dist(began, it.place) > farthest - 5.0, "it flew back"
+            assert not it.adapter._session.health.unstopped
 
     fly(main())
 

@@ -17,6 +17,7 @@ class Link:
 
     def send(self, data, _address=None):
         self.sent.append(data)
+        return True
 
 
 class Vehicle:

@@ -5,7 +5,7 @@ import uuid
 
 import pytest
 
-from fleet import Level, NotReady, PoseReport, Refused, Unsupported, Vector3, Velocity, open_link
+from fleet import Level, NotReady, PoseReport, Refused, TimedOut, Unsupported, Vector3, Velocity, open_link
 from fleet.host.robot.adapter_factory import capabilities, create_adapter, start_command
 from fleet.link.memory import MemoryRobot
 from fleet.model.command import Command
@@ -217,6 +217,24 @@ async def test_silence_is_amber_in_a_second_red_in_three_and_halts(bench):
         bench.adapter.drive(forward(0.3))
     with pytest.raises(Exception, match="nothing heard for 2"):
         await bench.pass_time(2.0)
+
+
+async def test_a_stop_of_a_base_that_is_not_heard_is_written(bench):
+    bench.adapter.drive(forward(0.3))
+    await bench.pass_time(0.5)
+    bench.board.set_fault("mute", 1.0)
+    assert bench.adapter.halt_unheard("stop")
+    await bench.pass_time(0.1)
+    assert bench.board.physics.wanted == [0.0, 0.0]
+
+
+async def test_a_stop_that_is_not_seen_to_be_carried_out_is_not_called_done(bench, monkeypatch):
+    monkeypatch.setattr("fleet_ugv.adapter.STANDSTILL", 0.05)
+    bench.adapter.drive(forward(0.3))
+    await bench.pass_time(0.5)
+    bench.board.set_fault("mute", 1.0)
+    with pytest.raises(TimedOut, match=r"not seen to stand within 0.05 s; .* of them: 0.[23]\d m/s"):
+        await bench.adapter.stop("stop")
 
 
 BAD_WIRES = [

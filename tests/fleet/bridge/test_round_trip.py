@@ -1,6 +1,6 @@
 import pytest
 
-from fleet.bridge.round_trip import LOST_AFTER, PING_EVERY, RoundTrip
+from fleet.bridge.round_trip import LATE_AFTER, LOST_AFTER, PING_EVERY, RoundTrip
 from fleet.errors import WireError
 
 PONG = b'{"type": "pong"}'
@@ -33,6 +33,20 @@ def test_one_ping_is_under_way_at_a_time_and_a_lost_one_is_forgotten(trip, clock
         clock.advance(LOST_AFTER / 2)
     assert len(trip.sent) == 3
     assert trip.seconds is None
+
+
+def test_a_late_pong_counts_for_its_own_ping_and_not_for_a_newer_one(trip, clock):
+    trip.ask()
+    clock.advance(0.1)
+    trip.heard(PONG)
+    clock.advance(PING_EVERY)
+    trip.ask()
+    for _ in range(4):
+        clock.advance(LATE_AFTER / 3)
+        trip.ask()
+    assert trip.seconds is None
+    trip.heard(PONG)
+    assert trip.seconds == pytest.approx(4 * LATE_AFTER / 3)
 
 
 def test_a_ping_is_sent_now_and_then_however_often_it_is_time_to_look(trip, clock):

@@ -6,7 +6,7 @@ from functools import partial
 import pytest
 
 from fleet.bridge.bridge import Bridge, BridgeRules
-from fleet.cloud.values import CloudMessage, CloudSettings
+from fleet.cloud.values import CloudMessage, CloudSettings, CloudState
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Quaternion, Vector3
@@ -199,6 +199,7 @@ def test_every_channel_of_the_table_becomes_its_topics_at_their_qos(world):
 
 def test_what_the_edge_says_itself_is_what_the_table_says(world, rex):
     rex.answers = lambda *_: Reply("takeoff", ReplyStatus.REJECTED, "no")
+    world.bridge.client.state = CloudState.CONNECTED  # the cloud is pinged only then
     world.bridge.beat({})
     world.hear("ping:request", {"type": "ping"})
     world.hear("command", {"command": "takeoff"})

@@ -132,6 +132,22 @@ def bench():
     return Bench()
 
 
+def test_a_state_that_waited_when_its_robot_was_replaced_is_not_sent_any_more(bench, pose):
+    bench.full = True
+    bench.turn()
+    for key, sample in ((POSITION, pose(1.0)), (SCALE, encode_report(ScaleReport(1.0, ONES), 0))):
+        bench.uplink.arrived(key, sample)
+    bench.forward({METRICS: MetricsReport(1.0, power={"voltage": 12.0})})  # a part of its channel
+    assert bench.uplink.waiting == 3
+    bench.uplink.drop(TWIN)
+    bench.full = False
+    bench.uplink.arrived(POSITION, pose(2.0))
+    bench.run(2.0)
+    assert bench.uplink.waiting == 0
+    assert {message["position"]["x"] for _, message in bench.of("position")} == {2.0}
+    assert {suffix for _, suffix, _, _ in bench.sent} == {"position", "rotation"}
+
+
 def test_a_pose_becomes_two_topics_in_the_cloud_s_form(bench, pose):
     bench.uplink.arrived(POSITION, pose(1.0))
     bench.turn()

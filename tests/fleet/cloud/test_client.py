@@ -5,6 +5,7 @@ import paho.mqtt.publish
 import pytest
 
 from fleet.clock import SystemClock
+from fleet.cloud.mqtt_connection import MqttConnection
 from fleet.cloud.packets import PacketDecoder
 from fleet.cloud.values import CloudState, Will
 from fleet.errors import CloudError
@@ -240,6 +241,40 @@ def test_a_dead_link_is_noticed_and_healed(broker, watched):
     edge.reaches(DISCONNECTED, "silent for 1.6 s")
     broker.broker.faults.freeze = False
     edge.until(lambda: edge.client.state is CONNECTED)
+
+
+def test_a_dead_link_is_noticed_though_watching_it_failed_before(broker, watched, monkeypatch, caplog):
+    failed = []
+
+    def fail(_spool):
+        failed.append(1)
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr("fleet.spool.spool.Spool.tick", fail)
+    client = watched(broker.port, keepalive=1, connect_timeout=0.5).connected()
+    wait_until("watching has failed", lambda: len(failed) > 1)
+    broker.broker.faults.freeze = True
+    client.reaches(DISCONNECTED, "silent")
+    broker.broker.faults.freeze = False
+    assert "watching the cloud connection failed" in caplog.text
+
+
+def test_a_codec_that_panics_is_told_and_does_not_end_the_connecting(broker, watched, monkeypatch):
+    class PanicException(BaseException):
+        """As the codec raises."""
+
+    answered = MqttConnection.answered
+    panics = [PanicException("oops")]
+
+    async def panic(connection):
+        if panics:
+            raise panics.pop()
+        await answered(connection)
+
+    monkeypatch.setattr(MqttConnection, "answered", panic)
+    client = watched(broker.port).start()
+    client.reaches(DISCONNECTED, "oops")
+    client.reaches(CONNECTED)
 
 
 def test_a_silent_connection_is_reset_so_that_nothing_of_it_arrives_late(listener, watched):

@@ -10,7 +10,7 @@ from fleet.cloud.inflight_window import WINDOW
 from fleet.cloud.mqtt_session import INBOUND, MqttSession, SessionEnded, SessionRefused
 from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import PacketDecoder
-from fleet.cloud.publish import qos0_route
+from fleet.cloud.publish import publish, qos0_route
 from fleet.cloud.values import CloudSettings, CloudStats, Will
 from fleet.spool.message import Outcome, Outgoing
 from fleet.spool.queue import NEWEST_FIRST
@@ -197,6 +197,21 @@ def test_an_acknowledgement_tells_what_became_of_the_message(code, outcome):
     assert talk.send() == []
     assert not talk.session.busy()
     assert (talk.stats.refused, talk.box.spool.lost) == ((1, 1) if code else (0, 0))
+
+
+@pytest.mark.parametrize("kind", [OverflowError, SystemError])
+def test_a_message_that_cannot_be_encoded_takes_no_other_along(monkeypatch, kind):
+    def fail(outgoing, *rest):
+        if outgoing.topic == "b":
+            raise kind("oops")
+        return publish(outgoing, *rest)
+
+    monkeypatch.setattr("fleet.cloud.inflight_window.publish", fail)
+    talk = Talk()
+    for name in "abc":
+        talk.put(message(name))
+    assert [topic for topic, _, _ in ids(talk.send())] == ["a", "c"]
+    assert talk.outcomes() == REFUSED
 
 
 def test_a_message_of_qos_2_does_not_keep_the_round_trip_from_being_measured():
@@ -436,6 +451,20 @@ def test_a_message_of_qos_2_that_the_broker_refuses_is_told_and_not_released():
     talk.hear(mqtt5.PubRecPacket(published.packet_id, reason_code=mqtt5.PubRecReasonCode.NOT_AUTHORIZED))
     assert talk.outcomes() == REFUSED
     assert talk.replies() == []
+
+
+def test_a_refusal_of_a_message_that_is_not_in_flight_is_not_answered(caplog):
+    talk = Talk()
+    talk.hear(mqtt5.PubRecPacket(7, reason_code=mqtt5.PubRecReasonCode.PACKET_ID_IN_USE))
+    assert talk.replies() == []
+    assert "message 7, which is not in flight" in caplog.text
+
+
+def test_a_message_that_the_broker_has_and_is_not_in_flight_is_released_as_unknown():
+    talk = Talk()
+    talk.hear(mqtt5.PubRecPacket(7))
+    (release,) = talk.replies()
+    assert release == mqtt5.PubRelPacket(7, reason_code=mqtt5.PubRelReasonCode.PACKET_ID_NOT_FOUND)
 
 
 def test_a_broker_without_qos_2_gets_qos_1():

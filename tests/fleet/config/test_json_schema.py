@@ -65,6 +65,20 @@ def test_a_variable_may_stand_for_a_number(schema):
     assert port["default"] == 8883
 
 
+def test_a_duration_may_be_written_with_its_unit_wherever_there_is_one(schema):
+    def durations(part):
+        patterns = [each.get("pattern", "") for each in part.get("anyOf", ())]
+        return any("min|h" in each for each in patterns) or any(map(durations, part.get("anyOf", ())))
+
+    schedule = schema["$defs"]["ScheduleConfig"]["properties"]
+    mission = schema["$defs"]["MissionConfig"]["properties"]
+    assert [durations(each) for each in (schedule["every"], schedule["late"], mission["deadline"])] == [
+        True,
+        True,
+        True,
+    ]
+
+
 def test_a_fleet_without_adapters_has_a_schema_too():
     assert json_schema(Registry([]))["properties"]["robots"]
 

@@ -12,6 +12,7 @@ from fleet.console.requests import (
     ExtentAsked,
     HistoryAsked,
     MomentAsked,
+    SeriesAsked,
     VideoAnswered,
     VideoAsked,
     needed_for,
@@ -32,6 +33,10 @@ class Pasts:
     async def moment(self, at):
         await self.read.wait()
         return {"at": at}
+
+    async def series(self, wanted):
+        await self.read.wait()
+        return {"robot": wanted.robot}
 
 
 @pytest.fixture
@@ -55,8 +60,21 @@ async def test_a_page_has_one_moment_read_at_a_time(lookups):
     assert await call(MomentAsked("three", 3.0)) == {"moment": {"at": 3.0}}
 
 
+async def test_a_page_has_one_window_read_at_a_time_beside_a_moment(lookups):
+    call = lookups.calls[SeriesAsked]
+    moment = asyncio.create_task(lookups.calls[MomentAsked](MomentAsked("one", 1.0)))
+    first = asyncio.create_task(call(SeriesAsked("two", "e/x", 1.0, 2.0)))
+    await asyncio.sleep(0)
+    with pytest.raises(Refused, match="another window is still being read"):
+        await call(SeriesAsked("three", "e/x", 1.0, 2.0))
+    lookups._hub.pasts.read.set()
+    assert await first == {"series": {"robot": "e/x"}}
+    await moment
+
+
 async def test_none_of_them_needs_more_than_to_look_but_video_and_the_configuration(lookups):
     asked = [MomentAsked("r", 1.0), ExtentAsked("r"), HistoryAsked("r", "e/x"), CausesAsked("r", ())]
+    asked.append(SeriesAsked("r", "e/x", 1.0, 2.0))
     assert {needed_for(each) for each in asked} == {Permission.VIEW}
     assert needed_for(ConfigAsked("r", "e")) is Permission.ADMIN
     video = [VideoAsked("r", "e/x"), VideoAnswered("r", "e/x", "front", "v=0")]

@@ -8,15 +8,18 @@ from pathlib import Path
 
 import pytest
 
+from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.permission import Permission
+from fleet.model.report import PoseReport
 from fleet.record.export import recorded
 from fleet.testing.waiting import wait_until
-from tests.tools.recordings import write_recording
+from fleet.wire.databus import encode_report
+from tests.tools.recordings import TWINS, write_recording
 
 AXE = Path(__file__).parents[2] / "data" / "axe" / "axe.min.js"
 WAIT = 60_000  # ms; busy computers are slow
 REX, ANN = "yard-1/rex", "yard-1/ann"
-LENGTH = 30  # s of the recording
+LENGTH = 400  # s of the recording
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +40,8 @@ def served(runtime, serve_console, tmp_path_factory, begins):
 @pytest.fixture(scope="module")
 def yard(play_edge):
     """Play the edge as it is now."""
-    return play_edge("yard-1", robots={"rex": {"health": "ok", "activity": "idle now", "reachable": True}})
+    rex = {"twin": TWINS["rex"], "health": "ok", "activity": "idle now", "reachable": True}
+    return play_edge("yard-1", robots={"rex": rex})
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +91,35 @@ def goes_to(page, at):
 def shows_at(page, robot, where):
     """Wait until the page shows a robot there."""
     wait_until("the robot to be there", lambda: pose(page, robot) == where)
+
+
+def plot(page, robot, number):
+    """Select a robot, and plot a recorded number of it."""
+    page.click(f'#robots li[data-id="{robot}"]')
+    page.locator("#robot .plots option", has_text=number).wait_for(state="attached")
+    page.select_option("#robot .plots select", number)
+
+
+def plotted(page):
+    """Return the picture of the plot, and the columns of the line at the moment in it."""
+    return page.evaluate(
+        """() => {
+          const canvas = document.querySelector(".plot canvas");
+          const { width, height } = canvas;
+          const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+          const [red, green, blue] = [0x7a, 0x3e, 0x00];
+          const columns = new Set();
+          for (let at = 0; at < data.length; at += 4)
+            if (data[at] === red && data[at + 1] === green && data[at + 2] === blue)
+              columns.add((at / 4) % width);
+          return [canvas.toDataURL(), [...columns].sort((one, other) => one - other), width];
+        }"""
+    )
+
+
+def values_shown(page):
+    """Return the value beside each plot."""
+    return page.locator(".plot .value").all_inner_texts()
 
 
 def test_the_fleet_at_a_second_is_told_with_its_poses_health_runs_and_events(served, begins):
@@ -213,7 +246,78 @@ def test_who_may_not_export_is_not_offered_it(open_past, begins):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_no_barrier_in_the_past(open_past, begins, scheme):
+    def barriers():
+        found = page.evaluate("axe.run()")["violations"]
+        return [(each["id"], [node["html"] for node in each["nodes"]]) for each in found]
+
     page = open_past(at=begins + 25, color_scheme=scheme)
     page.evaluate(AXE.read_text())
-    found = page.evaluate("axe.run()")["violations"]
-    assert [(each["id"], [node["html"] for node in each["nodes"]]) for each in found] == []
+    assert barriers() == []
+    plot(page, REX, "position.x")
+    page.wait_for_selector(".plot canvas")
+    assert barriers() == []
+
+
+def test_a_plot_of_the_past_shows_the_recorded_values_around_the_moment_and_follows_the_slider(
+    open_past, yard, begins
+):
+    page = open_past(at=begins + 100)
+    plot(page, REX, "position.x")
+    offered = page.locator("#robot .plots option").all_inner_texts()
+    assert {"position.qw", "joint_states.positions.knee"} <= set(offered)
+    page.wait_for_selector(".plot canvas")
+    wait_until("the value of the moment", lambda: values_shown(page) == ["100"])
+    before, line, width = plotted(page)
+    assert width / 3 < min(line) <= max(line) < min(line) + 4
+    goes_to(page, begins + 140)
+    wait_until("the value of the moment after", lambda: values_shown(page) == ["140"])
+    after, same_line, _ = plotted(page)
+    assert (after != before, same_line) == (True, line)
+    goes_to(page, begins + 390)
+    wait_until("a value far away", lambda: values_shown(page) == ["390"])
+    page.select_option("#robot .plots select", "joint_states.positions.knee")
+    wait_until("the other number", lambda: values_shown(page) == ["390", "39"])
+    assert page.locator("#robot button.command, .pad").count() == 0
+
+    def live():
+        pose = PoseReport(time.time(), Vector3(7.0), Quaternion())
+        yard.bus.reports.put(f"cw/{TWINS['rex']}/data/position", encode_report(pose, 1))
+        return values_shown(page) == ["7", "not reported"]
+
+    page.click("text=Back to now")
+    wait_until("the live values", live)
+    assert plotted(page)[1] == []
+
+
+def test_a_plot_without_recorded_values_says_so(open_past, begins):
+    page = open_past(at=begins + 100)
+    plot(page, ANN, "position.x")
+    wait_until("the value", lambda: values_shown(page) == ["0"])
+    goes_to(page, begins + LENGTH + 29)
+    wait_until("its age", lambda: values_shown(page) == ["0 (30 s before)"])
+    goes_to(page, begins + LENGTH + 300)
+    wait_until("no value", lambda: values_shown(page) == ["not recorded"])
+    page.locator("#robot .plots", has_text="no number was recorded around this moment").wait_for()
+
+
+def test_a_curve_is_broken_where_no_value_was_recorded(open_past):
+    page = open_past()
+    curve = page.evaluate("async () => (await import('/pastplots.js')).broken([[0, 1, 9], [3, 4, 5]])")
+    assert curve == [[0, 1, 5, 9], [3, 4, None, 5]]
+
+
+def test_who_may_view_gets_series_of_recorded_numbers_and_why_a_request_is_refused(served, begins):
+    window = {"robot": REX, "since": begins + 4, "until": begins + 6, "names": ["position.x"]}
+    with served.page(Permission.VIEW) as page:
+        page.ask("series", request="one", **window)
+        told = page.answer("one")["series"]
+        page.ask("series", request="two", **(window | {"until": begins}))
+        assert "begins before it ends" in page.answer("two")["reason"]
+        page.ask("series", request="three", **(window | {"robot": "../../etc"}))
+        assert "its name is EDGE/ROBOT" in page.answer("three")["reason"]
+        page.ask("series", request="four", **(window | {"points": 10**9}))
+        assert "points" in page.answer("")["reason"]
+        page.ask("series", request="five", **(window | {"since": begins - 90, "until": begins - 60}))
+        empty = page.answer("five")["series"]
+    assert told["values"]["position.x"][1] == [4.0, 4.5, 5.0, 5.5, 6.0]
+    assert (empty["names"], empty["values"]) == ([], {"position.x": [[], []]})

@@ -1,8 +1,10 @@
 """What a page may ask for, and what it needs."""
 
+import json
+
 import pytest
 
-from fleet.console.requests import CommandAsked, StopAsked, needed_for, read_asked, read_stop
+from fleet.console.requests import CommandAsked, SeriesAsked, StopAsked, needed_for, read_asked, read_stop
 from fleet.errors import WireError
 from fleet.model.permission import Permission
 
@@ -22,3 +24,24 @@ def test_a_stop_by_post_is_a_stop_and_nothing_else():
 def test_a_number_that_is_none_is_refused():
     with pytest.raises(WireError):
         read_asked('{"ask": "goto", "request": "r", "robots": ["a/b"], "x": Infinity, "y": 0}')
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"since": "1"},
+        {"until": None},
+        {"points": 1},
+        {"points": 1_000_000},
+        {"names": ["n"] * 21},
+        {"names": ["n" * 121]},
+        {"robot": "e/" + "x" * 200},
+        {"file": "/etc/passwd"},
+    ],
+    ids=str,
+)
+def test_a_window_of_numbers_is_asked_for_within_bounds(wrong):
+    right = {"ask": "series", "request": "r", "robot": "e/x", "since": 1.0, "until": 2.0, "names": ["a.b"]}
+    assert read_asked(json.dumps(right)) == SeriesAsked("r", "e/x", 1.0, 2.0, ("a.b",))
+    with pytest.raises(WireError):
+        read_asked(json.dumps(right | wrong))

@@ -55,6 +55,17 @@ def test_a_watched_robots_numbers_are_shown_the_newest_of_each(watched):
     assert view.get("numbers", "yard/rex") == {"battery.percent": 79, "imu.gyro.x": 0.1}
 
 
+def test_the_speed_of_its_state_is_one_of_its_numbers_while_it_is_known(watched):
+    reports, view, _, _ = watched
+    reports.watch({"yard/rex"})
+    view.take_state(RobotState("rex", TWIN, "toy", "yard", 2.0, speed=0.5), 2.0)
+    reports.take()
+    assert view.get("numbers", "yard/rex") == {"speed": 0.5}
+    view.take_state(RobotState("rex", TWIN, "toy", "yard", 3.0), 3.0)
+    reports.take()
+    assert view.get("numbers", "yard/rex") == {}
+
+
 def test_a_robot_that_nobody_watches_any_more_is_not_heard(watched):
     reports, view, bus, _ = watched
     reports.watch({"yard/rex"})

@@ -19,11 +19,13 @@ class Wire:
 
     def __init__(self):
         self.url, self.said, self.waiting, self.lost_now = "wire", [], 0, False
+        self.dropping = False  # as a datagram link without a peer
 
     def send(self, data, address=None):
         if self.lost_now:
             raise LinkLost("gone")
         self.said.append(data)
+        return not self.dropping
 
     def unsent(self):
         return self.waiting
@@ -105,6 +107,13 @@ def test_a_halt_on_a_link_that_is_gone_says_so_and_does_not_fail(slot, wire):
     assert not slot.halt((STOP,))
     with pytest.raises(LinkLost):
         slot.put((FAST,), slot.turn)
+
+
+def test_a_halt_that_a_link_drops_is_not_called_written(slot, wire):
+    assert slot.halt((STOP, STOP))
+    wire.dropping = True
+    assert not slot.halt((STOP, STOP))
+    assert wire.said == [STOP] * 4
 
 
 def test_a_halt_comes_from_any_thread(slot, wire):

@@ -35,6 +35,7 @@ class Bench:
         if self.lost:
             raise LinkLost("gone")
         self.said.append(data)
+        return True
 
     def unsent(self):
         return self.busy

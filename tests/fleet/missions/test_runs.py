@@ -27,6 +27,22 @@ def test_a_run_goes_through_its_steps_and_gives_its_robots_back(yard):
     assert len(identities) == len(set(identities)) == 3
 
 
+@pytest.mark.parametrize("refuses", [True, False], ids=["first refused", "first ended"])
+def test_a_state_that_still_names_a_run_which_has_ended_keeps_no_robot_from_the_next(yard, refuses):
+    if refuses:
+        yard.robots["kestrel"].refuses["join_run"] = "anna has control for 2.0 s more"
+        yard.start()
+        del yard.robots["kestrel"].refuses["join_run"]
+    else:
+        yard.start()
+        for robot, command in (("kestrel", "takeoff"), ("kestrel", "goto"), ("beast", "goto")):
+            yard.done(robot, command)
+    assert yard.runs.states() == []
+    yard.robots["beast"].be(run="3f2a")  # sent by its worker before it was told to leave
+    ((run, _, refusal),) = yard.start(run="77b0")
+    assert (run, refusal) == ("77b0", "")
+
+
 def test_what_is_begun_is_on_disk_before_the_robot_hears_of_it(yard):
     found = mission_of("patrol", MISSION)
     yard.runs.start(found, found.program({}), StartAsk(run="3f2a"), Transport.BUS, lambda *_: None)

@@ -149,7 +149,8 @@ class Yard:
             "yard",
             self.robots,
             candidates=lambda: [
-                Candidate(name, "toy", frozenset(self.can), Facts(name, "ok", 80.0)) for name in self.robots
+                Candidate(name, "toy", frozenset(self.can), Facts(name, "ok", 80.0), run=robot.now.run)
+                for name, robot in self.robots.items()
             ],
             allowed=lambda robot, origin, _commands, _navigates: self.denied.get((robot, origin.way)),
             site=SiteMap(

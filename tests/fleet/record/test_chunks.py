@@ -77,6 +77,42 @@ def test_a_look_adds_what_was_written_since_and_a_closed_file_adds_nothing(file)
     assert len(all_of(chunks)) == 3
 
 
+def three_chunks(file):
+    """Write three chunks with one message each, and find them."""
+    for number in range(3):
+        file.add(message("/a", number), 1000 + number)
+        file.flush()
+    chunks = Chunks(file.path)
+    chunks.look()
+    return chunks
+
+
+def test_whatever_byte_of_a_chunk_is_changed_it_is_left_out_and_told_or_reads_as_before(file):
+    chunks = three_chunks(file)
+    middle = chunks.found[1]
+    content = file.path.read_bytes()
+    whole = all_of(chunks)
+    for at in range(middle.at, middle.at + middle.size):
+        changed = bytearray(content)
+        changed[at] ^= 1
+        file.path.write_bytes(changed)
+        chunks.damaged.clear()
+        found = all_of(chunks)
+        assert found == (whole[::2] if chunks.damaged else whole)
+        assert chunks.damaged <= {middle.at}
+    assert not chunks.is_cut
+
+
+def test_a_file_without_an_end_is_told_as_cut(file):
+    chunks = three_chunks(file)
+    assert not chunks.is_cut
+    content = file.path.read_bytes()
+    file.path.write_bytes(content[: chunks.found[2].at + 10])
+    again = Chunks(file.path)
+    again.look()
+    assert (len(again.found), again.is_cut) == (2, True)
+
+
 @settings(max_examples=60)
 @given(st.integers(8, 2000), st.binary(min_size=1, max_size=40), st.booleans())
 def test_no_damage_makes_it_fail(tmp_path_factory, at, data, whole):

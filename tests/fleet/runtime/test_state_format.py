@@ -18,7 +18,8 @@ from fleet.history import reader as history_look
 from fleet.history.event_filter import EventFilter
 from fleet.history.store import HISTORY, History
 from fleet.host.journal.execution_journal import FORMAT, ExecutionJournal, Started, execution_journal_file
-from fleet.host.journal.journal import LOST, Journal
+from fleet.host.journal.journal import Journal
+from fleet.host.journal.journal_file import LOST
 from fleet.model.event import EventKind, EventReport
 from fleet.runtime.state_format import format_of, refuse_newer
 from fleet.spool import inspection as spool_look

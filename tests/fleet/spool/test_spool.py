@@ -74,6 +74,30 @@ def test_a_disk_that_is_well_again_when_it_is_closed_gets_all_that_memory_holds(
     assert opened().spool.waiting == 20
 
 
+def test_a_file_with_a_row_that_no_fleet_wrote_is_set_aside(tmp_path, opened):
+    first = opened().put(*payloads(3))
+    first.spool.close()
+    with contextlib.closing(sqlite3.connect(tmp_path / "state" / SPOOL)) as file, file:
+        file.execute("UPDATE topic SET traffic = 99")
+    spool = opened()
+    wait_until("the file is set aside", lambda: list((tmp_path / "state").glob("*.broken")))
+    spool.put(*payloads(2)).written()
+    assert opened().spool.waiting == 2
+
+
+def test_the_thread_of_the_disk_outlives_a_failure_and_loses_nothing(opened, monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError("oops")
+
+    spool = opened()
+    with monkeypatch.context() as ill:
+        ill.setattr(SpoolFile, "change", fail)
+        spool.put(*payloads(3))
+        wait_until("the failure is told", lambda: "oops" in spool.spool.problem)
+    wait_until("the disk takes them", lambda: not spool.spool.problem)
+    assert opened().spool.waiting == 3
+
+
 def test_a_killed_process_loses_nothing_that_was_on_disk_and_keeps_the_order(tmp_path, opened):
     command = [sys.executable, "-c", KILLED, tmp_path / "state"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as dying:

@@ -85,6 +85,23 @@ def test_the_links_are_vouched_for_before_the_robots_are_run(keep):
     assert keeper._user.vouchers[0][0] == keeper.lease.epoch == 1
 
 
+def test_the_lease_is_kept_though_its_user_fails_now_and_then(keep, monkeypatch, caplog):
+    keeper = keep("a", Store())
+    wait_until("the lease is held", lambda: holds(keeper))
+    failed, stops = [], keeper._user.stops
+
+    def fail():
+        failed.append(1)
+        if len(failed) < 3:
+            raise RuntimeError("dictionary changed size during iteration")
+        return stops()
+
+    monkeypatch.setattr(keeper._user, "stops", fail)
+    before = len(keeper._user.vouchers)
+    wait_until("it is renewed", lambda: len(failed) > 3 and len(keeper._user.vouchers) > before)
+    assert "it is tried again" in caplog.text
+
+
 def test_a_holder_that_ends_gives_the_lease_to_the_other_at_once(keep):
     store = Store()
     a = keep("a", store)

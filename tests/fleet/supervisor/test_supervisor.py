@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from fleet.clock import SystemClock
 from fleet.supervisor import protocol
 from fleet.supervisor.client import SupervisorClient
+from fleet.supervisor.notices import print_in_thread
 from fleet.supervisor.protocol import RegisterHalt, StopAnswer, StopRequest, Welcome
 from fleet.supervisor.service_manager import ServiceManager
 from fleet.supervisor.sockets import connected, socket_of
@@ -88,6 +89,28 @@ def test_a_stop_without_an_edge_is_answered_as_kept_and_told_to_the_next(field):
         welcome = protocol.decode(edge.recv(1000))
     assert isinstance(welcome, Welcome)
     assert [stop.names for stop in welcome.stops] == [("rex",)]
+
+
+def test_a_stop_is_kept_until_an_edge_that_was_told_of_it_serves_its_robots(field):
+    stop_all(field.folder, ("rex",))
+    hello = protocol.encode(protocol.Hello("yard", process=field.supervisor._child.pid))
+    for _ in range(2):  # the first edge dies before it has set the stop
+        with contextlib.closing(connected(field.path, within=5.0)) as edge:
+            edge.send(hello)
+            assert [stop.names for stop in protocol.decode(edge.recv(1000)).stops] == [("rex",)]
+    with contextlib.closing(connected(field.path, within=5.0)) as edge:
+        edge.send(hello)
+        edge.recv(1000)
+        edge.send(protocol.encode(protocol.EdgeRunning()))
+        wait_until("the edge has it", lambda: not field.supervisor._stops)
+
+
+def test_a_supervisor_that_can_start_no_thread_for_its_lines_goes_on(monkeypatch):
+    def fail(_thread):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", fail)
+    print_in_thread("the edge ended")
 
 
 def test_a_worker_is_not_told_the_edges_stops_and_does_not_take_them_away(field):

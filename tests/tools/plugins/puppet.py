@@ -23,11 +23,15 @@ _Number = Annotated[int, Range(0, 2**53, "(a number to count by)")]
 
 
 class PuppetConfig(AdapterConfig):
-    """``rate``: pose, joints and IMU a second. ``events``: durable reports a second. ``journal``: a file."""
+    """``rate``: pose, joints and IMU a second, or the pose alone. ``events``: durable reports a second.
+
+    ``journal``: a file.
+    """
 
     adapter: Literal["puppet"]
     rate: float = 10.0
     joints: int = 12
+    pose_only: bool = False
     events: float = 0.0
     journal: str = ""
 
@@ -55,12 +59,14 @@ class Puppet(Adapter[PuppetConfig]):
             self.robot.every(0.02, self._tell)
 
     def _report(self) -> None:
-        """Report pose, joints and IMU: four topics in the cloud."""
+        """Report pose, joints and IMU: four topics in the cloud. Or the pose alone: two."""
         robot = self.robot
         self._turns += 1
         now, angle = robot.clock.time(), self._turns * 0.01
         half = Quaternion(math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2))
         robot.report(PoseReport(now, Vector3(math.cos(angle), math.sin(angle), 0.5), half))
+        if self.config.pose_only:
+            return
         robot.report(JointReport(now, dict.fromkeys(self._joints, angle)))
         robot.report(ImuReport(now, Vector3(0.01, 0.02, angle), Vector3(0.1, 0.2, 9.81)))
 

@@ -14,6 +14,7 @@ from fleet_quadruped.drives.moteus.servo import MoteusServo
 _KP, _KD, _KI = "servo.pid_position.kp", "servo.pid_position.kd", "servo.pid_position.ki"
 _TIMEOUT_MODE, _TIMEOUT_TORQUE = "servo.timeout_mode", "servo.timeout_max_torque_Nm"
 _ROUNDING = 1.001
+_LONGEST_TEXT = 512  # bytes kept; another host tool may read text from the same servo without end
 
 
 class Diagnostics:
@@ -27,7 +28,7 @@ class Diagnostics:
 
     def take(self, servo: MoteusServo, text: bytes) -> None:
         """Process text from a servo, maybe a part of a line."""
-        self._texts[servo.joint.name] += text
+        self._texts[servo.joint.name] = (self._texts[servo.joint.name] + text)[-_LONGEST_TEXT:]
 
     def read(self, name: str) -> list[float]:
         """Return a configuration value of each servo; raises LinkRefused if it is not a number."""

@@ -79,8 +79,8 @@ class MoteusDrives(DampingGroup[MoteusServo]):
         text = b"".join(part.text for part in parts if part.kind == 0x41)
         if text:
             self._diagnostics.take(servo, text)
-        told = wire.registers(parts)
-        if wire.MODE in told and wire.FAULT in told:
+        told = wire.reply(parts)
+        if told is not None:
             servo.take(told, frame.data, now)
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:

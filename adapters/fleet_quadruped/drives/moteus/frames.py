@@ -56,8 +56,19 @@ _NO_LIMITS = b"\x02\x28\xff\xff"  # velocity and acceleration, negative: no limi
 QUERY = b"\x1c\x04\x00\x14\x04\x0c"
 """Reads mode to torque as floats, and position reference to fault as int16."""
 _TYPES = ("b", "h", "i", "f")
-_SCALES: Mapping[int, float] = MappingProxyType({VOLTAGE: 0.1, TEMPERATURE: 0.1})
-"""Unit of an int16 register, if it is not 1; no other register is read as an integer."""
+_UNITY = (1.0, 1.0, 1.0)
+_SCALES: Mapping[int, tuple[float, float, float]] = MappingProxyType(
+    {
+        POSITION: (0.01, 0.0001, 0.00001),
+        VELOCITY: (0.1, 0.00025, 0.00001),
+        TORQUE: (0.5, 0.01, 0.001),
+        VOLTAGE: (0.5, 0.1, 0.001),
+        TEMPERATURE: (1.0, 0.1, 0.001),
+    }
+)
+"""Units of registers as int8, int16 and int32, if they are not 1."""
+_QUERIED = (MODE, POSITION, VELOCITY, TORQUE, HOME, VOLTAGE, TEMPERATURE, FAULT)
+_INT16, _FLOAT = 1, 3  # resolutions
 _CHANNEL = 1  # diagnostic channel
 _LONGEST = 40  # bytes of text in a frame
 
@@ -143,7 +154,7 @@ def pack_reply(resolution: int, start: int, values: tuple[float, ...]) -> bytes:
     kind = _TYPES[resolution]
     if kind != "f":
         most = (1 << (8 << resolution) - 1) - 1
-        scaled = [value / _SCALES.get(start + at, 1.0) for at, value in enumerate(values)]
+        scaled = [value / _SCALES.get(start + at, _UNITY)[resolution] for at, value in enumerate(values)]
         values = tuple([max(-most, min(most, round(value))) for value in scaled])
     return struct.pack(f"<3B{len(values)}{kind}", 0x20 | resolution << 2, len(values), start, *values)
 
@@ -161,6 +172,21 @@ def unpack(data: bytes) -> list[Subframe] | None:
         return None
 
 
+def reply(parts: list[Subframe]) -> dict[int, float] | None:
+    """Return the registers of an answer to ``QUERY``, all finite; None for an answer to another query.
+
+    Other host tools have the same source by default, so a servo's answers to them have the same identifier.
+    They may lack registers, or have them as integers: coarse, and clamped.
+    """
+    told = registers([part for part in parts if part.kind == 2 and _has_our_type(part)])
+    return told if all(math.isfinite(told.get(register, math.nan)) for register in _QUERIED) else None
+
+
+def _has_our_type(part: Subframe) -> bool:
+    """Return whether the numbers of a sub-frame have the type of an answer to ``QUERY``."""
+    return part.resolution == _FLOAT or (part.resolution == _INT16 and part.start >= HOME)
+
+
 def registers(parts: list[Subframe]) -> dict[int, float]:
     """Return the registers of an answer, in their units."""
     found: dict[int, float] = {}
@@ -168,7 +194,8 @@ def registers(parts: list[Subframe]) -> dict[int, float]:
         if part.kind != 2:
             continue
         for register, value in enumerate(part.values, start=part.start):
-            found[register] = value * _SCALES.get(register, 1.0) if part.resolution < 3 else value
+            whole = part.resolution < _FLOAT
+            found[register] = value * _SCALES.get(register, _UNITY)[part.resolution] if whole else value
     return found
 
 

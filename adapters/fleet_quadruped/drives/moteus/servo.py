@@ -43,10 +43,8 @@ class MoteusServo(DampingDrive):
     full_kd: float = math.inf
 
     def take(self, told: dict[int, float], data: bytes, now: float) -> None:
-        """Process the registers of an answer, if they are finite."""
+        """Process the registers of a whole answer (``frames.reply``)."""
         turns, speed, torque = told[wire.POSITION], told[wire.VELOCITY], told[wire.TORQUE]
-        if not (math.isfinite(turns) and math.isfinite(speed) and math.isfinite(torque)):
-            return
         self.angle, self.speed, self.torque = self.units.joint(turns * wire.TURN, speed * wire.TURN, torque)
         self.mode, self.code, self.home = (int(told[at]) for at in (wire.MODE, wire.FAULT, wire.HOME))
         self.voltage, self.temperature = told[wire.VOLTAGE], told[wire.TEMPERATURE]

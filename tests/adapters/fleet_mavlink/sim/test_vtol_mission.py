@@ -51,6 +51,7 @@ def test_a_vtol_lands_with_its_rotors_where_its_plan_ends_and_stands_when_it_is_
             assert not it.armed
             assert it.height == 0.0
             assert abs(it.place[0]) < 5.0
+            assert (await it.do("check_ready"))["ready"], "what AUTO lacks, a take-off puts right"
 
     fly(main())
 

@@ -63,3 +63,30 @@ def test_registers_come_back_integers_clamped(values):
         told = wire.registers(wire.unpack(wire.pack_reply(resolution, wire.VOLTAGE, tuple(values))))
         assert len(told) == len(values)
         assert all(math.isfinite(value) for value in told.values())
+
+
+ANSWER = wire.pack_reply(3, wire.MODE, (10.0, 0.25, 0.5, 1.0)) + wire.pack_reply(
+    1, wire.HOME, (2.0, 24.0, 31.0, 0.0)
+)
+
+
+def test_an_answer_to_our_query_is_believed():
+    told = wire.reply(wire.unpack(wire.padded(ANSWER)))
+    assert [told[register] for register in range(4)] == [10.0, 0.25, 0.5, 1.0]
+    assert [told[register] for register in range(0xC, 0x10)] == pytest.approx([2.0, 24.0, 31.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        wire.pack_reply(1, wire.MODE, (10.0,)) + wire.pack_reply(1, wire.FAULT, (0.0,)),
+        wire.pack_reply(3, wire.MODE, (10.0, 0.25, 0.5, 1.0)),
+        wire.pack_reply(0, wire.MODE, (10.0, 0.25, 0.5, 1.0)) + wire.pack_reply(1, wire.HOME, (2, 24, 31, 0)),
+        wire.pack_reply(3, wire.MODE, (10.0, 0.25, 0.5, 1.0)) + wire.pack_reply(0, wire.HOME, (2, 24, 31, 0)),
+        wire.pack_reply(3, wire.MODE, (math.nan, 0.25, 0.5, 1.0)) + ANSWER[-11:],
+        wire.pack_reply(3, wire.MODE, (10.0, 0.25, math.inf, 1.0)) + ANSWER[-11:],
+    ],
+    ids=["partial", "half", "coarse position", "coarse state", "no mode", "no speed"],
+)
+def test_an_answer_to_another_host_tool_is_not_believed(told):
+    assert wire.reply(wire.unpack(wire.padded(told))) is None

@@ -2,11 +2,13 @@
 
 import math
 import re
+import struct
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from fleet import CanFrame
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.any_description import load_body
 from fleet_quadruped.body.gait import Twist
@@ -224,6 +226,34 @@ def test_no_velocity_beyond_the_limits_is_ever_sent(walker, make_paddock, twists
             assert abs(each["x"]) <= pace.speed + 1e-3
             assert abs(each["y"]) <= pace.strafe + 1e-3
             assert abs(each["turn"]) <= pace.turn + 1e-3
+
+
+FLOATS = st.lists(st.sampled_from([float("nan"), float("inf"), 3.4e38, -3.4e38, 0.5]), max_size=2)
+DATA = st.one_of(st.binary(max_size=8), FLOATS.map(lambda them: struct.pack(f"<{len(them)}f", *them)))
+FACTORS = ({}, {"type": "f32"}, {"type": "f32", "scale": 1e300})
+
+
+@pytest.mark.parametrize("factor", FACTORS, ids=["as described", "floats", "huge floats"])
+@given(data=st.data())
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_no_frame_on_the_bus_ends_the_control_of_a_machine_or_hides_a_stop(make_paddock, factor, data):
+    tree = load_body(EXAMPLE.with_name("self-walking.yaml")).model_dump(exclude_none=True)
+    tree["frames"]["state"] = [
+        {"id": frame["id"] + number, "fields": {name: {**field, **factor, "at": 0}}}
+        for frame in tree["frames"]["state"]
+        for number, (name, field) in enumerate(frame["fields"].items())
+    ]
+    walker = type(load_body(EXAMPLE.with_name("self-walking.yaml"))).model_validate(tree)
+    paddock = make_paddock(walker)
+    identifiers = st.sampled_from([frame.id for frame in (*walker.frames.state, *walker.frames.slow)])
+    for frame in data.draw(st.lists(st.builds(CanFrame, identifiers, DATA), max_size=12)):
+        paddock.bus.arrive(frame)
+        paddock.cycle()
+    state = paddock.state
+    assert all(map(math.isfinite, (state.x, state.y, *state.twist, *state.rotation)))
+    paddock.emergency()
+    paddock.cycle()
+    assert paddock.bus.sent[-1] == walker.frames.emergency_stop.frame
 
 
 # -- frames as makers want them ----------------------------------------------------------------------

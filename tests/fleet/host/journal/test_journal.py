@@ -16,8 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fleet.history.store import HISTORY, History
+from fleet.host.journal.changes import CommandEnd
 from fleet.host.journal.execution_journal import SIZE, ExecutionJournal, Latched, Started
-from fleet.host.journal.journal import LOST, REMEMBERED, RETRY, CommandEnd, Journal
+from fleet.host.journal.journal import RETRY, Journal
+from fleet.host.journal.journal_file import LOST, REMEMBERED
 from fleet.model.command import Origin, ReplyStatus, Transport
 from fleet.model.geometry import Vector3
 from fleet.model.navigation import Navigate, RelativeMove
@@ -58,6 +60,13 @@ def restarted(opened, make_bench):
         return make_bench(journal=opened().robot("rex"))
 
     return restarted
+
+
+def commit(journal, changes):
+    """Write changes in one commit."""
+    with journal._using:
+        journal._unwritten.add(changes)
+        journal._commit()
 
 
 async def ended(answers):
@@ -190,11 +199,11 @@ async def test_a_disk_that_fails_is_told_and_commands_go_on(tmp_path, clock, mak
 def test_a_disk_that_fills_up_is_told_and_one_that_is_well_again_too(opened, asks):
     journal = opened()
     rex = journal.robot("rex")
-    journal._database.execute("PRAGMA max_page_count = 1")
+    journal._file._database.execute("PRAGMA max_page_count = 1")
     rex.latch("x" * 100_000)
     wait_until("the trouble is told", lambda: "full" in journal.problem)
-    journal._database.execute("PRAGMA max_page_count = 100000")
-    journal._commit([])
+    journal._file._database.execute("PRAGMA max_page_count = 100000")
+    commit(journal, [])
     assert journal.problem == ""
 
 
@@ -336,7 +345,7 @@ def test_changes_come_to_the_same_in_one_commit_or_in_many(tmp_path_factory, cha
         folder = tmp_path_factory.mktemp("journal")
         journal = Journal(folder, ManualClock(), folder / "begun.main")
         for start, end in itertools.pairwise([0, *places, len(changes)]):
-            journal._commit(changes[start:end])
+            commit(journal, changes[start:end])
         robots = [journal.robot(name) for name in ("rex", "max", "e\0v")]
         seen.append([(robot.latched, {past.identity: past for past in robot.past}) for robot in robots])
         journal.close()
@@ -345,7 +354,7 @@ def test_changes_come_to_the_same_in_one_commit_or_in_many(tmp_path_factory, cha
 
 def test_more_commands_than_one_statement_takes_are_remembered(opened):
     journal = opened()
-    journal._commit([Started("rex", f"r{number}", "land", False, NOW) for number in range(257)])
+    commit(journal, [Started("rex", f"r{number}", "land", False, NOW) for number in range(257)])
     assert len(opened().robot("rex").past) == 257
 
 
@@ -489,7 +498,8 @@ NOTHING_CAN_BE_WRITTEN = """
 import os, resource, signal, sys
 from pathlib import Path
 from fleet.testing.clock import ManualClock
-from fleet.host.journal.journal import LOST, Journal
+from fleet.host.journal.journal import Journal
+from fleet.host.journal.journal_file import LOST
 
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
@@ -591,11 +601,11 @@ def test_a_stop_that_a_full_disk_did_not_take_is_written_once_there_is_room_thou
 ):
     journal = opened()
     rex = journal.robot("rex")
-    journal._database.execute("PRAGMA max_page_count = 1")
+    journal._file._database.execute("PRAGMA max_page_count = 1")
     rex.latch("x" * 100_000)
     wait_until("the trouble is told", lambda: "full" in journal.problem)
     with journal._using:
-        journal._database.execute("PRAGMA max_page_count = 100000")
+        journal._file._database.execute("PRAGMA max_page_count = 100000")
     clock.advance(RETRY)
     wait_until("the disk takes it", lambda: not journal.problem)
     with contextlib.closing(sqlite3.connect(tmp_path / JOURNAL)) as disk:

@@ -319,6 +319,21 @@ def test_a_worker_that_hears_nothing_at_all_holds_its_robots_for_ever():
         assert latches["max"].refusal()
 
 
+def test_every_robot_is_held_though_another_joins_meanwhile():
+    latches = {"max": EmergencyStopLatch(), "eve": EmergencyStopLatch()}
+    joins = lambda *_: latches.setdefault("new", EmergencyStopLatch())  # noqa: E731
+    clock = ManualClock()
+    held = HeldByEdge(latches, ended=joins, clock=clock)
+    held.take(b"{}")
+    held.take(b'{"max": "unplugged", "eve": "unplugged"}')
+    assert latches["eve"].refusal() == "unplugged"
+    latches.pop("new")
+    held.take(b"{}")
+    clock.advance(SILENT_AFTER + 0.1)
+    held.look()
+    assert latches["eve"].refusal()
+
+
 @pytest.mark.parametrize("how", ["driving", "goal"])
 async def test_what_moves_a_robot_of_a_worker_is_ended_when_the_edge_is_silent(bench, asks, how):
     controller, said = bench.controller, b"{}"

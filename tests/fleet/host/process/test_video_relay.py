@@ -80,6 +80,14 @@ async def test_a_command_that_nobody_carries_out_says_why(bus_session, ask, answ
     assert (reply.status, told[1] in reply.reason) == (told[0], True)
 
 
+async def test_a_busy_loop_is_not_taken_for_a_program_that_is_silent(bus_session, ask):
+    replies, clock, settle = ask
+    bus_session.end()
+    clock.advance(ANSWER_WITHIN)
+    await settle()
+    assert "no program on the bus" in replies[0].reason
+
+
 @pytest.fixture
 def passed_on(make_bench):
     """Make a robot that passes commands for video on; returns it and what it passed."""
@@ -146,17 +154,23 @@ async def test_a_program_on_the_bus_is_reached_from_the_edge_and_from_a_worker(y
         for name in ("start_video", "stop_video"):
             key = f"cw/{edge.robots()[0].twin}/data/{name}_status"
             bus_session.subscribe(key, lambda _key, sample: statuses.append(json.loads(json_payload(sample))))
-        (nobody,) = await asyncio.to_thread(command, bus_session, place, "start_video")
+
+        def ask(name):
+            (reply,) = command(bus_session, place, name)
+            return reply
+
+        # Who publishes a status learns of our subscription later than of our command: they take two links.
+        await asyncio.to_thread(wait_until, "a status", lambda: not ask("start_video").ok and statuses)
+        nobody = await asyncio.to_thread(ask, "start_video")
         assert (nobody.ok, nobody.hint) == (False, "start one on the robot's computer: fleet video rex")
         edge.bus.control.answer(keys.video(place.id, "rex"), answer)
-        for name in ("start_video", "stop_video"):
-            (reply,) = await asyncio.to_thread(command, bus_session, place, name)
-            assert reply.ok
-        await asyncio.to_thread(wait_until, "the statuses", lambda: len(statuses) == 3)
+        await asyncio.to_thread(wait_until, "the program is known", lambda: ask("start_video").ok)
+        assert (await asyncio.to_thread(ask, "stop_video")).ok
+        await asyncio.to_thread(
+            wait_until, "the last status", lambda: statuses[-1]["type"] == "video_stopped"
+        )
         await asyncio.to_thread(bus_session.close)
     assert heard == ["start_video", "stop_video"]
-    assert [(status["type"], status["status"]) for status in statuses] == [
-        ("video_started", "error"),
-        ("video_started", "ok"),
-        ("video_stopped", "ok"),
-    ]
+    *errors, started, stopped = [(status["type"], status["status"]) for status in statuses]
+    assert set(errors) == {("video_started", "error")}
+    assert (started, stopped) == (("video_started", "ok"), ("video_stopped", "ok"))

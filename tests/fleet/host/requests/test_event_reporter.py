@@ -4,6 +4,7 @@ import logging
 
 import pytest
 
+from fleet.host.requests.event_reporter import EventReporter
 from fleet.model.command import Transport
 from fleet.model.event import EventReport, Requester
 from fleet.model.report import TelemetryReport
@@ -17,6 +18,21 @@ def events(bench):
     """Return the events that were told, without what is asked and how it ends."""
     told = [report for report in bench.reports if isinstance(report, EventReport)]
     return [event for event in told if event.kind not in {"command", "outcome", "stop", "release"}]
+
+
+async def test_motion_ends_though_nobody_can_be_told_of_it(bench, asks, caplog):
+    def fail(*_):
+        raise ZeroDivisionError("oops")
+
+    bench.ask(asks.goal())
+    await asks.settle()
+    reporter = EventReporter("rex", fail, bench.clock, in_motion=lambda: True)
+    reporter.heard = fail
+    bench.controller.event_reporter = bench.controller.motion._event_reporter = reporter
+    bench.controller.authority_lost("the pilot switched to POSHOLD")
+    assert bench.statuses()[-1] == "failed"
+    assert not bench.controller.motion.in_control
+    assert "an event of rex could not be reported" in caplog.text
 
 
 async def test_a_breach_under_way_names_the_goal_that_led_to_it(make_bench, asks):

@@ -10,6 +10,7 @@ from fleet.errors import Fault, LinkLost, LinkRefused, NotReady
 from fleet.host.robot import adapter_runner as runners
 from fleet.host.robot.adapter_runner import AdapterRunner
 from fleet.host.robot.robot_handle import RobotHandle
+from fleet.host.robot.run_health import RunHealth
 from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
@@ -331,6 +332,47 @@ async def test_a_robot_that_moves_is_halted_though_its_loss_cannot_be_recorded(
     await asks.until(lambda: len(one.made) == 2)
     assert {"halt", "stop"} <= set(last_words(bench))
     assert "could not be recorded" in caplog.text
+
+
+async def test_a_robot_is_halted_and_run_again_though_whoever_watches_its_health_fails(
+    stage, asks, bench, monkeypatch
+):
+    def fail(*_):
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr(
+        runners, "RunHealth", lambda log, **_: RunHealth(log, changed=fail, level_changed=fail)
+    )
+    one, end = await moving(stage, asks, bench)
+    end.set()
+    await asks.until(lambda: len(one.made) == 2 and one.runner.health == Health())
+    assert {"halt", "stop"} <= set(last_words(bench))
+    assert not one.task.done()
+
+
+async def test_a_robot_is_run_again_though_the_end_of_its_run_cannot_be_recorded(
+    stage, asks, bench, monkeypatch
+):
+    one, end = await moving(stage, asks, bench)
+    first, fail = bench.puppet, ZeroDivisionError("oops")
+    monkeypatch.setattr(bench.controller, "lost", lambda _why: (_ for _ in ()).throw(fail))
+    end.set()
+    await asks.until(lambda: len(one.made) == 2 and one.runner.health == Health())
+    assert {"halt", "stop"} <= set(last_words(bench))
+    assert bench.controller.attached.adapter is not first
+
+
+async def test_a_host_stops_though_a_restart_was_asked_at_the_same_moment(stage, asks):
+    async def fail(_robot):
+        raise Fault("broken")
+
+    one = stage(fail)
+    await asks.until(lambda: one.runner.health.level is Level.FAULT)
+    await asks.settle()
+    one.runner.restart()
+    one.task.cancel()
+    await asyncio.wait({one.task}, timeout=5)
+    assert one.task.cancelled()
 
 
 async def test_nothing_moves_after_a_reconnect_until_it_is_asked(stage, asks, bench):

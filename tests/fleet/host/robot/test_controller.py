@@ -10,6 +10,7 @@ from fleet.host.journal.past_commands import PastCommand
 from fleet.model.command import ReplyStatus
 from fleet.model.geometry import ZERO_VELOCITY
 from fleet.model.navigation import Control, Navigate
+from fleet.wire.stops import STOP_WORDS
 
 ACCEPTED, REJECTED, DENIED = ReplyStatus.ACCEPTED, ReplyStatus.REJECTED, ReplyStatus.DENIED
 
@@ -963,17 +964,46 @@ async def test_a_velocity_cannot_be_set_by_who_may_not_move_the_robot(bench, ask
     assert bench.controller.speeds.of("anna").forward == 0.5
 
 
-async def test_a_stop_says_that_it_was_written_only_where_it_could_be(make_bench, asks):
-    bench = make_bench()
+def refusing(error):
+    """Return a ``halt_unheard`` that raises."""
+
+    def halt_unheard(reason):
+        raise error
+
+    return halt_unheard
+
+
+@pytest.mark.parametrize(
+    ("halt_unheard", "told"),
+    [
+        (lambda _: True, "the stop was written, but the robot does not answer"),
+        (lambda _: False, "the stop was given to its adapter, which cannot tell if it was written"),
+        (refusing(LinkLost("the cable is out")), "the stop was not written: the cable is out"),
+        (refusing(NotReady("a pilot has it")), "the stop was not written: a pilot has it"),
+        (refusing(KeyError("x")), "the stop may not have been written: its adapter failed"),
+    ],
+    ids=["written", "unknown", "lost", "refused", "crashed"],
+)
+async def test_a_stop_of_a_robot_that_is_not_heard_says_no_more_than_is_true(
+    bench, asks, monkeypatch, halt_unheard, told
+):
+    monkeypatch.setattr(bench.puppet, "halt_unheard", halt_unheard)
     bench.controller.lost("silent")
-    (answer,) = bench.ask(asks.command("stop"))
-    assert answer.reason.endswith("silent; the stop was written, but the robot does not answer")
-    bench.controller.attach(bench.puppet)  # a new run, which has heard nothing yet
-    (answer,) = bench.ask(asks.command("stop"))
-    assert answer.reason.endswith("may not have been written: it has not been heard since its adapter began")
+    answers = [answer for name in STOP_WORDS for answer in bench.ask(asks.command(name))]
+    assert {(answer.ok, answer.reason.partition("; ")[2]) for answer in answers} == {(False, told)}
     bench.controller.detach("the device is gone")
     (answer,) = bench.ask(asks.command("stop"))
     assert answer.reason.endswith("the stop was not written: no link to it is open")
+
+
+async def test_a_stop_that_a_blocked_link_has_not_taken_is_not_called_written(make_bench, asks, monkeypatch):
+    bench, free = make_bench(), threading.Event()
+    monkeypatch.setattr("fleet.host.robot.controller.HALT_WAIT", 0.01)
+    monkeypatch.setattr(bench.puppet, "halt_unheard", lambda _: free.wait(20.0))
+    bench.controller.lost("silent")
+    (answer,) = bench.ask(asks.command("stop"))
+    free.set()
+    assert answer.reason.endswith("the stop may not have been written: its link has not taken it yet")
 
 
 async def test_a_robot_in_a_run_obeys_nobody_elses_motion(bench, asks):

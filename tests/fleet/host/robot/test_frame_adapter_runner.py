@@ -275,6 +275,16 @@ async def test_a_halt_on_another_thread_is_written_while_the_loop_is_stuck(runni
     assert running.heard() == [b"GO 1.00\n", b"STOP\n"]
 
 
+async def test_a_stop_of_a_robot_that_is_not_heard_is_written_or_it_says_that_it_is_not(running):
+    assert running.adapter.halt_unheard("stop")
+    assert running.heard() == [b"STOP\n"]
+    running.machine.unplug()
+    with pytest.raises(LinkLost, match="takes nothing"):
+        running.adapter.halt_unheard("stop")
+    with pytest.raises(LinkLost, match="takes nothing"):
+        await running.adapter.stop("stop")
+
+
 class SlowLine:
     """A pseudo-terminal that carries a byte in 10 ms, and the robot's end of it."""
 

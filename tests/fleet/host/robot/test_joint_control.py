@@ -329,16 +329,62 @@ def leader_at(bench, hip, *, age=0.0):
 
 
 def follow(bench, session="ada"):
-    stamp = bench.clock.time()
-    return bench.ask(Command("follow_leader", origin=Origin(Transport.CLOUD, "tele", session), stamp=stamp))
+    """Request to follow the leader; return the answers, which may follow later."""
+    answers: list[Any] = []
+    ask = Command("follow_leader", origin=Origin(Transport.CLOUD, "tele", session), stamp=bench.clock.time())
+    bench.controller.receive(ask, Receipt(ask.name, answers.append))
+    return answers
+
+
+def leads(bench, ask):
+    """Take what the leader asks, as the robot does; return the answer."""
+    answer = bench.ask(ask)
+    bench.controller.joints.followed(answer)
+    return answer
 
 
 def test_a_leader_asks_nothing_before_somebody_has_it_followed(follower):
     assert leader_at(follower, 0.5) is None
-    assert follow(follower).ok
+    answers = follow(follower)
+    assert answers == [], "nobody has seen it follow"
     ask = leader_at(follower, 0.5)
     assert (ask.positions, ask.origin.source_type) == ({"hip": 0.5}, "edge_leader")
-    assert follower.ask(ask).ok
+    assert leads(follower, ask).ok
+    assert [each.done for each in answers] == [True]
+
+
+def test_following_is_refused_while_the_robot_is_offline(follower):
+    follower.controller.lost("silent")
+    assert [each.reason for each in follow(follower)] == ["arm is offline: silent"]
+    follower.controller.found()
+    assert leader_at(follower, 0.5) is None
+    follower.controller.detach("it begins anew")
+    assert [each.ok for each in follow(follower)] == [False]
+
+
+def test_following_is_not_done_when_the_leader_tells_nothing(follower):
+    answers = follow(follower)
+    follower.clock.advance(0.51)
+    assert follower.controller.joints.deadman.expire(follower.clock.monotonic())
+    follower.controller.joints.step()
+    assert [each.reason for each in answers] == [
+        "it follows no leader: no report of it within 0.5 s, or something else came first"
+    ]
+
+
+def test_following_is_not_done_when_the_robot_refuses_the_leaders_first_targets(follower):
+    answers = follow(follower)
+    follower.arm.raises = NotReady("not in joint mode", hint="send joint_mode first")
+    assert not leads(follower, leader_at(follower, 0.5)).ok
+    assert "not in joint mode" in answers[0].reason
+    assert leader_at(follower, 0.5) is None
+
+
+async def test_following_is_not_done_when_a_stop_comes_first(follower):
+    answers = follow(follower)
+    follower.ask(Command("stop", origin=Origin(Transport.CLOUD, "tele", "bob"), stamp=follower.clock.time()))
+    follower.controller.joints.step()
+    assert [each.ok for each in answers] == [False]
 
 
 async def test_a_stop_ends_the_following_until_it_is_asked_for_again(follower):
@@ -366,7 +412,7 @@ def test_a_leader_that_is_late_or_out_of_range_does_not_lead(follower):
 
 def test_following_waits_for_an_emergency_stop_to_be_released(follower):
     follower.controller.emergency("a test")
-    assert "emergency stop" in follow(follower).reason
+    assert "emergency stop" in follow(follower)[0].reason
     assert leader_at(follower, 0.5) is None
 
 

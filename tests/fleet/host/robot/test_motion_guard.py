@@ -3,6 +3,7 @@
 import pytest
 
 from fleet.errors import Refused
+from fleet.host.robot.outside_fence import WAYS_BACK
 from fleet.model.command import ReplyStatus
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, quaternion_from_yaw
@@ -143,7 +144,7 @@ async def test_a_flight_does_not_begin_outside_or_with_too_little_battery(make_b
     bench = make_bench(fence=FENCE, battery_policy=POLICY)
     bench.stands(30.0)
     bench.has(90.0)
-    assert bench.ask(asks.command("takeoff"))[0].reason == "it is outside the fence"
+    assert bench.ask(asks.command("takeoff"))[0].reason == f"it is outside the fence; {WAYS_BACK}"
     bench.stands()
     bench.has(19.0)
     assert "19 %" in bench.ask(asks.command("takeoff"))[0].reason
@@ -151,6 +152,29 @@ async def test_a_flight_does_not_begin_outside_or_with_too_little_battery(make_b
     bench.ask(asks.command("takeoff"))
     await asks.settle()
     assert bench.puppet.told == [("takeoff", None)]
+
+
+async def test_from_outside_only_a_goal_inside_on_a_way_back_is_taken(make_bench, asks):
+    bench = make_bench(fence={**FENCE, "exclusion": [[(18.0, -2.0), (19.0, -2.0), (19.0, 2.0), (18.0, 2.0)]]})
+    bench.stands(30.0)
+    for task in (
+        GoTo(Goal(Vector3(25, 0, 0))),
+        GoTo(Goal(Vector3(10, 0, 0))),
+        RelativeMove(Vector3(0, 5, 0)),
+    ):
+        (answer,) = bench.ask(goal(asks, task))
+        assert not answer.ok
+        assert answer.reason.endswith(WAYS_BACK)
+    assert bench.puppet.told == []
+    assert bench.ask(goal(asks, GoTo(Goal(Vector3(10, 15, 0)))))[0].ok
+
+
+async def test_a_limit_of_the_distance_needs_a_position_as_a_fence_does(make_bench, asks):
+    bench = make_bench(limits={"distance": 50.0})
+    assert "position is unknown" in bench.ask(asks.setpoint(1.0))[0].reason
+    assert "position is unknown" in bench.ask(asks.command("takeoff"))[0].reason
+    bench.stands()
+    assert bench.ask(asks.setpoint(1.0))[0].ok
 
 
 WALL = [(4.0, -2.0), (6.0, -2.0), (6.0, 2.0), (4.0, 2.0)]

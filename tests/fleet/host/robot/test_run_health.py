@@ -42,6 +42,19 @@ def test_another_cause_is_a_change_but_no_new_level(health):
     assert health.levels == [SILENT]
 
 
+async def test_a_watcher_that_fails_keeps_nobody_from_the_health(caplog):
+    def fail(*_):
+        raise ZeroDivisionError("oops")
+
+    health = RunHealth(logging.getLogger("fleet.robot.rover"), changed=fail, level_changed=fail)
+    health.set(SILENT)
+    health.begin_start()
+    health.end_start()
+    health.set(Health())
+    assert health.now == Health()
+    assert caplog.text.count("ZeroDivisionError: oops") == 4
+
+
 async def test_the_steps_of_a_start_are_changes_but_no_new_levels(health):
     health.begin_start()
     health.set(SILENT)

@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from fleet.host.runtime.cancellation import closing, wait_bounded
+from fleet.host.runtime.cancellation import closing, end_task, wait_bounded
 
 
 async def test_what_ends_in_time_returns_its_value():
@@ -19,6 +19,27 @@ async def test_what_takes_too_long_is_cancelled():
     with pytest.raises(TimeoutError):
         await wait_bounded(slow(), 0.01)
     assert began.is_set()
+
+
+async def test_a_task_that_swallowed_its_cancellation_is_cancelled_again(monkeypatch):
+    monkeypatch.setattr("fleet.host.runtime.cancellation.AGAIN_AFTER", 0.01)
+    swallowed = []
+
+    async def swallow():
+        while True:
+            try:
+                await asyncio.Event().wait()
+            except asyncio.CancelledError:
+                if len(swallowed) == 2:
+                    raise
+                swallowed.append(1)
+
+    task = asyncio.create_task(swallow())
+    await asyncio.sleep(0)
+    async with asyncio.timeout(20):
+        await end_task(task)
+    assert task.cancelled()
+    assert len(swallowed) == 2
 
 
 async def test_what_ignores_its_cancellation_is_left_behind(asks):

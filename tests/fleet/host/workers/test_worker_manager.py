@@ -6,8 +6,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import psutil
@@ -17,12 +19,14 @@ from fleet.bus import keys
 from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.host.edge.edge import Edge
+from fleet.host.edge.worker_robots import _halt_worker
 from fleet.host.process.component_settings import worker_of
+from fleet.host.runtime.threads import NAME
 from fleet.host.workers.worker_manager import WorkerManager, names_of
 from fleet.model.command import Reply, Transport
 from fleet.supervisor.client import SupervisorClient
 from fleet.supervisor.protocol import StopRequest
-from fleet.testing.waiting import wait_until
+from fleet.testing.waiting import DEADLINE, wait_until
 
 MOVE = {"command": "move_forward", "data": {"linear_x": 1.0}}
 GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}
@@ -221,7 +225,7 @@ def test_a_worker_ends_with_an_edge_that_was_killed_and_holds_its_robots(yard):
 class Told:
     """A worker that cannot even be started, and what is said of it."""
 
-    def __init__(self, monkeypatch):
+    def __init__(self, monkeypatch, told=None, halt=lambda name: None):
         self.said, self.tries = [], 0
         bus_session = type("Lane", (), {"subscribe": lambda *_: None, "watch_tokens": lambda *_: None})()
 
@@ -237,8 +241,8 @@ class Told:
             directory="/nowhere",
             control=bus_session,
             clock=SystemClock(),
-            told=lambda name, cause: self.said.append(cause),
-            halt=lambda name: None,
+            told=told or (lambda name, cause: self.said.append(cause)),
+            halt=halt,
         )
 
 
@@ -249,6 +253,53 @@ async def test_a_worker_that_cannot_be_started_is_told_and_tried_again(monkeypat
     task.cancel()
     await asyncio.wait({task})
     assert told.said[0] == "worker arm: cannot be started: Too many open files"
+
+
+def hanging_process(put):
+    """Return a process of an edge whose bus does ``put``."""
+    bus = SimpleNamespace(control=SimpleNamespace(put=put))
+    return SimpleNamespace(edge="yard", bus=bus)
+
+
+def test_the_halt_of_a_hanging_worker_does_not_hold_up_the_loop_on_a_full_link():
+    freed, put = threading.Event(), []
+
+    def block(key, payload, *, urgent):
+        put.append((key, freed.wait(DEADLINE), urgent, threading.current_thread().name))
+
+    _halt_worker(hanging_process(block), "arm")  # returns with the link full
+    freed.set()
+    wait_until("it is on its way", lambda: put)
+    assert put == [(keys.halt("yard", "arm"), True, True, NAME)]
+
+
+def test_a_halt_over_a_closed_bus_is_told(caplog):
+    def fail(*_, **__):
+        raise RuntimeError("the session is closed")
+
+    _halt_worker(hanging_process(fail), "arm")
+    wait_until("it is told", lambda: "its robots could not be halted over the bus" in caplog.text)
+
+
+async def test_a_hanging_worker_is_killed_though_its_halt_fails_and_nobody_can_be_told(monkeypatch, asks):
+    processes, start = [], asyncio.create_subprocess_exec
+
+    async def started(*_, **options):
+        processes.append(await start("sleep", "600", **options))
+        return processes[-1]
+
+    def fail(*_):
+        raise ZeroDivisionError("oops")
+
+    worker = Told(monkeypatch, told=fail, halt=fail).worker
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", started)
+    monkeypatch.setattr("fleet.host.workers.worker_manager.START_WITHIN", 0.0)
+    task = asyncio.create_task(worker.run())
+    await asks.until(lambda: len(processes) > 1)
+    assert processes[0].returncode == -signal.SIGKILL
+    task.cancel()
+    await asyncio.wait({task})
+    assert task.cancelled()
 
 
 async def test_a_worker_has_neither_the_clouds_token_nor_the_edges_environment(

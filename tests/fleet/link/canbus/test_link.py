@@ -46,6 +46,19 @@ def full(*_args, **_kwargs):
     raise can.CanOperationError("No buffer space available", error_code=errno.ENOBUFS)
 
 
+async def test_a_bus_that_cannot_be_read_is_lost_and_not_silent(url, other, hearing, monkeypatch):
+    link = await open_link(url, hearing())
+
+    def fail(_within):
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr(link._bus, "receive", fail)
+    async with asyncio.timeout(WITHIN):
+        with pytest.raises(LinkLost, match="it cannot be read: ZeroDivisionError: oops"):
+            await link.lost()
+    await link.close()
+
+
 @pytest.mark.parametrize("frame", [CanFrame(0x111, b"\x01\x02"), CanFrame(0x18FF0102, bytes(8))])
 async def test_frames_cross_both_ways_as_they_are(url, other, hearing, frame):
     heard = hearing()
