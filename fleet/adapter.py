@@ -319,10 +319,7 @@ class Adapter(AdapterBase[ConfigT]):
         were handed to an open link, False if the adapter cannot tell. Raises LinkError or a CommandError with
         the reason if nothing was written.
         """
-        if reason == EMERGENCY:
-            self.emergency_halt()
-        else:
-            self.halt()
+        (self.emergency_halt if reason == EMERGENCY else self.halt)()
         return False
 
     def navigate(self, task: Task) -> AsyncIterator[Progress]:  # noqa: ARG002 - for overriders
