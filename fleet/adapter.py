@@ -257,7 +257,7 @@ class Adapter(AdapterBase[ConfigT]):
         while its link is still open, closes the contexts, waits with growing delays and creates a new
         adapter.
         """
-        await asyncio.Event().wait()
+        await asyncio.get_running_loop().create_future()
 
     def drive(self, velocity: Velocity) -> None:
         """Hold this body velocity until the next call or a stop; must not block.
@@ -319,10 +319,7 @@ class Adapter(AdapterBase[ConfigT]):
         were handed to an open link, False if the adapter cannot tell. Raises LinkError or a CommandError with
         the reason if nothing was written.
         """
-        if reason == EMERGENCY:
-            self.emergency_halt()
-        else:
-            self.halt()
+        (self.emergency_halt if reason == EMERGENCY else self.halt)()
         return False
 
     def navigate(self, task: Task) -> AsyncIterator[Progress]:  # noqa: ARG002 - for overriders

@@ -30,6 +30,8 @@ __all__ = [
     "WorldOrigin",
 ]
 
+ANY_VEHICLE: frozenset[str] = frozenset()
+"""The plans of a robot that can fly any, or none."""
 MAIN = "main"
 """The worker name of the edge's own process."""
 
@@ -49,7 +51,7 @@ class Limits(Model):
     def over(self, other: Limits) -> Limits:
         """Return these limits, completed from ``other``."""
         given = {name: value for name, value in self if value is not None}
-        return other.model_copy(update=given)
+        return other.model_copy(update=given) if given else other
 
 
 class Separation(Model):
@@ -77,7 +79,7 @@ class Separation(Model):
     def over(self, other: Separation) -> Separation:
         """Return this separation, completed from ``other``."""
         given = {name: value for name, value in self if value is not None}
-        return other.model_copy(update=given)
+        return other.model_copy(update=given) if given else other
 
 
 SourceType = Literal["edge", "edge_leader", "edge_follower", "tele", "edit", "sim", "sim_tele"]
@@ -306,7 +308,7 @@ class AdapterConfig(TopicsConfig):
 
         In the terms of QGroundControl's plans: px4, ardupilot; multirotor, plane, vtol, rover. Empty: any.
         """
-        return frozenset()
+        return ANY_VEHICLE
 
     def body_parts(self) -> tuple[BodyPart, ...]:
         """Return the parts of the robot's body, for drawings; empty if not described."""

@@ -13,6 +13,7 @@ import json
 import logging
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import zenoh
@@ -188,14 +189,14 @@ class ZenohSession:
     def _keep(self, *declared: Any) -> Callable[[], None]:
         """Keep declarations until the session is closed; return a function that ends them before."""
         self._kept += declared
+        return partial(self._end, declared)
 
-        def end() -> None:
-            for each in declared:
-                if each in self._kept:
-                    self._kept.remove(each)
-                    each.undeclare()
-
-        return end
+    def _end(self, declared: Iterable[Any]) -> None:
+        """End declarations; no effect on those that have ended."""
+        for each in declared:
+            if each in self._kept:
+                self._kept.remove(each)
+                each.undeclare()
 
     def subscribe_noted(self, key: str, call: OnNoted) -> None:
         """Call ``call`` with payload and note of each sample under ``key``; the note is empty if absent."""

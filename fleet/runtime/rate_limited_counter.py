@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections import Counter, deque
+from collections import Counter
 
 from fleet.clock import Clock
 
@@ -22,14 +22,17 @@ class RateLimit:
     """Limits events to ``most`` within any minute; times are monotonic seconds. Not thread-safe."""
 
     def __init__(self, most: int) -> None:
-        self._passed: deque[float] = deque(maxlen=most)
+        self._most = most
+        self._passed: list[float] = []  # an edge has one for each kind of event of each robot
 
     def is_used(self, now: float) -> bool:
         """Return True when no further event may pass now."""
-        return len(self._passed) == self._passed.maxlen and now - self._passed[0] < A_MINUTE
+        return len(self._passed) == self._most and now - self._passed[0] < A_MINUTE
 
     def use(self, now: float) -> None:
         """Count one event."""
+        if len(self._passed) == self._most:
+            del self._passed[0]
         self._passed.append(now)
 
 

@@ -43,6 +43,7 @@ from fleet.host.process.component_settings import (
     bus_settings,
     settle_time,
     settle_time_beside,
+    worker_of,
 )
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
@@ -110,6 +111,7 @@ class Edge:
                 settle=max(settle_time(config), settle_time_beside(config.edge.id, directory)),
                 supervised=supervised,
                 traffic=positions_of(config, clock),
+                alone=not any(worker_of(*robot) for robot in loaded.robots),
             )
             self._remote_robots = RemoteRobots(loaded, self.process)
             self.remote = self._remote_robots.by_name

@@ -60,6 +60,29 @@ class _Prepared(msgspec.Struct, eq=False):
     stamp: float | None = None
 
 
+class _PrepareQueries:
+    """The queries to prepare the robots of one process; a robot's events are told to ``interrupted``."""
+
+    def __init__(
+        self,
+        process: RobotProcess,
+        asked: Callable[[LocalRobot, Query], None],
+        interrupted: Callable[[str, str], None],
+    ) -> None:
+        self._edge, self._interrupted = process.edge, interrupted
+        control, pattern = process.bus.control, keys.prepare(process.edge, "*")
+        self._table = QueryTable(control, pattern, asked, more=keys.ASKER, apart=not process.alone)
+
+    def join(self, robot: LocalRobot) -> None:
+        """Take requests to prepare a robot."""
+        robot.controller.event_reporter.heard = partial(self._interrupted, robot.name)
+        self._table.add(keys.prepare(self._edge, robot.name), robot)
+
+    def leave(self, robot: LocalRobot) -> None:
+        """Take no more requests to prepare a robot."""
+        self._table.remove(keys.prepare(self._edge, robot.name))
+
+
 class CommonStarts:
     """Starts with robots of one process; a robot takes part in one at a time."""
 
@@ -74,14 +97,9 @@ class CommonStarts:
     def declare(self) -> None:
         """Serve the requests for common starts on the bus."""
         edge, control = self._process.edge, self._process.bus.control
-        apart = bool(self._process.worker)
-        prepared = QueryTable(control, keys.prepare(edge, "*"), more=keys.ASKER, apart=apart)
-
-        def serve(robot: LocalRobot) -> Callable[[], None]:
-            robot.controller.event_reporter.heard = partial(self._interrupted, robot.name)
-            return prepared.add(keys.prepare(edge, robot.name), partial(self._asked_to_prepare, robot))
-
-        self._process.services.append(serve)
+        self._process.services.append(
+            _PrepareQueries(self._process, self._asked_to_prepare, self._interrupted)
+        )
         control.answer(keys.starts(edge), self._asked)
         control.watch_tokens(keys.starting(edge, "*"), self._token)
         self._process.scheduler.every(LOOK, self._look)

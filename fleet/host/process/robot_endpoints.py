@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import cast, get_args
 
@@ -25,33 +25,44 @@ KINDS = get_args(Kind)
 
 
 class RobotEndpoints:
-    """The keys of the robots of one process, the edge's or a ``worker``'s; on the event loop."""
+    """The keys of the robots of one process, ``alone`` if it has all of the edge; on the event loop."""
 
-    def __init__(self, edge: str, bus: Bus, askers: Askers, worker: str) -> None:
+    def __init__(self, edge: str, bus: Bus, askers: Askers, *, alone: bool) -> None:
         self._edge, self._control = edge, bus.control
         self._loop = asyncio.get_running_loop()
         self._askers, self._permitted = askers, PermittedRequests(askers)
-        table = partial(QueryTable, bus.control, apart=bool(worker))
-        self._commands = table(keys.command(edge, "*"), more=keys.ASKER)
-        self._states, self._descriptions = table(keys.state(edge, "*")), table(keys.description(edge, "*"))
+        self._tokens: dict[str, Callable[[], None]] = {}  # withdraws the token of each robot
+        table = partial(QueryTable[LocalRobot], bus.control, apart=not alone)
+        self._tables: Mapping[Callable[[str, str], str], QueryTable[LocalRobot]] = {
+            keys.command: table(keys.command(edge, "*"), self._asked, more=keys.ASKER),
+            keys.state: table(keys.state(edge, "*"), self._asked_state),
+            keys.description: table(keys.description(edge, "*"), self._asked_description),
+        }
 
-    def open(self, robot: LocalRobot) -> Iterable[Callable[[], None]]:
-        """Serve a robot on the bus; return functions that end it, to be called in reverse."""
-        edge, name = self._edge, robot.name
-        return (
-            self._commands.add(keys.command(edge, name), partial(self._asked, robot)),
-            self._states.add(keys.state(edge, name), partial(self._tell, robot.state)),
-            self._descriptions.add(keys.description(edge, name), partial(self._tell, robot.describe)),
-            self._control.token(keys.robot(edge, name)),  # ends first: it shows that the robot is there
-        )
+    def join(self, robot: LocalRobot) -> None:
+        """Serve a robot on the bus."""
+        for key, table in self._tables.items():
+            table.add(key(self._edge, robot.name), robot)
+        self._tokens[robot.name] = self._control.token(keys.robot(self._edge, robot.name))
+
+    def leave(self, robot: LocalRobot) -> None:
+        """Serve a robot no more; its token, which shows that it is there, ends first."""
+        if withdraw := self._tokens.pop(robot.name, None):
+            withdraw()
+        for key, table in self._tables.items():
+            table.remove(key(self._edge, robot.name))
 
     def _asked(self, robot: LocalRobot, question: Query) -> None:
         """Take a query for a robot's commands; on the bus's thread, hence it only hands over."""
         self._loop.call_soon_threadsafe(self._read(robot, question))
 
-    def _tell(self, what: Callable[[], msgspec.Struct], question: Query) -> None:
-        """Answer with the present value, on the event loop; on the bus's thread."""
-        self._loop.call_soon_threadsafe(lambda: question.answer(msgspec.json.encode(what())))
+    def _asked_state(self, robot: LocalRobot, question: Query) -> None:
+        """Answer with the present state, on the event loop; on the bus's thread."""
+        self._loop.call_soon_threadsafe(lambda: question.answer(msgspec.json.encode(robot.state())))
+
+    def _asked_description(self, robot: LocalRobot, question: Query) -> None:
+        """Answer with the present description, on the event loop; on the bus's thread."""
+        self._loop.call_soon_threadsafe(lambda: question.answer(msgspec.json.encode(robot.describe())))
 
     def _read(self, robot: LocalRobot, question: Query) -> Callable[[], None]:
         """Decode a robot's query, on the bus's thread; return the call that executes it, on the loop.

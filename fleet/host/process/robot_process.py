@@ -9,7 +9,7 @@ import logging
 import os
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 
@@ -34,7 +34,7 @@ from fleet.host.runtime.cpu_starvation import CpuStarvation
 from fleet.host.runtime.loop_monitor import LoopMonitor
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
-from fleet.host.runtime.tick_scheduler import TickScheduler
+from fleet.host.runtime.tick_scheduler import PeriodicCall, TickScheduler
 from fleet.host.runtime.watchdog import LoopWatch, Watchdog
 from fleet.link.tap import OPENING
 from fleet.robot_config import MAIN
@@ -61,13 +61,24 @@ class RobotSpec(msgspec.Struct, frozen=True):
     file: str = ""
 
 
+class RobotService(Protocol):
+    """A service for each robot of a process, which keeps little for each: there may be a thousand."""
+
+    def join(self, robot: LocalRobot) -> None:
+        """Begin to serve a robot."""
+
+    def leave(self, robot: LocalRobot) -> None:
+        """Serve a robot no more; no effect on one that was never served."""
+
+
 class RobotProcess:
     """The robots of one process; ``close`` closes journal and history, after ``stop``.
 
     ``history`` records requests, requesters and outcomes; the journal's thread writes it. ``settle``: seconds
-    in which other edges can show the twins that they hold, before a robot is run. ``services`` are called
-    for each robot when it begins to be served, and return a function that ends the service. ``traffic`` has
-    the positions of all robots of the edge and its partners; without it they are not kept apart.
+    in which other edges can show the twins that they hold, before a robot is run. ``services`` serve each
+    robot besides, from ``serve`` to ``drop``. ``traffic`` has the positions of all robots of the edge and its
+    partners; without it they are not kept apart. ``alone``: all robots of the edge were in this process when
+    it started, so it can take the queries to all of them.
     """
 
     def __init__(
@@ -83,8 +94,10 @@ class RobotProcess:
         settle: float = 0.0,
         supervised: SupervisorClient | None = None,
         traffic: RobotPositions | None = None,
+        alone: bool = False,
     ) -> None:
         self.edge = edge
+        self.alone = alone
         self.bus = bus
         self.clock = clock
         self.worker = worker
@@ -99,9 +112,8 @@ class RobotProcess:
         self.starvation = CpuStarvation(clock.monotonic(), self._thread.waited())
         self._shared = SharedResources()
         self.runs = RobotRuns(lambda robot: self.holders.look(robot))  # noqa: PLW0108 - they are made below
-        # What ends the service of each robot, in reverse. Lists, because an ExitStack takes 3 kB for each.
-        self._served: dict[str, list[Callable[[], None]]] = {}
-        self.services: list[Callable[[LocalRobot], Callable[[], None]]] = []
+        self._state_calls: dict[str, PeriodicCall] = {}  # publish the state of each robot
+        self.services: list[RobotService] = []
         self._setpoints = Setpoints(bus.reports, self.loop)
         self._states = bus.control.publishers(keys.state(edge, "*"))
         self._settling: asyncio.TimerHandle | None = None
@@ -124,7 +136,7 @@ class RobotProcess:
                 robot.share_space(traffic)
             exchange(traffic, worker or MAIN, bus.control, self.scheduler)
         self.askers = Askers(bus.consoles, bus.people, history.add, clock)
-        self._endpoints = RobotEndpoints(edge, bus, self.askers, worker)
+        self._endpoints = RobotEndpoints(edge, bus, self.askers, alone=alone)
         self.holders = TwinHolders(edge, bus.control, self.robots, self.runs, settle=settle, clock=clock)
         self.claims = self.holders.claims
         self.on_stop: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
@@ -167,7 +179,7 @@ class RobotProcess:
             self._show(robot)
         self._setpoints.start(self.robots.values())
         for robot in self.robots.values():
-            self._served[robot.name].append(self._setpoints.follow(robot))
+            self._setpoints.follow(robot)
         self.scheduler.every(STATE_EVERY, self._look_at_processor)
         self.claims.start()
         self.scheduler.at_end(self.outbox.flushing)
@@ -188,7 +200,7 @@ class RobotProcess:
         """Serve an added robot on the bus, and run it once this edge holds its twin."""
         self._show(robot)
         self._setpoints.add(robot)
-        self._served[robot.name].append(self._setpoints.follow(robot))
+        self._setpoints.follow(robot)
         self.claims.begin(robot.twin)
         self.runs.resume(robot)
 
@@ -196,9 +208,12 @@ class RobotProcess:
         """Remove a robot whose run has ended, or that was never served; its twin stays claimed."""
         self.robots.pop(robot.name, None)
         self.runs.forget(robot)
-        with contextlib.ExitStack() as service:
-            for end in self._served.pop(robot.name, ()):  # last, since it may fail
-                service.callback(end)
+        with contextlib.ExitStack() as service:  # ended last, and each part though another fails
+            if call := self._state_calls.pop(robot.name, None):
+                service.callback(call.cancel)
+            service.callback(self._setpoints.remove, robot)
+            for each in (self._endpoints, *self.services):
+                service.callback(each.leave, robot)
             for watched in (robot.name, f"{robot.name} joints"):
                 self.watchdog.remove(watched)
             self.scheduler.end(robot.name)
@@ -276,13 +291,10 @@ class RobotProcess:
         """Serve a robot on the bus: publish its state, take requests to it, watch its leases."""
         robot.be_watched(self.watchdog)
         relay_video(robot, self.edge, self.bus.reports, self.loop, self.clock, put=self.outbox.put_document)
-        served = self._served[robot.name] = [
-            self.scheduler.every(STATE_EVERY, partial(self.publish_state, robot.name)).cancel,
-            partial(self._setpoints.remove, robot),
-        ]
-        served += self._endpoints.open(robot)
-        for serve in self.services:
-            served.append(serve(robot))
+        publish = partial(self.publish_state, robot.name)
+        self._state_calls[robot.name] = self.scheduler.every(STATE_EVERY, publish)
+        for service in (self._endpoints, *self.services):
+            service.join(robot)
 
     def _look_at_processor(self) -> None:
         """Check whether this process gets enough processor time."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Collection
+from functools import partial
 
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.errors import WireError
@@ -30,34 +31,39 @@ class Setpoints:
 
     def __init__(self, reports: ZenohSession, loop: asyncio.AbstractEventLoop) -> None:
         self._reports, self._loop = reports, loop
-        self._calls: dict[Kind, dict[str, Callable[[bytes], None]]] = {kind: {} for kind in _KEYS}
+        self._robots: dict[str, LocalRobot] = {}  # by twin
         self._followers: dict[str, list[Callable[[JointReport], object]]] = {}  # by the twin of their leader
+        self._followed: dict[str, Callable[[], None]] = {}  # ends the subscription of each follower
 
     def start(self, robots: Collection[LocalRobot]) -> None:
         """Subscribe, for these robots and those added later."""
         for robot in robots:
             self.add(robot)
         for kind, channel in _KEYS.items():
-            self._reports.subscribe_many(_key("*", channel), self._calls[kind])
+            self._reports.subscribe(_key("*", channel), partial(self._arrived, kind))
 
     def add(self, robot: LocalRobot) -> None:
         """Receive the setpoints of a robot, and pass its joint reports to its followers in this process."""
         robot.controller.joints.followers = self._followers.setdefault(robot.twin, [])
-        for kind, channel in _KEYS.items():
-            self._calls[kind][_key(robot.twin, channel)] = taker(robot, kind, self._loop)
+        self._robots[robot.twin] = robot
 
     def remove(self, robot: LocalRobot) -> None:
-        """Stop receiving the setpoints of a robot."""
-        for kind, channel in _KEYS.items():
-            self._calls[kind].pop(_key(robot.twin, channel), None)
+        """Stop receiving the setpoints of a robot, and the joint positions of its leader."""
+        if end := self._followed.pop(robot.twin, None):
+            end()
+        self._robots.pop(robot.twin, None)
 
-    def follow(self, robot: LocalRobot) -> Callable[[], None]:
-        """Pass its leader's joint positions to a robot, if it has one; the leader may appear later, anywhere.
+    def _arrived(self, kind: Kind, key: str, payload: bytes) -> None:
+        """Take a setpoint, unless its key is that of no robot of this process; on the bus's thread."""
+        twin = key.split("/")[1]
+        robot = self._robots.get(twin)
+        if robot is not None and key == _key(twin, _KEYS[kind]):  # a key with a wildcard is no robot's
+            take(robot, kind, self._loop, payload)
 
-        Returns a function that ends it.
-        """
+    def follow(self, robot: LocalRobot) -> None:
+        """Pass its leader's joint positions to a robot that has one; it may appear later, anywhere."""
         if robot.config.follows is None:
-            return lambda: None
+            return
         leader = str(robot.config.follows)
         unsubscribe = self._reports.subscribe_many(*_followed(robot, leader, self._loop))
         # A session does not receive its own publications.
@@ -68,18 +74,14 @@ class Setpoints:
             followers.remove(follower)
             unsubscribe()
 
-        return end
+        self._followed[robot.twin] = end
 
 
-def taker(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop) -> Callable[[bytes], None]:
-    """Return a subscriber for one kind of setpoint of a robot; on the bus's thread."""
-
-    def arrived(payload: bytes) -> None:
-        take = robot.read(kind, payload, way=Transport.BUS)
-        if take is not None:
-            loop.call_soon_threadsafe(take, robot.requests.log_refusal)
-
-    return arrived
+def take(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop, payload: bytes) -> None:
+    """Take a setpoint for a robot; on the bus's thread."""
+    request = robot.read(kind, payload, way=Transport.BUS)
+    if request is not None:
+        loop.call_soon_threadsafe(request, robot.requests.log_refusal)
 
 
 def _beside(robot: LocalRobot, loop: asyncio.AbstractEventLoop) -> Callable[[JointReport], None]:

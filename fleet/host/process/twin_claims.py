@@ -174,21 +174,26 @@ class TwinClaims:
     def _want(self, twin: str) -> None:
         """Request a twin, and claim it if no other edge objects within the settling time."""
         claim = TwinClaim(int(self._clock.time() * 1000), self._edge)
+        if not self._settle:
+            self._hold(twin, claim)  # without a request before: Zenoh does not give its memory back
+            self._tell(twin, "")
+            return
         self._mine[twin] = _Mine(claim, self._bus_session.token(keys.claim(self._edge, twin, claim.began)))
-        if self._settle:
-            self._loop.call_later(self._settle, self._have, twin, claim)
-        else:
-            self._have(twin, claim)
+        self._loop.call_later(self._settle, self._have, twin, claim)
 
     def _have(self, twin: str, claim: TwinClaim) -> None:
         """Claim a twin that was requested for the whole settling time."""
         mine = self._mine.get(twin)
         if mine is None or mine.claim != claim:
             return
-        has = self._bus_session.token(keys.claim(self._edge, twin, claim.began, held=True))
+        self._hold(twin, claim)
         mine.take_back()
-        self._mine[twin] = _Mine(msgspec.structs.replace(claim, held=True), has)
         self._tell(twin, "")
+
+    def _hold(self, twin: str, claim: TwinClaim) -> None:
+        """Show that this edge has a twin."""
+        has = self._bus_session.token(keys.claim(self._edge, twin, claim.began, held=True))
+        self._mine[twin] = _Mine(msgspec.structs.replace(claim, held=True), has)
 
     def _tell(self, twin: str, who: str) -> None:
         """Report the holder of a twin if it changed."""

@@ -6,14 +6,12 @@ import asyncio
 import contextvars
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import msgspec
 
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
 from fleet.host.journal.journal import RobotJournal
-from fleet.host.requests.event_reporter import robot_log
 from fleet.host.requests.history_recorder import HistoryRecorder, never_raises
 from fleet.host.requests.unrequested_events import UnrequestedEvents
 from fleet.host.robot.adapter_factory import AdapterClass, capabilities, configured, create_adapter
@@ -69,12 +67,12 @@ class LocalRobot:
         drop_in: str = "",
     ) -> None:
         self.config = config
-        self._drop_in, self._supervised = drop_in, supervised
+        self._drop_in = drop_in
         self.name, self.twin = config.name, str(config.twin)
         self.source_type, self.legacy_status = config.source_type, config.legacy_status
         self._simulated = config.simulated  # cached: the state is built often
         self._edge, self._worker = edge, worker
-        self.clock, self._scheduler, self._shared = clock, scheduler, shared
+        self.clock, self._scheduler = clock, scheduler
         self._send = outbox.sender(self.twin)
         self._seen = Snapshot()
         self._traffic: RobotPositions | None = None
@@ -82,7 +80,7 @@ class LocalRobot:
         self._context = contextvars.copy_context()
         self._context.run(OWNER.set, config.name)
         self._online = False
-        self._adapter, self._log = adapter, robot_log(config.name)
+        self._adapter = adapter
         self._record = never_raises(record)  # into the edge's history
         self._recorder = HistoryRecorder(self.publish, clock)
         self.plugin, can = plugin, configured(capabilities(plugin), config)
@@ -109,8 +107,16 @@ class LocalRobot:
         )
         self._changed = changed
         self._limits = config.limits.over(can.limits)
-        # Both are kept over restarts of the adapter.
-        self._kept: tuple[dict[str, Any], BlockingCalls] = {}, BlockingCalls(config.name)
+        self._make_handle = partial(
+            RobotHandle,
+            self.name,
+            state={},  # kept over restarts of the adapter, like the blocking calls
+            calls=BlockingCalls(config.name),
+            clock=clock,
+            scheduler=scheduler,
+            shared=shared,
+            supervised=supervised,
+        )
         self.runner = AdapterRunner(
             self.controller,
             make=lambda handle: create_adapter(plugin, self.config, handle),
@@ -281,14 +287,8 @@ class LocalRobot:
 
     def _new_handle(self, runner: AdapterRunner) -> RobotHandle:
         """Return the handle for a new run of the adapter."""
-        return RobotHandle(
-            self.name,
+        return self._make_handle(
             limits=self._limits,
-            state=self._kept[0],
-            calls=self._kept[1],
-            clock=self.clock,
-            scheduler=self._scheduler,
-            shared=self._shared,
             publish=self._reported,
             healthy=runner.healthy,
             lost_authority=self.controller.authority_lost,
@@ -296,13 +296,14 @@ class LocalRobot:
             lacking=self.controller.can.lacking,
             circled=self.controller.guard.circles,
             failed=runner.crashed,
-            supervised=self._supervised,
         )
 
     def _joints_expired(self) -> None:
         """Log and record that the watchdog stopped the joints."""
         self._loop.call_soon_threadsafe(self._recorder.lease_ran_out)
-        self._log.warning("no joint target within its lease: the joints hold where they are")
+        self.controller.event_reporter.log.warning(
+            "no joint target within its lease: the joints hold where they are"
+        )
 
     def _lease_ran_out(self) -> None:
         """Record that the watchdog halted the robot, and stop it through the adapter."""

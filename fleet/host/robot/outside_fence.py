@@ -1,6 +1,6 @@
 """Commands to a robot that is outside its fence, or may be: only what leads back inside, or down.
 
-See docs/adr/0029-back-into-the-fence.md. Goals and velocities are judged by the fence itself.
+See docs/adr/0030-back-into-the-fence.md. Goals and velocities are judged by the fence itself.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ class _Robot:
     """
 
     def __init__(self, twin: str, outbox: ReportQueue) -> None:
-        self.events: deque[Report] = deque()
+        self.events: list[Report] = []  # at most WAITING; an empty deque takes 0.7 kB
         self._twin = twin
         self._outbox = outbox
         self._channels: dict[tuple[type[Report], str], _Channel] = {}
@@ -153,7 +153,7 @@ class ReportQueue:
         for _ in range(len(self.eventful)):
             if self.eventful:  # another flush may have taken it meanwhile
                 robot = self.eventful.popleft()
-                report = robot.events.popleft()
+                report = robot.events.pop(0)
                 self._send([(robot.channel(report), report)])
                 yield
         left = len(self.states)

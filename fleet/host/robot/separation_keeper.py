@@ -131,6 +131,13 @@ class SeparationKeeper:
     ``points`` the points of a task in the robot's world.
     """
 
+    __slots__ = (  # beyond 30 attributes, an instance without slots has a dictionary of 1.5 kB
+        "_braking", "_clock", "_down", "_event_reporter", "_fastest", "_free", "_held", "_judged",
+        "_judged_by", "_led", "_look_by", "_meant", "_mover", "_near", "_notice", "_points", "_radius",
+        "_rank", "_reach", "_seen", "_share", "_start", "_task", "_usual", "_velocity", "_way", "_yaw",
+        "at", "battery", "circle", "flies", "lost", "name", "on_earth", "others", "placement",
+    )  # fmt: skip
+
     def __init__(
         self,
         config: AdapterConfig,

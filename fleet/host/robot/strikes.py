@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 STRIKES = 3
 STRIKE_WINDOW = 60.0  # s
 
@@ -12,11 +10,11 @@ class Strikes:
     """Recent failures of one adapter."""
 
     def __init__(self) -> None:
-        self._times: deque[float] = deque(maxlen=STRIKES)
+        self._times: tuple[float, ...] = ()
 
     def count(self, now: float) -> None:
         """Count a failure at ``now`` (monotonic s)."""
-        self._times.append(now)
+        self._times = (*self._times, now)[-STRIKES:]
 
     @property
     def are_out(self) -> bool:
@@ -25,4 +23,4 @@ class Strikes:
 
     def clear(self) -> None:
         """Clear the failures, because a person lifted the quarantine."""
-        self._times.clear()
+        self._times = ()

@@ -13,6 +13,7 @@ from fleet.robot_config import Accepts
 REAL_COMMAND = frozenset({"tele"})
 REAL_NAVIGATE = frozenset({"tele", "edge"})
 SIMULATED = frozenset({"sim_tele", "sim"})
+NOBODY: frozenset[str] = frozenset()
 
 
 class SourcePolicy:
@@ -23,7 +24,7 @@ class SourcePolicy:
         # An empty list is not the default: it admits no sender.
         self.command: frozenset[str] = command if accepts.command is None else accepts.command
         self.navigate: frozenset[str] = navigate if accepts.navigate is None else accepts.navigate
-        self.mission: frozenset[str] = accepts.mission or frozenset()
+        self.mission: frozenset[str] = accepts.mission or NOBODY
 
     def refusal(self, origin: Origin, *, navigation: bool = False) -> str | None:
         """Return why this sender is not obeyed; None when it is."""

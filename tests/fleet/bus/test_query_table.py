@@ -64,14 +64,20 @@ def caller(directory, opened, edge):
 
 
 def teller(name):
-    """Return a handler that answers with a name."""
+    """Return an owner that answers with a name."""
     return lambda query: query.answer(name.encode())
+
+
+def table_of(bus_session, edge="yard", **options):
+    """Return a table for the commands to an edge's robots, whose owners are called with their queries."""
+    pattern = keys.command(edge, "*")
+    return QueryTable(bus_session, pattern, lambda owner, query: owner(query), more=keys.ASKER, **options)
 
 
 @pytest.fixture
 def table(edge):
     """Serve the commands of two robots."""
-    table = QueryTable(edge.control, keys.command("yard", "*"), more=keys.ASKER)
+    table = table_of(edge.control)
     for name in ("rex", "max"):
         table.add(keys.command("yard", name), teller(name))
     return table
@@ -98,18 +104,19 @@ def test_an_unknown_robot_is_silent_at_once(table, caller):
 
 def test_a_robot_that_is_added_answers_at_once_and_one_that_is_removed_no_more(table, caller):
     asked = keys.command("yard", "new")
-    end = table.add(asked, teller("new"))
+    table.add(asked, teller("new"))
     assert list(caller.ask(asked, b"", timeout=DEADLINE)) == [(asked, b"new")]
-    end()
+    table.remove(asked)
     assert list(caller.ask(asked, b"", timeout=DEADLINE)) == []
     assert len(list(caller.ask(ALL, b"", timeout=DEADLINE))) == 2
-    end()
+    table.remove(asked)
 
 
-def test_the_end_of_an_older_service_leaves_the_newer_one(table, caller):
-    asked = keys.command("yard", "rex")
-    ends = [table.add(asked, teller(name)) for name in ("older", "newer")]
-    ends[0]()
+@pytest.mark.parametrize("apart", [False, True])
+def test_a_key_has_one_owner_the_newest(edge, caller, apart):
+    asked, table = keys.command("yard", "rex"), table_of(edge.control, apart=apart)
+    for name in ("older", "newer"):
+        table.add(asked, teller(name))
     assert list(caller.ask(asked, b"", timeout=DEADLINE)) == [(asked, b"newer")]
 
 
@@ -140,18 +147,18 @@ def test_a_robot_that_fails_keeps_no_other_from_answering_and_the_question_from_
 def test_a_process_is_silent_about_the_robots_of_another(table, edge, directory, opened, caller):
     """A table of the edge receives the queries to the robots of its workers too."""
     worker, asked = opened(join_control(BusSettings("yard"), directory)), keys.command("yard", "arm")
-    apart = QueryTable(worker, keys.command("yard", "*"), apart=True)
-    end = apart.add(asked, teller("arm"))
+    apart = table_of(worker, apart=True)
+    apart.add(asked, teller("arm"))
     answers = wait_until("it answers", lambda: list(caller.ask(asked, b"", timeout=DEADLINE)))
     assert answers == [(asked, b"arm")]
     assert len(list(caller.ask(ALL, b"", timeout=DEADLINE))) == 3
-    end()
+    apart.remove(asked)
     wait_until("it is silent", lambda: not list(caller.ask(asked, b"", timeout=DEADLINE)))
 
 
 def test_a_process_with_keys_apart_receives_no_question_to_others(directory, opened, edge, caller):
     heard, worker = [], opened(join_control(BusSettings("yard"), directory))
-    apart = QueryTable(worker, keys.command("yard", "*"), more=keys.ASKER, apart=True)
+    apart = table_of(worker, apart=True)
     apart.add(keys.command("yard", "arm"), lambda query: (heard.append(query.asked), query.close()))
     edge.control.answer(keys.command("yard", "rex"), teller("rex"))
     wait_until(
@@ -165,7 +172,7 @@ def test_a_process_with_keys_apart_receives_no_question_to_others(directory, ope
 def test_two_edges_on_one_bus_answer_only_for_their_own_robots(table, edge, directory, opened):
     listens = f"unixsock-stream/{directory}/yard.control.sock"
     barn = opened(open_edge(BusSettings("barn", connect=(listens,)), directory))
-    others = QueryTable(barn.control, keys.command("barn", "*"))
+    others = table_of(barn.control, "barn")
     others.add(keys.command("barn", "rex"), teller("rex of barn"))
     with contextlib.closing(join_control(BusSettings("barn"), directory)) as caller:
         asked = [keys.command("barn", "rex"), keys.command("yard", "rex")]

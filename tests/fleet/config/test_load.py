@@ -274,6 +274,29 @@ def test_a_drop_in_file_is_read_and_told_as_an_installed_adapter(yard, fleet_tex
     assert [plugin.name for _, plugin in yard.load(fleet_text).robots] == ["toy", "toy"]
 
 
+@pytest.mark.parametrize(
+    ("given", "lease"), [("", 2.0), (", setpoint_lease: 0.5", 0.5), (", setpoint_lease: 1", 1)]
+)
+def test_a_drop_in_file_may_have_other_defaults_than_the_host(yard, given, lease):
+    yard.drop_in()
+    toy = (yard.folder / "plugins" / "toy.py").read_text()
+    yard.write(
+        toy.replace("    link: str", "    setpoint_lease: float = 2.0\n    link: str"), "plugins/toy.py"
+    )
+    ((config, _),) = yard.load(small(ROBOT.replace("adapter: toy", f"adapter: toy{given}"))).robots
+    assert config.setpoint_lease == lease
+
+
+def test_what_robots_do_not_say_is_shared_by_those_of_a_drop_in_file(yard):
+    yard.drop_in()
+    second = (
+        ROBOT.replace("4a1d0b7c11", "4a1d0b7c12").replace("name: a", "name: b").replace("link: x", "link: y")
+    )
+    (one, _), (other, _) = yard.load(f"{small()}  - {second}\n").robots
+    assert one.limits is other.limits
+    assert one.separation is other.separation
+
+
 def test_adapters_are_found_though_the_file_is_wrong(yard):
     yard.drop_in()
     yard.write("plugins: [plugins]\nnonsense: 1\n")

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from fleet.bridge import downlink
 from fleet.bus import keys
+from fleet.bus.zenoh_session import keys_intersect
 from fleet.cloud.values import CloudMessage
 from fleet.host.journal.execution_journal import Latched
 from fleet.host.journal.journal import RobotJournal
@@ -33,6 +34,20 @@ TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 US = "fleet_us"
 T = f"cyberwave/twin/{TWIN}"
 HANGS = 20.0  # s that a journal which is blocked stays so, unless it is freed
+
+
+class Question:
+    """A query for one robot."""
+
+    def __init__(self, asked, payload, parameters, reply, close, *, suffix=""):
+        self.key = self.asked = asked
+        self.payload, self.parameters, self.suffix = payload, parameters, suffix
+        self.reply, self.close = reply, close
+
+    def divided(self, keys):
+        """Return the question for each key: there is at most one."""
+        for self.key in keys:
+            yield self
 
 
 class FakeSession:
@@ -62,25 +77,17 @@ class FakeSession:
     def ask(self, key, payload, *, suffix="", **parameters):
         """Ask; return what was answered, which may come later."""
         answers = []
-        question = SimpleNamespace(
-            payload=payload,
-            parameters=parameters,
-            key=key,
-            suffix=suffix,
-            reply=answers.append,
-            close=lambda: None,
-        )
-        for declared, call in self.takers:
-            if declared == key:
-                call(question)
+        self._pass_on(Question(key, payload, parameters, answers.append, lambda: None, suffix=suffix))
         return answers
 
     def ask_later(self, key, payload, *, timeout, parameters, on_answer, on_end):
-        question = SimpleNamespace(
-            payload=payload, parameters=parameters, key=key, suffix="", reply=on_answer, close=on_end
-        )
+        self._pass_on(Question(key, payload, parameters, on_answer, on_end))
+
+    def _pass_on(self, question):
+        """Give a question to those who declared its key, or a pattern of it, as Zenoh does."""
         for declared, call in self.takers:
-            if declared == key:
+            if keys_intersect(declared, question.asked):
+                question.key = declared
                 call(question)
 
 
@@ -118,6 +125,7 @@ class Rig:
             journal=self.journal,
             history=SimpleNamespace(add=lambda _robot, _event: self.write()),
             clock=self.clock,
+            alone=not worker,
         )
         self.robot: LocalRobot = self.process.robots["rex"]
         self.puppet = puppet(self.config, RecordingRobot())

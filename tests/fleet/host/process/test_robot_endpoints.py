@@ -15,13 +15,14 @@ from fleet.testing.waiting import DEADLINE
 
 THOUSAND = 1000
 HERE = {"worker": "main"}
+KEYS = (keys.command, keys.state, keys.description, keys.prepare)
 
 
 class CountingSession:
     """A bus session that counts what is declared, and what is taken back."""
 
     def __init__(self):
-        self.queryables, self.tokens = [], []
+        self.queryables, self.tokens, self.history = [], [], []
 
     def answer(self, key, _call, *, more=""):
         return self._kept(self.queryables, key, more)
@@ -31,7 +32,13 @@ class CountingSession:
 
     def _kept(self, declared, *entry):
         declared.append(entry)
-        return lambda: declared.remove(entry)
+        self.history.append(("declared", entry[0]))
+
+        def end():
+            declared.remove(entry)
+            self.history.append(("ended", entry[0]))
+
+        return end
 
 
 def robots(number):
@@ -43,44 +50,50 @@ def robots(number):
 async def make():
     """Return a maker of a process's endpoints, with the session that counts."""
 
-    def make(worker=""):
+    def make(*, alone):
         session = CountingSession()
-        return session, RobotEndpoints("yard", SimpleNamespace(control=session), None, worker)
+        return session, RobotEndpoints("yard", SimpleNamespace(control=session), None, alone=alone)
 
     return make
 
 
 async def test_a_thousand_robots_need_no_more_queryables_than_one(make):
-    session, endpoints = make()
+    session, endpoints = make(alone=True)
     before = len(session.queryables)
-    ends = [end for robot in robots(THOUSAND) for end in endpoints.open(robot)]
+    for robot in robots(THOUSAND):
+        endpoints.join(robot)
     assert (before, len(session.queryables), len(session.tokens)) == (3, 3, THOUSAND)
-    for end in reversed(ends):
-        end()
-    assert not session.tokens
+    for robot in robots(THOUSAND):
+        endpoints.leave(robot)
+    assert (len(session.queryables), session.tokens) == (3, [])
 
 
-async def test_a_worker_declares_the_keys_of_its_own_robots_only(make):
-    session, endpoints = make("arms")
-    assert not session.queryables
+async def test_one_process_of_several_declares_the_keys_of_its_own_robots_only(make):
+    session, endpoints = make(alone=False)
     (robot,) = robots(1)
-    ends = endpoints.open(robot)
-    assert not [key for key, _ in session.queryables if "*" in key]
+    endpoints.leave(robot)  # that was never served
+    assert not session.queryables
+    endpoints.join(robot)
     assert len(session.queryables) == 3
-    for end in reversed(ends):
-        end()
+    assert not [key for key, _ in session.queryables if "*" in key]
+    endpoints.leave(robot)
     assert not session.queryables
 
 
 async def test_the_token_that_shows_a_robot_comes_last_and_goes_first(make):
-    session, endpoints = make("arms")
+    session, endpoints = make(alone=False)
     (robot,) = robots(1)
-    *ends, hide = endpoints.open(robot)
-    hide()
-    assert (len(session.tokens), len(session.queryables), len(ends)) == (0, 3, 3)
+    endpoints.join(robot)
+    endpoints.leave(robot)
+    token = keys.robot("yard", "r-0")
+    assert session.history[3:5] == [("declared", token), ("ended", token)]
+    assert len(session.history) == 8
 
 
-async def test_a_running_edge_has_no_queryable_for_a_single_robot(yard, run_edge, asks, monkeypatch):
+@pytest.mark.parametrize("alone", [True, False])
+async def test_an_edge_takes_the_queries_to_all_robots_only_while_it_has_all(
+    yard, run_edge, asks, monkeypatch, alone
+):
     declared, answer = [], ZenohSession.answer
 
     def counted(session, key, call, **more):
@@ -88,16 +101,18 @@ async def test_a_running_edge_has_no_queryable_for_a_single_robot(yard, run_edge
         return answer(session, key, call, **more)
 
     monkeypatch.setattr(ZenohSession, "answer", counted)
-    place = yard(rex=HERE, max=HERE)
+    place = yard(rex=HERE, max=HERE if alone else {"worker": "arms"})
     edge = place.edge()
     async with run_edge(edge):
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
-        assert {keys.command(place.id, "*"), keys.prepare(place.id, "*")} <= set(declared)
-        assert not [key for key in declared if "/rex/" in key or "/max/" in key]
+        of_all = {make(place.id, "*") for make in KEYS}
+        of_rex = {make(place.id, "rex") for make in KEYS}
+        assert set(declared) & (of_all | of_rex) == (of_all if alone else of_rex)
 
 
-async def test_every_robot_of_an_edge_answers_and_an_unknown_one_is_silent(yard, run_edge, asks):
-    place = yard(rex=HERE, max=HERE, arm={"worker": "arms"})
+@pytest.mark.parametrize("arm", [HERE, {"worker": "arms"}])
+async def test_every_robot_of_an_edge_answers_and_an_unknown_one_is_silent(yard, run_edge, asks, arm):
+    place = yard(rex=HERE, max=HERE, arm=arm)
     edge = place.edge()
     async with run_edge(edge):
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()))

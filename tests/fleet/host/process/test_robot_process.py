@@ -6,6 +6,7 @@ import logging
 import math
 import threading
 import time
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -14,7 +15,7 @@ from cyberwave.data.header import HeaderTemplate
 from fleet.host.logs.line_format import JsonFormatter
 from fleet.host.logs.rotating_file import RotatingLogFile
 from fleet.host.process.robot_runs import RobotRuns
-from fleet.host.process.setpoints import taker
+from fleet.host.process.setpoints import take
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.runtime.watchdog import BLOCKED
@@ -235,7 +236,8 @@ async def test_what_is_no_emergency_stop_is_not_taken_for_one(served, payload):
 
 async def test_a_recorded_velocity_that_is_played_on_the_bus_moves_nothing_and_is_told(served, asks, caplog):
     process, place = served
-    arrived, sample = taker(process.robots["rex"], "motion", process.loop), HeaderTemplate("application/json")
+    arrived = partial(take, process.robots["rex"], "motion", process.loop)
+    sample = HeaderTemplate("application/json")
     arrived(sample.pack(b'{"linear_x": 0.2}', ts=time.time() - 60))
     await asks.until(lambda: "refused a setpoint of the bus" in caplog.text)
     assert not any("drive" in word for word in place.words("rex"))

@@ -17,11 +17,14 @@ class Reports:
     """A session that says whether a leader elsewhere is listened to."""
 
     def __init__(self):
-        self.open = []
+        self.open, self.calls = [], {}
 
     def subscribe_many(self, pattern, _calls):
         self.open.append(pattern)
         return lambda: self.open.remove(pattern)
+
+    def subscribe(self, pattern, call):
+        self.calls[pattern] = call
 
 
 class Arm:
@@ -33,6 +36,9 @@ class Arm:
         self.controller = SimpleNamespace(joints=SimpleNamespace(followers=[]))
         self.heard = []
         self.follow = self.heard.append
+
+    def read(self, kind, payload, *, way):
+        self.heard.append((kind, payload))
 
 
 @pytest.fixture
@@ -69,13 +75,28 @@ async def test_a_leader_that_is_taken_out_and_added_again_is_heard(setpoints):
 async def test_a_follower_that_is_taken_out_hears_nothing_more(setpoints):
     follower, leader = Arm("2", LEADER), Arm(LEADER)
     setpoints.add(leader)
-    end = setpoints.follow(follower)
+    setpoints.follow(follower)
     assert setpoints._reports.open
-    end()
+    setpoints.remove(follower)
     await told(leader)
     assert (follower.heard, setpoints._reports.open) == ([], [])
 
 
 async def test_a_robot_without_a_leader_listens_to_nobody(setpoints):
-    setpoints.follow(Arm("2"))()
+    setpoints.follow(arm := Arm("2"))
     assert setpoints._reports.open == []
+    setpoints.remove(arm)
+
+
+async def test_a_setpoint_reaches_the_robot_of_its_very_key_until_it_is_taken_out(setpoints):
+    one, other = Arm(LEADER), Arm(str(uuid.uuid4()))
+    setpoints.start([one, other])
+    pattern = "cw/*/data/commands/velocity"
+    arrived = setpoints._reports.calls[pattern]
+    for key in (pattern, f"cw/{LEADER}/data/commands/**", f"cw/{uuid.uuid4()}/data/commands/velocity"):
+        arrived(key, b"to nobody")
+    assert (one.heard, other.heard) == ([], [])
+    arrived(f"cw/{LEADER}/data/commands/velocity", b"go")
+    setpoints.remove(one)
+    arrived(f"cw/{LEADER}/data/commands/velocity", b"late")
+    assert (one.heard, other.heard) == ([("motion", b"go")], [])

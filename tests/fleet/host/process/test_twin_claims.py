@@ -113,7 +113,7 @@ class Yard:
         self.ran = []
         monkeypatch.setattr("fleet.host.process.twin_claims.asyncio.get_running_loop", lambda: self.loop)
 
-    def edge(self, name, skew=0.0, pair=()):
+    def edge(self, name, skew=0.0, pair=(), settle=SETTLE):
         class Clock:
             time = staticmethod(lambda: 1000.0 + self.loop.now + skew)
 
@@ -122,7 +122,7 @@ class Yard:
             name,
             [TWIN],
             bus_session,
-            settle=SETTLE,
+            settle=settle,
             changed=lambda _twin, holder: self.changed(name, holder),
             moves=lambda _twin: name in self.moving,
             clock=Clock(),
@@ -179,6 +179,15 @@ def test_of_two_that_have_it_the_later_gives_way_when_its_robot_stands(monkeypat
     yard.moving = set()
     yard.loop.run(9 * SETTLE + 2 * LOOK_AGAIN)
     assert yard.running == {"yard-0"}
+
+
+def test_where_no_other_edge_can_be_a_twin_is_claimed_at_once_and_shown_once(monkeypatch):
+    yard = Yard(monkeypatch, lambda: 0.0)
+    shown = []
+    monkeypatch.setattr(Lane, "token", lambda _lane, key: shown.append(key) or (lambda: None))
+    yard.edge("barn", settle=0.0)
+    assert (yard.ran, len(shown)) == (["barn"], 1)
+    assert shown[0].endswith(keys.HELD)
 
 
 def test_a_forged_claim_of_long_ago_takes_no_robot(monkeypatch):

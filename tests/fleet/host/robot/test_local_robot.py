@@ -11,6 +11,7 @@ from fleet.wire.databus import decode_report, encode_report
 from fleet.wire.reports import sender, to_mqtt
 from tests.fleet.host.field import Field, Walker
 
+SHARED_KEYS = 30  # attributes beyond which CPython gives each instance a dictionary of its own
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 
 
@@ -56,3 +57,11 @@ async def test_an_adapter_is_told_of_an_emergency_stop_from_its_latching_to_its_
         assert told.emergency_stop
         latch.release()
         assert not told.emergency_stop
+
+
+async def test_a_robot_takes_little_memory():
+    """An edge may have a thousand: one attribute too many in one class is a megabyte and a half."""
+    robot = Field({"rex": (Walker, (0.0, 0.0, 0.0))}).robots["rex"]
+    assert len(vars(robot)) < SHARED_KEYS
+    assert len(vars(robot.controller)) < SHARED_KEYS
+    assert not hasattr(robot.controller.guard.apart, "__dict__")
