@@ -34,7 +34,7 @@ from fleet.config.explain import validated, validated_with
 from fleet.config.groups import check_groups, contradiction, said_by_groups
 from fleet.config.identity import Identity, identity_of
 from fleet.config.known import known_of
-from fleet.config.mission_ways import check_routes
+from fleet.config.mission_routes import check_routes
 from fleet.config.missions import Mission, check_missions
 from fleet.config.pair import check_pair, choose_edge
 from fleet.config.places import check_places

@@ -7,7 +7,6 @@ from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import (
     GOING_ON,
     NEXT,
-    Begun,
     EmergencyStop,
     Ended,
     Head,
@@ -15,6 +14,7 @@ from fleet.missions.state import (
     Part,
     Phase,
     RunOutcome,
+    UndoableStep,
     step_name,
 )
 
@@ -133,7 +133,7 @@ class Ending:
         )
         self._robots.effects.append(Ended(outcome, reason))
 
-    def _undo(self, begun: Begun, now: float) -> None:
+    def _undo(self, begun: UndoableStep, now: float) -> None:
         """Undo one step for the robots that are still ours and had begun it."""
         step = self._program.steps[begun.at]
         if not isinstance(step, Do) or not step.undo:

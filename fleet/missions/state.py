@@ -149,7 +149,7 @@ class Question(msgspec.Struct, frozen=True):
     about: Literal["step", "robot", "restart", "resume"] = "step"
 
 
-class Begun(msgspec.Struct, frozen=True):
+class UndoableStep(msgspec.Struct, frozen=True):
     """A begun step: its index in the program, and its name."""
 
     at: int
@@ -174,7 +174,7 @@ class Head(msgspec.Struct):
     questions: int = 0
     paused_from: Phase = Phase.NEW
     paused_at: float = 0.0
-    begun: list[Begun] = []  # to be undone in reverse order
+    begun: list[UndoableStep] = []  # to be undone in reverse order
     target: RunOutcome | None = None  # its outcome once its robots are held
     outcome: RunOutcome | None = None
     reason: str = ""

@@ -23,7 +23,6 @@ from fleet.missions.run_robots import RunRobots, first_identity
 from fleet.missions.spares import ENLISTED_WITHIN, Spares
 from fleet.missions.state import (
     GOING_ON,
-    Begun,
     Enlisted,
     Head,
     NotStarted,
@@ -33,6 +32,7 @@ from fleet.missions.state import (
     Phase,
     Prepare,
     RunOutcome,
+    UndoableStep,
     instruction_of,
     required,
     step_name,
@@ -266,7 +266,7 @@ class Steps:
     def _begin_all(self, step: Do) -> None:
         """Begin the part of each robot."""
         self.head.phase = Phase.STEP
-        self.head.begun.append(Begun(self.head.at, self.name))
+        self.head.begun.append(UndoableStep(self.head.at, self.name))
         if step.together:
             self.robots.begin_together(self.name, self.robots.acts_of(step.acts), self.losses.now)
         for robot, act in () if step.together else self.robots.acts_of(step.acts):

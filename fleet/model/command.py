@@ -28,7 +28,7 @@ class Origin(msgspec.Struct, frozen=True):
     or by a peer that the edge trusts, such as a console with a certificate.
     """
 
-    way: Transport
+    transport: Transport
     source_type: str | None = None
     session: str = ""
     proven: bool = False

@@ -49,7 +49,7 @@ class Requester(msgspec.Struct, frozen=True, omit_defaults=True):
     name is only what the message claims.
     """
 
-    way: Transport
+    transport: Transport = msgspec.field(name="way")  # as in files and messages of all versions
     name: str = ""
     source_type: str | None = None
     proven: bool = False

@@ -15,8 +15,8 @@ from fleet.host.edge.known_missions import KnownMissions
 from fleet.host.edge.mission_askers import MissionAskers
 from fleet.host.edge.mission_queries import MissionQueries
 from fleet.host.edge.mission_robots import Descriptions, MissionRobots, RobotRules, candidate
+from fleet.host.edge.mission_routes import MissionRoutes
 from fleet.host.edge.mission_starter import MissionStarter
-from fleet.host.edge.mission_ways import MissionWays
 from fleet.host.edge.partners import Partners
 from fleet.host.edge.rehearsals import Rehearsals
 from fleet.host.edge.robot_reports import RobotReports
@@ -79,20 +79,20 @@ class Missions:
         )
         self._descriptions = Descriptions(self._bus_session, self._soon, robots.edges)
         self.store = Store(folder)
-        ways = MissionWays(loaded, lambda robot: self.runs.robots[robot].state())
+        routes = MissionRoutes(loaded, lambda robot: self.runs.robots[robot].state())
         self.runs = Runs(
             self._edge,
             robots.everyones,
             candidates=self._candidates,
             allowed=self._refusal,
-            site=ways.site,
-            hindrance=ways.hindrance,
+            site=routes.site,
+            hindrance=routes.hindrance,
             elsewhere=self.partners.edge_of,
             store=self.store,
             clock=process.clock,
             soon=self._soon,
             stop=partial(self._stop, stop),
-            together=partial(CommonStart, self._bus_session, process.clock, ways.state_of),
+            together=partial(CommonStart, self._bus_session, process.clock, routes.state_of),
             told=reporter.report,
         )
         self.partners.runs = self.runs.all
@@ -151,17 +151,17 @@ class Missions:
         self._reported = RobotReports(self._event, self.plans.heard, self.results.heard)
         process.outbox.pictured = self.results.pictured
         process.on_stop = self.stopped
-        self._ways = ways
+        self._routes = routes
         self.configured = (rules.configure, self._configure, self.rehearsals.configure)
 
     def _configure(self, loaded: Loaded) -> None:
         """Start runs with another configuration from now on; running ones keep their copies."""
         self._missions.configure(loaded)
         self._groups = loaded.config.members
-        self._ways.configure(loaded)
-        if self._ways.site != self.runs.site:
-            self.runs.site = self._ways.site
-            self.runs.places.configure(self._ways.site.places)
+        self._routes.configure(loaded)
+        if self._routes.site != self.runs.site:
+            self.runs.site = self._routes.site
+            self.runs.places.configure(self._routes.site.places)
 
     def hindrance(self, section: str) -> str:
         """Return why a section of fleet.yaml cannot be applied now; empty if it can."""
@@ -221,7 +221,7 @@ class Missions:
     def join(self, robot: LocalRobot | RemoteRobot) -> None:
         """Add a robot, its rules first, since requests for it are judged by them; on the loop."""
         self._rules.join(robot.config)
-        self._ways.join(robot.config)
+        self._routes.join(robot.config)
         self._robots.join(robot)
         self._reported.join(robot.name, robot.twin, elsewhere=robot.name in self._robots.elsewhere)
 
@@ -231,7 +231,7 @@ class Missions:
         if twin:
             self._reported.leave(twin)
         self._rules.leave(name)
-        self._ways.leave(name)
+        self._routes.leave(name)
 
     def _event(self, robot: str, event: str) -> None:
         """Pass a robot's event to the runs, if there are any; from any thread."""

@@ -6,7 +6,7 @@ import sqlite3
 import pytest
 
 from fleet.missions.program import Act, Program, Wait
-from fleet.missions.state import Begun, Head, Member, Note, Part, Phase, RunOutcome
+from fleet.missions.state import Head, Member, Note, Part, Phase, RunOutcome, UndoableStep
 from fleet.missions.store import MISSIONS, About, Change, Store
 
 ABOUT = About("r1", "patrol", "ab12", 1000.0, "anna", inputs={"height": 5})
@@ -41,7 +41,7 @@ def save(store, head, touched=(), notes=(), *, new=False, run="r1"):
 
 def test_a_run_is_found_as_it_was_by_the_next_process(store):
     first = store()
-    head = Head(Phase.STEP, at=1, begun=[Begun(0, "up.1")], loops={"0": 2})
+    head = Head(Phase.STEP, at=1, begun=[UndoableStep(0, "up.1")], loops={"0": 2})
     member = Member("kestrel", "eye", 0)
     assert save(first, head, [member, PART], [Note("takeoff begun", "kestrel", "up.1")], new=True)
     (kept,) = store().unfinished()

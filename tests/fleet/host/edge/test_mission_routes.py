@@ -5,7 +5,7 @@ import json
 import pytest
 
 from fleet.config.load import load
-from fleet.host.edge.mission_ways import MissionWays, WayCheck
+from fleet.host.edge.mission_routes import MissionRoutes, RobotRouteCheck
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act
 from fleet.model.geodesy import GeoOrigin, geo_from_world
@@ -30,7 +30,7 @@ def trouble(act, *, fence=FENCE, placed=True, **fields):
     state = RobotState(
         "r", TWIN, "toy", "e", 0.0, armed=True, site=Vector3(0.0, 0.0, 5.0), placement=placement
     )
-    return WayCheck(config, SITE).trouble(act, state)
+    return RobotRouteCheck(config, SITE).trouble(act, state)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_one_robot_follows_another_of_its_own_edge_only(tmp_path, robot, ahead, 
     }
     (tmp_path / "fleet.yaml").write_text(json.dumps(config))
     state = RobotState("r", TWIN, "mavlink", "yard", 0.0)
-    ways = MissionWays(load(tmp_path / "fleet.yaml", {}), lambda _: state)
+    ways = MissionRoutes(load(tmp_path / "fleet.yaml", {}), lambda _: state)
     why = ways.hindrance(robot, Act("follow", ahead, {"distance_m": 3.0}))
     wanted = f"{stranger} is a robot of another edge: one follows another of its own edge only"
     assert why == (wanted if stranger else "")

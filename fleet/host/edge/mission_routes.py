@@ -20,7 +20,7 @@ from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig, FenceConfig, Limits
 
 
-class WayCheck(msgspec.Struct, frozen=True):
+class RobotRouteCheck(msgspec.Struct, frozen=True):
     """Checks the acts of one robot. A robot of the site is placed by then; its home is its origin."""
 
     config: AdapterConfig
@@ -30,9 +30,9 @@ class WayCheck(msgspec.Struct, frozen=True):
         """Return why a robot must not do something; empty when no reason is known."""
         try:
             if act.verb == "goto":
-                return self._way([act.value], state)
+                return self._route([act.value], state)
             if act.verb == "path":
-                return self._way(act.value, state)
+                return self._route(act.value, state)
         except Refused as error:
             return error.reason
         highest, altitude = self.config.limits.altitude, act.data.get("altitude")
@@ -41,15 +41,15 @@ class WayCheck(msgspec.Struct, frozen=True):
             return f"{altitude:g} m above home, the limit is {highest:g} m"
         return ""
 
-    def _way(self, points: list[object], state: RobotState) -> str:
+    def _route(self, points: list[object], state: RobotState) -> str:
         """Return the conflict of a path; raises Refused for a point that cannot be converted."""
         for point in points:
             self.site.position(point, state)
         fence = self._fence(state.placement) if state.placement is not None else None
         if fence is None or state.placement is None:
             return ""
-        way = [self._in_world(point, state.placement, state) for point in points]
-        return fence.way_trouble(way[0], way, Vector3())
+        route = [self._in_world(point, state.placement, state) for point in points]
+        return fence.way_trouble(route[0], route, Vector3())
 
     def _in_world(self, value: object, placement: Placement, state: RobotState) -> Vector3:
         """Return a point in the robot's world; a missing height is the robot's own."""
@@ -81,7 +81,7 @@ def _placed(polygon: Polygon, config: FenceConfig, origin: GeoOrigin | None, pla
     return tuple((corner.x, corner.y) for corner in map(placement.to_world, corners))
 
 
-class MissionWays:
+class MissionRoutes:
     """Path checks of an edge's robots; other edges check theirs. ``state_of`` returns a robot's state."""
 
     def __init__(self, loaded: Loaded, state_of: Callable[[str], RobotState]) -> None:
@@ -94,11 +94,11 @@ class MissionWays:
         self.site = SiteMap(
             places_of(loaded.config.places), GeoOrigin(*origin) if origin is not None else None
         )
-        self._checks = {robot.name: WayCheck(robot, self.site) for robot, _ in loaded.robots}
+        self._checks = {robot.name: RobotRouteCheck(robot, self.site) for robot, _ in loaded.robots}
 
     def join(self, robot: AdapterConfig) -> None:
         """Add a robot."""
-        self._checks[robot.name] = WayCheck(robot, self.site)
+        self._checks[robot.name] = RobotRouteCheck(robot, self.site)
 
     def leave(self, name: str) -> None:
         """Remove a robot."""
