@@ -110,7 +110,7 @@ def install(out: Output, bundle: Path, *, folder: Path) -> ExitCode:
         installation.keep(Record(address, found.version, address, placed=time.time()))
         installation.activate(address)
     finally:
-        installation.let_go()
+        installation.release()
     out.data({"folder": str(folder), "bundle": address, "version": found.version})
     out.say(f"installed version {found.version}; start it with: fleet run {installation.file_in_use}")
     return ExitCode.OK

@@ -76,7 +76,7 @@ def agent(out: Output, folder: Path) -> ExitCode:
     try:
         asyncio.run(_serve(settings.edge, installation))
     finally:
-        installation.let_go()
+        installation.release()
         end_logging()
     record = installation.record()
     out.data({"edge": settings.edge, "stage": record.stage, "running": record.running})

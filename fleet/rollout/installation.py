@@ -42,7 +42,7 @@ class Installation:
         """Lock the folder for this process; raises StateTaken if another process holds the lock."""
         self._lock.take()
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Unlock the folder."""
         self._lock.release()
 

@@ -70,9 +70,9 @@ class LeaseKeeper:
         """Take over from the edge with a different file nevertheless; from any thread."""
         self._loop.call_soon_threadsafe(self._do, self.lease.accept)
 
-    def let_go(self) -> None:
+    def robots_released(self) -> None:
         """Report that no link to a robot is open any more; from any thread."""
-        self._loop.call_soon_threadsafe(self._do, self.lease.let_go)
+        self._loop.call_soon_threadsafe(self._do, self.lease.robots_released)
 
     def close(self) -> None:
         """Release the lease, if it is ours, and end; waits for it. All links must be closed."""
@@ -103,7 +103,7 @@ class LeaseKeeper:
         if self._asking is not None:
             await asyncio.wait({self._asking}, timeout=2 * ANSWER_WITHIN)
         self.lease.hand_over("")
-        self.lease.let_go()
+        self.lease.robots_released()
         if self.lease.wish(self._clock()) is Wish.RELEASE:
             await asyncio.wait({asyncio.ensure_future(self._write(Wish.RELEASE))}, timeout=RELEASED_WITHIN)
         await self._store.close()

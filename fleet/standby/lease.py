@@ -32,7 +32,7 @@ class LeaseEvent(StrEnum):
     LAPSED = "lapsed"  # no renewal was confirmed in time
     LOST = "lost"  # the entry is another edge's, or gone
     HANDOVER = "handover"  # on request, or because this edge shuts down
-    LET_GO = "let go"  # every robot has been released
+    ROBOTS_RELEASED = "let go"  # every robot has been released
 
 
 TRANSITIONS: Mapping[tuple[LeaseState, LeaseEvent], LeaseState] = {
@@ -40,7 +40,7 @@ TRANSITIONS: Mapping[tuple[LeaseState, LeaseEvent], LeaseState] = {
     (LeaseState.HOLDER, LeaseEvent.LAPSED): LeaseState.FENCED,
     (LeaseState.HOLDER, LeaseEvent.LOST): LeaseState.FENCED,
     (LeaseState.HOLDER, LeaseEvent.HANDOVER): LeaseState.FENCED,
-    (LeaseState.FENCED, LeaseEvent.LET_GO): LeaseState.STANDBY,
+    (LeaseState.FENCED, LeaseEvent.ROBOTS_RELEASED): LeaseState.STANDBY,
 }
 """Other events change nothing. Fenced never returns to holder directly: that takes a new epoch."""
 
@@ -237,11 +237,11 @@ class Lease:
         """Permit a takeover from the present or last holder, although its file differs."""
         self.accepted = self.seen.config if self.seen is not None else ""
 
-    def let_go(self) -> None:
+    def robots_released(self) -> None:
         """Report that every robot was released: no link is open. The other edge need not wait then."""
         if self.state is LeaseState.FENCED:
             self._to = self._to or ""
-            self._happens(LeaseEvent.LET_GO)
+            self._happens(LeaseEvent.ROBOTS_RELEASED)
 
     def _happens(self, event: LeaseEvent) -> None:
         """Change the state by the table."""

@@ -35,16 +35,16 @@ class DampingDrive(ReportingDrive):
         """State of the drive while it has torque: it counts as on until it reports that it is off."""
         return Power.ENABLED if self.wanted is Power.ENABLED else Power.STOPPING
 
-    def note_hold(self, *, obeys: bool, let_go: bool) -> None:
+    def note_hold(self, *, obeys: bool, torque_off: bool) -> None:
         """Detect a drive that took its torque off without a command; its configuration is not valid then."""
         if self.wanted is Power.DISABLED:
             self.held = False
         elif obeys:
             self.held = True
-        elif let_go and self.held:
+        elif torque_off and self.held:
             self.restarted = True
 
-    def let_go_as(self, said: str) -> str:
+    def torque_off_fault(self, said: str) -> str:
         """Return the fault of a drive that took its torque off by itself, with its report."""
         return f"id {self.id} switched its torque off ({said}); it is configured again after a reset"
 

@@ -79,6 +79,6 @@ class MotorBrake:
         self._speed = after
 
 
-def let_go(motor: Motor) -> None:
+def release(motor: Motor) -> None:
     """Take the torque off."""
     motor.kp = motor.kd = motor.feed = motor.target_speed = motor.slope = 0.0

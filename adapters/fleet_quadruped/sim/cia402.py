@@ -13,7 +13,7 @@ from fleet_quadruped.drives.cia402.states import FOLLOWS, DriveState
 from fleet_quadruped.robot.busload import SLOW_EVERY
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.brakes import DAMPING, STIFF, let_go
+from fleet_quadruped.sim.brakes import DAMPING, STIFF, release
 from fleet_quadruped.sim.cia402_dictionary import ERROR_BEHAVIOUR, Cia402Dictionary, Configuration
 from fleet_quadruped.sim.cia402_power import PowerStage
 from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears, SimEncoder
@@ -135,7 +135,7 @@ class SimDrive:
         if self.power.slow_down(dt):
             return
         if self.state is not DriveState.ENABLED:
-            let_go(motor)
+            release(motor)
             return
         goal, target, slope = self._to, self._to, 0.0
         if left > _SOON:

@@ -15,7 +15,7 @@ from fleet_quadruped.sim.brakes import (
     QUICK_STOPS,
     BrakeEnd,
     MotorBrake,
-    let_go,
+    release,
 )
 from fleet_quadruped.sim.sdo import Entry
 from fleet_quadruped.sim.world import Motor
@@ -94,7 +94,7 @@ class PowerStage:
             return False
         if brake.over and not brake.holds:
             self.state, self._brake = self._after_brake, None
-            let_go(self._motor)
+            release(self._motor)
         else:
             brake.step(self._motor, dt)
         return True

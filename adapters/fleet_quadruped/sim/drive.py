@@ -8,7 +8,7 @@ from typing import Protocol
 from fleet import CanFrame
 from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.robot.description import Joint
-from fleet_quadruped.sim.brakes import let_go
+from fleet_quadruped.sim.brakes import release
 from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
 
@@ -124,4 +124,4 @@ class SimDampingDrive:
         """Leave the motor without torque, and update the temperature; a protocol adds its commands."""
         self._temperature += self._warming * dt
         self.encoder.follow()
-        let_go(self.motor)
+        release(self.motor)

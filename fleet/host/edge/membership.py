@@ -80,7 +80,7 @@ class RobotRegistrations:
         parts += [partial(part.leave, twin) for part in (self._notifier, self._cloud_claims)]
         if self._bridge is not None and self._presence is not None:
             parts += [partial(self._bridge.leave, twin), self._presence.leave_words]
-        let_go(name, partial(self._stop_inputs.leave, name), *parts)
+        leave_all(name, partial(self._stop_inputs.leave, name), *parts)
 
     def runs_with(self, robot: str) -> list[str]:
         """Return the runs of missions that a robot is in."""
@@ -128,7 +128,7 @@ class Membership:
             self._process.serve(robot)
         except Exception as error:
             log.exception("%s cannot be added", name)
-            self._let_go(robot)
+            self._released(robot)
             return f"it cannot be added: {type(error).__name__}: {error}"
         return ""
 
@@ -146,7 +146,7 @@ class Membership:
         trouble = await self._workers.add(name, running, loaded, join)
         robot = self._workers.robot(name)
         if trouble and robot is not None:
-            self._let_go_elsewhere(robot)
+            self._released_elsewhere(robot)
         elif robot is not None:
             self._stops.pass_on(robot)
         return trouble
@@ -173,7 +173,7 @@ class Membership:
         if robot.controller.motion.may_be_moving:
             self._process.runs.resume(robot)
             return moving(robot)
-        self._let_go(robot)
+        self._released(robot)
         return ""
 
     async def _removed_elsewhere(self, robot: RemoteRobot, running: Loaded, *, force: bool) -> str:
@@ -183,7 +183,7 @@ class Membership:
         if trouble:
             self._stops.pass_on(robot)
         else:
-            self._let_go_elsewhere(robot)
+            self._released_elsewhere(robot)
             await self._keep_stop(robot)
         return trouble
 
@@ -205,16 +205,16 @@ class Membership:
                 self._process.drop(left)
             raise
 
-    def _let_go(self, robot: LocalRobot) -> None:
+    def _released(self, robot: LocalRobot) -> None:
         """Remove a robot everywhere; its stop is kept under its name, found by its twin."""
         self._taken_out[robot.twin] = robot.name
         drop, give_up = partial(self._process.drop, robot), partial(self._process.holders.give_up, robot.twin)
-        let_go(robot.name, partial(self._registrations.leave, robot), drop, give_up)
+        leave_all(robot.name, partial(self._registrations.leave, robot), drop, give_up)
 
-    def _let_go_elsewhere(self, robot: RemoteRobot) -> None:
+    def _released_elsewhere(self, robot: RemoteRobot) -> None:
         """Remove a robot of a worker everywhere, like one of the edge's process."""
         self._taken_out[robot.twin] = robot.name
-        let_go(robot.name, partial(self._registrations.leave, robot), partial(self._workers.forget, robot))
+        leave_all(robot.name, partial(self._registrations.leave, robot), partial(self._workers.forget, robot))
 
     async def leaves_runs(self, robot: LocalRobot | RemoteRobot) -> str:
         """Take a robot out of the runs of missions; return which do not release it."""
@@ -228,7 +228,7 @@ class Membership:
         return f"run {', '.join(self._registrations.runs_with(robot.name))} goes by it: abort that first"
 
 
-def let_go(name: str, *parts: Callable[[], None]) -> None:
+def leave_all(name: str, *parts: Callable[[], None]) -> None:
     """Remove a robot that is no longer run from every part; a failure of one does not stop the others."""
     for part in parts:
         try:

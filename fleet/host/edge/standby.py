@@ -206,12 +206,12 @@ class Standby:
 
         # An orderly handover lets the other edge move the robots at once, so it waits for adapters that do
         # not end. Meanwhile the lease expires, and the other edge waits for the bound of each robot.
-        async def let_go() -> None:
+        async def close_links() -> None:
             await self._process.runs.all_ended(self._robots)
             self._gate.epoch = 0
-            self._keeper.let_go()
+            self._keeper.robots_released()
 
-        self._handing_over = asyncio.ensure_future(let_go())
+        self._handing_over = asyncio.ensure_future(close_links())
 
     def _waits(self) -> None:
         """Show that another edge has the robots."""

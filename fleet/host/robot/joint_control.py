@@ -88,7 +88,7 @@ class JointControl:
         if reply.ok:
             receipt.done()
         else:
-            self.let_go()
+            self.release()
             receipt.reject(f"it does not follow its leader: {reply.reason}", hint=reply.hint)
 
     def _end_follow(self, why: str) -> None:
@@ -128,7 +128,7 @@ class JointControl:
 
     def forget(self) -> None:
         """Forget the adapter and the measured positions, at the end of its run."""
-        self.let_go()
+        self.release()
         self._adapter = None
         self._measured.clear()
 
@@ -144,7 +144,7 @@ class JointControl:
         except _TargetRefused as error:  # earlier targets stay valid for their lease
             receipt.reject(error.reason, hint=error.hint)
         except (CommandError, LinkError) as error:
-            self.let_go()
+            self.release()
             self.hold()
             receipt.fail(error)
         except Exception as error:  # noqa: BLE001 - exception barrier: passed to the runner, which stops the robot
@@ -220,7 +220,7 @@ class JointControl:
         if not self.deadman.armed or self._barred():
             self.hold()
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Drop all targets."""
         self.deadman.clear()
         self._led, self._by = {}, None
@@ -244,7 +244,7 @@ class JointControl:
 
     def _failed(self, error: Exception) -> None:
         """Stop a robot whose adapter failed, and report the error."""
-        self.let_go()
+        self.release()
         self._halt()
         self._crashed(error)
 

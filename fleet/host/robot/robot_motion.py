@@ -82,12 +82,12 @@ class RobotMotion:
         """Cancel all running motion because of the stop of this name; ``stand`` follows."""
         self.executor.cancel(f"superseded by {stop}")
         self.navigator.cancel(f"stopped by {stop}")
-        self.driving.let_go()
+        self.driving.release()
 
     def fail(self, why: str) -> None:
         """End all running motion as failed; the robot itself is not stopped here."""
         self._event_reporter.ended()
-        self.driving.let_go()
+        self.driving.release()
         self.executor.cancel(why)
         self.navigator.fail(why)
 
@@ -113,7 +113,7 @@ class RobotMotion:
 
     async def hold(self, why: str) -> None:
         """Stop the robot in time, or halt it; raises CommandError, LinkError, or what the adapter raised."""
-        self.driving.let_go()
+        self.driving.release()
         adapter = self._attached.adapter
         if adapter is None:
             return

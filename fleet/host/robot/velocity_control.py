@@ -61,7 +61,7 @@ class VelocityControl:
             self.hold_again()
         except Exception as error:  # noqa: BLE001 - the held velocity must not stay beyond the limits
             self._halt()
-            self.let_go()
+            self.release()
             if not isinstance(error, CommandError | LinkError):
                 self._crashed(error)
 
@@ -85,11 +85,11 @@ class VelocityControl:
             # may have been written.
             if superseding or isinstance(error, LinkError):
                 self._halt()
-            self.let_go()
+            self.release()
             receipt.fail(error)
         except Exception as error:  # noqa: BLE001 - exception barrier: passed to the runner, which stops the robot
             self._halt()
-            self.let_go()
+            self.release()
             receipt.reject(f"the adapter failed: {type(error).__name__}: {error}")
             self._crashed(error)
         else:
@@ -117,7 +117,7 @@ class VelocityControl:
 
     def stand(self, adapter: Adapter[Any]) -> None:
         """Make the adapter hold zero velocity; if it cannot, halt the robot."""
-        self.let_go()
+        self.release()
         try:
             call_guarded(adapter.drive, ZERO_VELOCITY)
         except (CommandError, LinkError) as error:
@@ -127,10 +127,10 @@ class VelocityControl:
             self._halt()
             self._crashed(error)
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Stop holding velocities and joint targets, and release all keys."""
         self.deadman.clear()
-        self.joints.let_go()
+        self.joints.release()
         self._guard.held = ZERO_VELOCITY
         if self._keys is not None:
             self._keys.lift()

@@ -56,7 +56,7 @@ class Admission:
         """
         self.permit.stopped()
         self.speeds.forget()
-        self.lease.let_go(ask.origin.session)
+        self.lease.release(ask.origin.session)
         self.lease.others_moved(ask.origin.session, f"stopped: {ask.name} by {_named(ask.origin)}")
         self._stick_release.stopped(_asker(ask.origin), self._clock.monotonic())
         wall, now = self._clock.time(), self._clock.monotonic()
@@ -170,7 +170,7 @@ class Admission:
         session, now = ask.origin.session, self._clock.monotonic()
         refusal = self._policy.refusal(ask.origin) or self.lease.refusal(session, now)
         if refusal is None:
-            self.lease.let_go(session)
+            self.lease.release(session)
             if self._setpoint_age(ask) is None:
                 self._stick_release.refusal(_asker(ask.origin), now, zero=True)
         return refusal

@@ -66,7 +66,7 @@ class ControlLease:
         if self.run and session != session_of(self.run):
             self.leave(why)
 
-    def let_go(self, session: str) -> None:
+    def release(self, session: str) -> None:
         """End this session's lease, if it is the holder: it has stopped the robot."""
         if session == self._holder:
             self._until = float("-inf")

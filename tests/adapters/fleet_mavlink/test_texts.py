@@ -49,11 +49,11 @@ def test_a_sentence_that_fills_its_last_piece_ends_after_a_second():
 
 def test_unfinished_sentences_do_not_pile_up():
     joiner = Joiner()
-    let_go = [
+    released = [
         said for key in range(1, 100) for said in joiner.feed(StatusTextMessage(6, "y" * 50, key, 0), 1.0)
     ]
-    assert len(let_go) >= 90
-    assert len(joiner.late(9.0)) == 99 - len(let_go)
+    assert len(released) >= 90
+    assert len(joiner.late(9.0)) == 99 - len(released)
 
 
 def test_silence_is_no_sentence():

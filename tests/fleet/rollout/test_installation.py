@@ -122,5 +122,5 @@ def test_only_one_process_can_lock_the_folder(installation):
     installation.take()
     with pytest.raises(StateTaken):
         Installation(installation.folder).take()
-    installation.let_go()
+    installation.release()
     Installation(installation.folder).take()

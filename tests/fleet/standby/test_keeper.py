@@ -122,7 +122,7 @@ def test_a_lease_that_cannot_be_renewed_ends_and_is_told(keep):
     wait_until("it ends", lambda: keeper._user.states[-1] is LeaseState.FENCED)
     assert time.monotonic() < keeper._user.vouchers[-1][1] + 60
     assert keeper.problem == "the lease service does not answer"
-    keeper.let_go()
+    keeper.robots_released()
     wait_until("it waits", lambda: keeper._user.states[-1] is LeaseState.STANDBY)
     store.silent = False
     wait_until(
@@ -146,6 +146,6 @@ def test_a_handover_waits_until_the_robots_are_let_go_of(keep):
     a.hand_over("b")
     wait_until("a ends its motion", lambda: a._user.states[-1] is LeaseState.FENCED)
     assert not store.entry.released
-    a.let_go()
+    a.robots_released()
     wait_until("b holds it", lambda: holds(b))
     assert not holds(a)

@@ -136,7 +136,7 @@ def test_an_edge_that_gave_the_lease_away_does_not_take_it_back_at_once(a):
     holder(a)
     a.hand_over("b")
     assert a.wish(100.2) is None
-    a.let_go()
+    a.robots_released()
     assert a.wish(100.3) is Wish.RELEASE
     entry = a.begin(Wish.RELEASE, {"rover": "asked"}, 100.3)
     assert (entry.released, entry.to, entry.stops) == (True, "b", {"rover": "asked"})
@@ -149,7 +149,7 @@ def test_an_edge_whose_lease_lapsed_releases_it_once_its_robots_are_let_go_of(a)
     holder(a, now=100.0)
     a.tick(102.5)
     assert a.wish(102.6) is None
-    a.let_go()
+    a.robots_released()
     assert a.wish(102.7) is Wish.RELEASE
 
 
@@ -222,7 +222,7 @@ class World:
         now, lease = node.now(self.real), node.lease
         lease.tick(now)
         if lease.state is LeaseState.FENCED:
-            lease.let_go()
+            lease.robots_released()
         wish = lease.wish(now)
         if wish is not None:
             entry = lease.begin(wish, {}, now)

@@ -38,7 +38,7 @@ class MitMotor(DampingDrive):
         self.angle, self.speed, self.torque = self.units.joint(angle, speed, torque)
         self.reported_at, self.answered = now, True
         self.answers.take(data)
-        self.note_hold(obeys=self.status == wire.ENABLED, let_go=self.status == wire.DISABLED)
+        self.note_hold(obeys=self.status == wire.ENABLED, torque_off=self.status == wire.DISABLED)
 
     @property
     def is_enabled(self) -> bool:
@@ -66,7 +66,7 @@ class MitMotor(DampingDrive):
             return f"error {status} of the motor"
         if self.answers.doubled:
             return self.two_with_its_id
-        return self.let_go_as("status 0h") if self.restarted else ""
+        return self.torque_off_fault("status 0h") if self.restarted else ""
 
     def enable(self) -> None:
         """Enable the motor; one that is enabled is held without force, so that it does not jerk."""

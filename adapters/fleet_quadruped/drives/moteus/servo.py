@@ -19,7 +19,7 @@ _POWERS: Mapping[int, Power] = {
     wire.BRAKES: Power.STOPPING,
     **dict.fromkeys(wire.STARTING, Power.STARTING),
 }
-_LET_GO = wire.STARTING | {wire.STOPPED}
+_TORQUE_OFF = wire.STARTING | {wire.STOPPED}
 """Modes after a restart; a command would move the servo from wherever it believes that it is."""
 _SILENT_MODES = frozenset({None, wire.STOPPED, wire.FAILED, wire.TIMED_OUT})
 """Modes without a damping command: the servo has no torque, or damps already."""
@@ -50,7 +50,7 @@ class MoteusServo(DampingDrive):
         self.voltage, self.temperature = told[wire.VOLTAGE], told[wire.TEMPERATURE]
         self.reported_at = now
         self.answers.take(data)
-        self.note_hold(obeys=self.mode == wire.OBEYS, let_go=self.mode in _LET_GO)
+        self.note_hold(obeys=self.mode == wire.OBEYS, torque_off=self.mode in _TORQUE_OFF)
 
     def power(self, now: float) -> tuple[Power, str]:  # noqa: ARG002 - a servo answers in each cycle, or is old
         """Return the state of the servo, and its fault."""
@@ -70,7 +70,7 @@ class MoteusServo(DampingDrive):
         if self.answers.doubled:
             return self.two_with_its_id
         if self.restarted:
-            return self.let_go_as("mode 0")
+            return self.torque_off_fault("mode 0")
         known = mode == wire.OBEYS or mode in _POWERS
         return "" if known else f"id {self.id} is in mode {mode}, which was not commanded"
 

@@ -50,7 +50,7 @@ class OdriveAxis(DampingDrive):
         if self.errors:
             return f"{wire.words(self.errors)} (active errors {self.errors:X}h)"
         if self.restarted:
-            return self.let_go_as("state 1")
+            return self.torque_off_fault("state 1")
         if now - self.state_at > _STATE_AGE:
             return f"no heartbeat (command 01h) from id {self.id} for {now - self.state_at:.2f} s"
         if self.state not in {State.UNDEFINED, State.IDLE, State.CLOSED_LOOP}:
@@ -82,7 +82,7 @@ class OdriveAxis(DampingDrive):
         if told is None:
             return
         self.errors, self.state, self.state_at = told.errors, told.state, now
-        self.note_hold(obeys=self.state == State.CLOSED_LOOP, let_go=not self.errors)
+        self.note_hold(obeys=self.state == State.CLOSED_LOOP, torque_off=not self.errors)
 
     def take_torques(self, data: bytes, _now: float) -> None:
         """Process the torque."""

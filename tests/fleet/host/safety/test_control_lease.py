@@ -21,9 +21,9 @@ def test_a_freed_lease_is_anybodys():
 def test_who_stops_gives_up_the_lease_and_nobody_elses():
     lease = ControlLease(3.0)
     lease.take("anna", 0.0)
-    lease.let_go("bert")
+    lease.release("bert")
     assert lease.refusal("bert", 0.0) == "anna has control for 3.0 s more"
-    lease.let_go("anna")
+    lease.release("anna")
     assert lease.refusal("bert", 0.0) is None
 
 
