@@ -41,7 +41,7 @@ class RobotPort(Protocol):
         kind: Kind,
         payload: bytes,
         *,
-        way: Transport,
+        transport: Transport,
         request_id: str = "",
         waits: bool = False,
         unread: str = "",

@@ -205,7 +205,7 @@ class Downlink:
             request = _request_id(message.response_topic, asked) if asked else ""
             waits = route.kind == "command"  # the end of a goal is reported by its status
             return port.read(
-                route.kind, message.payload, way=_CLOUD, request_id=request, waits=waits, unread=unread
+                route.kind, message.payload, transport=_CLOUD, request_id=request, waits=waits, unread=unread
             )
         except Exception:
             log.exception("%s: a message on %s could not be read", port.name, message.topic)

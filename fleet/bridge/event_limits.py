@@ -63,7 +63,7 @@ class EventLimits:
 
     def _loops(self, kind: _EventKey, event: EventReport, now: float) -> bool:
         """Return whether too many requests from the cloud have led to events of this kind."""
-        if event.asker is None or event.asker.way is not Transport.CLOUD:
+        if event.asker is None or event.asker.transport is not Transport.CLOUD:
             return False
         requests = self._requests.setdefault(kind, {})
         request = event.request or event.asker.name

@@ -146,7 +146,7 @@ def who(record: Record) -> str:
         return "-"
     known = "proven" if asker.proven else "claimed"
     name = asker.name or asker.source_type or "somebody"
-    return f"{name} ({known}, {asker.way.value})"
+    return f"{name} ({known}, {asker.transport.value})"
 
 
 def for_programs(record: Record) -> dict[str, object]:

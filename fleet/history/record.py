@@ -48,7 +48,7 @@ def row_of(robot: str, event: EventReport) -> Row:
         event.kind.value,
         event.severity.value,
         _clean(event.text, LONGEST_TEXT),
-        asker.way.value if asker else "",
+        asker.transport.value if asker else "",
         _clean(asker.name, LONGEST_NAME) if asker else "",
         _clean(asker.source_type or "", LONGEST_NAME) if asker else "",
         int(asker.proven) if asker else 0,
@@ -60,8 +60,8 @@ def row_of(robot: str, event: EventReport) -> Row:
 
 def record_of(row: Row) -> Record:
     """Return the event of a row; raises ValueError for an invalid row."""
-    stamp, robot, kind, severity, text, way, name, source_type, proven, command, request, data = row
-    asker = Requester(Transport(way), name, source_type or None, bool(proven)) if way else None
+    stamp, robot, kind, severity, text, transport, name, source_type, proven, command, request, data = row
+    asker = Requester(Transport(transport), name, source_type or None, bool(proven)) if transport else None
     return Record(
         stamp,
         robot,

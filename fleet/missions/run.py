@@ -60,7 +60,7 @@ class Robot(Protocol):
         """Return its present state."""
 
     def read(
-        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", waits: bool = False
+        self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str = "", waits: bool = False
     ) -> Request | None:
         """Decode a message; the result starts its execution."""
 
@@ -279,8 +279,10 @@ class Run:
         self, robot: str, kind: Kind, payload: bytes, answer: Callable[[Reply], None], identity: str = ""
     ) -> None:
         """Send a robot a message over the transport by which the run was started."""
-        way = Transport(self.about.way)
-        asked = self._services.robots[robot].read(kind, payload, way=way, request_id=identity, waits=True)
+        transport = Transport(self.about.way)
+        asked = self._services.robots[robot].read(
+            kind, payload, transport=transport, request_id=identity, waits=True
+        )
         if asked is not None:
             asked(answer)
 

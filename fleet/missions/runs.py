@@ -143,7 +143,7 @@ class Runs:
         mission: Mission,
         program: Program,
         ask: StartAsk,
-        way: Transport,
+        transport: Transport,
         began: Began,
         *,
         workflow: str = "",
@@ -166,7 +166,7 @@ class Runs:
             self.places.require(program)
             roles = self.filling.fill(mission, program, ask)
             if not admitted:
-                self._require_authority(program, roles, Origin(way, ask.source_type, ask.session_id))
+                self._require_authority(program, roles, Origin(transport, ask.source_type, ask.session_id))
             engine = Engine(run, program, members_of(program, roles))
             self._require_ways(engine)
             require_reach(program, engine.robots, self.edge, self._elsewhere)
@@ -179,7 +179,7 @@ class Runs:
             digest_of(program, roles),
             self.clock.time(),
             ask.session_id,
-            way.value,
+            transport.value,
             ask.source_type,
             dict(ask.inputs),
             workflow,

@@ -20,7 +20,7 @@ class Together(Protocol):
         kind: Kind,
         payload: bytes,
         *,
-        way: Transport,
+        transport: Transport,
         identity: str,
         heard: Callable[[Reply], None],
     ) -> None:
@@ -39,14 +39,14 @@ class TogetherStep:
     def __init__(
         self,
         new: Callable[[], Together],
-        way: Transport,
+        transport: Transport,
         *,
         payload: Callable[[dict[str, Any]], bytes],
         take: Callable[[Event], None],
         replied: Callable[[str, Reply], None],
     ) -> None:
         self._new = new
-        self._way = way
+        self._transport = transport
         self._payload = payload
         self._take = take
         self._replied = replied
@@ -80,7 +80,7 @@ class TogetherStep:
         if self._start is None or self._step != step:
             self._start, self._step = self._new(), step
         payload = self._payload(message)
-        self._start.prepare(robot, kind, payload, way=self._way, identity=identity, heard=heard)
+        self._start.prepare(robot, kind, payload, transport=self._transport, identity=identity, heard=heard)
 
     def begin(self, step: str, parts: tuple[Part, ...]) -> None:
         """Start prepared robots whose parts are recorded, unless one of them has left meanwhile."""

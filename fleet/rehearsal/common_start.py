@@ -26,15 +26,15 @@ class SimulatedStart:
         kind: Kind,
         payload: bytes,
         *,
-        way: Transport,
+        transport: Transport,
         identity: str,
         heard: Callable[[Reply], None],
     ) -> None:
         """Check whether a robot can begin; ``heard`` receives the result and the replies after the start."""
         found = self._robots[robot]
-        request = found.read(kind, payload, way=way, request_id=identity, waits=True)
+        request = found.read(kind, payload, transport=transport, request_id=identity, waits=True)
         try:
-            ask = found.requests.ask_of(kind, payload, way=way, request_id=identity)
+            ask = found.requests.ask_of(kind, payload, transport=transport, request_id=identity)
             if isinstance(ask, Command | Navigate):
                 trouble = against(found.controller, ask, found.spec_of(ask.name))
             else:

@@ -102,7 +102,7 @@ class _Envelope(msgspec.Struct, frozen=True):
 
 
 def decode_command(
-    payload: bytes, *, way: Transport, request_id: str = "", defaults: Defaults, twin: str = ""
+    payload: bytes, *, transport: Transport, request_id: str = "", defaults: Defaults, twin: str = ""
 ) -> Command | Setpoint | None:
     """Decode a message on ``T command``; None when it is itself a reply (it has a ``status``).
 
@@ -115,7 +115,10 @@ def decode_command(
         read = _usual(payload)
         if read is not None:
             name = read.command
-            origin, stamp = Origin(way, read.source_type, read.session_id or ""), seconds_of(read.timestamp)
+            origin, stamp = (
+                Origin(transport, read.source_type, read.session_id or ""),
+                seconds_of(read.timestamp),
+            )
             meaning = _MEANINGS.get(name)
             if meaning is None:
                 name = stop_word(name) or name
@@ -126,14 +129,14 @@ def decode_command(
         if is_reply(message):
             return None
         name = name_of(message)
-        envelope = _envelope(name, message, payload, way, request_id, twin=twin)
+        envelope = _envelope(name, message, payload, transport, request_id, twin=twin)
         return _MEANINGS.get(name, _plain)(envelope, defaults)
     except WireError as error:
         raise BadCommand(error, command=name) from None
 
 
 def decode_motion(
-    payload: bytes, *, way: Transport, request_id: str = "", twin: str = ""
+    payload: bytes, *, transport: Transport, request_id: str = "", twin: str = ""
 ) -> Command | Setpoint:
     """Decode a twist, on ``T motion/command`` or on the bus channel ``commands/velocity``.
 
@@ -143,11 +146,11 @@ def decode_motion(
     nothing. A message that names a stop is returned as that stop. Raises BadCommand.
     """
     try:
-        message = sampled_object(payload) if way is Transport.BUS else parse_object(payload)
-        stop = stop_asked(message, way)
+        message = sampled_object(payload) if transport is Transport.BUS else parse_object(payload)
+        stop = stop_asked(message, transport)
         if stop is not None:
             return stop
-        envelope = _envelope("motion", message, payload, way, request_id, twin=twin)
+        envelope = _envelope("motion", message, payload, transport, request_id, twin=twin)
         nested = not message.keys().isdisjoint(_TWIST)
         refuse_misspelt(message, _TWIST if nested else _FLAT_TWIST)
         return envelope.setpoint(_twist(message) if nested else _signed(message, ""))
@@ -170,13 +173,13 @@ def _usual(payload: bytes) -> _Usual | None:
 
 
 def _envelope(
-    name: str, message: dict[str, object], payload: bytes, way: Transport, request_id: str, *, twin: str
+    name: str, message: dict[str, object], payload: bytes, transport: Transport, request_id: str, *, twin: str
 ) -> _Envelope:
     """Read the fields that all commands share. A stop is never refused because of another field."""
     strict = not _is_stop(name, message)
     if strict:
         refuse_misspelt(message, _BODIES)
-    origin, stamp = origin_and_stamp(message, way, strict=strict, twin=twin)
+    origin, stamp = origin_and_stamp(message, transport, strict=strict, twin=twin)
     data = tolerant(_data, message, strict=strict)
     return _Envelope(name, data or {}, message, payload, request_id, origin, stamp)
 
@@ -284,7 +287,7 @@ def _video(envelope: _Envelope, _defaults: Defaults) -> Command:
         name: envelope.message[name] for name in ("recording", "sensor_id") if name in envelope.message
     }
     asked = envelope.command(envelope.name, {**beside, **envelope.data})
-    if asked.origin.way is not Transport.CLOUD or asked.origin.source_type is not None:
+    if asked.origin.transport is not Transport.CLOUD or asked.origin.source_type is not None:
         return asked
     return msgspec.structs.replace(asked, origin=msgspec.structs.replace(asked.origin, source_type="tele"))
 

@@ -70,7 +70,7 @@ def digest(content: bytes) -> str:
 
 
 def origin_and_stamp(
-    message: Mapping[str, object], way: Transport, *, strict: bool, twin: str = ""
+    message: Mapping[str, object], transport: Transport, *, strict: bool, twin: str = ""
 ) -> tuple[Origin, float | None]:
     """Return the sender of a message and its stamp (Unix seconds, None when not given).
 
@@ -80,13 +80,13 @@ def origin_and_stamp(
     try:
         _require_twin(message, twin)
         source_type, session = optional_word(message, "source_type"), optional_word(message, "session_id")
-        return Origin(way, source_type, session or ""), stamp_of(message)
+        return Origin(transport, source_type, session or ""), stamp_of(message)
     except WireError:
         if strict:
             raise
     source_type = tolerant(optional_word, message, "source_type", strict=False)
     session = tolerant(optional_word, message, "session_id", strict=False)
-    return Origin(way, source_type, session or ""), tolerant(stamp_of, message, strict=False)
+    return Origin(transport, source_type, session or ""), tolerant(stamp_of, message, strict=False)
 
 
 def _require_twin(message: Mapping[str, object], twin: str) -> None:
@@ -102,12 +102,12 @@ def _require_twin(message: Mapping[str, object], twin: str) -> None:
         raise WireError(f"{named[:40]!a} is not this twin, which is {twin}", where="twin_uuid")
 
 
-def stop_asked(message: Mapping[str, object], way: Transport) -> Command | None:
+def stop_asked(message: Mapping[str, object], transport: Transport) -> Command | None:
     """Return the stop that a message names on a topic with other commands; None when it names none."""
     name = stop_named(message) if "command" in message or "type" in message else ""
     if not name:
         return None
-    origin, stamp = origin_and_stamp(message, way, strict=False)
+    origin, stamp = origin_and_stamp(message, transport, strict=False)
     return Command(name, origin=origin, stamp=stamp)
 
 

@@ -73,7 +73,7 @@ Sets = dict[str, dict[str, float]]
 
 
 def decode_joints(
-    payload: bytes, *, way: Transport, request_id: str = "", twin: str = "", leads: bool = False
+    payload: bytes, *, transport: Transport, request_id: str = "", twin: str = "", leads: bool = False
 ) -> JointSetpoint | Command | None:
     """Return the joint targets in a message; None for measured joints.
 
@@ -82,16 +82,16 @@ def decode_joints(
     as that stop. Raises BadCommand, with the name of the command.
     """
     try:
-        message = sampled_object(payload) if way is Transport.BUS else parse_object(payload)
-        stop = stop_asked(message, way)
+        message = sampled_object(payload) if transport is Transport.BUS else parse_object(payload)
+        stop = stop_asked(message, transport)
         if stop is not None:
             return stop
-        origin, stamp = origin_and_stamp(message, way, strict=True, twin=twin)
+        origin, stamp = origin_and_stamp(message, transport, strict=True, twin=twin)
         sets = _named_sets(message, "target_")
         measures = origin.source_type in STATE_SENDERS and not (origin.source_type == LEADER and not leads)
         if not sets and measures:
             return None
-        sets = sets or _measured_form(message, arrays=way is Transport.BUS)
+        sets = sets or _measured_form(message, arrays=transport is Transport.BUS)
         positions, relative = _positions(sets), _is_relative(message)
     except WireError as error:
         raise BadCommand(error, command=JOINT_TARGETS) from None

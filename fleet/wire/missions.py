@@ -62,7 +62,7 @@ _ITEM_FIELDS = frozenset(
 )
 
 
-def decode_mission(payload: bytes, *, way: Transport, twin: str = "") -> Navigate | Command:
+def decode_mission(payload: bytes, *, transport: Transport, twin: str = "") -> Navigate | Command:
     """Return the mission, the control or the stop in a message.
 
     Raises BadCommand with the name and the execution id, as far as they could be read.
@@ -72,12 +72,12 @@ def decode_mission(payload: bytes, *, way: Transport, twin: str = "") -> Navigat
         message = given(parse_object(payload))
         name = name_of(message)
         control = CONTROLS.get(name)
-        stop = None if control else stop_asked(message, way)
+        stop = None if control else stop_asked(message, transport)
         if stop is not None:
             return stop
         stops = control is Control.STOP
         execution = tolerant(optional_word, message, EXECUTION, strict=not stops) or ""
-        origin, stamp = origin_and_stamp(message, way, strict=not stops, twin=twin)
+        origin, stamp = origin_and_stamp(message, transport, strict=not stops, twin=twin)
         ask = control or _started(name, message, execution)
     except WireError as error:
         execution = execution or read_loosely(payload, EXECUTION)

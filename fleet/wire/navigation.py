@@ -102,7 +102,7 @@ class _Reading(msgspec.Struct, frozen=True):
 def decode_navigate(
     payload: bytes,
     *,
-    way: Transport,
+    transport: Transport,
     request_id: str = "",
     rotation_order: Literal["auto", "wxyz", "xyzw"],
     planar: bool = False,
@@ -129,10 +129,10 @@ def decode_navigate(
             return None
         name = name_of(message)
         if name in STOP_WORDS and name not in CONTROLS:
-            return stop_asked(message, way)
+            return stop_asked(message, transport)
         stops = CONTROLS.get(name) is Control.STOP
         action_id = tolerant(optional_word, message, "action_id", strict=not stops) or ""
-        origin, stamp = origin_and_stamp(message, way, strict=not stops, twin=twin)
+        origin, stamp = origin_and_stamp(message, transport, strict=not stops, twin=twin)
         order = _order(name, rotation_order)
         reading = _Reading(order, planar, home_altitude, origin_heading)
         ask = CONTROLS.get(name) or _task(name, message, reading)

@@ -65,7 +65,7 @@ class CommonStart:
         kind: Kind,
         payload: bytes,
         *,
-        way: Transport,
+        transport: Transport,
         identity: str,
         heard: Callable[[Reply], None],
     ) -> None:
@@ -74,7 +74,7 @@ class CommonStart:
         if edge not in self._measured:
             self._tokens.append(self._session.token(keys.starting(edge, self._id)))
             self._measured[edge] = self._task(self._measure(edge))
-        parameters = {"kind": kind, "wait": "1", "start": self._id, "id": identity, "way": way.value}
+        parameters = {"kind": kind, "wait": "1", "start": self._id, "id": identity, "way": transport.value}
         answers = 0
 
         def take(reply: Reply) -> None:

@@ -88,8 +88,8 @@ class Coordinators:
         if not ask.begins:
             lapsed = bool(ask.robots) and not self._leases.holds(ask.edge, ask.run)
             return "the lease has lapsed" if lapsed else ""
-        way = Transport.CLOUD if ask.way == Transport.CLOUD else Transport.BUS
-        origin = Origin(way, ask.source_type, ask.session_id)
+        transport = Transport.CLOUD if ask.way == Transport.CLOUD else Transport.BUS
+        origin = Origin(transport, ask.source_type, ask.session_id)
         for robot in ask.robots:
             if robot not in self._robots:
                 return f"{self._edge} has no robot {robot!r}"
@@ -126,6 +126,6 @@ class Coordinators:
 
         data = {"run": lapsed.run} if command == LEAVE else {}
         message = {"command": command, "data": data, "session_id": f"lease of {lapsed.edge}"}
-        request = robot.read("command", msgspec.json.encode(message), way=Transport.MISSION, waits=True)
+        request = robot.read("command", msgspec.json.encode(message), transport=Transport.MISSION, waits=True)
         if request is not None:
             request(answered)

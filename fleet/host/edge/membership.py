@@ -220,7 +220,7 @@ class Membership:
         """Take a robot out of the runs of missions; return which do not release it."""
         for run in self._registrations.runs_with(robot.name):
             message = {"command": LEAVE, "data": {"run": run}, "session_id": "fleet apply"}
-            take = robot.read("command", msgspec.json.encode(message), way=Transport.MISSION)
+            take = robot.read("command", msgspec.json.encode(message), transport=Transport.MISSION)
             if take is not None:
                 take(lambda _reply: None)
         if await seen(lambda: not self._registrations.runs_with(robot.name), LEAVES_WITHIN):

@@ -64,10 +64,10 @@ class RobotHere:
         self.describe = robot.describe
 
     def read(
-        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", waits: bool = False
+        self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str = "", waits: bool = False
     ) -> Request | None:
         """Decode a message; the returned request executes it."""
-        return self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits)
+        return self._robot.read(kind, payload, transport=transport, request_id=request_id, waits=waits)
 
 
 class RobotElsewhere:
@@ -79,10 +79,10 @@ class RobotElsewhere:
         self.state = robot.state
 
     def read(
-        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", waits: bool = False
+        self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str = "", waits: bool = False
     ) -> Request | None:
         """Decode a message; the returned request executes it."""
-        return self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits)
+        return self._robot.read(kind, payload, transport=transport, request_id=request_id, waits=waits)
 
 
 class MissionRobots:

@@ -80,14 +80,14 @@ class PartnerRobot:
             self._state, self._heard = state, self._clock.monotonic()
 
     def read(
-        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", waits: bool = False
+        self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str = "", waits: bool = False
     ) -> Request | None:
         """Decode a message of a run; the returned request sends it, with a lease if the robot joins by it."""
-        parameters = {"kind": kind, "way": way.value} | ({"wait": "1"} if waits else {})
+        parameters = {"kind": kind, "way": transport.value} | ({"wait": "1"} if waits else {})
         if request_id:
             parameters["id"] = request_id
         send = partial(self._partners.send, self, payload, parameters)
-        return Request(partial(self._partners.take, self, payload, way, send))
+        return Request(partial(self._partners.take, self, payload, transport, send))
 
 
 class Partners:
@@ -164,7 +164,7 @@ class Partners:
         self,
         robot: PartnerRobot,
         payload: bytes,
-        way: Transport,
+        transport: Transport,
         send: Callable[[Answer], None],
         answer: Answer,
     ) -> None:
@@ -177,7 +177,7 @@ class Partners:
         name, data = message.get("command"), message.get("data")
         run = str(data.get("run", "")) if isinstance(data, dict) else ""
         if name == JOIN:
-            self._join(robot, run, message, way, send, answer)
+            self._join(robot, run, message, transport, send, answer)
             return
         if name == LEAVE:
             self._held.get((run, robot.edge), set()).discard(robot.name)
@@ -188,7 +188,7 @@ class Partners:
         robot: PartnerRobot,
         run: str,
         message: dict[str, Any],
-        way: Transport,
+        transport: Transport,
         send: Callable[[Answer], None],
         answer: Answer,
     ) -> None:
@@ -199,7 +199,7 @@ class Partners:
             self._edge,
             dict.fromkeys(robots, "hold"),
             begins=True,
-            way=way.value,
+            way=transport.value,
             source_type=message.get("source_type"),
             session_id=str(message.get("session_id", "")),
         )

@@ -38,7 +38,7 @@ class StartRequests:
         self._checker = ThreadPoolExecutor(1, thread_name_prefix="fleet-mission-check")
 
     def begin(
-        self, made: Made, way: Transport, began: Began, *, workflow: str = "", admitted: bool = False
+        self, made: Made, transport: Transport, began: Began, *, workflow: str = "", admitted: bool = False
     ) -> None:
         """Check a mission and start it, or answer which robots would fill its roles; from any thread.
 
@@ -47,7 +47,9 @@ class StartRequests:
 
         def start(mission: Mission, program: Program, ask: StartAsk) -> None:
             if not ask.only_fill:
-                self._runs.start(mission, program, ask, way, began, workflow=workflow, admitted=admitted)
+                self._runs.start(
+                    mission, program, ask, transport, began, workflow=workflow, admitted=admitted
+                )
                 return
             try:
                 began("", self._runs.filling.fill(mission, program, ask), "")

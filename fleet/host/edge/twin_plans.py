@@ -141,7 +141,7 @@ class TwinPlans:
     def read(self, robot: RobotPort, payload: bytes, direct: Request | None) -> Request | None:
         """Return the request for a message; ``direct`` is the request that the robot itself decoded."""
         try:
-            ask = decode_mission(payload, way=Transport.CLOUD, twin=robot.twin)
+            ask = decode_mission(payload, transport=Transport.CLOUD, twin=robot.twin)
         except WireError:
             return direct  # it reports the error, or stops
         if not isinstance(ask, Navigate) or direct is None:
@@ -271,7 +271,7 @@ class TwinPlans:
         origin: Origin = ask.origin
         sender = {"session_id": origin.session, "source_type": origin.source_type, "timestamp": ask.stamp}
         payload = msgspec.json.encode(message | without_nulls(sender))
-        request = robot.read("command", payload, way=origin.way, waits=True)
+        request = robot.read("command", payload, transport=origin.transport, waits=True)
         if request is not None:
             request(answer)
 
@@ -298,13 +298,15 @@ class _Port:
         kind: Kind,
         payload: bytes,
         *,
-        way: Transport,
+        transport: Transport,
         request_id: str = "",
         waits: bool = False,
         unread: str = "",
     ) -> Request | None:
         """Decode a message, from any thread; an emergency stop is executed at once."""
-        asked = self._robot.read(kind, payload, way=way, request_id=request_id, waits=waits, unread=unread)
+        asked = self._robot.read(
+            kind, payload, transport=transport, request_id=request_id, waits=waits, unread=unread
+        )
         if kind != "mission" or unread:
             return asked
         return self._plans.read(self._robot, payload, asked)

@@ -74,10 +74,10 @@ class RobotJournal:
         """
         self._put(Latched(self._robot, why.encode(errors="replace").decode()))
 
-    def note(self, identity: str, name: str, *, action: bool = False, way: str = "") -> None:
+    def note(self, identity: str, name: str, *, action: bool = False, transport: str = "") -> None:
         """Record that a command is being executed; without an identity it cannot repeat and is not kept."""
         if identity and self._clock is not None:
-            self._put(Started(self._robot, identity, name, action, self._clock.time(), way))
+            self._put(Started(self._robot, identity, name, action, self._clock.time(), transport))
 
     def end(self, identity: str, outcome: str) -> None:
         """Record the outcome of a command, as one word."""

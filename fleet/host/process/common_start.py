@@ -114,7 +114,7 @@ class CommonStarts:
             return
         read = cast("Kind", kind if kind in KINDS else "command")
         proven = self._process.askers.proven(question)
-        take = robot.read(read, question.payload, way=Transport.BUS, proven=proven)
+        take = robot.read(read, question.payload, transport=Transport.BUS, proven=proven)
         if take is not None:
             self._loop.call_soon_threadsafe(take, answer_to(question, waits=False))
 
@@ -309,9 +309,12 @@ def _read(robot: LocalRobot, question: Query) -> Command | Navigate:
     kind = question.parameters.get("kind", "command")
     if kind not in KINDS:
         raise WireError(f"{kind[:40]!a} is nothing that is started together; one of {', '.join(KINDS)}")
-    way = Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS
+    transport = Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS
     ask: Ask | None = robot.requests.ask_of(
-        cast("Kind", kind), question.payload, way=way, request_id=question.parameters.get("id", "")
+        cast("Kind", kind),
+        question.payload,
+        transport=transport,
+        request_id=question.parameters.get("id", ""),
     )
     if ask is None or isinstance(ask, Setpoint | JointSetpoint) or ask.name in STOP_WORDS:
         raise WireError("a velocity is not started together: it is obeyed at once")

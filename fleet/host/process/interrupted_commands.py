@@ -31,16 +31,16 @@ def tell_interrupted_commands(
     for command in process.journal.take_interrupted(ports):
         text = f"{command.name} failed: {WHY}"
         robot_log(command.robot).warning("%s", text)
-        way = Transport(command.way)
+        transport = Transport(command.way)
         event = EventReport(
             process.clock.time(),
             EventKind.OUTCOME,
             text,
             Severity.WARNING,
-            Requester(way),
+            Requester(transport),
             command.name,
             command.identity,
         )
         process.history.add(command.robot, event)
-        if way is Transport.CLOUD and tell_cloud is not None:
+        if transport is Transport.CLOUD and tell_cloud is not None:
             tell_cloud(ports[command.robot], Reply(command.name, ReplyStatus.TIMEOUT, WHY, done=False))

@@ -22,17 +22,17 @@ class PermittedRequests:
     def __init__(self, askers: Askers) -> None:
         self._askers = askers
 
-    def refusal(self, robot: LocalRobot, kind: Kind, question: Query, way: Transport) -> Reply | None:
+    def refusal(self, robot: LocalRobot, kind: Kind, question: Query, transport: Transport) -> Reply | None:
         """Return the reply to a request that is refused; None for one that may go on.
 
-        ``way`` is the transport with which it will be decoded. A stop needs no permission. A message that
-        cannot be decoded here is refused to users who may not operate; for others the robot decodes it again,
-        and may know more by then.
+        It will be decoded with this ``transport``. A stop needs no permission. A message that cannot be
+        decoded here is refused to users who may not operate; for others the robot decodes it again, and may
+        know more by then.
         """
         if not question.suffix:
             return None
         try:
-            ask = robot.requests.ask_of(kind, question.payload, way=way, request_id="")
+            ask = robot.requests.ask_of(kind, question.payload, transport=transport, request_id="")
         except WireError as error:
             if not self._refused(robot, question, Permission.OPERATE, kind):
                 return None

@@ -78,14 +78,14 @@ class RobotEndpoints:
         if kind not in KINDS:
             refusal = f"{kind!r} is no kind of message; one of {', '.join(KINDS)}"
             return partial(answer, Reply(kind, ReplyStatus.REJECTED, refusal))
-        way = Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS
-        refused = self._permitted.refusal(robot, kind, question, way)
+        transport = Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS
+        refused = self._permitted.refusal(robot, kind, question, transport)
         if refused is not None:
             return partial(answer, refused)
         take = robot.read(
             kind,
             question.payload,
-            way=way,
+            transport=transport,
             request_id=question.parameters.get("id", ""),
             waits=waits,
             proven=self._askers.proven(question),

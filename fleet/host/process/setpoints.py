@@ -79,7 +79,7 @@ class Setpoints:
 
 def take(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop, payload: bytes) -> None:
     """Take a setpoint for a robot; on the bus's thread."""
-    request = robot.read(kind, payload, way=Transport.BUS)
+    request = robot.read(kind, payload, transport=Transport.BUS)
     if request is not None:
         loop.call_soon_threadsafe(request, robot.requests.log_refusal)
 

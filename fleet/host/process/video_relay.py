@@ -46,7 +46,7 @@ class VideoRelay:
 
     def take(self, ask: Command, receipt: Receipt) -> None:
         """Relay a command: done when a program has done it, refused when there is none."""
-        if ask.origin.way is not Transport.CLOUD:
+        if ask.origin.transport is not Transport.CLOUD:
             receipt.watch(self._tell)
         refusals: list[str] = []
         asked = self._clock.monotonic()

@@ -56,7 +56,7 @@ class RequestDecoder:
         }
 
     def decode(
-        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", unread: str = ""
+        self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str = "", unread: str = ""
     ) -> Ask | None:
         """Return the request in a message; None for a message without one (a reply).
 
@@ -67,38 +67,38 @@ class RequestDecoder:
             unread = unread or f"{len(payload)} bytes are more than the {LARGEST} that are read"
         if unread:
             if stop := UNREAD.get(kind, ""):
-                return Command(stop, origin=Origin(way), flaw=unread)
+                return Command(stop, origin=Origin(transport), flaw=unread)
             raise WireError(unread)
         # No variable may hold the error: its traceback would then form a reference cycle that keeps the
         # payload until the next garbage collection, which is rare.
         try:
-            return self._decode(kind, payload, way=way, request_id=request_id)
+            return self._decode(kind, payload, transport=transport, request_id=request_id)
         except WireError as error:
             if stop := stop_in(payload, kind):
-                return Command(stop, origin=Origin(way), flaw=str(error))
+                return Command(stop, origin=Origin(transport), flaw=str(error))
             raise
         except Exception as error:
             log.exception("a %s message could not be read", kind)
             why = f"it could not be read ({type(error).__name__}); the edge's log says why"
             if stop := stop_in(payload, kind):
-                return Command(stop, origin=Origin(way), flaw=why)
+                return Command(stop, origin=Origin(transport), flaw=why)
             raise WireError(why) from None
 
-    def _decode(self, kind: Kind, payload: bytes, *, way: Transport, request_id: str) -> Ask | None:
+    def _decode(self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str) -> Ask | None:
         """Decode a message strictly."""
         if kind == "command":
             return decode_command(
-                payload, way=way, request_id=request_id, defaults=self._defaults, twin=self._twin
+                payload, transport=transport, request_id=request_id, defaults=self._defaults, twin=self._twin
             )
-        return self._decoders[kind](payload, way=way, request_id=request_id, twin=self._twin)
+        return self._decoders[kind](payload, transport=transport, request_id=request_id, twin=self._twin)
 
-    def _navigate(self, payload: bytes, *, way: Transport, request_id: str, twin: str) -> Ask | None:
+    def _navigate(self, payload: bytes, *, transport: Transport, request_id: str, twin: str) -> Ask | None:
         """Decode a message of the ``navigate/command`` topic."""
         origin = self._origin
         home = self._home_altitude()
         return decode_navigate(
             payload,
-            way=way,
+            transport=transport,
             request_id=request_id,
             rotation_order=self._order,
             planar=self._planar,
@@ -107,9 +107,9 @@ class RequestDecoder:
             twin=twin,
         )
 
-    def _mission(self, payload: bytes, *, way: Transport, request_id: str, twin: str) -> Ask | None:  # noqa: ARG002 - one signature for all decoders
+    def _mission(self, payload: bytes, *, transport: Transport, request_id: str, twin: str) -> Ask | None:  # noqa: ARG002 - one signature for all decoders
         """Decode a message of the ``mission/command`` topic."""
-        return decode_mission(payload, way=way, twin=twin)
+        return decode_mission(payload, transport=transport, twin=twin)
 
 
 def is_stop(ask: Ask) -> bool:

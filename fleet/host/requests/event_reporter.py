@@ -45,8 +45,8 @@ def robot_log(name: str) -> logging.Logger:
 
 def requester_of(origin: Origin) -> Requester:
     """Return the sender as stated by the message; a sender on this computer is proven."""
-    proven = origin.proven or origin.way in _OURS
-    return Requester(origin.way, origin.session, origin.source_type, proven=proven)
+    proven = origin.proven or origin.transport in _OURS
+    return Requester(origin.transport, origin.session, origin.source_type, proven=proven)
 
 
 def with_proof(ask: AnyAsk, name: str) -> AnyAsk:
@@ -84,11 +84,11 @@ class EventReporter:
     def moves(self, ask: Ask) -> None:
         """Record the request for which the robot moves from now on."""
         self._ask = ask
-        self._hear(f"{ask.name} by {ask.origin.session or ask.origin.way}")
+        self._hear(f"{ask.name} by {ask.origin.session or ask.origin.transport}")
 
     def stops(self, ask: Command) -> None:
         """Record a request to stop."""
-        self._hear(f"{ask.name} by {ask.origin.session or ask.origin.way}")
+        self._hear(f"{ask.name} by {ask.origin.session or ask.origin.transport}")
 
     def ended(self) -> None:
         """Record the end of its motion; events that follow still name the request for which it moved."""

@@ -17,7 +17,7 @@ from fleet.supervisor.protocol import LONGEST_REASON
 
 LARGEST = 1 << 14  # bytes of the largest note that is decoded
 _BY, _WHY, _ID = "by", "why", "id"
-_WAYS: Mapping[Transport, str] = {
+_TRANSPORTS: Mapping[Transport, str] = {
     Transport.CLOUD: "over the cloud",
     Transport.BUS: "over the bus",
     Transport.LOCAL: "on this computer",
@@ -91,7 +91,7 @@ def local_cause(name: str, reason: str = "", request: str = "") -> StopCause:
 def requester_text(asker: Requester) -> str:
     """Return a sender as text for people: ``anna (claimed, tele, over the cloud)``."""
     known = "proven" if asker.proven else "claimed"
-    words = [known, *filter(None, [asker.source_type]), _WAYS[asker.way]]
+    words = [known, *filter(None, [asker.source_type]), _TRANSPORTS[asker.transport]]
     return f"{asker.name or 'somebody'} ({', '.join(words)})"
 
 
@@ -99,7 +99,7 @@ def _cut(cause: StopCause) -> StopCause:
     """Return a cause with its texts shortened and safe to print."""
     who = cause.asker
     source = None if who.source_type is None else _clipped(who.source_type)
-    asker = Requester(who.way, _clipped(who.name), source, proven=who.proven)
+    asker = Requester(who.transport, _clipped(who.name), source, proven=who.proven)
     return StopCause(asker, _clipped(cause.reason), _clipped(cause.request))
 
 

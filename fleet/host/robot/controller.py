@@ -214,7 +214,7 @@ class RobotController:
     def _stop(self, ask: Command, receipt: Receipt) -> None:
         """End all motion; a stop is never refused, and never treated as a repeat."""
         if ask.name == EMERGENCY:
-            self.emergency(f"asked by {ask.origin.session or ask.origin.way}")
+            self.emergency(f"asked by {ask.origin.session or ask.origin.transport}")
         self.motion.cancel(ask.name)
         self._admission.stopped(ask)
         self.event_reporter.stops(ask)
@@ -259,7 +259,7 @@ class RobotController:
         if refusal is not None:
             receipt.reject(refusal)
         elif own is not None:
-            self.event_reporter.log.warning("%s by %s", ask.name, ask.origin.session or ask.origin.way)
+            self.event_reporter.log.warning("%s by %s", ask.name, ask.origin.session or ask.origin.transport)
             self._journal.note(ask.id, ask.name)
             own(ask, receipt)
         elif spec is not None:

@@ -136,7 +136,7 @@ class Executor:
     async def _run(self, job: _Job) -> None:
         """Run one command to its end and answer."""
         try:
-            self._journal.note(job.ask.id, job.ask.name, way=job.ask.origin.way)
+            self._journal.note(job.ask.id, job.ask.name, transport=job.ask.origin.transport)
             self._journal.follow(job.ask.id, job.receipt)
             if job.spec.moves:
                 await self.standing()

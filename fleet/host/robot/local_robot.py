@@ -155,7 +155,7 @@ class LocalRobot:
         kind: Kind,
         payload: bytes,
         *,
-        way: Transport,
+        transport: Transport,
         request_id: str = "",
         waits: bool = False,
         unread: str = "",
@@ -163,7 +163,13 @@ class LocalRobot:
     ) -> Request | None:
         """Decode a message, on any thread; the returned request is called on the loop."""
         return self.requests.read(
-            kind, payload, way=way, request_id=request_id, waits=waits, unread=unread, proven=proven
+            kind,
+            payload,
+            transport=transport,
+            request_id=request_id,
+            waits=waits,
+            unread=unread,
+            proven=proven,
         )
 
     def spec_of(self, command: str) -> CommandSpec | None:

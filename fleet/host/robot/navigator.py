@@ -137,8 +137,10 @@ class Navigator:
         """Run the navigator's iteration and turn its end into the terminal status."""
         action.move(ActionState.RUNNING)
         try:
-            way = self._asked.origin.way if self._asked.is_command else ""  # others only get a status
-            self._journal.note(action.id, self._asked.name, action=True, way=way)
+            transport = (
+                self._asked.origin.transport if self._asked.is_command else ""
+            )  # others only get a status
+            self._journal.note(action.id, self._asked.name, action=True, transport=transport)
             await self._ready()
             await guarded(lambda: self._follow(who, action))
             if self._is_current():

@@ -75,7 +75,7 @@ class RequestIntake:
         kind: Kind,
         payload: bytes,
         *,
-        way: Transport,
+        transport: Transport,
         request_id: str = "",
         waits: bool = False,
         unread: str = "",
@@ -90,10 +90,10 @@ class RequestIntake:
         """
         arrived = self._arrival()
         try:
-            ask = self.ask_of(kind, payload, way=way, request_id=request_id, unread=unread)
+            ask = self.ask_of(kind, payload, transport=transport, request_id=request_id, unread=unread)
         except WireError as error:
             name, action_id = getattr(error, "command", "") or kind, getattr(error, "action_id", "")
-            return Request(partial(self._refuse, kind, way, name, action_id, str(error)))
+            return Request(partial(self._refuse, kind, transport, name, action_id, str(error)))
         if ask is None:
             return None
         ask = ask if proven is None else with_proof(ask, proven)
@@ -102,10 +102,10 @@ class RequestIntake:
         return Request(partial(self.take, kind, ask, waits, arrived), is_stop(ask), is_discrete(ask))
 
     def ask_of(
-        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str, unread: str = ""
+        self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str, unread: str = ""
     ) -> Ask | None:
         """Decode the request in a message, None for a reply; raises WireError."""
-        ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
+        ask = self._decoder.decode(kind, payload, transport=transport, request_id=request_id, unread=unread)
         return goal_of(ask, self._controller.can, self._controller.speeds.of)
 
     def take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
@@ -143,19 +143,21 @@ class RequestIntake:
     def _follow_emergency(self, cause: StopCause) -> None:
         """Have the adapter stop the robot."""
         asker = cause.asker
-        ask = Command(EMERGENCY, origin=Origin(asker.way, session=asker.name or cause.why), id=cause.request)
+        ask = Command(
+            EMERGENCY, origin=Origin(asker.transport, session=asker.name or cause.why), id=cause.request
+        )
         receipt = Receipt(EMERGENCY, lambda _: None)
         self._recorder.followed(cause, receipt)
         self._controller.receive(ask, receipt)
         self._changed(self._controller.name)
 
     def _refuse(  # noqa: PLR0917 - by position
-        self, kind: Kind, way: Transport, name: str, action_id: str, why: str, answer: Answer
+        self, kind: Kind, transport: Transport, name: str, action_id: str, why: str, answer: Answer
     ) -> None:
         """Refuse a message that cannot be decoded. ``why`` is text: an error would keep the message alive."""
         self._refusals.add(kind, "refused a %s message: %s", kind, why)
         receipt = Receipt(name, answer)
-        self._recorder.unread(kind, Origin(way), receipt)
+        self._recorder.unread(kind, Origin(transport), receipt)
         receipt.reject(why)
         self._report_failed(kind, action_id, why)
 

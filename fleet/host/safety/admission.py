@@ -228,9 +228,9 @@ def _run_in(ask: Command) -> str:
 
 def _named(origin: Origin) -> str:
     """Return the sender's name for people."""
-    return origin.session or origin.way
+    return origin.session or origin.transport
 
 
 def _asker(origin: Origin) -> str:
     """Return the key of a sender's clock."""
-    return origin.way + "/" + origin.session
+    return origin.transport + "/" + origin.session

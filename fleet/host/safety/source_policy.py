@@ -47,7 +47,9 @@ def _refusal(origin: Origin, accepted: frozenset[str]) -> str | None:
     """Return why a sender's source type is not accepted; None when it is."""
     if origin.source_type in accepted:
         return None
-    if origin.way is Transport.MISSION or (origin.way is Transport.BUS and origin.source_type is None):
+    if origin.transport is Transport.MISSION or (
+        origin.transport is Transport.BUS and origin.source_type is None
+    ):
         return None
     given = "no source_type" if origin.source_type is None else f"source_type {origin.source_type!r}"
     return f"{given}; this robot obeys {', '.join(sorted(accepted)) or 'nobody'}"

@@ -163,7 +163,7 @@ class RemoteRobot:
         kind: Kind,
         payload: bytes,
         *,
-        way: Transport,
+        transport: Transport,
         request_id: str = "",
         waits: bool = False,
         unread: str = "",
@@ -174,13 +174,15 @@ class RemoteRobot:
         with ``waits`` also the final result. None for a reply, which is no request. ``unread``: why the
         payload must not be decoded; then the worker does not get it either.
         """
-        parameters = {"kind": kind, "way": way.value}
+        parameters = {"kind": kind, "way": transport.value}
         if request_id:
             parameters["id"] = request_id
         if waits:
             parameters["wait"] = "1"
         try:
-            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
+            ask = self._decoder.decode(
+                kind, payload, transport=transport, request_id=request_id, unread=unread
+            )
         except WireError as error:
             name = getattr(error, "command", "") or kind
             if unread:

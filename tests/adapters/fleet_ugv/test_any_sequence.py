@@ -126,7 +126,7 @@ class Bench:
         message = {"source_type": "tele", "command": name, "data": data}
         answers = []
         try:
-            ask = self.decoder.decode("command", json.dumps(message).encode(), way=Transport.CLOUD)
+            ask = self.decoder.decode("command", json.dumps(message).encode(), transport=Transport.CLOUD)
         except WireError:
             return
         self.controller.receive(ask, Receipt(name, answers.append))

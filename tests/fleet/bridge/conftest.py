@@ -31,8 +31,8 @@ class FakePort:
         self.raises: Exception | None = None
         self.once = False
 
-    def read(self, kind, payload, *, way, request_id="", waits=False, unread=""):
-        assert way is Transport.CLOUD
+    def read(self, kind, payload, *, transport, request_id="", waits=False, unread=""):
+        assert transport is Transport.CLOUD
         if self.raises is not None:
             raise self.raises
         if b"emergency_stop" in payload or unread:

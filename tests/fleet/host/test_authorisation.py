@@ -81,10 +81,10 @@ def asks_of(robot, source):
     yield "a goal", "navigate", message_of(source, **goal), True
 
 
-def verdict(robot, kind, payload, way):
+def verdict(robot, kind, payload, transport):
     """Return what becomes of a message: refused for its ``source``, ``admitted``, ``impossible``."""
     answers = []
-    robot.read(kind, payload, way=way)(answers.append)
+    robot.read(kind, payload, transport=transport)(answers.append)
     if answers[0].ok or any(words in answers[0].reason for words in BEHIND):
         return "admitted"
     if "this robot obeys" in answers[0].reason:
@@ -105,14 +105,14 @@ KINDS = [
 def test_a_robot_obeys_its_source_types_for_everything_and_nobody_else(_name, adapter, fields, simulated):
     async def wrong():
         robot = robot_of(adapter, fields)
-        for source, way in itertools.product(SOURCES, (Transport.CLOUD, Transport.BUS)):
+        for source, transport in itertools.product(SOURCES, (Transport.CLOUD, Transport.BUS)):
             for ask, kind, payload, navigation in asks_of(robot, source):
                 allowed = SIMULATED if simulated else REAL | ({"edge"} if navigation else set())
-                local = way is Transport.BUS and source == MISSING
+                local = transport is Transport.BUS and source == MISSING
                 expected = "admitted" if source in allowed or local else "source"
-                found = verdict(robot, kind, payload, way)
+                found = verdict(robot, kind, payload, transport)
                 if found not in (expected, "impossible"):
-                    yield source, way, ask, found
+                    yield source, transport, ask, found
 
     async def all_wrong():
         return [each async for each in wrong()]
@@ -124,11 +124,11 @@ def test_a_robot_obeys_its_source_types_for_everything_and_nobody_else(_name, ad
 def test_a_stop_is_obeyed_whoever_sends_it(_name, adapter, fields, simulated):
     async def stops():
         robot = robot_of(adapter, fields)
-        for source, way, word in itertools.product(
+        for source, transport, word in itertools.product(
             SOURCES, (Transport.CLOUD, Transport.BUS), sorted(STOP_WORDS)
         ):
             payload = message_of(source, command=word)
-            assert verdict(robot, "command", payload, way) == "admitted", (source, way, word)
+            assert verdict(robot, "command", payload, transport) == "admitted", (source, transport, word)
         return robot.controller.latched
 
     assert asyncio.run(stops())

@@ -83,7 +83,7 @@ class Load:
     async def drive(self):
         while True:
             for name in self.driven:
-                take = self.edge.process.robots[name].read("command", MOVE, way=Transport.BUS)
+                take = self.edge.process.robots[name].read("command", MOVE, transport=Transport.BUS)
                 take(lambda _reply: None)
             await asyncio.sleep(0.1)
 

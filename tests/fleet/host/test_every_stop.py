@@ -187,11 +187,13 @@ SMALL = {
 
 def drive(rig, session="bert"):
     message = {"command": "move_forward", "source_type": "tele", "session_id": session, "data": {}}
-    rig.robot.read("command", json.dumps(message).encode(), way="cloud")(lambda _: None)
+    rig.robot.read("command", json.dumps(message).encode(), transport="cloud")(lambda _: None)
 
 
 def fly(rig):
-    rig.robot.read("command", b'{"command": "takeoff", "source_type": "tele"}', way="cloud")(lambda _: None)
+    rig.robot.read("command", b'{"command": "takeoff", "source_type": "tele"}', transport="cloud")(
+        lambda _: None
+    )
 
 
 def block(rig):
@@ -342,7 +344,7 @@ def test_whoever_is_let_in_may_stop_and_only_who_is_obeyed_may_release(puppet, s
         answers = []
         for word in (name, "release_emergency_stop"):
             message = json.dumps({"command": word, "source_type": sender}).encode()
-            rig.robot.read("command", message, way="cloud")(answers.append)
+            rig.robot.read("command", message, transport="cloud")(answers.append)
             for _ in range(10):
                 await asyncio.sleep(0)
         return rig, answers
@@ -357,7 +359,7 @@ def test_whoever_is_let_in_may_stop_and_only_who_is_obeyed_may_release(puppet, s
 def test_a_stop_whose_message_is_refused_is_told_both(puppet):
     async def play():
         rig, answers = Rig(puppet, worker=False), []
-        rig.robot.read("command", b'{"command": "stop", "data": {', way="bus")(answers.append)
+        rig.robot.read("command", b'{"command": "stop", "data": {', transport="bus")(answers.append)
         for _ in range(10):
             await asyncio.sleep(0)
         return answers

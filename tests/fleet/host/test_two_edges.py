@@ -66,7 +66,7 @@ async def test_the_later_edge_leaves_a_twin_to_the_first_and_takes_it_when_that_
             assert again.cause == f"edge {place.id} has its twin; one of the two must leave it out"
             refused = []
             ask = b'{"command": "hang", "source_type": "tele"}'
-            second.process.robots["again"].read("command", ask, way=Transport.BUS)(refused.append)
+            second.process.robots["again"].read("command", ask, transport=Transport.BUS)(refused.append)
             assert not refused[0].ok
         await asks.until(lambda: state_of(second, "again").health == "ok")
         assert place.words("again") == ["run"]
@@ -124,7 +124,7 @@ async def test_a_robot_that_somebody_moves_is_not_let_go_for_what_the_cloud_show
         await asks.until(lambda: place.words("rex") == ["run"])
         rex = edge.process.robots["rex"]
         ask = b'{"command": "move_forward", "source_type": "tele"}'
-        rex.read("command", ask, way=Transport.BUS)(lambda _: None)
+        rex.read("command", ask, transport=Transport.BUS)(lambda _: None)
         edge.cloud_claims.heard(rex.twin, "yard-0")
         await asks.until(lambda: "yard-0" in edge.state().cause)  # once nothing is worse
         assert "yard-0" not in state_of(edge, "rex").cause

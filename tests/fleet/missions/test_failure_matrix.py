@@ -263,7 +263,7 @@ def test_a_person_aborts(play):
 
 
 def test_cloud_away(yard):
-    yard.start(way=Transport.CLOUD, source_type="tele")
+    yard.start(transport=Transport.CLOUD, source_type="tele")
     yard.done("kestrel", "takeoff")  # nothing here reaches a cloud: a run needs none
     yard.done("kestrel", "goto")
     yard.done("beast", "goto")

@@ -90,7 +90,7 @@ def test_a_robot_that_does_not_answer_is_not_waited_for_for_ever(yard):
 
 def test_who_may_not_command_a_robot_gains_nothing_by_a_mission(yard):
     yard.denied["beast", Transport.CLOUD] = "source_type 'edit'; this robot obeys tele"
-    ((run, _, refusal),) = yard.start(way=Transport.CLOUD, source_type="edit")
+    ((run, _, refusal),) = yard.start(transport=Transport.CLOUD, source_type="edit")
     assert (run, refusal) == ("", "beast: source_type 'edit'; this robot obeys tele")
     assert all(robot.told == [] for robot in yard.robots.values())
 

@@ -60,11 +60,11 @@ class Robot:
     def be(self, **fields):
         self.now = msgspec.structs.replace(self.now, **fields)
 
-    def read(self, kind, payload, *, way, request_id="", waits=False):
+    def read(self, kind, payload, *, transport, request_id="", waits=False):
         message = json.loads(payload)
-        return Request(lambda answer: self._take(message, way, request_id, answer))
+        return Request(lambda answer: self._take(message, transport, request_id, answer))
 
-    def _take(self, message, way, request_id, answer):
+    def _take(self, message, transport, request_id, answer):
         name = message["command"]
         self.told.append((name, request_id))
         self.messages.append(message)
@@ -98,10 +98,10 @@ class Start:
         self.withdrawn = False
         yard.starts.append(self)
 
-    def prepare(self, robot, kind, payload, *, way, identity, heard):
+    def prepare(self, robot, kind, payload, *, transport, identity, heard):
         message = json.loads(payload)
         refusal = self.yard.robots[robot].refuses.get(message["command"])
-        self.prepared[robot] = message, way, identity, heard
+        self.prepared[robot] = message, transport, identity, heard
         self.yard.soon.append(
             lambda: heard(
                 Reply("x", ReplyStatus.REJECTED if refusal else ReplyStatus.ACCEPTED, refusal or "")
@@ -152,7 +152,7 @@ class Yard:
                 Candidate(name, "toy", frozenset(self.can), Facts(name, "ok", 80.0), run=robot.now.run)
                 for name, robot in self.robots.items()
             ],
-            allowed=lambda robot, origin, _commands, _navigates: self.denied.get((robot, origin.way)),
+            allowed=lambda robot, origin, _commands, _navigates: self.denied.get((robot, origin.transport)),
             site=SiteMap(
                 {
                     "gate": Place("gate", (4.0, 5.0)),
@@ -179,11 +179,13 @@ class Yard:
             for call in calls:
                 call()
 
-    def start(self, mission=MISSION, *, run="3f2a", way=Transport.BUS, others=None, settles=True, **fields):
+    def start(
+        self, mission=MISSION, *, run="3f2a", transport=Transport.BUS, others=None, settles=True, **fields
+    ):
         began = []
         ask = StartAsk(run=run, session_id="anna", **fields)
         found = mission_of("patrol", mission, others)
-        self.runs.start(found, found.program({}), ask, way, lambda *given: began.append(given))
+        self.runs.start(found, found.program({}), ask, transport, lambda *given: began.append(given))
         if settles:
             self.settle()
         return began

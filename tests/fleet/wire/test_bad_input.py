@@ -37,11 +37,13 @@ from tests.tools.garbage import leaves_nothing
 
 DEFAULTS = MotionDefaults(0.5, 0.5, 0.5, 0.5)
 CLOUD = {
-    "command": lambda payload: decode_command(payload, way=Transport.CLOUD, defaults=lambda _: DEFAULTS),
-    "navigate": lambda payload: decode_navigate(payload, way=Transport.CLOUD, rotation_order="auto"),
-    "motion": lambda payload: decode_motion(payload, way=Transport.CLOUD),
-    "joints": lambda payload: decode_joints(payload, way=Transport.CLOUD),
-    "mission": lambda payload: decode_mission(payload, way=Transport.CLOUD),
+    "command": lambda payload: decode_command(
+        payload, transport=Transport.CLOUD, defaults=lambda _: DEFAULTS
+    ),
+    "navigate": lambda payload: decode_navigate(payload, transport=Transport.CLOUD, rotation_order="auto"),
+    "motion": lambda payload: decode_motion(payload, transport=Transport.CLOUD),
+    "joints": lambda payload: decode_joints(payload, transport=Transport.CLOUD),
+    "mission": lambda payload: decode_mission(payload, transport=Transport.CLOUD),
     "edge_health": read_heartbeat,
     "ping:request": check_ping,
     "pong:response": is_clouds_pong,
@@ -70,7 +72,7 @@ DECODERS = {
         if rule.taker is Recipient.RELAY
     },
     **{f"bus {rule.channel}": _sample(rule) for rule in RULES.values() if rule.channel},
-    "bus setpoint": lambda sample: decode_motion(sample, way=Transport.BUS),
+    "bus setpoint": lambda sample: decode_motion(sample, transport=Transport.BUS),
     "topic": lambda payload: Topics("").parse(payload.decode(errors="surrogateescape")),
     "key": lambda payload: parse_data_key(payload.decode(errors="surrogateescape")),
 }

@@ -17,7 +17,7 @@ DEFAULTS = MotionDefaults(forward=0.5, lateral=0.4, vertical=0.3, yaw_rate=0.8)
 
 def decode(message, **more):
     return decode_command(
-        json.dumps(message).encode(), way=Transport.CLOUD, defaults=lambda _: DEFAULTS, **more
+        json.dumps(message).encode(), transport=Transport.CLOUD, defaults=lambda _: DEFAULTS, **more
     )
 
 
@@ -58,7 +58,7 @@ def test_who_asks_for_video_in_the_cloud_without_a_source_type_is_an_operator(na
     assert decode({"command": name, "source_type": "edit", "data": {"x": 1}}).origin.source_type == "edit"
     assert decode({"command": "land"}).origin.source_type is None
     local = decode_command(
-        json.dumps({"command": name}).encode(), way=Transport.BUS, defaults=lambda _: DEFAULTS
+        json.dumps({"command": name}).encode(), transport=Transport.BUS, defaults=lambda _: DEFAULTS
     )
     assert local.origin.source_type is None
 
@@ -236,7 +236,7 @@ def test_a_magnitude_that_is_no_number_is_refused_and_never_a_default(command, f
 def test_a_speed_that_is_not_finite_is_refused(word):
     payload = b'{"command": "move", "data": {"linear_x": ' + word + b"}}"
     with pytest.raises(BadCommand):
-        decode_command(payload, way=Transport.CLOUD, defaults=lambda _: DEFAULTS)
+        decode_command(payload, transport=Transport.CLOUD, defaults=lambda _: DEFAULTS)
 
 
 # -- signed fields ------------------------------------------------------------------------------------
@@ -361,8 +361,8 @@ def test_a_body_inside_data_is_read_by_the_same_contract():
 # -- twists -------------------------------------------------------------------------------------------
 
 
-def twist(message, way=Transport.CLOUD):
-    return decode_motion(json.dumps(message).encode(), way=way)
+def twist(message, transport=Transport.CLOUD):
+    return decode_motion(json.dumps(message).encode(), transport=transport)
 
 
 def test_a_twist_is_signed_and_a_missing_axis_is_still():
@@ -388,9 +388,9 @@ def test_a_local_velocity_of_the_bus_is_flat():
 
 def test_a_setpoint_that_the_sdk_puts_on_the_bus_is_read_behind_its_header():
     sample = HeaderTemplate("application/json").pack(b'{"linear_x": 0.2, "angular_z": 0.1}')
-    assert decode_motion(sample, way=Transport.BUS).velocity == Velocity(Vector3(0.2), 0.1)
+    assert decode_motion(sample, transport=Transport.BUS).velocity == Velocity(Vector3(0.2), 0.1)
     with pytest.raises(BadCommand):
-        decode_motion(sample, way=Transport.CLOUD)
+        decode_motion(sample, transport=Transport.CLOUD)
 
 
 @pytest.mark.parametrize(
@@ -400,14 +400,14 @@ def test_a_setpoint_that_the_sdk_puts_on_the_bus_is_read_behind_its_header():
 def test_a_setpoint_of_the_bus_is_as_old_as_it_says_else_as_its_header_says(header, message, stamp):
     payload = json.dumps({"linear_x": 0.2} | message).encode()
     sample = HeaderTemplate("application/json").pack(payload, ts=header)
-    assert decode_motion(sample, way=Transport.BUS).stamp == stamp
+    assert decode_motion(sample, transport=Transport.BUS).stamp == stamp
 
 
 @pytest.mark.parametrize("header", [float("nan"), float("inf")])
 def test_a_setpoint_whose_header_is_of_no_time_is_refused(header):
     sample = HeaderTemplate("application/json").pack(b'{"linear_x": 0.2}', ts=header)
     with pytest.raises(BadCommand, match="timestamp: a finite number is needed"):
-        decode_motion(sample, way=Transport.BUS)
+        decode_motion(sample, transport=Transport.BUS)
 
 
 @pytest.mark.parametrize(
@@ -453,8 +453,8 @@ def test_no_hostile_bytes_raise_anything_but_a_refusal_or_move_by_a_number_that_
     read = 0
     for payload in hostile(json.dumps(message).encode() for message in REAL):
         for decoder in (
-            lambda raw: decode_command(raw, way=Transport.CLOUD, defaults=lambda _: DEFAULTS),
-            lambda raw: decode_motion(raw, way=Transport.CLOUD),
+            lambda raw: decode_command(raw, transport=Transport.CLOUD, defaults=lambda _: DEFAULTS),
+            lambda raw: decode_motion(raw, transport=Transport.CLOUD),
         ):
             try:
                 values = numbers_of(decoder(payload))
@@ -468,7 +468,7 @@ def test_no_hostile_bytes_raise_anything_but_a_refusal_or_move_by_a_number_that_
 @given(st.binary(max_size=100))
 def test_arbitrary_bytes_are_refused_by_name(payload):
     with pytest.raises(BadCommand):
-        decode_command(payload, way=Transport.BUS, defaults=lambda _: DEFAULTS)
+        decode_command(payload, transport=Transport.BUS, defaults=lambda _: DEFAULTS)
 
 
 JSON = st.recursive(
@@ -522,7 +522,7 @@ USUAL = st.fixed_dictionaries(
 def outcome(payload):
     """Return what a message is read as, or how it is refused."""
     try:
-        return decode_command(payload, way=Transport.CLOUD, defaults=lambda _: DEFAULTS)
+        return decode_command(payload, transport=Transport.CLOUD, defaults=lambda _: DEFAULTS)
     except BadCommand as error:
         return str(error), error.command
 

@@ -19,7 +19,7 @@ FORMS = {
 
 
 def decode(**message):
-    return decode_joints(json.dumps({"source_type": "tele", **message}).encode(), way=Transport.CLOUD)
+    return decode_joints(json.dumps({"source_type": "tele", **message}).encode(), transport=Transport.CLOUD)
 
 
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
@@ -51,14 +51,14 @@ def test_what_somebody_measured_asks_nothing_but_a_target_does(sender):
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
 def test_what_a_leader_measured_leads_a_follower_but_is_the_leaders_own_state(form):
     payload = json.dumps({"source_type": "edge_leader", **form}).encode()
-    assert decode_joints(payload, way=Transport.CLOUD).positions == {"a": 1.0}
+    assert decode_joints(payload, transport=Transport.CLOUD).positions == {"a": 1.0}
     if "target_positions" not in form:
-        assert decode_joints(payload, way=Transport.CLOUD, leads=True) is None
+        assert decode_joints(payload, transport=Transport.CLOUD, leads=True) is None
 
 
 def test_the_bus_has_arrays_and_a_header_whose_stamp_counts():
     sample = json_sample(b'{"names": ["a", "b"], "positions": [1, 2]}', stamp=7.0, sequence=1)
-    setpoint = decode_joints(sample, way=Transport.BUS)
+    setpoint = decode_joints(sample, transport=Transport.BUS)
     assert (setpoint.positions, setpoint.stamp) == ({"a": 1.0, "b": 2.0}, 7.0)
 
 
@@ -75,7 +75,7 @@ def test_the_bus_has_arrays_and_a_header_whose_stamp_counts():
 )
 def test_arrays_that_do_not_belong_together_are_refused(message):
     with pytest.raises(BadCommand):
-        decode_joints(json.dumps(message).encode(), way=Transport.BUS)
+        decode_joints(json.dumps(message).encode(), transport=Transport.BUS)
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_no_hostile_bytes_raise_anything_but_a_wire_error(hostile):
     read = 0
     for payload in hostile(json.dumps({"source_type": "tele", **form}).encode() for form in FORMS.values()):
         try:
-            read += decode_joints(payload, way=Transport.CLOUD) is not None
+            read += decode_joints(payload, transport=Transport.CLOUD) is not None
         except WireError:
             continue
     assert read > 100

@@ -33,7 +33,7 @@ def read(mission=None, **message):
     body = {"command": "start", "mission_execution_uuid": "e1", "source_type": "tele", **message}
     if mission is not None:
         body["mission"] = mission
-    return decode_mission(json.dumps(body).encode(), way=Transport.CLOUD)
+    return decode_mission(json.dumps(body).encode(), transport=Transport.CLOUD)
 
 
 def changed(where, value):

@@ -26,7 +26,9 @@ from fleet.wire.rotation import yaw_of
 
 
 def decode(message, *, order="auto", **more):
-    return decode_navigate(json.dumps(message).encode(), way=Transport.CLOUD, rotation_order=order, **more)
+    return decode_navigate(
+        json.dumps(message).encode(), transport=Transport.CLOUD, rotation_order=order, **more
+    )
 
 
 def goal_of(message, **more):
@@ -455,7 +457,7 @@ REAL = [
 def read_or_refused(payload, *, planar):
     try:
         asked = decode_navigate(
-            payload, way=Transport.CLOUD, rotation_order="auto", planar=planar, home_altitude=1.0
+            payload, transport=Transport.CLOUD, rotation_order="auto", planar=planar, home_altitude=1.0
         )
     except BadCommand:
         return False

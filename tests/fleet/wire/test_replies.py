@@ -88,9 +88,15 @@ def test_a_legacy_status_says_ok_or_error(word, told):
 @given(REPLIES)
 def test_our_own_status_is_never_taken_for_a_command(reply):
     payload = legacy_status(reply, stamp=5.0, source_type="edge")
-    assert decode_command(payload, way=Transport.CLOUD, defaults=lambda _: MotionDefaults(1, 1, 1, 1)) is None
+    assert (
+        decode_command(payload, transport=Transport.CLOUD, defaults=lambda _: MotionDefaults(1, 1, 1, 1))
+        is None
+    )
     payload = command_response(reply, twin="t", source_type="edge", stamp=5.0)
-    assert decode_command(payload, way=Transport.CLOUD, defaults=lambda _: MotionDefaults(1, 1, 1, 1)) is None
+    assert (
+        decode_command(payload, transport=Transport.CLOUD, defaults=lambda _: MotionDefaults(1, 1, 1, 1))
+        is None
+    )
 
 
 def test_what_was_asked_for_is_brought_to_who_asked():

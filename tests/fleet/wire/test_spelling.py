@@ -20,23 +20,23 @@ ENVELOPE = {"command", "source_type", "timestamp", "session_id", "action_id", "i
 
 
 def command(payload):
-    return decode_command(payload, way=Transport.CLOUD, defaults=lambda _: DEFAULTS)
+    return decode_command(payload, transport=Transport.CLOUD, defaults=lambda _: DEFAULTS)
 
 
 def motion(payload):
-    return decode_motion(payload, way=Transport.BUS)
+    return decode_motion(payload, transport=Transport.BUS)
 
 
 def navigate(payload):
-    return decode_navigate(payload, way=Transport.CLOUD, rotation_order="auto", home_altitude=400.0)
+    return decode_navigate(payload, transport=Transport.CLOUD, rotation_order="auto", home_altitude=400.0)
 
 
 def joints(payload):
-    return decode_joints(payload, way=Transport.CLOUD)
+    return decode_joints(payload, transport=Transport.CLOUD)
 
 
 def mission(payload):
-    return decode_mission(payload, way=Transport.CLOUD)
+    return decode_mission(payload, transport=Transport.CLOUD)
 
 
 BODY = {"linear_x": 0.2, "linear_y": 0.1, "angular_z": 0.1, "duration_ms": 500, "gait": "trot"}

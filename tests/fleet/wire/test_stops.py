@@ -15,11 +15,11 @@ from fleet.wire.stops import STOP_WORDS, is_reply, releases, stop_in, stop_word
 
 DEFAULTS = MotionDefaults(1, 1, 1, 1)
 DECODERS = {
-    "command": lambda payload: decode_command(payload, way=Transport.CLOUD, defaults=DEFAULTS),
-    "navigate": lambda payload: decode_navigate(payload, way=Transport.CLOUD, rotation_order="auto"),
-    "motion": lambda payload: decode_motion(payload, way=Transport.CLOUD),
-    "joints": lambda payload: decode_joints(payload, way=Transport.CLOUD),
-    "mission": lambda payload: decode_mission(payload, way=Transport.CLOUD),
+    "command": lambda payload: decode_command(payload, transport=Transport.CLOUD, defaults=DEFAULTS),
+    "navigate": lambda payload: decode_navigate(payload, transport=Transport.CLOUD, rotation_order="auto"),
+    "motion": lambda payload: decode_motion(payload, transport=Transport.CLOUD),
+    "joints": lambda payload: decode_joints(payload, transport=Transport.CLOUD),
+    "mission": lambda payload: decode_mission(payload, transport=Transport.CLOUD),
 }
 
 

@@ -33,7 +33,7 @@ MESSAGES = [
 
 
 def decode(kind, message):
-    return DECODER.decode(kind, json.dumps(message).encode(), way=Transport.CLOUD)
+    return DECODER.decode(kind, json.dumps(message).encode(), transport=Transport.CLOUD)
 
 
 @pytest.mark.parametrize("other", [OTHER, "rex", "6f0c9a1e"])

@@ -60,7 +60,7 @@ class Robot:
     def state(self):
         return self._now
 
-    def read(self, kind, payload, *, way, request_id="", waits=False):
+    def read(self, kind, payload, *, transport, request_id="", waits=False):
         message = json.loads(payload)
         return Request(lambda answer: self._take(message, request_id, answer))
 

@@ -24,7 +24,7 @@ TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 class Rex:
     name, twin, source_type, legacy_status = "rex", TWIN, "edge", True
 
-    def read(self, kind, payload, *, way, request_id="", waits=False, unread=""):
+    def read(self, kind, payload, *, transport, request_id="", waits=False, unread=""):
         return Request(lambda answer: answer(Reply("takeoff", ReplyStatus.DENIED, "no GPS")))
 
 

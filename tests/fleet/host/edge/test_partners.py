@@ -131,7 +131,7 @@ async def test_a_mission_has_robots_of_two_edges(site, both, asks):
         state = site.yard.missions.runs.state(site.yard.missions.runs.find(run))
         assert {each.robot for each in state.robots} == {"rex", "own"}
         refused = []
-        ask = site.barn.process.robots["own"].read("command", b'{"command": "walk"}', way=Transport.BUS)
+        ask = site.barn.process.robots["own"].read("command", b'{"command": "walk"}', transport=Transport.BUS)
         ask(refused.append)
         assert f"it is in run {run}" in refused[0].reason
 
@@ -169,7 +169,7 @@ async def falls_silent(site, asks, mission, does):
     after = len(site.words())
     late = json.dumps({"command": "walk", "session_id": f"run {run}"}).encode()
     answers = []
-    own.read("command", late, way=Transport.BUS)(answers.append)
+    own.read("command", late, transport=Transport.BUS)(answers.append)
     await asks.until(lambda: answers)
     assert "it has left the run" in answers[0].reason
     found.take(Abort("anna"))
@@ -203,7 +203,7 @@ async def test_robots_of_partner_edges_are_kept_apart(site, both, asks):
         for robot, x, other in ((rex, 5, "own"), (own, -5, "rex")):
             answers = []
             goal = {"command": "goto", "source_type": "tele", "position": [x, x, 0]}
-            robot.read("navigate", json.dumps(goal).encode(), way=Transport.BUS)(answers.append)
+            robot.read("navigate", json.dumps(goal).encode(), transport=Transport.BUS)(answers.append)
             await asks.until(lambda answers=answers: answers)
             assert f"0.0 m from {other}" in answers[0].reason
 
@@ -234,7 +234,7 @@ class Robot:
         self.asked = []
         self.state = lambda: RobotState(name, "", "", "barn", 0.0, run="r1")
 
-    def read(self, kind, payload, *, way, waits):
+    def read(self, kind, payload, *, transport, waits):
         self.asked.append(json.loads(payload)["command"])
 
 

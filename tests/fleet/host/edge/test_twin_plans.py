@@ -41,7 +41,7 @@ class Cloud:
         sent = {"source_type": "tele", "session_id": "anna", "timestamp": time.time(), **message, **fields}
         port = self.edge.missions.plans.port(self.robot)
         answers = []
-        asked = port.read("mission", json.dumps(sent).encode(), way=Transport.CLOUD)
+        asked = port.read("mission", json.dumps(sent).encode(), transport=Transport.CLOUD)
         asked(answers.append)
         return answers
 
@@ -163,7 +163,7 @@ async def test_what_the_robot_would_not_obey_starts_no_run(cloud, asks):
 
 async def test_a_start_from_before_somebodys_stop_starts_no_run(cloud, asks):
     asked = time.time() - 0.05
-    stop = cloud.robot.read("command", b'{"command": "stop"}', way=Transport.CLOUD)
+    stop = cloud.robot.read("command", b'{"command": "stop"}', transport=Transport.CLOUD)
     stop(lambda _: None)
     answers = cloud.say(START, timestamp=asked)
     await asks.until(lambda: answers)
@@ -179,14 +179,14 @@ async def test_a_robot_that_a_run_has_flies_no_other_plan(cloud, asks):
     payload = {**START, "mission_execution_uuid": other, "source_type": "tele", "timestamp": time.time()}
     port = cloud.edge.missions.plans.port(cloud.robot)
     cloud.edge.process.outbox.navigates = lambda _: None
-    port.read("mission", json.dumps(payload).encode(), way=Transport.CLOUD)(answers.append)
+    port.read("mission", json.dumps(payload).encode(), transport=Transport.CLOUD)(answers.append)
     await asks.until(lambda: answers)
     assert f"it is in run {RUN}" in answers[0].reason
 
 
 async def test_a_stop_on_any_topic_takes_the_robot_out_and_the_run_has_failed(cloud, asks):
     await flies(cloud, asks)
-    stop = cloud.robot.read("command", b'{"command": "stop"}', way=Transport.CLOUD)
+    stop = cloud.robot.read("command", b'{"command": "stop"}', transport=Transport.CLOUD)
     stop(lambda _: None)
     await asks.until(lambda: cloud.terminal)
     assert cloud.terminal == ["failed"]

@@ -311,7 +311,7 @@ def test_what_earlier_processes_left_and_what_has_just_come_is_kept_when_it_is_s
 
 def test_commands_whose_end_is_reported_are_not_lost_by_a_later_failure(edge, monkeypatch):
     for robot in ("rex", "max"):
-        edge.start().robot(robot).note("r1", "takeoff", way="cloud")
+        edge.start().robot(robot).note("r1", "takeoff", transport="cloud")
         edge.until_written()
         edge.kill()
     edge.start()

@@ -40,34 +40,34 @@ def start(tmp_path):
 
 def test_the_cloud_is_told_once_of_its_command_that_nobody_saw_end(start, tmp_path):
     journal, _ = start()
-    journal.robot("rex").note("r1", "takeoff", way="cloud")
+    journal.robot("rex").note("r1", "takeoff", transport="cloud")
     _, ((robot, reply),) = start()
     assert (robot, reply.command, reply.ok, reply.done, reply.reason) == ("rex", "takeoff", False, False, WHY)
     assert start()[1] == []
     start()  # what was written is on the disk
     (event,) = read(tmp_path, EventFilter())
-    assert (event.robot, event.text, event.asker.way) == ("rex", f"takeoff failed: {WHY}", "cloud")
+    assert (event.robot, event.text, event.asker.transport) == ("rex", f"takeoff failed: {WHY}", "cloud")
 
 
 @pytest.mark.parametrize("way", ["bus", ""])
 def test_the_cloud_is_not_told_of_what_others_asked(start, way):
-    start()[0].robot("rex").note("r1", "takeoff", way=way)
+    start()[0].robot("rex").note("r1", "takeoff", transport=way)
     assert start()[1] == []
 
 
 def test_what_ended_or_belongs_to_another_robot_is_not_told(start):
     journal, _ = start()
     rex = journal.robot("rex")
-    rex.note("r1", "takeoff", way="cloud")
+    rex.note("r1", "takeoff", transport="cloud")
     rex.end("r1", "failed")
-    journal.robot("max").note("m1", "takeoff", way="cloud")
+    journal.robot("max").note("m1", "takeoff", transport="cloud")
     assert start()[1] == []
 
 
 def test_a_command_that_ended_when_nobody_could_tell_it_any_more_is_left_open(start):
     journal, _ = start()
     rex = journal.robot("rex")
-    rex.note("r1", "takeoff", way="cloud")
+    rex.note("r1", "takeoff", transport="cloud")
     journal.ends_are_told = lambda: False
     rex.end("r1", "failed")
     assert [reply.command for _, reply in start()[1]] == ["takeoff"]

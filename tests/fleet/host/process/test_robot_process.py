@@ -148,7 +148,7 @@ async def test_a_halt_that_hangs_keeps_nobody_from_reading_the_stop_of_another(s
     free, held = threading.Event(), []
     process.robots["rex"].controller.attached.adapter.halt = lambda: held.append(free.wait(20))
     for name in ("rex", "max"):
-        process.robots[name].read("command", b'{"command": "emergency_stop"}', way=Transport.CLOUD)
+        process.robots[name].read("command", b'{"command": "emergency_stop"}', transport=Transport.CLOUD)
         assert process.robots[name].controller.latched
     await asks.until(lambda: "halt" in place.words("max"))
     assert held == []
@@ -167,7 +167,7 @@ async def test_a_pose_that_is_no_place_keeps_no_robot_in_its_fence(yard, run_edg
         for x, told in ((bad, "the robot's position is unknown"), (1.0, "")):
             robot.publish(PoseReport(edge.process.clock.time(), Vector3(x), Quaternion()))
             answers = []
-            robot.read("command", b'{"command": "move_forward"}', way=Transport.BUS)(answers.append)
+            robot.read("command", b'{"command": "move_forward"}', transport=Transport.BUS)(answers.append)
             assert (answers[0].ok, told in answers[0].reason) == (not told, True)
 
 
@@ -207,20 +207,20 @@ async def test_a_command_for_an_offline_robot_is_refused_with_the_cause(served, 
     robot = process.robots["rex"]
     robot.controller.lost("no heartbeat for 3 s")
     answers = []
-    robot.read("command", b'{"command": "hang"}', way=Transport.BUS)(answers.append)
+    robot.read("command", b'{"command": "hang"}', transport=Transport.BUS)(answers.append)
     assert answers[0].reason == "rex is offline: no heartbeat for 3 s"
 
 
 async def test_what_cannot_be_read_is_refused_with_the_reason(served):
     process, _ = served
     answers = []
-    process.robots["rex"].read("command", b"{", way=Transport.BUS)(answers.append)
+    process.robots["rex"].read("command", b"{", transport=Transport.BUS)(answers.append)
     assert [answer.ok for answer in answers] == [False]
 
 
 async def test_an_emergency_stop_halts_before_the_loop_takes_it(served, asks):
     process, place = served
-    process.robots["rex"].read("command", b'{"command": "emergency_stop"}', way=Transport.CLOUD)
+    process.robots["rex"].read("command", b'{"command": "emergency_stop"}', transport=Transport.CLOUD)
     assert process.robots["rex"].controller.latched
     await asks.until(lambda: place.words("rex") == ["run", "halt"])
 
@@ -230,7 +230,7 @@ async def test_an_emergency_stop_halts_before_the_loop_takes_it(served, asks):
 )
 async def test_what_is_no_emergency_stop_is_not_taken_for_one(served, payload):
     process, _ = served
-    process.robots["rex"].read("command", payload, way=Transport.CLOUD)
+    process.robots["rex"].read("command", payload, transport=Transport.CLOUD)
     assert not process.robots["rex"].controller.latched
 
 
@@ -280,7 +280,7 @@ async def test_what_waited_too_long_for_the_loop_is_refused_but_a_stop(served, k
     process, _ = served
     robot = process.robots["rex"]
     answers = []
-    take = robot.read(kind, json.dumps(message).encode(), way=Transport.BUS)
+    take = robot.read(kind, json.dumps(message).encode(), transport=Transport.BUS)
     robot.requests._clock = ManualClock(monotonic=robot.clock.monotonic() + waited)
     take(answers.append)
     late = [answer for answer in answers if "held up" in answer.reason]
@@ -317,7 +317,7 @@ MISSPELT = [
 async def test_misspelt_data_moves_nothing_by_any_way_in(served, asks, kind, message, way):
     process, place = served
     answers = []
-    take = process.robots["rex"].read(kind, json.dumps(message).encode(), way=way)
+    take = process.robots["rex"].read(kind, json.dumps(message).encode(), transport=way)
     take(answers.append)
     await asks.settle()
     assert [answer.ok for answer in answers] == [False]
@@ -344,7 +344,7 @@ async def test_a_goal_that_cannot_be_read_has_a_failed_status_under_its_id(serve
     robot, reports = process.robots["rex"], []
     robot.requests._publish = reports.append
     answers = []
-    robot.read(kind, payload, way=Transport.CLOUD)(answers.append)
+    robot.read(kind, payload, transport=Transport.CLOUD)(answers.append)
     (status,) = reports
     assert (status.action_id, status.state, status.message) == (state, "failed", answers[0].reason)
 
@@ -371,7 +371,7 @@ async def test_a_way_that_the_robot_cannot_go_is_refused_and_not_accepted(served
     process, place = served
     answers = []
     payload = json.dumps({"source_type": "tele", **message}).encode()
-    process.robots["rex"].read(kind, payload, way=Transport.CLOUD)(answers.append)
+    process.robots["rex"].read(kind, payload, transport=Transport.CLOUD)(answers.append)
     await asks.settle()
     assert [answer.ok for answer in answers] == [False]
     assert why in answers[0].reason
@@ -384,7 +384,7 @@ async def test_later_verbs_have_the_speed_that_was_set_until_a_stop(served, asks
     async def ask(command, **data):
         answers = []
         message = {"command": command, "source_type": "tele", "session_id": "anna", "data": data}
-        process.robots["rex"].read("command", json.dumps(message).encode(), way=Transport.CLOUD)(
+        process.robots["rex"].read("command", json.dumps(message).encode(), transport=Transport.CLOUD)(
             answers.append
         )
         await asks.settle()

@@ -92,7 +92,7 @@ async def asked(edge, name, command, **data):
     """Ask a robot of this process; returns its receipt."""
     answers = []
     message = {"command": command, "source_type": "tele", "data": data}
-    edge.process.robots[name].read("command", json.dumps(message).encode(), way=Transport.CLOUD)(
+    edge.process.robots[name].read("command", json.dumps(message).encode(), transport=Transport.CLOUD)(
         answers.append
     )
     async with asyncio.timeout(60):

@@ -186,7 +186,10 @@ def test_a_stop_whose_cause_cannot_be_read_is_a_stop(bus, processes, note):
 
 
 def test_a_cause_that_cannot_be_written_is_cut_or_left_out():
-    assert cause_noted(note_of(StopCause(Requester(Transport.CLOUD, "\ud800")))).asker.way is Transport.CLOUD
+    assert (
+        cause_noted(note_of(StopCause(Requester(Transport.CLOUD, "\ud800")))).asker.transport
+        is Transport.CLOUD
+    )
     assert note_of(StopCause(Requester(Transport.CLOUD, 5))) == b""
     assert (
         len(note_of(StopCause(Requester(Transport.CLOUD, "a" * 100_000), "b" * 100_000, "c" * 100_000)))

@@ -27,7 +27,9 @@ def decoder(limits=None, home_altitude=None, **config):
 
 
 def decode(kind, message, **made):
-    return decoder(**made).decode(kind, json.dumps(message).encode(), way=Transport.CLOUD, request_id="q1")
+    return decoder(**made).decode(
+        kind, json.dumps(message).encode(), transport=Transport.CLOUD, request_id="q1"
+    )
 
 
 def test_each_kind_of_message_has_its_own_meaning():
@@ -56,8 +58,8 @@ def test_a_verb_with_a_distance_is_asked_once_and_a_setpoint_is_one_of_a_stream(
 
 def test_the_way_in_is_remembered():
     message = b'{"command": "takeoff", "source_type": "tele", "session_id": "anna"}'
-    origin = decoder().decode("command", message, way=Transport.BUS).origin
-    assert (origin.way, origin.source_type, origin.session) == (Transport.BUS, "tele", "anna")
+    origin = decoder().decode("command", message, transport=Transport.BUS).origin
+    assert (origin.transport, origin.source_type, origin.session) == (Transport.BUS, "tele", "anna")
 
 
 def test_a_verb_without_a_speed_is_slow():
@@ -98,7 +100,7 @@ def test_a_reply_asks_nothing(kind):
 @given(st.sampled_from(["command", "navigate", "motion"]), st.binary(max_size=80))
 def test_no_bytes_do_anything_but_ask_or_be_refused(kind, payload):
     try:
-        ask = decoder().decode(kind, payload, way=Transport.CLOUD)
+        ask = decoder().decode(kind, payload, transport=Transport.CLOUD)
     except WireError:
         return
     assert ask is None or isinstance(ask, Command | Setpoint | Navigate)
@@ -123,7 +125,7 @@ def test_a_refusal_keeps_no_payload_alive_until_the_garbage_collector_looks(kind
     def refuse_all():
         for payload in BAD:
             with contextlib.suppress(WireError):
-                made.decode(kind, payload, way=Transport.CLOUD)
+                made.decode(kind, payload, transport=Transport.CLOUD)
 
     refuse_all()
     assert leaves_nothing(refuse_all)
@@ -131,7 +133,7 @@ def test_a_refusal_keeps_no_payload_alive_until_the_garbage_collector_looks(kind
 
 @pytest.mark.parametrize(("kind", "stop"), [("command", "emergency_stop"), ("navigate", "stop")])
 def test_a_message_too_large_to_read_stops_where_stops_come(kind, stop):
-    found = decoder().decode(kind, b" " * (LARGEST + 1), way=Transport.CLOUD)
+    found = decoder().decode(kind, b" " * (LARGEST + 1), transport=Transport.CLOUD)
     assert found.name == stop
     assert found.flaw == f"{LARGEST + 1} bytes are more than the {LARGEST} that are read"
 
@@ -139,21 +141,21 @@ def test_a_message_too_large_to_read_stops_where_stops_come(kind, stop):
 @pytest.mark.parametrize("kind", ["motion", "joints"])
 def test_a_message_too_large_to_read_is_refused_where_no_stop_comes(kind):
     with pytest.raises(WireError, match="bytes are more than"):
-        decoder().decode(kind, b" " * (LARGEST + 1), way=Transport.CLOUD)
+        decoder().decode(kind, b" " * (LARGEST + 1), transport=Transport.CLOUD)
     with pytest.raises(WireError, match="it came compressed"):
-        decoder().decode(kind, b"{}", way=Transport.CLOUD, unread="it came compressed")
+        decoder().decode(kind, b"{}", transport=Transport.CLOUD, unread="it came compressed")
 
 
 def test_an_error_of_the_edges_own_takes_no_stop_away(caplog):
     broken = decoder()
     broken._decode = lambda *_, **__: 1 / 0
-    stop = broken.decode("command", b'{"command": "stop"}', way=Transport.CLOUD)
+    stop = broken.decode("command", b'{"command": "stop"}', transport=Transport.CLOUD)
     assert (stop.name, stop.flaw) == (
         "stop",
         "it could not be read (ZeroDivisionError); the edge's log says why",
     )
     with pytest.raises(WireError, match="it could not be read"):
-        broken.decode("command", b'{"command": "takeoff"}', way=Transport.CLOUD)
+        broken.decode("command", b'{"command": "takeoff"}', transport=Transport.CLOUD)
     assert caplog.text.count("a command message could not be read") == 2
 
 

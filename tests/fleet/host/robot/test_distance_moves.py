@@ -28,7 +28,9 @@ def ask(verb, can=CART, **data):
     speeds = VerbSpeeds(can.limits)
     decoder = RequestDecoder(AdapterConfig(name="cart", twin=TWIN), speeds.of, planar=True)
     message = {"command": verb, "data": data, "source_type": "tele", "session_id": "anna"}
-    asked = decoder.decode("command", json.dumps(message).encode(), way=Transport.CLOUD, request_id="q1")
+    asked = decoder.decode(
+        "command", json.dumps(message).encode(), transport=Transport.CLOUD, request_id="q1"
+    )
     return goal_of(asked, can, speeds.of)
 
 

@@ -67,7 +67,7 @@ class Bench:
         """Ask, and return the list of answers that the loop will fill."""
         answers = []
         payload = payload if isinstance(payload, bytes) else json.dumps(payload).encode()
-        take = self.robot.read(kind, payload, way=Transport.CLOUD, **fields)
+        take = self.robot.read(kind, payload, transport=Transport.CLOUD, **fields)
         if take:
             take(answers.append)
         return answers
@@ -184,14 +184,14 @@ def test_a_reply_on_its_way_back_asks_nothing(bench):
     ],
 )
 def test_an_emergency_stop_goes_over_the_stop_lane_at_once(bench, message):
-    bench.robot.read("command", json.dumps(message).encode(), way=Transport.CLOUD)
+    bench.robot.read("command", json.dumps(message).encode(), transport=Transport.CLOUD)
     assert bench.stopped() == [["rex"]]
 
 
 def test_a_bus_that_is_held_up_keeps_nobody_from_reading_the_stop_of_another(bench):
     free, held = threading.Event(), []
     bench.bus_session.subscribe(keys.stop("yard"), lambda _key, _payload: held.append(free.wait(DEADLINE)))
-    bench.robot.read("command", b'{"command": "emergency_stop"}', way=Transport.CLOUD)
+    bench.robot.read("command", b'{"command": "emergency_stop"}', transport=Transport.CLOUD)
     assert held == []
     assert bench.robot.state().emergency_stop
     free.set()
@@ -220,12 +220,12 @@ def test_a_stop_that_the_bus_refuses_is_told_and_the_worker_is_still_asked(bench
     ],
 )
 def test_what_only_speaks_of_a_stop_is_none(bench, message):
-    bench.robot.read("command", json.dumps(message).encode(), way=Transport.CLOUD)
+    bench.robot.read("command", json.dumps(message).encode(), transport=Transport.CLOUD)
     assert bench.stops == []
 
 
 def test_bytes_that_are_no_message_and_name_no_stop_are_none(bench):
-    bench.robot.read("command", b"\xff no emergency_stop {", way=Transport.CLOUD)
+    bench.robot.read("command", b"\xff no emergency_stop {", transport=Transport.CLOUD)
     assert bench.stops == []
 
 
@@ -320,7 +320,7 @@ def test_an_emergency_stop_outlives_its_worker(bench):
 
 def test_an_emergency_stop_that_the_worker_had_no_time_to_tell_outlives_it_too(bench):
     bench.says(health="ok")
-    bench.robot.read("command", b'{"command": "emergency_stop"}', way=Transport.CLOUD)
+    bench.robot.read("command", b'{"command": "emergency_stop"}', transport=Transport.CLOUD)
     bench.bus_session.token(keys.robot("yard", "rex"))
     assert bench.stopped(2) == [["rex"], ["rex"]]
 
@@ -364,7 +364,7 @@ def test_a_stop_is_renewed_by_the_workers_own_word(bench):
 
 def test_a_stop_says_to_the_worker_who_asked_for_it(bench):
     message = {"command": "emergency_stop", "source_type": "tele", "session_id": "anna"}
-    bench.robot.read("command", json.dumps(message).encode(), way=Transport.CLOUD, request_id="q1")
+    bench.robot.read("command", json.dumps(message).encode(), transport=Transport.CLOUD, request_id="q1")
     bench.stopped()
     (cause,) = bench.causes
     assert cause.why == "asked by anna (claimed, tele, over the cloud)"
@@ -388,7 +388,7 @@ def test_what_was_released_stays_released(bench):
 def test_what_waited_too_long_for_the_edges_loop_is_refused_here_but_a_stop(bench, command, taken):
     asked = bench.works(DONE)
     answers = []
-    take = bench.robot.read("command", json.dumps({"command": command}).encode(), way=Transport.BUS)
+    take = bench.robot.read("command", json.dumps({"command": command}).encode(), transport=Transport.BUS)
     bench.clock.advance(6.0)
     take(answers.append)
     if taken:

@@ -94,7 +94,7 @@ async def test_a_robot_in_a_worker_is_commanded_through_the_edge_and_on_its_own_
     assert reply.ok
     replies = []
     payload = json.dumps(MOVE | {"source_type": "tele"}).encode()
-    field.edge.remote["arm"].read("command", payload, way=Transport.CLOUD)(replies.append)
+    field.edge.remote["arm"].read("command", payload, transport=Transport.CLOUD)(replies.append)
     await asks.until(lambda: replies)
     assert replies[0].ok
     await asks.until(lambda: field.place.words("arm")[-1] == "drive:0")
