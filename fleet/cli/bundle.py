@@ -12,7 +12,7 @@ import click
 from fleet.cli.output import ExitCode, Output, counted, with_output
 from fleet.errors import FleetError
 from fleet.rollout.bundle import LARGEST, Bundle, BundleError, opened, sealed
-from fleet.rollout.decision import Record
+from fleet.rollout.decision import AgentRecord
 from fleet.rollout.edge_here import LocalEdge
 from fleet.rollout.installation import Installation
 from fleet.rollout.making import make as made
@@ -107,7 +107,7 @@ def install(out: Output, bundle: Path, *, folder: Path) -> ExitCode:
             raise BundleError(f"{bundle} is for {', '.join(found.edges)}, not for edge {settings.edge}")
         installation.stage(found, address)
         LocalEdge(settings.edge, installation.file_in_use).check(installation.folder_of(address), None)
-        installation.keep(Record(address, found.version, address, placed=time.time()))
+        installation.keep(AgentRecord(address, found.version, address, placed=time.time()))
         installation.activate(address)
     finally:
         installation.release()

@@ -121,7 +121,7 @@ async def _run(
     from fleet.clock import SystemClock  # noqa: PLC0415
     from fleet.rollout.driver import Driver  # noqa: PLC0415
     from fleet.rollout.messages import Rollout, Target  # noqa: PLC0415
-    from fleet.rollout.waves import Progress  # noqa: PLC0415
+    from fleet.rollout.waves import RolloutProgress  # noqa: PLC0415
 
     store = store_of(wanted.store)
     try:
@@ -137,7 +137,7 @@ async def _run(
             wanted.within,
             wanted.settle,
             {edge: Target(address, parts[address], version) for edge, (address, version) in targets.items()},
-            Progress(),
+            RolloutProgress(),
         )
         await Driver(store, clock=SystemClock()).begin(rollout)
         return await drive(out, store)

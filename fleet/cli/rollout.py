@@ -23,19 +23,19 @@ from fleet.rollout.agent import Agent
 from fleet.rollout.driver import Driver, RolloutMissing
 from fleet.rollout.edge_here import LocalEdge
 from fleet.rollout.installation import Installation
-from fleet.rollout.messages import SETTLED, Observed, Rollout
+from fleet.rollout.messages import SETTLED, ObservedState, Rollout
 from fleet.rollout.settings import FILE, read_settings
-from fleet.rollout.waves import Phase, Told
+from fleet.rollout.waves import RolloutPhase, Told
 
 if TYPE_CHECKING:
     from fleet.rollout.nats_store import NatsFleetStore
 
 EXTRA = "roll-outs need the client of NATS: pip install 'zenoh-fleet[standby]'"
-CODES: Mapping[Phase, ExitCode] = {
-    Phase.RUNNING: ExitCode.OK,
-    Phase.COMPLETED: ExitCode.OK,
-    Phase.STOPPED: ExitCode.SOME_FAILED,
-    Phase.ABORTED: ExitCode.SOME_FAILED,
+CODES: Mapping[RolloutPhase, ExitCode] = {
+    RolloutPhase.RUNNING: ExitCode.OK,
+    RolloutPhase.COMPLETED: ExitCode.OK,
+    RolloutPhase.STOPPED: ExitCode.SOME_FAILED,
+    RolloutPhase.ABORTED: ExitCode.SOME_FAILED,
 }
 DETACHED = "detached: edges that have started continue, no other starts until: fleet rollout resume"
 
@@ -200,7 +200,7 @@ async def drive(out: Output, store: NatsFleetStore) -> ExitCode:
     end_by_signal(detached.set)
     last: dict[str, object] = {}
 
-    def tell(found: Rollout, observed: Mapping[str, Observed]) -> None:
+    def tell(found: Rollout, observed: Mapping[str, ObservedState]) -> None:
         line = _headline(found)
         if last.get("line") != line:
             out.note(line)
@@ -219,7 +219,7 @@ async def drive(out: Output, store: NatsFleetStore) -> ExitCode:
     return CODES[found.progress.phase]
 
 
-def show(out: Output, found: Rollout, observed: Mapping[str, Observed]) -> None:
+def show(out: Output, found: Rollout, observed: Mapping[str, ObservedState]) -> None:
     """Show a roll-out, with a line for each edge that has started and is not simply done."""
     out.data({"rollout": msgspec.to_builtins(found), "observed": msgspec.to_builtins(observed)})
     out.say(_headline(found))

@@ -18,7 +18,7 @@ from fleet.errors import FleetError, StateError
 from fleet.health.aggregate import LEVELS
 from fleet.model.health import Level
 from fleet.rollout.bundle import Bundle, BundleError, opened
-from fleet.rollout.decision import Action, Record, Refusal, action, version_refusal
+from fleet.rollout.decision import AgentAction, AgentRecord, Refusal, action, version_refusal
 from fleet.rollout.edge_here import Applied, EdgeHere, Running
 from fleet.rollout.faults import got_worse
 from fleet.rollout.installation import Installation
@@ -27,9 +27,9 @@ from fleet.rollout.messages import (
     LONGEST_SETTLE,
     LONGEST_WHY,
     MOST_LINES,
-    Desired,
-    Observed,
-    Stage,
+    BundleStage,
+    DesiredState,
+    ObservedState,
 )
 from fleet.rollout.signature import PublicKey
 from fleet.rollout.store import EdgeStore, StoreError
@@ -67,17 +67,17 @@ class Agent:
         self._sleep = sleep
         self.record = installation.record()
         self.problem = ""  # why the store cannot be used; empty while it can
-        self._desired: Desired | None = None
-        self._reported: Record | None = None
+        self._desired: DesiredState | None = None
+        self._reported: AgentRecord | None = None
         self._reported_at = 0.0
         self._gone_since: float | None = None  # monotonic
         self._actions = {
-            Action.REST: self._rest,
-            Action.TAKE: self._take,
-            Action.GO_ON: self._go_on,
-            Action.RETURN: self._withdraw,
-            Action.GO_ON_BACK: self._go_on_back,
-            Action.GIVE_UP: self._give_up,
+            AgentAction.REST: self._rest,
+            AgentAction.TAKE: self._take,
+            AgentAction.GO_ON: self._go_on,
+            AgentAction.RETURN: self._withdraw,
+            AgentAction.GO_ON_BACK: self._go_on_back,
+            AgentAction.GIVE_UP: self._give_up,
         }
 
     async def run(self, every: float) -> None:
@@ -104,17 +104,17 @@ class Agent:
 
     # -- actions ---------------------------------------------------------------------------------------
 
-    async def _rest(self, desired: Desired | None) -> None:
+    async def _rest(self, desired: DesiredState | None) -> None:
         """Do nothing."""
 
-    async def _take(self, desired: Desired | None) -> None:
+    async def _take(self, desired: DesiredState | None) -> None:
         """Fetch, check and activate a bundle; nothing changes before every check has passed."""
         assert desired is not None
         self._keep(
             rollout=desired.rollout,
             bundle=desired.bundle,
             by=desired.by,
-            stage=Stage.TAKING,
+            stage=BundleStage.TAKING,
             why="",
             lines=(),
         )
@@ -128,11 +128,11 @@ class Agent:
         try:
             await asyncio.to_thread(self._place, bundle, desired.bundle)
         except FleetError as error:
-            self._settle(Stage.FAILED, _one_line(error))
+            self._settle(BundleStage.FAILED, _one_line(error))
             return
         await self._go_on(desired)
 
-    def _opened(self, data: bytes, desired: Desired) -> Bundle:
+    def _opened(self, data: bytes, desired: DesiredState) -> Bundle:
         """Return the bundle if this edge accepts it; raises BundleError."""
         address, bundle = opened(data, self._trusted, desired.bundle)
         if self._edge not in bundle.edges:
@@ -149,7 +149,7 @@ class Agent:
         code = self._here.check(installation.folder_of(address), before)
         found = self._here.running()
         self._keep(
-            stage=Stage.WAITING,
+            stage=BundleStage.WAITING,
             highest=max(bundle.version, self.record.highest),
             highest_bundle=address if bundle.version >= self.record.highest else self.record.highest_bundle,
             placed=self._clock.time(),
@@ -161,7 +161,7 @@ class Agent:
         )
         installation.activate(address)
 
-    async def _go_on(self, desired: Desired | None) -> None:
+    async def _go_on(self, desired: DesiredState | None) -> None:
         """Apply the pending changes; done when all are applied and the edge is as healthy as before."""
         record = self.record
         if self._installation.current != record.bundle:  # killed between writing the record and activating
@@ -172,33 +172,33 @@ class Agent:
             failed = await self._worse(min(desired.settle, LONGEST_SETTLE) if desired else 0.0)
         self._keep(lines=_bounded(applied.lines) or self.record.lines)
         if failed:
-            await self._go_back(Stage.FAILED, failed)
+            await self._go_back(BundleStage.FAILED, failed)
         elif applied.waits:
-            self._keep(stage=Stage.WAITING, why=applied.waits[:LONGEST_WHY])
+            self._keep(stage=BundleStage.WAITING, why=applied.waits[:LONGEST_WHY])
         else:
             self._keep(running=record.bundle)
-            self._settle(Stage.DONE, "")
+            self._settle(BundleStage.DONE, "")
             await asyncio.to_thread(self._installation.tidy)
 
-    async def _withdraw(self, _desired: Desired | None) -> None:
+    async def _withdraw(self, _desired: DesiredState | None) -> None:
         """Roll back, because the roll-out ended before this edge was done."""
-        await self._go_back(Stage.WITHDRAWN, f"withdrawn while it waited: {self.record.why}")
+        await self._go_back(BundleStage.WITHDRAWN, f"withdrawn while it waited: {self.record.why}")
 
-    async def _go_back(self, ends: Stage, why: str) -> None:
+    async def _go_back(self, ends: BundleStage, why: str) -> None:
         """Activate and apply the previous bundle."""
         if not self.record.running or self.record.running == self.record.bundle:
-            self._settle(Stage.FAILED, f"{why}; there is no bundle before to go back to")
+            self._settle(BundleStage.FAILED, f"{why}; there is no bundle before to go back to")
             return
         running = await asyncio.to_thread(self._here.running)
         files = self.record.files if running and running.since > self.record.placed else ()
         now = self._clock.time()
         self._keep(
-            stage=Stage.RETURNING, ends=ends, why=why[:LONGEST_WHY], placed=now, loaded=(), files=files
+            stage=BundleStage.RETURNING, ends=ends, why=why[:LONGEST_WHY], placed=now, loaded=(), files=files
         )
         await asyncio.to_thread(self._installation.activate, self.record.running)
         await self._go_on_back(None)
 
-    async def _go_on_back(self, _desired: Desired | None) -> None:
+    async def _go_on_back(self, _desired: DesiredState | None) -> None:
         """Apply the pending changes of the rollback."""
         if self._installation.current != self.record.running:
             await asyncio.to_thread(self._installation.activate, self.record.running)
@@ -209,9 +209,9 @@ class Agent:
             return
         self._settle(self.record.ends, self.record.why)
 
-    async def _give_up(self, _desired: Desired | None) -> None:
+    async def _give_up(self, _desired: DesiredState | None) -> None:
         """Record that the roll-out ended before this edge changed anything."""
-        self._settle(Stage.WITHDRAWN, "the roll-out ended before it was taken")
+        self._settle(BundleStage.WITHDRAWN, "the roll-out ended before it was taken")
 
     def _applied(self) -> Applied:
         """Have the edge apply the active bundle, including changed code and files that only a start reads."""
@@ -268,18 +268,18 @@ class Agent:
         record = self.record
         refusal = Refusal(self._clock.time(), record.rollout, record.bundle, why[:LONGEST_WHY])
         self._keep(refusals=(*record.refusals, refusal)[-MOST_REFUSALS:])
-        self._settle(Stage.REFUSED, why)
+        self._settle(BundleStage.REFUSED, why)
 
-    def _settle(self, stage: Stage, why: str) -> None:
+    def _settle(self, stage: BundleStage, why: str) -> None:
         """Record the end of this edge's part in the roll-out."""
-        level = logging.INFO if stage is Stage.DONE else logging.WARNING
+        level = logging.INFO if stage is BundleStage.DONE else logging.WARNING
         bundle = self.record.bundle[:12]
         log.log(level, "bundle %s: %s%s", bundle, stage.value, f": {why}" if why else "")
         self._keep(stage=stage, why=why[:LONGEST_WHY], adapters=(), loaded=(), files=(), faults=None)
 
     def _keep(self, **changes: Any) -> None:
         """Change the record, first on disk; raises StateError."""
-        record: Record = msgspec.structs.replace(self.record, **changes)
+        record: AgentRecord = msgspec.structs.replace(self.record, **changes)
         self._installation.keep(record)
         self.record = record
 
@@ -295,7 +295,7 @@ class Agent:
         if self._reported is record and now - self._reported_at < REPORT_EVERY:
             return
         running = await asyncio.to_thread(self._here.running)
-        observed = Observed(
+        observed = ObservedState(
             self._edge,
             record.rollout,
             record.bundle,
@@ -316,7 +316,7 @@ class Agent:
             self._reported, self._reported_at = record, now
 
 
-def _worse_than(record: Record, found: Running) -> str:
+def _worse_than(record: AgentRecord, found: Running) -> str:
     """Return what is worse on a running edge than before the bundle; empty if nothing is.
 
     An edge that did not run before must come up ``ok`` or ``degraded``.

@@ -7,8 +7,8 @@ from enum import StrEnum
 
 import msgspec
 
-from fleet.rollout.faults import Fault
-from fleet.rollout.messages import SETTLED, Desired, Stage
+from fleet.rollout.faults import PartFault
+from fleet.rollout.messages import SETTLED, BundleStage, DesiredState
 
 
 class Refusal(msgspec.Struct, frozen=True):
@@ -20,7 +20,7 @@ class Refusal(msgspec.Struct, frozen=True):
     why: str
 
 
-class Record(msgspec.Struct, frozen=True):
+class AgentRecord(msgspec.Struct, frozen=True):
     """Persistent state of the agent of an edge.
 
     ``running``: the last bundle that was applied completely. ``highest``: the highest version that was ever
@@ -38,13 +38,13 @@ class Record(msgspec.Struct, frozen=True):
     rollout: str = ""
     bundle: str = ""
     by: str = ""
-    stage: Stage = Stage.DONE
-    ends: Stage = Stage.FAILED
+    stage: BundleStage = BundleStage.DONE
+    ends: BundleStage = BundleStage.FAILED
     why: str = ""
     lines: tuple[str, ...] = ()
     placed: float = 0.0
     health: str = ""
-    faults: tuple[Fault, ...] | None = None
+    faults: tuple[PartFault, ...] | None = None
     adapters: tuple[str, ...] = ()
     loaded: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
@@ -61,7 +61,7 @@ class Relation(StrEnum):
     OTHER = "other"
 
 
-class Action(StrEnum):
+class AgentAction(StrEnum):
     """Next action of an agent."""
 
     REST = "rest"
@@ -72,27 +72,27 @@ class Action(StrEnum):
     GIVE_UP = "give up"  # nothing has changed yet
 
 
-_UNTIL_IT_ENDS = dict.fromkeys(Relation, Action.GO_ON_BACK)
-_SETTLED = {**dict.fromkeys(Relation, Action.REST), Relation.OTHER: Action.TAKE}
-ACTIONS: Mapping[Stage, Mapping[Relation, Action]] = {
+_UNTIL_IT_ENDS = dict.fromkeys(Relation, AgentAction.GO_ON_BACK)
+_SETTLED = {**dict.fromkeys(Relation, AgentAction.REST), Relation.OTHER: AgentAction.TAKE}
+ACTIONS: Mapping[BundleStage, Mapping[Relation, AgentAction]] = {
     **dict.fromkeys(SETTLED, _SETTLED),
-    Stage.TAKING: {
-        Relation.NOTHING: Action.GIVE_UP,
-        Relation.SAME: Action.TAKE,
-        Relation.WITHDRAWN: Action.GIVE_UP,
-        Relation.OTHER: Action.TAKE,
+    BundleStage.TAKING: {
+        Relation.NOTHING: AgentAction.GIVE_UP,
+        Relation.SAME: AgentAction.TAKE,
+        Relation.WITHDRAWN: AgentAction.GIVE_UP,
+        Relation.OTHER: AgentAction.TAKE,
     },
-    Stage.WAITING: {
-        Relation.NOTHING: Action.GO_ON,
-        Relation.SAME: Action.GO_ON,
-        Relation.WITHDRAWN: Action.RETURN,
-        Relation.OTHER: Action.RETURN,  # the other may be refused; that must not leave this one half applied
+    BundleStage.WAITING: {
+        Relation.NOTHING: AgentAction.GO_ON,
+        Relation.SAME: AgentAction.GO_ON,
+        Relation.WITHDRAWN: AgentAction.RETURN,
+        Relation.OTHER: AgentAction.RETURN,  # the other may be refused; that must not leave this one half applied
     },
-    Stage.RETURNING: _UNTIL_IT_ENDS,
+    BundleStage.RETURNING: _UNTIL_IT_ENDS,
 }
 
 
-def relation(record: Record, desired: Desired | None) -> Relation:
+def relation(record: AgentRecord, desired: DesiredState | None) -> Relation:
     """Return the relation of the desired bundle to the bundle in the record."""
     if desired is None:
         return Relation.NOTHING
@@ -102,12 +102,12 @@ def relation(record: Record, desired: Desired | None) -> Relation:
     return Relation.SAME if same else Relation.OTHER
 
 
-def action(record: Record, desired: Desired | None) -> Action:
+def action(record: AgentRecord, desired: DesiredState | None) -> AgentAction:
     """Return the next action of the agent."""
     return ACTIONS[record.stage][relation(record, desired)]
 
 
-def version_refusal(record: Record, bundle: str, version: int) -> str:
+def version_refusal(record: AgentRecord, bundle: str, version: int) -> str:
     """Return why a bundle of this version is refused; empty if it is accepted.
 
     Versions must grow, so that an old bundle with a valid signature cannot bring back an old error. The

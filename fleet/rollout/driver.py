@@ -14,21 +14,21 @@ import msgspec
 
 from fleet.clock import Clock
 from fleet.errors import FleetError
-from fleet.rollout.messages import Desired, Observed, Rollout, Stage
+from fleet.rollout.messages import BundleStage, DesiredState, ObservedState, Rollout
 from fleet.rollout.store import FleetStore, StoreError
-from fleet.rollout.waves import Phase, Plan, Progress, Told, aborted, limit_of, step, wave_ends
+from fleet.rollout.waves import Plan, RolloutPhase, RolloutProgress, Told, aborted, limit_of, step, wave_ends
 
 LOOK_EVERY = 1.0  # s
 SILENT_FOR = 60.0  # s; the driver ends if the store does not answer for this time
 
-VERDICTS: Mapping[Stage, Told] = {
-    Stage.TAKING: Told.OPEN,
-    Stage.WAITING: Told.OPEN,
-    Stage.DONE: Told.DONE,
-    Stage.RETURNING: Told.FAILED,
-    Stage.FAILED: Told.FAILED,
-    Stage.REFUSED: Told.FAILED,
-    Stage.WITHDRAWN: Told.FAILED,
+VERDICTS: Mapping[BundleStage, Told] = {
+    BundleStage.TAKING: Told.OPEN,
+    BundleStage.WAITING: Told.OPEN,
+    BundleStage.DONE: Told.DONE,
+    BundleStage.RETURNING: Told.FAILED,
+    BundleStage.FAILED: Told.FAILED,
+    BundleStage.REFUSED: Told.FAILED,
+    BundleStage.WITHDRAWN: Told.FAILED,
 }
 """Status of an edge in the roll-out, by the stage that it reports."""
 
@@ -48,7 +48,7 @@ def plan_of(rollout: Rollout) -> Plan:
     return Plan(edges, ends, limit_of(rollout.stop_if), rollout.parallel, rollout.within)
 
 
-def verdicts(rollout: Rollout, observed: Mapping[str, Observed]) -> dict[str, Told]:
+def verdicts(rollout: Rollout, observed: Mapping[str, ObservedState]) -> dict[str, Told]:
     """Return the status of each edge by its report; a report about another bundle is ignored."""
     return {
         edge: VERDICTS[report.stage]
@@ -66,7 +66,7 @@ class Driver:
         store: FleetStore,
         *,
         clock: Clock,
-        tell: Callable[[Rollout, Mapping[str, Observed]], None] | None = None,
+        tell: Callable[[Rollout, Mapping[str, ObservedState]], None] | None = None,
         sleep: Callable[[float], Any] = asyncio.sleep,
     ) -> None:
         self._store = store
@@ -79,7 +79,7 @@ class Driver:
         """Store a new roll-out; raises RolloutRunning while another one is in progress."""
         plan_of(rollout)
         before, revision = await self._store.rollout()
-        if before is not None and before.progress.phase is Phase.RUNNING:
+        if before is not None and before.progress.phase is RolloutPhase.RUNNING:
             raise RolloutRunning(
                 f"roll-out {before.id} of {before.by} is under way: fleet rollout resume, or abort"
             )
@@ -102,11 +102,11 @@ class Driver:
             heard = self._clock.monotonic()
             if self._tell is not None:
                 self._tell(rollout, observed)
-            if rollout.progress.phase is not Phase.RUNNING:
+            if rollout.progress.phase is not RolloutPhase.RUNNING:
                 return rollout
             await self._sleep(LOOK_EVERY)
 
-    async def turn(self) -> tuple[Rollout, dict[str, Observed]]:
+    async def turn(self) -> tuple[Rollout, dict[str, ObservedState]]:
         """Take one step; raises StoreError, RolloutMissing."""
         rollout, revision = await self._stored()
         told = rollout.progress.told
@@ -131,7 +131,7 @@ class Driver:
             raise RolloutMissing("there is no roll-out yet; begin one with: fleet apply --fleet")
         return rollout, revision
 
-    async def _advance(self, before: Rollout, progress: Progress, revision: int) -> Rollout:
+    async def _advance(self, before: Rollout, progress: RolloutProgress, revision: int) -> Rollout:
         """Store a step, then write the desired state of the edges.
 
         A new driver writes them all again, because its predecessor may have been interrupted between the two.
@@ -139,7 +139,7 @@ class Driver:
         rollout: Rollout = msgspec.structs.replace(before, progress=progress)
         if progress != before.progress:
             await self._store.keep(rollout, revision)
-        over = progress.phase is not Phase.RUNNING
+        over = progress.phase is not RolloutPhase.RUNNING
         for edge, state in progress.told.items():
             news = state is not before.progress.told.get(edge) or not self._told
             if state is Told.OPEN and news and not over:
@@ -156,9 +156,9 @@ class Driver:
         for edge in edges:
             await self._store.desire(edge, self._desired(rollout, edge, withdrawn=True))
 
-    def _desired(self, rollout: Rollout, edge: str, *, withdrawn: bool) -> Desired:
+    def _desired(self, rollout: Rollout, edge: str, *, withdrawn: bool) -> DesiredState:
         """Return the desired state of an edge."""
         target = rollout.targets[edge]
-        return Desired(
+        return DesiredState(
             rollout.id, target.bundle, target.parts, rollout.settle, rollout.by, withdrawn=withdrawn
         )

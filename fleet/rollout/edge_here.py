@@ -16,7 +16,7 @@ from fleet.config.yaml import SECRETS, read
 from fleet.errors import FleetError, NotRunning
 from fleet.model.change import Change, ChangeKind, ChangesAsked, Outcome
 from fleet.rollout.bundle import FLEET_FILE, BundleError
-from fleet.rollout.faults import Fault, faults_of
+from fleet.rollout.faults import PartFault, faults_of
 
 RELOAD_WITHIN = 90.0  # s
 
@@ -49,7 +49,7 @@ class Running(msgspec.Struct, frozen=True):
     health: str
     cause: str
     since: float
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[PartFault, ...] = ()
 
 
 class EdgeHere(Protocol):

@@ -22,7 +22,7 @@ _CLOUD_LEVELS = {"connected": Level.DEGRADED, "refused": Level.FAULT}  # any oth
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
-class Fault(msgspec.Struct, frozen=True):
+class PartFault(msgspec.Struct, frozen=True):
     """Fault of one part of an edge: a robot, the cloud, or the edge itself.
 
     ``level`` is a word of ``Level``.
@@ -69,7 +69,7 @@ unknown, and a mere restart changes the wording of its cause.
 """
 
 
-def faults_of(edge: EdgeState, robots: Iterable[RobotState]) -> tuple[Fault, ...]:
+def faults_of(edge: EdgeState, robots: Iterable[RobotState]) -> tuple[PartFault, ...]:
     """Return the faults of an edge and of its robots; robots of other edges are ignored."""
     services = list(_of_services(edge))
     own = [_fault(robot.name, robot.health, robot.cause) for robot in robots if robot.edge == edge.edge]
@@ -79,14 +79,14 @@ def faults_of(edge: EdgeState, robots: Iterable[RobotState]) -> tuple[Fault, ...
     return tuple(fault for fault in (*services, *own, *unexplained) if _level(fault) is not Level.OK)
 
 
-def got_worse(before: Iterable[Fault], now: Iterable[Fault]) -> tuple[str, ...]:
+def got_worse(before: Iterable[PartFault], now: Iterable[PartFault]) -> tuple[str, ...]:
     """Return a text for each part that is worse than before; empty if none is."""
     known = {_place(fault): fault for fault in before}
     pairs = ((known.get(_place(fault)), fault) for fault in now)
     return tuple(_words(was, fault) for was, fault in pairs if _is_worse(was, fault))
 
 
-def _of_services(edge: EdgeState) -> Iterator[Fault]:
+def _of_services(edge: EdgeState) -> Iterator[PartFault]:
     """Yield the faults of the cloud connection and of the edge itself."""
     if edge.cloud_cause:
         yield _fault(CLOUD, _CLOUD_LEVELS.get(edge.cloud, Level.OFFLINE).word, edge.cloud_cause)
@@ -94,17 +94,17 @@ def _of_services(edge: EdgeState) -> Iterator[Fault]:
         yield _fault(EDGE, Level.DEGRADED.word, problem)
 
 
-def _fault(part: str, level: str, cause: str) -> Fault:
+def _fault(part: str, level: str, cause: str) -> PartFault:
     """Return a fault with its cause cut to ``LONGEST_CAUSE``."""
-    return Fault(part, level, cause[:LONGEST_CAUSE])
+    return PartFault(part, level, cause[:LONGEST_CAUSE])
 
 
-def _level(fault: Fault) -> Level:
+def _level(fault: PartFault) -> Level:
     """Return the level of a fault; an unknown word counts as the worst."""
     return LEVELS.get(fault.level, Level.FAULT)
 
 
-def _place(fault: Fault) -> tuple[str, str]:
+def _place(fault: PartFault) -> tuple[str, str]:
     """Return the key by which a fault is compared: its part, and for the edge itself also its cause."""
     return fault.part, _without_figures(fault.cause) if fault.part == EDGE else ""
 
@@ -114,7 +114,7 @@ def _without_figures(cause: str) -> str:
     return _NUMBER.sub("#", cause)
 
 
-def _is_worse(was: Fault | None, fault: Fault) -> bool:
+def _is_worse(was: PartFault | None, fault: PartFault) -> bool:
     """Return whether a part is worse than before; ``was`` is None if it had no fault."""
     verdict = WORSE[_level(was) if was else Level.OK][_level(fault)]
     if verdict is Worse.NEW_CAUSE and was is not None:
@@ -122,7 +122,7 @@ def _is_worse(was: Fault | None, fault: Fault) -> bool:
     return verdict is Worse.YES
 
 
-def _words(was: Fault | None, fault: Fault) -> str:
+def _words(was: PartFault | None, fault: PartFault) -> str:
     """Return a text about a part that got worse."""
     before = "ok" if was is None else was.level
     if before == fault.level:

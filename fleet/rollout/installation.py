@@ -21,7 +21,7 @@ import msgspec
 from fleet.config.yaml import SECRETS
 from fleet.errors import StateError
 from fleet.rollout.bundle import FLEET_FILE, Bundle
-from fleet.rollout.decision import Record
+from fleet.rollout.decision import AgentRecord
 from fleet.runtime.decoding import decode_json
 from fleet.runtime.state_format import refuse_newer
 from fleet.spool.state_folder import FileLock
@@ -108,17 +108,17 @@ class Installation:
         """
         return frozenset({self.current, self.record().running})
 
-    def record(self) -> Record:
+    def record(self) -> AgentRecord:
         """Read the record of the agent; an empty record if there is none."""
         path = self.folder / STATE
         try:
             data = path.read_bytes()
         except FileNotFoundError:
-            return Record()
+            return AgentRecord()
         except OSError as error:
             raise StateError(f"cannot read {path}: {error.strerror}") from None
         try:
-            found = decode_json(data, Record)
+            found = decode_json(data, AgentRecord)
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise StateError(
                 f"{path} cannot be read: {error}; without it an older bundle could pass: restore it"
@@ -126,7 +126,7 @@ class Installation:
         refuse_newer(found.format, FORMAT)
         return found
 
-    def keep(self, record: Record) -> None:
+    def keep(self, record: AgentRecord) -> None:
         """Write the record of the agent atomically."""
         path = self.folder / STATE
         fresh = path.with_suffix(".new")

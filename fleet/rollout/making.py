@@ -15,14 +15,16 @@ from fleet.rollout.bundle import FLEET_FILE, FORMAT, Bundle, BundleError
 from fleet.version import __version__
 
 
-class Made(msgspec.Struct, frozen=True):
+class BuiltBundle(msgspec.Struct, frozen=True):
     """A built bundle; ``left_out`` lists files that the fleet file names and the bundle does not contain."""
 
     bundle: Bundle
     left_out: tuple[str, ...]
 
 
-def make(file: Path, edges: Iterable[str], version: int, environ: Mapping[str, str], now: float) -> Made:
+def make(
+    file: Path, edges: Iterable[str], version: int, environ: Mapping[str, str], now: float
+) -> BuiltBundle:
     """Build the bundle of a fleet file for these edges, or for the edge of the file if there are none.
 
     ``now`` is in Unix seconds. Raises BundleError, InvalidConfig.
@@ -55,7 +57,7 @@ def make(file: Path, edges: Iterable[str], version: int, environ: Mapping[str, s
         __version__,
         now,
     )
-    return Made(bundle, tuple(found.left_out))
+    return BuiltBundle(bundle, tuple(found.left_out))
 
 
 def _refuse_secrets(document: Document, files: Mapping[str, bytes], file: Path) -> None:

@@ -9,7 +9,7 @@ import msgspec
 from msgspec import Meta
 
 from fleet.errors import StateError
-from fleet.rollout.waves import Progress
+from fleet.rollout.waves import RolloutProgress
 from fleet.runtime.decoding import decode_json
 from fleet.runtime.state_format import format_of
 
@@ -27,7 +27,7 @@ Address = Annotated[str, Meta(pattern="^([0-9a-f]{64})?$")]
 T = TypeVar("T", bound=msgspec.Struct)
 
 
-class Stage(StrEnum):
+class BundleStage(StrEnum):
     """Progress of an edge with its desired bundle."""
 
     TAKING = "taking"  # the agent fetches and checks the bundle
@@ -39,10 +39,10 @@ class Stage(StrEnum):
     WITHDRAWN = "withdrawn"  # the roll-out ended before the edge was done; it runs with the previous bundle
 
 
-SETTLED = frozenset({Stage.DONE, Stage.FAILED, Stage.REFUSED, Stage.WITHDRAWN})
+SETTLED = frozenset({BundleStage.DONE, BundleStage.FAILED, BundleStage.REFUSED, BundleStage.WITHDRAWN})
 
 
-class Desired(msgspec.Struct, frozen=True):
+class DesiredState(msgspec.Struct, frozen=True):
     """Desired state of an edge in the roll-out ``rollout``.
 
     ``bundle``: the address of the bundle, stored in ``parts`` parts. ``settle``: observation time in seconds,
@@ -59,7 +59,7 @@ class Desired(msgspec.Struct, frozen=True):
     format: int = FORMAT
 
 
-class Observed(msgspec.Struct, frozen=True):
+class ObservedState(msgspec.Struct, frozen=True):
     """Report of an edge: its progress with the bundle ``bundle`` of the roll-out ``rollout``.
 
     ``lines``: the changes, one line for each robot or section. ``running``: the active bundle. ``version``:
@@ -70,7 +70,7 @@ class Observed(msgspec.Struct, frozen=True):
     edge: Id
     rollout: Id
     bundle: Address
-    stage: Stage
+    stage: BundleStage
     why: Annotated[str, Meta(max_length=LONGEST_WHY)] = ""
     lines: Annotated[
         tuple[Annotated[str, Meta(max_length=LONGEST_LINE)], ...], Meta(max_length=MOST_LINES)
@@ -106,7 +106,7 @@ class Rollout(msgspec.Struct, frozen=True):
     within: float
     settle: float
     targets: dict[str, Target]
-    progress: Progress
+    progress: RolloutProgress
     format: int = FORMAT
 
 

@@ -24,7 +24,7 @@ from nats.js.errors import BucketNotFoundError, KeyWrongLastSequenceError, NotFo
 
 from fleet.errors import StateError
 from fleet.rollout.bundle import LARGEST, BundleError
-from fleet.rollout.messages import Desired, Observed, Rollout, read_entry
+from fleet.rollout.messages import DesiredState, ObservedState, Rollout, read_entry
 from fleet.rollout.names import BUNDLES, CURRENT, DESIRED, OBSERVED, OPERATOR, ROLLOUTS, inbox_of, subject
 from fleet.rollout.settings import RolloutSettings
 from fleet.rollout.store import MOST_PARTS, StoreError, parts_of
@@ -146,10 +146,10 @@ class NatsEdgeStore:
         """Close the connection."""
         await self._connection.close()
 
-    async def desired(self) -> Desired | None:
+    async def desired(self) -> DesiredState | None:
         """Return the desired state of the edge, None if there is none."""
         found = await self._connection.last(DESIRED, self._edge)
-        return None if found is None else read_entry(found[0], Desired, f"{DESIRED}/{self._edge}")
+        return None if found is None else read_entry(found[0], DesiredState, f"{DESIRED}/{self._edge}")
 
     async def bundle(self, address: str, parts: int) -> bytes:
         """Return the bytes of a bundle."""
@@ -165,7 +165,7 @@ class NatsEdgeStore:
                 raise BundleError(f"the bundle has more than {LARGEST >> 20} MiB")
         return bytes(data)
 
-    async def report(self, observed: Observed) -> None:
+    async def report(self, observed: ObservedState) -> None:
         """Write the report of the edge."""
         await self._connection.put(OBSERVED, self._edge, msgspec.json.encode(observed))
 
@@ -205,19 +205,19 @@ class NatsFleetStore:
             await self._connection.put(BUNDLES, _part_key(address, number), part)
         return len(parts)
 
-    async def desire(self, edge: str, desired: Desired) -> None:
+    async def desire(self, edge: str, desired: DesiredState) -> None:
         """Write the desired state of an edge; raises StoreError."""
         await self._connection.put(DESIRED, edge, msgspec.json.encode(desired))
 
-    async def observed(self, edges: Iterable[str]) -> dict[str, Observed]:
+    async def observed(self, edges: Iterable[str]) -> dict[str, ObservedState]:
         """Return the reports of these edges, without missing and unreadable ones; raises StoreError."""
-        found: dict[str, Observed] = {}
+        found: dict[str, ObservedState] = {}
         for edge in edges:
             entry = await self._connection.last(OBSERVED, edge)
             if entry is None:
                 continue
             try:
-                found[edge] = read_entry(entry[0], Observed, f"{OBSERVED}/{edge}")
+                found[edge] = read_entry(entry[0], ObservedState, f"{OBSERVED}/{edge}")
             except StateError as error:
                 log.warning("%s", error)
         return found

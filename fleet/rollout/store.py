@@ -7,7 +7,7 @@ from typing import Protocol
 
 from fleet.errors import FleetError
 from fleet.rollout.bundle import HEAD, LARGEST
-from fleet.rollout.messages import Desired, Observed, Rollout
+from fleet.rollout.messages import DesiredState, ObservedState, Rollout
 
 PART = 256 << 10  # bytes of one part of a bundle
 MOST_PARTS = -(-(LARGEST + len(HEAD)) // PART)
@@ -20,13 +20,13 @@ class StoreError(FleetError):
 class EdgeStore(Protocol):
     """Store as one edge uses it."""
 
-    async def desired(self) -> Desired | None:
+    async def desired(self) -> DesiredState | None:
         """Return the desired state of the edge, None if there is none; raises StoreError, StateError."""
 
     async def bundle(self, address: str, parts: int) -> bytes:
         """Return the bytes of a bundle; raises StoreError, and BundleError if it is too large."""
 
-    async def report(self, observed: Observed) -> None:
+    async def report(self, observed: ObservedState) -> None:
         """Write the report of the edge; raises StoreError."""
 
 
@@ -36,10 +36,10 @@ class FleetStore(Protocol):
     async def put_bundle(self, address: str, data: bytes) -> int:
         """Store a bundle and return the number of its parts."""
 
-    async def desire(self, edge: str, desired: Desired) -> None:
+    async def desire(self, edge: str, desired: DesiredState) -> None:
         """Write the desired state of an edge."""
 
-    async def observed(self, edges: Iterable[str]) -> dict[str, Observed]:
+    async def observed(self, edges: Iterable[str]) -> dict[str, ObservedState]:
         """Return the reports of these edges, without missing and unreadable ones."""
 
     async def rollout(self) -> tuple[Rollout | None, int]:

@@ -24,7 +24,7 @@ class WavesError(FleetError):
     """The text of the waves or of the limit of a roll-out is invalid."""
 
 
-class Phase(StrEnum):
+class RolloutPhase(StrEnum):
     """Phase of a roll-out."""
 
     RUNNING = "running"
@@ -33,7 +33,7 @@ class Phase(StrEnum):
     COMPLETED = "completed"
 
 
-class Event(StrEnum):
+class RolloutEvent(StrEnum):
     """Event that moves a roll-out from one phase to another."""
 
     TOO_MANY_FAILED = "too many failed"
@@ -41,10 +41,10 @@ class Event(StrEnum):
     ALL_SETTLED = "all settled"
 
 
-TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = {
-    (Phase.RUNNING, Event.TOO_MANY_FAILED): Phase.STOPPED,
-    (Phase.RUNNING, Event.ABORT): Phase.ABORTED,
-    (Phase.RUNNING, Event.ALL_SETTLED): Phase.COMPLETED,
+TRANSITIONS: Mapping[tuple[RolloutPhase, RolloutEvent], RolloutPhase] = {
+    (RolloutPhase.RUNNING, RolloutEvent.TOO_MANY_FAILED): RolloutPhase.STOPPED,
+    (RolloutPhase.RUNNING, RolloutEvent.ABORT): RolloutPhase.ABORTED,
+    (RolloutPhase.RUNNING, RolloutEvent.ALL_SETTLED): RolloutPhase.COMPLETED,
 }
 """Any other event changes nothing: a roll-out that has ended keeps its phase."""
 
@@ -58,7 +58,7 @@ class Told(StrEnum):
     OVERDUE = "overdue"  # not settled in time; it may still run the previous bundle, or part of the new one
 
 
-class Limit(msgspec.Struct, frozen=True):
+class FailureLimit(msgspec.Struct, frozen=True):
     """Limit on failed edges: ``most`` of them, as a number or in percent of those assigned so far."""
 
     most: float
@@ -78,19 +78,19 @@ class Plan(msgspec.Struct, frozen=True):
 
     edges: tuple[str, ...]
     ends: tuple[int, ...]
-    limit: Limit
+    limit: FailureLimit
     parallel: int
     within: float
 
 
-class Progress(msgspec.Struct, frozen=True):
+class RolloutProgress(msgspec.Struct, frozen=True):
     """Progress of a roll-out.
 
     ``told``: status of each edge with an assigned bundle. ``since``: time of the assignment (Unix s).
     ``why``: reason of an early end.
     """
 
-    phase: Phase = Phase.RUNNING
+    phase: RolloutPhase = RolloutPhase.RUNNING
     told: dict[str, Told] = {}
     since: dict[str, float] = {}
     why: str = ""
@@ -124,50 +124,50 @@ def wave_ends(text: str, edges: int) -> tuple[int, ...]:
     return tuple(dict.fromkeys(bounded))
 
 
-def limit_of(text: str) -> Limit:
+def limit_of(text: str) -> FailureLimit:
     """Parse a limit such as ``failed > 2%`` or ``failed > 3``; raises WavesError."""
     match = _LIMIT.fullmatch(text.strip())
     if match is None or (match[2] and float(match[1]) > 100):
         raise WavesError(f"{text!r} is no limit: write  failed > 2%  or  failed > 3")
-    return Limit(float(match[1]), bool(match[2]))
+    return FailureLimit(float(match[1]), bool(match[2]))
 
 
-def step(plan: Plan, progress: Progress, seen: Mapping[str, Told], now: float) -> Progress:
+def step(plan: Plan, progress: RolloutProgress, seen: Mapping[str, Told], now: float) -> RolloutProgress:
     """Return the progress after the reported statuses; new entries of ``told`` get their bundle now.
 
     ``now`` is in Unix seconds. The status of an edge without an assigned bundle, or of one that has settled,
     is ignored.
     """
-    if progress.phase is not Phase.RUNNING:
+    if progress.phase is not RolloutPhase.RUNNING:
         return progress
     told = {name: _state(plan, progress, name, seen, now) for name in progress.told}
     progress = msgspec.structs.replace(progress, told=told)
     failed = progress.count(Told.FAILED) + progress.count(Told.OVERDUE)
     if plan.limit.is_exceeded(failed, len(told)):
         why = f"{failed} of {len(told)} edges failed: {', '.join(_failed(plan, told)[:5])}"
-        return _moved(progress, Event.TOO_MANY_FAILED, why)
+        return _moved(progress, RolloutEvent.TOO_MANY_FAILED, why)
     following = _next(plan, told)
     if following:
         opened = dict.fromkeys(following, Told.OPEN)
         since = {**progress.since, **dict.fromkeys(following, now)}
         return msgspec.structs.replace(progress, told={**told, **opened}, since=since)
     if len(told) == len(plan.edges) and not progress.count(Told.OPEN):
-        return _moved(progress, Event.ALL_SETTLED)
+        return _moved(progress, RolloutEvent.ALL_SETTLED)
     return progress
 
 
-def aborted(progress: Progress, why: str) -> Progress:
+def aborted(progress: RolloutProgress, why: str) -> RolloutProgress:
     """Return the progress after an abort by a person."""
-    return _moved(progress, Event.ABORT, why)
+    return _moved(progress, RolloutEvent.ABORT, why)
 
 
-def _moved(progress: Progress, event: Event, why: str = "") -> Progress:
+def _moved(progress: RolloutProgress, event: RolloutEvent, why: str = "") -> RolloutProgress:
     """Return the progress after an event; ``why`` is the reason of the end."""
     phase = TRANSITIONS.get((progress.phase, event))
     return progress if phase is None else msgspec.structs.replace(progress, phase=phase, why=why)
 
 
-def _state(plan: Plan, progress: Progress, name: str, seen: Mapping[str, Told], now: float) -> Told:
+def _state(plan: Plan, progress: RolloutProgress, name: str, seen: Mapping[str, Told], now: float) -> Told:
     """Return the status of an edge with an assigned bundle."""
     before = progress.told[name]
     if before is not Told.OPEN:

@@ -4,9 +4,9 @@ import msgspec
 
 from fleet.rollout.bundle import Bundle, sealed
 from fleet.rollout.edge_here import Applied, Code, Running
-from fleet.rollout.messages import Desired, Observed, Rollout, Target, read_entry
+from fleet.rollout.messages import DesiredState, ObservedState, Rollout, Target, read_entry
 from fleet.rollout.store import StoreError, parts_of
-from fleet.rollout.waves import Progress
+from fleet.rollout.waves import RolloutProgress
 
 
 class MemoryStore:
@@ -37,7 +37,7 @@ class MemoryStore:
     async def observed(self, edges):
         self.answer()
         found = {edge: self.observed_of.get(edge) for edge in edges}
-        return {edge: read_entry(data, Observed, edge) for edge, data in found.items() if data}
+        return {edge: read_entry(data, ObservedState, edge) for edge, data in found.items() if data}
 
     async def rollout(self):
         self.answer()
@@ -60,7 +60,7 @@ class EdgeView:
     async def desired(self):
         self.store.answer()
         data = self.store.desired_of.get(self.name)
-        return read_entry(data, Desired, self.name) if data else None
+        return read_entry(data, DesiredState, self.name) if data else None
 
     async def bundle(self, address, parts):
         self.store.answer()
@@ -118,10 +118,10 @@ def bundle_of(version=1, edges=("yard-1",), text="", **files):
 def desired_of(key, version, *, rollout="r1", settle=0.0, **fields):
     """Return an address, the bytes of a bundle, and what an edge is told of it."""
     address, data = sealed(bundle_of(version, **fields), key)
-    return address, data, Desired(rollout, address, len(parts_of(data)), settle, "alice")
+    return address, data, DesiredState(rollout, address, len(parts_of(data)), settle, "alice")
 
 
 def rollout_of(targets, *, waves="1,10%,100%", stop_if="failed > 2%", parallel=20, within=60.0, settle=0.0):
     """Return a roll-out of addresses by edge."""
     wanted = {edge: Target(address, 1, 2) for edge, address in targets.items()}
-    return Rollout("r1", "alice", 0.0, waves, stop_if, parallel, within, settle, wanted, Progress())
+    return Rollout("r1", "alice", 0.0, waves, stop_if, parallel, within, settle, wanted, RolloutProgress())

@@ -2,9 +2,9 @@
 
 from fleet.rollout.agent import Agent
 from fleet.rollout.bundle import sealed
-from fleet.rollout.decision import Record
+from fleet.rollout.decision import AgentRecord
 from fleet.rollout.installation import Installation
-from fleet.rollout.messages import Desired
+from fleet.rollout.messages import DesiredState
 from fleet.rollout.signature import by_name, new_key
 from fleet.testing.clock import ManualClock
 from tests.tools.rollout import MemoryStore, PuppetEdge, bundle_of, desired_of
@@ -21,7 +21,7 @@ class Yard:
         self.here = PuppetEdge(self.installation)
         self.first, data = sealed(bundle_of(1), KEY)
         self.installation.stage(bundle_of(1), self.first)
-        self.installation.keep(Record(self.first, 1, self.first))
+        self.installation.keep(AgentRecord(self.first, 1, self.first))
         self.installation.activate(self.first)
         self.store.bundles[self.first] = data
         self.start()
@@ -47,13 +47,13 @@ class Yard:
         address, made, desired = desired_of(key, version, **fields)
         self.store.bundles[at or address] = made if data is None else data
         if at:
-            desired = Desired(desired.rollout, at, desired.parts)
+            desired = DesiredState(desired.rollout, at, desired.parts)
         await self.store.desire("yard-1", desired)
         await self.agent.turn()
         return address
 
     async def withdraw(self, address, rollout="r1"):
-        await self.store.desire("yard-1", Desired(rollout, address, 1, withdrawn=True))
+        await self.store.desire("yard-1", DesiredState(rollout, address, 1, withdrawn=True))
         await self.agent.turn()
 
     async def report(self):

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from fleet.errors import Refused
 from fleet.rollout.bundle import HEAD, LARGEST, BundleError
 from fleet.rollout.edge_here import Applied, Code, Running
-from fleet.rollout.faults import Fault
-from fleet.rollout.messages import SETTLED, Desired, Stage
+from fleet.rollout.faults import PartFault
+from fleet.rollout.messages import SETTLED, BundleStage, DesiredState
 from fleet.rollout.signature import new_key
 from tests.tools.rollout import desired_of
 from tests.tools.rollout_yard import KEY, Yard
@@ -28,7 +28,7 @@ def yard(tmp_path):
 async def test_a_new_bundle_is_installed_applied_and_reported(yard):
     address = await yard.want(2)
     report = await yard.report()
-    assert (report.stage, report.bundle, report.running) == (Stage.DONE, address, address)
+    assert (report.stage, report.bundle, report.running) == (BundleStage.DONE, address, address)
     assert report.lines == ("rex: settings only: done",)
     assert yard.here.applied == [b"version 2 "]
     await yard.agent.turn()
@@ -38,10 +38,10 @@ async def test_a_new_bundle_is_installed_applied_and_reported(yard):
 async def test_a_change_of_a_flying_robot_is_reported_as_waiting_until_it_rests(yard):
     yard.here.outcomes = [MOVES, MOVES]
     await yard.want(2)
-    assert ((await yard.report()).stage, (await yard.report()).why) == (Stage.WAITING, MOVES.waits)
+    assert ((await yard.report()).stage, (await yard.report()).why) == (BundleStage.WAITING, MOVES.waits)
     await yard.agent.turn()
     await yard.agent.turn()
-    assert (await yard.report()).stage is Stage.DONE
+    assert (await yard.report()).stage is BundleStage.DONE
     assert len(yard.here.applied) == 3
 
 
@@ -53,7 +53,7 @@ async def test_a_bundle_that_fails_is_rolled_back(yard, outcome):
     yard.here.outcomes = [outcome]
     await yard.want(2)
     report = await yard.report()
-    assert (report.stage, report.running) == (Stage.FAILED, yard.first)
+    assert (report.stage, report.running) == (BundleStage.FAILED, yard.first)
     assert yard.here.applied == [b"version 2 ", b"version 1 "]
 
 
@@ -61,7 +61,7 @@ async def test_an_unusable_fleet_file_changes_nothing(yard):
     yard.here.refuses = {b"broken": BundleError("fleet.yaml:1:1: robots: there are none")}
     await yard.want(2, text="broken")
     report = await yard.report()
-    assert (report.stage, report.running) == (Stage.FAILED, yard.first)
+    assert (report.stage, report.running) == (BundleStage.FAILED, yard.first)
     assert "robots: there are none" in report.why
     assert yard.here.applied == []
     assert yard.text == "version 1"
@@ -70,25 +70,25 @@ async def test_an_unusable_fleet_file_changes_nothing(yard):
 async def test_an_edge_that_gets_less_healthy_rolls_back(yard):
     def gets_worse(by):
         content = yard.installation.file_in_use.read_bytes()
-        faults = (Fault("rex", "fault", "motor 3"),) if b"version 2" in content else ()
+        faults = (PartFault("rex", "fault", "motor 3"),) if b"version 2" in content else ()
         yard.here.state = Running("degraded" if faults else "ok", "", 0.0, faults)
         return Applied()
 
     yard.here.apply = gets_worse
     await yard.want(2, settle=3.0)
     report = await yard.report()
-    assert (report.stage, yard.text) == (Stage.FAILED, "version 1")
+    assert (report.stage, yard.text) == (BundleStage.FAILED, "version 1")
     assert report.why == "rex is fault, was ok: motor 3"
 
 
 async def test_a_rollback_that_has_to_wait_continues_until_it_is_complete(yard):
     yard.here.outcomes = [Applied(failed="rex: no answer"), MOVES]
     await yard.want(2)
-    assert (await yard.report()).stage is Stage.RETURNING
+    assert (await yard.report()).stage is BundleStage.RETURNING
     assert yard.text == "version 1"
     await yard.agent.turn()
     report = await yard.report()
-    assert (report.stage, report.why) == (Stage.FAILED, "rex: no answer")
+    assert (report.stage, report.why) == (BundleStage.FAILED, "rex: no answer")
 
 
 async def test_a_roll_out_that_ends_while_a_robot_moves_is_withdrawn(yard):
@@ -96,25 +96,25 @@ async def test_a_roll_out_that_ends_while_a_robot_moves_is_withdrawn(yard):
     address = await yard.want(2)
     await yard.withdraw(address)
     report = await yard.report()
-    assert (report.stage, report.running, yard.text) == (Stage.WITHDRAWN, yard.first, "version 1")
+    assert (report.stage, report.running, yard.text) == (BundleStage.WITHDRAWN, yard.first, "version 1")
     await yard.want(2, rollout="r2")
-    assert (await yard.report()).stage is Stage.DONE, "the same bundle may be rolled out again"
+    assert (await yard.report()).stage is BundleStage.DONE, "the same bundle may be rolled out again"
 
 
 async def test_a_waiting_bundle_is_rolled_back_before_another_one_is_considered(yard):
     yard.here.outcomes = [MOVES]
     await yard.want(3)
     await yard.want(2, rollout="r2")
-    assert ((await yard.report()).stage, yard.text) == (Stage.WITHDRAWN, "version 1")
+    assert ((await yard.report()).stage, yard.text) == (BundleStage.WITHDRAWN, "version 1")
     await yard.agent.turn()
     report = await yard.report()
-    assert (report.rollout, report.stage, report.running) == ("r2", Stage.REFUSED, yard.first)
+    assert (report.rollout, report.stage, report.running) == ("r2", BundleStage.REFUSED, yard.first)
     assert yard.here.applied[-1] == b"version 1 "
 
 
 async def test_a_bundle_that_is_done_is_not_withdrawn(yard):
     await yard.withdraw(await yard.want(2))
-    assert ((await yard.report()).stage, yard.text) == (Stage.DONE, "version 2")
+    assert ((await yard.report()).stage, yard.text) == (BundleStage.DONE, "version 2")
 
 
 async def test_a_silent_store_interrupts_no_bundle_in_progress(yard):
@@ -123,10 +123,10 @@ async def test_a_silent_store_interrupts_no_bundle_in_progress(yard):
     yard.store.silent = True
     await yard.agent.turn()
     assert yard.agent.problem == "the store of roll-outs does not answer"
-    assert yard.agent.record.stage is Stage.DONE
+    assert yard.agent.record.stage is BundleStage.DONE
     yard.store.silent = False
     await yard.agent.turn()
-    assert (yard.agent.problem, (await yard.report()).stage) == ("", Stage.DONE)
+    assert (yard.agent.problem, (await yard.report()).stage) == ("", BundleStage.DONE)
 
 
 @pytest.mark.parametrize("before", ["the link", "the edge was asked"])
@@ -143,7 +143,7 @@ async def test_an_agent_that_is_killed_half_way_continues_from_its_disk(yard, be
     monkeypatch.undo()
     yard.start()
     await yard.agent.turn()
-    assert ((await yard.report()).stage, yard.text) == (Stage.DONE, "version 2")
+    assert ((await yard.report()).stage, yard.text) == (BundleStage.DONE, "version 2")
 
 
 async def test_changed_code_is_reloaded_and_a_file_that_only_a_start_reads_waits_for_one(yard):
@@ -151,13 +151,13 @@ async def test_changed_code_is_reloaded_and_a_file_that_only_a_start_reads_waits
     yard.clock.advance(10.0)
     await yard.want(2)
     report = await yard.report()
-    assert (report.stage, yard.here.reloaded) == (Stage.WAITING, ["puppet"])
+    assert (report.stage, yard.here.reloaded) == (BundleStage.WAITING, ["puppet"])
     assert report.why == "restart the edge: only its start reads bodies/rex.yaml"
     await yard.agent.turn()
     assert yard.here.reloaded == ["puppet"], "once"
     yard.here.state = Running("ok", "", yard.clock.time() + 1.0)
     await yard.agent.turn()
-    assert (await yard.report()).stage is Stage.DONE
+    assert (await yard.report()).stage is BundleStage.DONE
 
 
 async def test_an_unexpected_error_does_not_end_the_agent(yard, caplog):
@@ -181,7 +181,7 @@ async def test_an_unexpected_error_does_not_end_the_agent(yard, caplog):
     with pytest.raises(asyncio.CancelledError):
         await yard.agent.run(5.0)
     assert "nobody foresaw this" in caplog.text
-    assert ((await yard.report()).stage, yard.text) == (Stage.DONE, "version 2")
+    assert ((await yard.report()).stage, yard.text) == (BundleStage.DONE, "version 2")
 
 
 async def other_signature(yard):
@@ -246,7 +246,7 @@ ATTEMPTS = [
 async def test_an_attempt_is_refused_recorded_and_changes_nothing(yard, attempt):
     words = await attempt(yard)
     report = await yard.report()
-    assert report.stage is Stage.REFUSED
+    assert report.stage is BundleStage.REFUSED
     assert words in report.why
     assert yard.installation.record().refusals[-1].why == report.why
     assert yard.installation.current == yard.installation.record().running
@@ -304,7 +304,7 @@ async def live(yard, story):
                 await yard.store.desire("yard-1", desired)
                 yard.store.silent = silent
             elif what == "withdraw" and not yard.store.silent:
-                await yard.store.desire("yard-1", Desired(f"r{number}", last, 1, withdrawn=True))
+                await yard.store.desire("yard-1", DesiredState(f"r{number}", last, 1, withdrawn=True))
             elif what == "silent":
                 yard.store.silent = value
             await yard.agent.turn()

@@ -5,12 +5,12 @@ import pytest
 
 from fleet.rollout.agent import GONE_FOR
 from fleet.rollout.edge_here import Applied, Running
-from fleet.rollout.faults import Fault
-from fleet.rollout.messages import Stage
+from fleet.rollout.faults import PartFault
+from fleet.rollout.messages import BundleStage
 from tests.tools.rollout_yard import Yard
 
-BATTERY = Fault("max", "degraded", "battery 9 %")
-MOTOR = Fault("rex", "fault", "motor 3")
+BATTERY = PartFault("max", "degraded", "battery 9 %")
+MOTOR = PartFault("rex", "fault", "motor 3")
 WAITS = Applied(waits="edge yard-1 does not run; it starts with this bundle")
 
 
@@ -34,7 +34,7 @@ async def test_an_edge_that_gets_worse_late_in_its_observation_time_rolls_back(y
     changes_later(yard, 8.0, Running("degraded", "", 0.0, (MOTOR,)))
     await yard.want(2, settle=10.0)
     report = await yard.report()
-    assert (report.stage, yard.text) == (Stage.FAILED, "version 1")
+    assert (report.stage, yard.text) == (BundleStage.FAILED, "version 1")
     assert report.why == "rex is fault, was ok: motor 3"
 
 
@@ -42,7 +42,7 @@ async def test_an_edge_that_has_recovered_at_the_end_of_its_observation_time_is_
     yard.here.state = Running("degraded", "", 0.0, (MOTOR,))
     changes_later(yard, 3.0, Running("ok", "", 0.0))
     await yard.want(2, settle=10.0)
-    assert (await yard.report()).stage is Stage.DONE
+    assert (await yard.report()).stage is BundleStage.DONE
     assert yard.clock.monotonic() >= 10.0
 
 
@@ -51,19 +51,19 @@ async def test_a_fault_that_replaces_another_fails_the_bundle_and_an_old_fault_d
     changes_later(yard, 3.0, Running("degraded", "", 0.0, (MOTOR,)))
     await yard.want(2, settle=10.0)
     report = await yard.report()
-    assert (report.stage, report.why) == (Stage.FAILED, "rex is fault, was ok: motor 3")
+    assert (report.stage, report.why) == (BundleStage.FAILED, "rex is fault, was ok: motor 3")
 
 
 async def test_a_fault_from_before_does_not_fail_the_bundle(yard):
     yard.here.state = Running("degraded", "", 0.0, (BATTERY, MOTOR))
     changes_later(yard, 3.0, Running("degraded", "", 0.0, (MOTOR,)))
     await yard.want(2, settle=10.0)
-    assert (await yard.report()).stage is Stage.DONE
+    assert (await yard.report()).stage is BundleStage.DONE
     assert yard.installation.record().faults is None, "it is kept only until it is judged"
 
 
 async def test_a_report_names_three_parts_and_the_number_of_others(yard):
-    faults = tuple(Fault(f"r{number}", "offline", "silent") for number in range(5))
+    faults = tuple(PartFault(f"r{number}", "offline", "silent") for number in range(5))
     changes_later(yard, 3.0, Running("degraded", "", 0.0, faults))
     await yard.want(2, settle=10.0)
     why = (await yard.report()).why
@@ -96,7 +96,7 @@ async def test_an_edge_that_was_down_must_come_up_able_to_work(yard):
     yard.here.state = Running("fault", "rex: motor 3", yard.clock.time() + 1.0)
     await yard.agent.turn()
     report = await yard.report()
-    assert (report.stage, yard.text) == (Stage.FAILED, "version 1")
+    assert (report.stage, yard.text) == (BundleStage.FAILED, "version 1")
     assert report.why == "the edge is fault, did not run before: rex: motor 3"
 
 
@@ -107,14 +107,14 @@ async def test_an_edge_that_dies_with_the_bundle_and_stays_away_rolls_back(yard)
 
     yard.here.apply = dies
     await yard.want(2)
-    assert (await yard.report()).stage is Stage.WAITING
+    assert (await yard.report()).stage is BundleStage.WAITING
     yard.clock.advance(GONE_FOR - 1.0)
     await yard.agent.turn()
-    assert (await yard.report()).stage is Stage.WAITING
+    assert (await yard.report()).stage is BundleStage.WAITING
     yard.clock.advance(1.0)
     await yard.agent.turn()
     report = await yard.report()
-    assert (report.stage, yard.text) == (Stage.FAILED, "version 1")
+    assert (report.stage, yard.text) == (BundleStage.FAILED, "version 1")
     assert "has been gone for 60 s" in report.why
 
 
@@ -123,4 +123,4 @@ async def test_an_edge_that_did_not_run_before_is_waited_for(yard):
     await yard.want(2)
     yard.clock.advance(10 * GONE_FOR)
     await yard.agent.turn()
-    assert (await yard.report()).stage is Stage.WAITING
+    assert (await yard.report()).stage is BundleStage.WAITING

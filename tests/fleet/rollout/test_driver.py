@@ -8,14 +8,14 @@ import pytest
 
 from fleet.rollout.agent import Agent
 from fleet.rollout.bundle import BundleError, sealed
-from fleet.rollout.decision import Record
+from fleet.rollout.decision import AgentRecord
 from fleet.rollout.driver import SILENT_FOR, Driver, RolloutMissing, RolloutRunning
 from fleet.rollout.edge_here import Applied
 from fleet.rollout.installation import Installation
-from fleet.rollout.messages import Stage
+from fleet.rollout.messages import BundleStage
 from fleet.rollout.signature import by_name, new_key
 from fleet.rollout.store import StoreError
-from fleet.rollout.waves import Phase, Told
+from fleet.rollout.waves import RolloutPhase, Told
 from fleet.testing.clock import ManualClock
 from tests.tools.rollout import MemoryStore, PuppetEdge, bundle_of, rollout_of
 
@@ -40,7 +40,7 @@ class Fleet:
             installation = Installation(folder / name)
             installation.folder.mkdir()
             installation.stage(bundle_of(1, edges), self.old)
-            installation.keep(Record(self.old, 1, self.old))
+            installation.keep(AgentRecord(self.old, 1, self.old))
             installation.activate(self.old)
             here = PuppetEdge(installation)
             agent = Agent(
@@ -88,7 +88,11 @@ class Fleet:
         for name, (agent, here) in self.edges.items():
             content = agent._installation.file_in_use.read_bytes()
             assert not here.applied or here.applied[-1] == content, f"{name} runs with something else"
-            assert agent.record.stage not in (Stage.TAKING, Stage.WAITING, Stage.RETURNING), name
+            assert agent.record.stage not in (
+                BundleStage.TAKING,
+                BundleStage.WAITING,
+                BundleStage.RETURNING,
+            ), name
             assert agent._installation.current == agent.record.running, name
             found[name] = "new" if agent.record.running == self.new else "old"
         return found
@@ -101,7 +105,7 @@ def fleet(tmp_path):
 
 async def test_a_good_bundle_reaches_every_edge(fleet):
     progress = await fleet.roll_out()
-    assert progress.phase is Phase.COMPLETED
+    assert progress.phase is RolloutPhase.COMPLETED
     assert set(fleet.running().values()) == {"new"}
 
 
@@ -112,7 +116,7 @@ async def test_with_five_of_a_hundred_that_fail_it_stops_in_time(fleet, how, see
     fleet.fails(failing, **FAILS[how])
     progress = await fleet.roll_out(parallel=5, stop_if="failed > 2%")
     await fleet.settle()
-    assert progress.phase is Phase.STOPPED
+    assert progress.phase is RolloutPhase.STOPPED
     failed = [name for name, told in progress.told.items() if told is Told.FAILED]
     assert failed
     assert set(failed) <= failing
@@ -127,7 +131,7 @@ async def test_with_five_of_a_hundred_that_fail_it_stops_in_time(fleet, how, see
 async def test_a_bundle_that_no_edge_can_use_stops_in_the_first_wave(fleet, how):
     fleet.fails(EDGES, **FAILS[how])
     progress = await fleet.roll_out()
-    assert (progress.phase, list(progress.told)) == (Phase.STOPPED, ["edge-000"])
+    assert (progress.phase, list(progress.told)) == (RolloutPhase.STOPPED, ["edge-000"])
     assert set(fleet.running().values()) == {"old"}
 
 
@@ -138,15 +142,15 @@ async def test_edges_that_wait_when_it_stops_roll_back(fleet):
     progress = await fleet.roll_out(stop_if="failed > 0")
     fleet.edges["edge-003"][1].outcomes = []
     await fleet.settle()
-    assert progress.phase is Phase.STOPPED
+    assert progress.phase is RolloutPhase.STOPPED
     assert fleet.running()["edge-003"] == "old"
-    assert fleet.edges["edge-003"][0].record.stage is Stage.WITHDRAWN
+    assert fleet.edges["edge-003"][0].record.stage is BundleStage.WITHDRAWN
 
 
 async def test_a_wave_waits_for_a_robot_in_flight_until_its_time_is_over(fleet):
     fleet.fails(["edge-000"], outcomes=[Applied(waits="rex: it is armed")] * 500)
     progress = await fleet.roll_out(within=30.0)
-    assert (progress.phase, list(progress.told)) == (Phase.STOPPED, ["edge-000"])
+    assert (progress.phase, list(progress.told)) == (RolloutPhase.STOPPED, ["edge-000"])
 
 
 async def test_an_edge_that_comes_back_when_it_is_overdue_installs_nothing(fleet):
@@ -154,7 +158,7 @@ async def test_an_edge_that_comes_back_when_it_is_overdue_installs_nothing(fleet
     fleet.store.observed_of.pop("edge-000", None)
     await fleet.driver.begin(rollout_of(dict.fromkeys(EDGES, fleet.new), within=30.0))
     progress = (await fleet.driver.drive()).progress
-    assert (progress.phase, progress.told) == (Phase.STOPPED, {"edge-000": Told.OVERDUE})
+    assert (progress.phase, progress.told) == (RolloutPhase.STOPPED, {"edge-000": Told.OVERDUE})
     await agent.turn()
     assert (agent.record.running, here.applied) == (fleet.old, [])
 
@@ -163,9 +167,9 @@ async def test_an_overdue_edge_rolls_back_while_the_roll_out_continues(fleet):
     fleet.fails(["edge-000"], outcomes=[Applied(waits="rex: it is armed")] * 35)
     progress = await fleet.roll_out(within=30.0, stop_if="failed > 5")
     await fleet.settle()
-    assert (progress.phase, progress.told["edge-000"]) == (Phase.COMPLETED, Told.OVERDUE)
+    assert (progress.phase, progress.told["edge-000"]) == (RolloutPhase.COMPLETED, Told.OVERDUE)
     assert fleet.running()["edge-000"] == "old"
-    assert fleet.edges["edge-000"][0].record.stage is Stage.WITHDRAWN
+    assert fleet.edges["edge-000"][0].record.stage is BundleStage.WITHDRAWN
 
 
 @pytest.mark.parametrize("how", ["it is aborted again", "another one begins"])
@@ -217,7 +221,7 @@ async def test_after_a_driver_detaches_another_one_drives_to_the_end(fleet, afte
     told = len((await fleet.store.rollout())[0].progress.told)
     await fleet.settle()
     assert len((await fleet.store.rollout())[0].progress.told) == told, "nobody else is told meanwhile"
-    assert (await fleet.driven().drive()).progress.phase is Phase.COMPLETED
+    assert (await fleet.driven().drive()).progress.phase is RolloutPhase.COMPLETED
     assert set(fleet.running().values()) == {"new"}
 
 
@@ -228,7 +232,7 @@ async def test_an_abort_rolls_back_edges_that_are_not_done(fleet):
     await fleet.sleep(1.0)
     ended = await fleet.driven().abort("bob")
     await fleet.settle()
-    assert (ended.progress.phase, ended.progress.why) == (Phase.ABORTED, "aborted by bob")
+    assert (ended.progress.phase, ended.progress.why) == (RolloutPhase.ABORTED, "aborted by bob")
     assert set(fleet.running().values()) == {"old"}
     assert (await fleet.driven().abort("eve")).progress.why == "aborted by bob"
 
@@ -262,7 +266,7 @@ async def test_one_lost_answer_of_the_store_does_not_end_the_driver(fleet):
         await desire(edge, desired)
 
     fleet.store.desire = loses_the_first
-    assert (await fleet.driver.drive()).progress.phase is Phase.COMPLETED
+    assert (await fleet.driver.drive()).progress.phase is RolloutPhase.COMPLETED
     assert set(fleet.running().values()) == {"new"}
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from fleet.health.aggregate import edge_health
 from fleet.model.health import Health, Level, degraded
 from fleet.model.state import EdgeState, RobotState
-from fleet.rollout.faults import CLOUD, EDGE, WORSE, Fault, faults_of, got_worse
+from fleet.rollout.faults import CLOUD, EDGE, WORSE, PartFault, faults_of, got_worse
 
 WORDS = [level.word for level in Level]
 
@@ -78,10 +78,12 @@ def test_an_unreachable_cloud_may_change_its_cause():
 
 def test_an_older_edge_without_reported_problems_is_compared_by_its_health():
     assert faults_of(edge(health="degraded", cause="no port 9100"), [robot("rex")]) == (
-        Fault(EDGE, "degraded", "no port 9100"),
+        PartFault(EDGE, "degraded", "no port 9100"),
     )
     explained = edge(health="degraded", cause="rex offline: silent")
-    assert faults_of(explained, [robot("rex", "offline", "silent")]) == (Fault("rex", "offline", "silent"),)
+    assert faults_of(explained, [robot("rex", "offline", "silent")]) == (
+        PartFault("rex", "offline", "silent"),
+    )
 
 
 def test_robots_of_other_edges_on_the_bus_do_not_count():
@@ -93,7 +95,7 @@ def test_an_edge_reports_the_problems_that_the_comparison_needs():
     problems = ["no port 9100", "history: disk full"]
     health = edge_health((), map(degraded, problems))
     told = edge(health=health.level.word, cause=health.cause, problems=problems)
-    assert faults_of(told, ()) == tuple(Fault(EDGE, "degraded", each) for each in problems)
+    assert faults_of(told, ()) == tuple(PartFault(EDGE, "degraded", each) for each in problems)
 
 
 def test_the_table_has_every_pair_of_levels():
@@ -101,7 +103,9 @@ def test_the_table_has_every_pair_of_levels():
 
 
 causes = st.sampled_from(["silent for 3 s", "silent for 17.5 s", "battery", "quarantined after 3 crashes"])
-faults = st.builds(Fault, st.sampled_from(["rex", "max", CLOUD, EDGE]), st.sampled_from(WORDS[1:]), causes)
+faults = st.builds(
+    PartFault, st.sampled_from(["rex", "max", CLOUD, EDGE]), st.sampled_from(WORDS[1:]), causes
+)
 
 
 def one_a_part(found):
@@ -160,4 +164,4 @@ def test_figures_in_a_cause_change_nothing(before, number):
 
 def test_an_unknown_word_for_health_counts_as_the_worst():
     was = faults_of(edge(), [robot("rex", Health().level.word)])
-    assert got_worse(was, (Fault("rex", "molten", "?"),)) == ("rex is molten, was ok: ?",)
+    assert got_worse(was, (PartFault("rex", "molten", "?"),)) == ("rex is molten, was ok: ?",)

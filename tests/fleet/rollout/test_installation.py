@@ -7,10 +7,10 @@ import pytest
 
 from fleet.errors import StateError, StateNewer, StateTaken
 from fleet.rollout.bundle import sealed
-from fleet.rollout.decision import Record
-from fleet.rollout.faults import Fault
+from fleet.rollout.decision import AgentRecord
+from fleet.rollout.faults import PartFault
 from fleet.rollout.installation import STATE, Installation
-from fleet.rollout.messages import Stage
+from fleet.rollout.messages import BundleStage
 from fleet.rollout.signature import new_key
 from tests.tools.rollout import bundle_of
 
@@ -74,7 +74,7 @@ def test_a_bundle_in_use_is_never_overwritten(installation):
 
 def test_the_previous_bundle_is_kept_while_a_new_one_waits(installation):
     first, second = staged(installation, 1), staged(installation, 2)
-    installation.keep(Record(running=first, bundle=second, stage=Stage.WAITING))
+    installation.keep(AgentRecord(running=first, bundle=second, stage=BundleStage.WAITING))
     installation.activate(second)
     (installation.folder_of(first) / "fleet.yaml").write_text("changed by hand")
     staged(installation, 1)
@@ -85,7 +85,7 @@ def test_the_previous_bundle_is_kept_while_a_new_one_waits(installation):
 
 
 def test_the_record_is_the_same_after_a_restart(installation):
-    record = Record("a", 3, "b", "r1", "b", "alice", Stage.WAITING, files=("rex.yaml",))
+    record = AgentRecord("a", 3, "b", "r1", "b", "alice", BundleStage.WAITING, files=("rex.yaml",))
     installation.keep(record)
     assert Installation(installation.folder).record() == record
 
@@ -98,11 +98,11 @@ def test_the_previous_version_reads_the_record_and_vice_versa(installation):
         health: str = ""
         format: int = 1
 
-    installation.keep(Record(bundle="b", health="ok", faults=(Fault("rex", "fault", "motor 3"),)))
+    installation.keep(AgentRecord(bundle="b", health="ok", faults=(PartFault("rex", "fault", "motor 3"),)))
     data = (installation.folder / STATE).read_bytes()
     assert msgspec.json.decode(data, type=Before) == Before("b", "ok", 1)
     (installation.folder / STATE).write_bytes(msgspec.json.encode(Before("b", "ok")))
-    assert installation.record() == Record(bundle="b", health="ok", faults=None)
+    assert installation.record() == AgentRecord(bundle="b", health="ok", faults=None)
 
 
 @pytest.mark.parametrize("text", ["", "{", '{"highest": "x"}', "\udc80"])

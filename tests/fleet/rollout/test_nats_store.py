@@ -12,16 +12,16 @@ from fleet.errors import StateError
 from fleet.rollout.accounts import server_accounts
 from fleet.rollout.agent import Agent
 from fleet.rollout.bundle import LARGEST, BundleError, sealed
-from fleet.rollout.decision import Record
+from fleet.rollout.decision import AgentRecord
 from fleet.rollout.driver import Driver
 from fleet.rollout.edge_here import Applied
 from fleet.rollout.installation import Installation
-from fleet.rollout.messages import SETTLED, Desired, Observed, Stage
+from fleet.rollout.messages import SETTLED, BundleStage, DesiredState, ObservedState
 from fleet.rollout.nats_store import Connection, NatsEdgeStore, NatsFleetStore
 from fleet.rollout.settings import RolloutSettings
 from fleet.rollout.signature import by_name, new_key
 from fleet.rollout.store import PART, StoreError
-from fleet.rollout.waves import Phase
+from fleet.rollout.waves import RolloutPhase
 from fleet.testing.waiting import wait_until
 from tests.tools.lease_service import lease_service
 from tests.tools.rollout import PuppetEdge, bundle_of, rollout_of
@@ -101,11 +101,11 @@ async def edge(server, fleet):
 
 
 async def test_an_edge_reads_its_desired_state_and_writes_its_report(fleet, edge):
-    desired = Desired("r1", ADDRESS, 1)
+    desired = DesiredState("r1", ADDRESS, 1)
     assert await edge.desired() is None
     await fleet.desire("yard-1", desired)
     assert await edge.desired() == desired
-    observed = Observed("yard-1", "r1", ADDRESS, Stage.DONE)
+    observed = ObservedState("yard-1", "r1", ADDRESS, BundleStage.DONE)
     await edge.report(observed)
     assert await fleet.observed(["yard-1", "yard-2"]) == {"yard-1": observed}
 
@@ -201,7 +201,7 @@ LED_AWAY = {
 @pytest.mark.parametrize("how", LED_AWAY)
 async def test_a_reply_to_an_edge_cannot_be_directed_to_a_forbidden_subject(server, fleet, edge, how):
     request, reply = LED_AWAY[how]
-    mine, others = Desired("r1", ADDRESS, 1), Desired("r1", "b" * 64, 1)
+    mine, others = DesiredState("r1", ADDRESS, 1), DesiredState("r1", "b" * 64, 1)
     await fleet.desire("yard-1", mine)
     await fleet.desire("yard-2", others)
     _, revision = await fleet.rollout()
@@ -211,7 +211,9 @@ async def test_a_reply_to_an_edge_cannot_be_directed_to_a_forbidden_subject(serv
     stream = await connection.ready()
     await stream._nc.publish(request, b"{}", reply=reply)
     await stream._nc.flush()
-    await edge.report(Observed("yard-1", "r1", ADDRESS, Stage.DONE))  # answered after the diverted reply
+    await edge.report(
+        ObservedState("yard-1", "r1", ADDRESS, BundleStage.DONE)
+    )  # answered after the diverted reply
     await connection.close()
     second = NatsEdgeStore(server.settings("yard-2"), "yard-2")
     try:
@@ -280,7 +282,7 @@ async def test_a_roll_out_to_a_hundred_fake_edges_on_one_server_stops_in_time(tm
             installation = Installation(tmp_path / name)
             installation.folder.mkdir()
             installation.stage(bundle_of(1, names), old)
-            installation.keep(Record(old, 1, old))
+            installation.keep(AgentRecord(old, 1, old))
             installation.activate(old)
             here = PuppetEdge(installation)
             here.outcomes = [Applied(failed="rex: it does not answer")] * (name in failing)
@@ -300,7 +302,7 @@ async def test_a_roll_out_to_a_hundred_fake_edges_on_one_server_stops_in_time(tm
         for agent in agents.values():
             await agent._store.close()
         await fleet.close()
-    assert progress.phase is Phase.STOPPED
+    assert progress.phase is RolloutPhase.STOPPED
     assert 10 < len(progress.told) < 100, "in the last wave, before most were told"
     for name, agent in agents.items():
         record, applied = agent.record, agent._here.applied

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.rollout.waves import (
-    Limit,
-    Phase,
+    FailureLimit,
     Plan,
-    Progress,
+    RolloutPhase,
+    RolloutProgress,
     Told,
     WavesError,
     aborted,
@@ -28,7 +28,7 @@ def plan_of(edges, waves="1,10%,100%", stop_if="failed > 2%", parallel=20, withi
 
 def run(plan, failing=(), silent=()):
     """Run a roll-out in which every edge answers one step after it got its bundle."""
-    progress, history = Progress(), []
+    progress, history = RolloutProgress(), []
     for now in range(1000):
         seen = {
             name: Told.FAILED if name in failing else Told.DONE
@@ -37,7 +37,7 @@ def run(plan, failing=(), silent=()):
         }
         progress = step(plan, progress, seen, float(now))
         history.append(progress)
-        if progress.phase is not Phase.RUNNING:
+        if progress.phase is not RolloutPhase.RUNNING:
             return progress, history
     raise AssertionError("it never ends")
 
@@ -70,17 +70,17 @@ def test_an_invalid_limit_is_refused(text):
 
 
 def test_a_limit_is_a_share_of_the_assigned_edges_or_a_number():
-    assert limit_of("failed > 2%") == Limit(2.0, percent=True)
-    assert limit_of("failed>0") == Limit(0.0, percent=False)
-    assert not Limit(2.0, percent=True).is_exceeded(2, 100)
-    assert Limit(2.0, percent=True).is_exceeded(3, 100)
-    assert Limit(0.0, percent=False).is_exceeded(1, 100)
+    assert limit_of("failed > 2%") == FailureLimit(2.0, percent=True)
+    assert limit_of("failed>0") == FailureLimit(0.0, percent=False)
+    assert not FailureLimit(2.0, percent=True).is_exceeded(2, 100)
+    assert FailureLimit(2.0, percent=True).is_exceeded(3, 100)
+    assert FailureLimit(0.0, percent=False).is_exceeded(1, 100)
 
 
 def test_a_bundle_that_no_edge_can_use_stops_in_its_first_wave():
     plan = plan_of(100)
     progress, _ = run(plan, failing=plan.edges)
-    assert progress.phase is Phase.STOPPED
+    assert progress.phase is RolloutPhase.STOPPED
     assert list(progress.told) == ["edge-000"]
     assert progress.why == "1 of 1 edges failed: edge-000"
 
@@ -88,31 +88,34 @@ def test_a_bundle_that_no_edge_can_use_stops_in_its_first_wave():
 def test_without_failures_every_edge_is_assigned_once_and_it_completes():
     plan = plan_of(100)
     progress, _ = run(plan)
-    assert progress.phase is Phase.COMPLETED
+    assert progress.phase is RolloutPhase.COMPLETED
     assert list(progress.told) == list(plan.edges)
 
 
 def test_one_failure_in_the_last_wave_stops_before_most_edges_are_assigned():
     plan = plan_of(100, parallel=5)
     progress, _ = run(plan, failing={"edge-012"})
-    assert progress.phase is Phase.STOPPED
+    assert progress.phase is RolloutPhase.STOPPED
     assert len(progress.told) <= 15
 
 
 def test_a_silent_edge_is_overdue_after_its_time_and_counts_as_failed():
     plan = plan_of(3, waves="100%", stop_if="failed > 0")
     progress, _ = run(plan, silent={"edge-001"})
-    assert progress.phase is Phase.STOPPED
+    assert progress.phase is RolloutPhase.STOPPED
     assert progress.told["edge-001"] is Told.OVERDUE
     assert progress.why == "1 of 3 edges failed: edge-001"
 
 
 def test_an_aborted_roll_out_assigns_no_further_edges():
     plan = plan_of(10)
-    progress = step(plan, Progress(), {}, 0.0)
+    progress = step(plan, RolloutProgress(), {}, 0.0)
     ended = aborted(progress, "alice")
     assert step(plan, ended, {"edge-000": Told.DONE}, 1.0) == ended
-    assert aborted(msgspec.structs.replace(ended, phase=Phase.COMPLETED), "bob").phase is Phase.COMPLETED
+    assert (
+        aborted(msgspec.structs.replace(ended, phase=RolloutPhase.COMPLETED), "bob").phase
+        is RolloutPhase.COMPLETED
+    )
 
 
 verdicts = st.sampled_from([Told.OPEN, Told.DONE, Told.FAILED])
@@ -127,16 +130,16 @@ verdicts = st.sampled_from([Told.OPEN, Told.DONE, Told.FAILED])
 )
 def test_the_invariants_hold_at_every_step_for_any_behaviour_of_edges(edges, waves, stop_if, parallel, data):
     plan = plan_of(edges, waves, stop_if, parallel)
-    progress, now = Progress(), 0.0
+    progress, now = RolloutProgress(), 0.0
     for _ in range(40):
         before = progress
         seen = {name: data.draw(verdicts) for name in data.draw(st.sets(st.sampled_from(plan.edges)))}
         now += data.draw(st.sampled_from([0.0, 1.0, 61.0]))
         progress = step(plan, before, seen, now)
-        kept = msgspec.json.decode(msgspec.json.encode(before), type=Progress)
+        kept = msgspec.json.decode(msgspec.json.encode(before), type=RolloutProgress)
         assert step(plan, kept, seen, now) == progress, "a resumed roll-out goes on as if never detached"
         holds(plan, before, progress)
-        if progress.phase is not Phase.RUNNING:
+        if progress.phase is not RolloutPhase.RUNNING:
             assert step(plan, progress, seen, now + 99.0) == progress
             return
 
@@ -151,20 +154,20 @@ def holds(plan, before, progress):
     assert not new or progress.count(Told.OPEN) <= plan.parallel
     failed = progress.count(Told.FAILED) + progress.count(Told.OVERDUE)
     exceeded = plan.limit.is_exceeded(failed, len(told) - len(new))
-    assert exceeded == (progress.phase is Phase.STOPPED)
+    assert exceeded == (progress.phase is RolloutPhase.STOPPED)
     assert not (new and exceeded)
     waves = [sum(end <= plan.edges.index(name) for end in plan.ends) for name in told]
     for name in new:
         wave = waves[told.index(name)]
         earlier = [each for each, at in zip(told, waves, strict=True) if at < wave]
         assert all(progress.told[each] is not Told.OPEN for each in earlier), "the wave before has settled"
-    if progress.phase is Phase.COMPLETED:
+    if progress.phase is RolloutPhase.COMPLETED:
         assert told == list(plan.edges)
         assert not progress.count(Told.OPEN)
 
 
 def test_progress_is_stored_as_plain_json():
-    progress = step(plan_of(2), Progress(), {}, 3.0)
+    progress = step(plan_of(2), RolloutProgress(), {}, 3.0)
     assert json.loads(msgspec.json.encode(progress)) == {
         "phase": "running",
         "told": {"edge-000": "open"},

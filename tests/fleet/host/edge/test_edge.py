@@ -21,7 +21,7 @@ from fleet.model.command import Reply, ReplyStatus
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
 from fleet.rollout.edge_here import LocalEdge
-from fleet.rollout.faults import Fault
+from fleet.rollout.faults import PartFault
 from fleet.testing.waiting import wait_until
 
 POOLS = ("asyncio", "uvloop")  # whose threads stay for the next one
@@ -63,7 +63,7 @@ async def test_an_edge_tells_every_problem_of_its_own_and_the_agent_of_roll_outs
     assert (await asyncio.to_thread(here.running)).faults == ()
     edge.beside = lambda: "the console does not run"
     edge.missions.store.problem = "runs are not recorded"
-    told = [Fault("the edge", "degraded", each) for each in edge.state().problems]
+    told = [PartFault("the edge", "degraded", each) for each in edge.state().problems]
     assert {each.cause for each in told} >= {"the console does not run", "runs are not recorded"}
     assert (await asyncio.to_thread(here.running)).faults == tuple(told)
 
