@@ -29,9 +29,9 @@ from fleet.testing.robot import RecordingRobot, serve
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.controller import Controller
-from fleet_quadruped.control.loop import Loop
+from fleet_quadruped.control.loop import ControlLoop
 from fleet_quadruped.control.orders import Activity, DogState, Order
-from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, Units
+from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, CountUnits
 from fleet_quadruped.drives.cia402.states import DriveState, state_of
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 
@@ -39,7 +39,7 @@ HOGS, HOG_SECONDS = 4, 20
 STAND, WALK = 4.0, 10.0  # s
 STARTED = 30.0  # s within which a controller must have enabled its drives
 DOG = load_description(EXAMPLE)
-JOINTS = {TPDO1 + joint.id: (joint, Units(joint)) for joint in DOG.all_joints}
+JOINTS = {TPDO1 + joint.id: (joint, CountUnits(joint)) for joint in DOG.all_joints}
 
 
 class Timed(Controller):
@@ -81,7 +81,7 @@ def controller(url: str, seconds: float) -> None:
     script.controller = Timed(DOG, {"a": bus})
     script.controller.drives.configure()
     script.begun = time.monotonic()
-    Loop(script.controller, {"a": bus}, script, clock).run()
+    ControlLoop(script.controller, {"a": bus}, script, clock).run()
     bus.close()
     timing = script.state.timing
     fault = script.controller.body.fault

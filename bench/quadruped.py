@@ -27,7 +27,7 @@ from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.robot.description import EXAMPLE, DogDescription, load_description
 from fleet_quadruped.robot.names import JOINTS
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.planted import as_built, checked, with_offset, with_sign
 from fleet_quadruped.sim.rig import Rig
@@ -218,7 +218,7 @@ def enables(dog: DogDescription) -> None:
     rig.go(0.1)
     begun = rig.sim.time
     rig.ask(BodyRequest.STAND)
-    while rig.mode is Mode.ENABLING:
+    while rig.mode is BodyMode.ENABLING:
         rig.cycle()
     line(
         f"{dog.drive.protocol}: 12 drives enabled",
@@ -236,10 +236,10 @@ def physics(rig: Rig) -> MujocoWorld:
 def repeats(dog: DogDescription, times: int = 20) -> None:
     """Print how many times in a row the robot stands up and sits down."""
     rig, done = standing(dog), 0
-    while done < times and rig.mode is Mode.STANDING:
+    while done < times and rig.mode is BodyMode.STANDING:
         rig.ask(BodyRequest.SIT)
         rig.go(3.5)
-        if rig.mode is Mode.OFF:
+        if rig.mode is BodyMode.OFF:
             rig.stand()
             done += 1
     line(f"{dog.drive.protocol}: sat down and stood up again", f"{done}/{times}", rig.fault)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from fleet import GeoPoint
 from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
-from fleet_mavlink.constants import AUTOPILOT, Cmd, Frame, mode_names
+from fleet_mavlink.constants import AUTOPILOT, MavCmd, MavFrame, mode_names
 from fleet_mavlink.messages import CommandLong, SetPositionTargetGlobalInt
 
 _PLACE_AND_YAW = 0x9F8  # type_mask: ignore everything except position and yaw
@@ -23,7 +23,7 @@ class ArduCopter(ArduPilotFlavour):
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:  # noqa: ARG002
         """Return NAV_TAKEOFF, whose altitude is above home."""
-        return CommandLong(Cmd.NAV_TAKEOFF, param7=altitude)
+        return CommandLong(MavCmd.NAV_TAKEOFF, param7=altitude)
 
     def go_command(
         self,
@@ -39,7 +39,7 @@ class ArduCopter(ArduPilotFlavour):
         return SetPositionTargetGlobalInt(
             target_system=0,
             target_component=AUTOPILOT,
-            coordinate_frame=Frame.GLOBAL_RELATIVE_ALT_INT,
+            coordinate_frame=MavFrame.GLOBAL_RELATIVE_ALT_INT,
             type_mask=_PLACE_AND_YAW,
             lat_int=round(to.latitude * 1e7),
             lon_int=round(to.longitude * 1e7),

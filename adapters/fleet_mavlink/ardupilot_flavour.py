@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from fleet import Refused
 from fleet_mavlink.ardupilot_kinds import ArduPilotKind
-from fleet_mavlink.constants import MAG_CAL_SUCCESS, Cmd
+from fleet_mavlink.constants import MAG_CAL_SUCCESS, MavCmd
 from fleet_mavlink.flavour import CalibrationStep, Flavour
 from fleet_mavlink.messages import Ask, CommandLong, MavlinkMessage
 from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
@@ -29,13 +29,13 @@ class ArduPilotFlavour(ArduPilotKind, Flavour):
     takeoff_tolerance: ClassVar[str | None] = None
     mission: ClassVar[str] = "AUTO"
     home_is_first: ClassVar[bool] = True
-    rewind: ClassVar[CommandLong | None] = CommandLong(Cmd.DO_SET_MISSION_CURRENT)
+    rewind: ClassVar[CommandLong | None] = CommandLong(MavCmd.DO_SET_MISSION_CURRENT)
     repeats_reached: ClassVar[bool] = False
     unset: ClassVar[float] = 0.0
     lead_in: ClassVar[float] = 0.0
     follows: ClassVar[Mapping[str, frozenset[str]]] = {}
-    compass_start: ClassVar[CommandLong] = CommandLong(Cmd.DO_START_MAG_CAL, param3=1.0)  # saved by itself
-    compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.DO_CANCEL_MAG_CAL)
+    compass_start: ClassVar[CommandLong] = CommandLong(MavCmd.DO_START_MAG_CAL, param3=1.0)  # saved by itself
+    compass_stop: ClassVar[CommandLong] = CommandLong(MavCmd.DO_CANCEL_MAG_CAL)
 
     def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - independent of the state
         """Return the change to the holding mode."""
@@ -43,7 +43,7 @@ class ArduPilotFlavour(ArduPilotKind, Flavour):
 
     def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002
         """Return DO_CHANGE_SPEED. It must follow the position: a new position resets the speed."""
-        return CommandLong(Cmd.DO_CHANGE_SPEED, param1=_GROUND_SPEED, param2=speed, param3=-1.0)
+        return CommandLong(MavCmd.DO_CHANGE_SPEED, param1=_GROUND_SPEED, param2=speed, param3=-1.0)
 
     def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:
         """Interpret MAG_CAL_PROGRESS and MAG_CAL_REPORT, which are sent once per compass."""

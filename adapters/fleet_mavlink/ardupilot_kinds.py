@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet_mavlink.constants import CUSTOM_MODE, Cmd, mode_names
+from fleet_mavlink.constants import CUSTOM_MODE, MavCmd, mode_names
 from fleet_mavlink.messages import CommandLong, EkfStatusReport
 from fleet_mavlink.payload_messages import EscTelemetry1To4, RawImu
 from fleet_mavlink.state import VehicleState
@@ -25,7 +25,7 @@ class ArduPilotKind(VehicleKind):
 
     def mode_command(self, mode: str) -> CommandLong:
         """Return DO_SET_MODE with the mode's number."""
-        return CommandLong(Cmd.DO_SET_MODE, param1=CUSTOM_MODE, param2=float(self.number_of(mode)))
+        return CommandLong(MavCmd.DO_SET_MODE, param1=CUSTOM_MODE, param2=float(self.number_of(mode)))
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:  # noqa: ARG002 - QuadPlanes need it
         """Return the changes to the modes that brake it."""

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from fleet import GeoOrigin, GeoPoint, NotReady, Refused, Vector3, Velocity, geo_from_world
 from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
-from fleet_mavlink.constants import NAN, VTOL_GOES_FORWARD, VTOL_HOVERS, Cmd, Frame, mode_names
+from fleet_mavlink.constants import NAN, VTOL_GOES_FORWARD, VTOL_HOVERS, MavCmd, MavFrame, mode_names
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.messages import Ask, CommandInt, CommandLong
 from fleet_mavlink.state import VehicleState
@@ -33,8 +33,8 @@ _FASTEST_CRUISE = 30.0  # m/s, assumed until it is known
 def reposition(to: GeoPoint) -> CommandInt:
     """Return DO_REPOSITION to a position (altitude AMSL), which changes to GUIDED and is acknowledged."""
     return CommandInt(
-        Cmd.DO_REPOSITION,
-        frame=Frame.GLOBAL_INT,
+        MavCmd.DO_REPOSITION,
+        frame=MavFrame.GLOBAL_INT,
         param1=-1.0,
         param2=_CHANGE_MODE,
         param4=NAN,
@@ -120,11 +120,11 @@ class ArduPlane(Winged, _ArduPlane):
 
     def land_command(self) -> CommandLong:
         """Return DO_LAND_START: it follows the landing in its mission, and is refused without one."""
-        return CommandLong(Cmd.DO_LAND_START)
+        return CommandLong(MavCmd.DO_LAND_START)
 
     def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002 - always the same
         """Return DO_CHANGE_SPEED for an airspeed."""
-        return CommandLong(Cmd.DO_CHANGE_SPEED, param1=self.speed_kind, param2=speed, param3=-1.0)
+        return CommandLong(MavCmd.DO_CHANGE_SPEED, param1=self.speed_kind, param2=speed, param3=-1.0)
 
 
 class UntoldArduPlane(ArduPlane):
@@ -223,7 +223,7 @@ class QuadPlane(_ArduPlane):
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandInt:  # noqa: ARG002
         """Return NAV_TAKEOFF with the rotors, with the height above its present position."""
-        return CommandInt(Cmd.NAV_TAKEOFF, frame=Frame.LOCAL_OFFSET_NED, z=-altitude)
+        return CommandInt(MavCmd.NAV_TAKEOFF, frame=MavFrame.LOCAL_OFFSET_NED, z=-altitude)
 
     def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:
         """Return the command of its wings for an airspeed; in hover Q_WP_SPEED applies."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from fleet import GeoPoint, Refused, Velocity
 from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
-from fleet_mavlink.constants import AUTOPILOT, NAN, Cmd, Frame, mode_names
+from fleet_mavlink.constants import AUTOPILOT, NAN, MavCmd, MavFrame, mode_names
 from fleet_mavlink.flavour import VELOCITY_AND_YAW_RATE
 from fleet_mavlink.messages import CommandInt, CommandLong, SetPositionTargetLocalNed
 from fleet_mavlink.vocabulary import SURFACE
@@ -61,7 +61,7 @@ class ArduRover(ArduPilotFlavour):
         return SetPositionTargetLocalNed(
             target_system=system,
             target_component=AUTOPILOT,
-            coordinate_frame=Frame.BODY_NED,
+            coordinate_frame=MavFrame.BODY_NED,
             type_mask=VELOCITY_AND_YAW_RATE,
             vx=velocity.linear.x,
             vy=0.0,
@@ -71,7 +71,7 @@ class ArduRover(ArduPilotFlavour):
 
     def before_go(self, *, backwards: bool) -> CommandLong | None:
         """Return DO_SET_REVERSE, each time: ArduRover keeps it until its mode changes."""
-        return CommandLong(Cmd.DO_SET_REVERSE, param1=float(backwards))
+        return CommandLong(MavCmd.DO_SET_REVERSE, param1=float(backwards))
 
     def go_command(
         self,
@@ -82,8 +82,8 @@ class ArduRover(ArduPilotFlavour):
     ) -> CommandInt:
         """Return DO_REPOSITION, which is acknowledged."""
         return CommandInt(
-            Cmd.DO_REPOSITION,
-            frame=Frame.GLOBAL_RELATIVE_ALT_INT,
+            MavCmd.DO_REPOSITION,
+            frame=MavFrame.GLOBAL_RELATIVE_ALT_INT,
             param1=-1.0,
             param2=_CHANGE_MODE,
             param4=NAN,

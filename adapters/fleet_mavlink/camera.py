@@ -5,12 +5,12 @@ from __future__ import annotations
 import msgspec
 
 from fleet import Fault, TimedOut, Unsupported
-from fleet_mavlink.commander import Commander, Timing
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.commander import Commander, CommandTimeouts
+from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.payload_messages import CameraImageCaptured
 from fleet_mavlink.preconditions import require_connection
-from fleet_mavlink.vehicle import Part, Vehicle
+from fleet_mavlink.vehicle import Vehicle, VehicleComponent
 
 _ONE = 1.0  # picture
 _TAKEN_WITHIN = 5.0  # s
@@ -23,14 +23,14 @@ class Photo(msgspec.Struct, frozen=True):
     url: str
 
 
-class Camera:
+class CameraComponent:
     """Camera of one vehicle, usable once its heartbeat was received."""
 
-    def __init__(self, vehicle: Vehicle, timing: Timing) -> None:
+    def __init__(self, vehicle: Vehicle, timing: CommandTimeouts) -> None:
         self._vehicle = vehicle
         self._timing = timing
         self._taken = 0
-        self._commander: tuple[Part, Commander] | None = None
+        self._commander: tuple[VehicleComponent, Commander] | None = None
 
     async def take_photo(self) -> Photo:
         """Take one picture; return once the camera confirms it.
@@ -45,7 +45,7 @@ class Camera:
         with camera.hearing(CameraImageCaptured) as heard:
             self._taken += 1
             ask = CommandLong(
-                Cmd.IMAGE_START_CAPTURE,
+                MavCmd.IMAGE_START_CAPTURE,
                 target_component=camera.component,
                 param3=_ONE,
                 param4=float(self._taken),
@@ -59,7 +59,7 @@ class Camera:
             raise Fault("the camera could not take the picture", hint="is its card full?")
         return Photo(taken.image_index, taken.file_url)
 
-    def _commander_of(self, camera: Part) -> Commander:
+    def _commander_of(self, camera: VehicleComponent) -> Commander:
         """Return the commander for this camera component."""
         if self._commander is None or self._commander[0] is not camera:
             self._commander = camera, Commander(camera, self._timing)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import msgspec
 
 from fleet import GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Unsupported, world_from_geo
-from fleet_mavlink.constants import Cmd, Result, result_name
+from fleet_mavlink.constants import MavCmd, MavResult, result_name
 from fleet_mavlink.messages import (
     Ask,
     CommandAck,
@@ -24,11 +24,11 @@ from fleet_mavlink.messages import (
 from fleet_mavlink.motion_effect import Effect, effect_of
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
-from fleet_mavlink.turns import Exchange, Turns
+from fleet_mavlink.turns import CommandTurn, Turns
 from fleet_mavlink.vehicle import Condition, Vehicle
 
 
-class Timing(msgspec.Struct, frozen=True):
+class CommandTimeouts(msgspec.Struct, frozen=True):
     """Timeouts, seconds; tests shorten them."""
 
     answer: float = 1.0  # for an acknowledgement, before the command is sent again
@@ -45,17 +45,17 @@ _LATE = 2.0  # s in which a late acknowledgement may still arrive
 _SAME_PLACE = 0.5  # m; the reported target is rounded, and relative to another altitude
 _CROSSING = 0.1  # s within which a heartbeat and an acknowledgement may overtake each other
 _UNSUPPORTED = {
-    Result.UNSUPPORTED,
-    Result.COMMAND_LONG_ONLY,
-    Result.COMMAND_INT_ONLY,
-    Result.COMMAND_UNSUPPORTED_MAV_FRAME,
+    MavResult.UNSUPPORTED,
+    MavResult.COMMAND_LONG_ONLY,
+    MavResult.COMMAND_INT_ONLY,
+    MavResult.COMMAND_UNSUPPORTED_MAV_FRAME,
 }
 
 
 class Commander:
     """Sends commands to one vehicle; its errors contain the autopilot's own texts."""
 
-    def __init__(self, vehicle: Vehicle, timing: Timing) -> None:
+    def __init__(self, vehicle: Vehicle, timing: CommandTimeouts) -> None:
         self.timing = timing
         self.vehicle = vehicle
         self.turns = Turns(vehicle.now)
@@ -79,7 +79,7 @@ class Commander:
         lost, so that it is not sent, and executed, twice. Raises Refused, NotReady (temporarily rejected),
         Unsupported, TimedOut (no acknowledgement), LinkLost.
         """
-        async with Exchange(self.turns, ask, effect=effect or effect_of(ask), yields=yields) as exchange:
+        async with CommandTurn(self.turns, ask, effect=effect or effect_of(ask), yields=yields) as exchange:
             sent = 0
             while True:
                 exchange.require_wanted()
@@ -89,13 +89,13 @@ class Commander:
                 if ack is None:
                     if await self._obeyed_unanswered(exchange, ask, seen, sent, tries or self.timing.tries):
                         return
-                elif ack.result == Result.ACCEPTED or await self._obeyed_refused(
+                elif ack.result == MavResult.ACCEPTED or await self._obeyed_refused(
                     exchange, ask, ack, seen, sent
                 ):
                     return
 
     async def _obeyed_unanswered(
-        self, exchange: Exchange, ask: Ask, seen: Condition | None, sent: int, tries: int
+        self, exchange: CommandTurn, ask: Ask, seen: Condition | None, sent: int, tries: int
     ) -> bool:
         """Return whether an unanswered command was executed; False: send it again.
 
@@ -112,14 +112,14 @@ class Commander:
         )
 
     async def _obeyed_refused(
-        self, exchange: Exchange, ask: Ask, ack: CommandAck, seen: Condition | None, sent: int
+        self, exchange: CommandTurn, ask: Ask, ack: CommandAck, seen: Condition | None, sent: int
     ) -> bool:
         """Return whether a refused command was executed nevertheless; False: send it again, after a pause.
 
         A repeated command may be refused because its first copy was executed. Raises the refusal.
         """
         asked_until = exchange.began + self.timing.patience
-        if ack.result == Result.TEMPORARILY_REJECTED and self.vehicle.now() < asked_until:
+        if ack.result == MavResult.TEMPORARILY_REJECTED and self.vehicle.now() < asked_until:
             await asyncio.sleep(self.timing.pause)
             exchange.require_wanted()
             return False
@@ -144,7 +144,7 @@ class Commander:
         Acknowledgements only explain a failure: PX4 sends two, the first of which is meaningless, and the
         second may be mistaken for that of the next command. Raises like ``ask``.
         """
-        async with Exchange(self.turns, ask, effect=effect) as exchange:
+        async with CommandTurn(self.turns, ask, effect=effect) as exchange:
             already = shows(self.vehicle.state) == mode
             late = self.vehicle.now() - self._unanswered.get(ask.command, -math.inf) < _LATE
             for attempt in range(self.timing.tries):
@@ -163,7 +163,7 @@ class Commander:
                     if late and ack is not None:  # that of an earlier equal command, with other parameters
                         late, exchange.refusal = False, None
                         ack = await self._answer(exchange, None)
-                    entered = ack is not None and ack.result == Result.ACCEPTED
+                    entered = ack is not None and ack.result == MavResult.ACCEPTED
                 else:
                     await self.vehicle.until(settled, self.timing.heartbeat)
                     entered = shows(self.vehicle.state) == mode
@@ -183,10 +183,10 @@ class Commander:
 
         Raises Refused if the vehicle keeps another target, or if a more urgent command took over.
         """
-        look = CommandLong(Cmd.REQUEST_MESSAGE, param1=float(PositionTargetGlobalInt.message_id))
+        look = CommandLong(MavCmd.REQUEST_MESSAGE, param1=float(PositionTargetGlobalInt.message_id))
         addressed = msgspec.structs.replace(target, target_system=self.vehicle.system)
         place = GeoPoint(target.lat_int / 1e7, target.lon_int / 1e7, altitude)
-        async with Exchange(self.turns, look, effect=Effect.MOTION) as exchange:
+        async with CommandTurn(self.turns, look, effect=Effect.MOTION) as exchange:
             for attempt in range(self.timing.tries):
                 began = self.vehicle.now()
                 self.vehicle.send(addressed)
@@ -206,7 +206,7 @@ class Commander:
             )
 
     @staticmethod
-    def _is_refused(exchange: Exchange, state: VehicleState) -> bool:
+    def _is_refused(exchange: CommandTurn, state: VehicleState) -> bool:
         """Return True if a heartbeat after a refusal still shows another mode.
 
         A heartbeat right after the refusal does not count: it may be older than the change of mode, and the
@@ -222,12 +222,12 @@ class Commander:
             self.vehicle.trust.counts[NEVER_SENT] += 1
         if exchange is None or ack.command != exchange.command:
             return
-        if ack.result not in {Result.ACCEPTED, Result.IN_PROGRESS}:
+        if ack.result not in {MavResult.ACCEPTED, MavResult.IN_PROGRESS}:
             exchange.refusal = ack
             exchange.refused_at = self.vehicle.now()
         exchange.take(ack)
 
-    async def _answer(self, exchange: Exchange, seen: Condition | None) -> CommandAck | None:
+    async def _answer(self, exchange: CommandTurn, seen: Condition | None) -> CommandAck | None:
         """Return the acknowledgement, None without one in time; waits on after "in progress"."""
         wait = self.timing.answer
         while True:
@@ -241,7 +241,7 @@ class Commander:
                     f"system {self.vehicle.system} began a command and did not say how it ended",
                     messages=self._words_since(exchange.began),
                 ) from None
-            if ack.result != Result.IN_PROGRESS:
+            if ack.result != MavResult.IN_PROGRESS:
                 return ack
             wait = self.timing.working
 
@@ -258,7 +258,7 @@ class Commander:
         self._unanswered[ask.command] = self.vehicle.now()
         self.vehicle.send(addressed)
 
-    async def _refusal(self, ask: Ask, ack: CommandAck, exchange: Exchange) -> Exception:
+    async def _refusal(self, ask: Ask, ack: CommandAck, exchange: CommandTurn) -> Exception:
         """Return the error for a refusal, after waiting for the autopilot's text with the reason."""
         await asyncio.sleep(self.timing.words)
         words = self._words_since(exchange.began)
@@ -266,7 +266,7 @@ class Commander:
         reason = "; ".join(words) or f"the autopilot answered {result} to {_name(ask)}"
         if ack.result in _UNSUPPORTED:
             return Unsupported(reason, device_result=result, messages=words)
-        if ack.result == Result.TEMPORARILY_REJECTED:
+        if ack.result == MavResult.TEMPORARILY_REJECTED:
             return NotReady(reason, device_result=result, messages=words)
         return Refused(reason, device_result=result, messages=words)
 
@@ -292,4 +292,4 @@ def _texts(sentences: list[Sentence]) -> tuple[str, ...]:
 
 def _name(ask: Ask) -> str:
     """Return a command's name, or its number."""
-    return Cmd(ask.command).name if ask.command in set(Cmd) else f"command {ask.command}"
+    return MavCmd(ask.command).name if ask.command in set(MavCmd) else f"command {ask.command}"

@@ -21,7 +21,7 @@ PREARM_OK = dialect.MAV_SYS_STATUS_PREARM_CHECK  # in the sensor health of SYS_S
 RC_RECEIVER = dialect.MAV_SYS_STATUS_SENSOR_RC_RECEIVER  # likewise, and in the sensors present
 
 
-class Cmd(enum.IntEnum):
+class MavCmd(enum.IntEnum):
     """MAV_CMD."""
 
     NAV_WAYPOINT = dialect.MAV_CMD_NAV_WAYPOINT
@@ -59,7 +59,7 @@ class Cmd(enum.IntEnum):
     NAV_FENCE_POLYGON_VERTEX_EXCLUSION = dialect.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
 
 
-class Result(enum.IntEnum):
+class MavResult(enum.IntEnum):
     """MAV_RESULT."""
 
     ACCEPTED = dialect.MAV_RESULT_ACCEPTED
@@ -74,7 +74,7 @@ class Result(enum.IntEnum):
     COMMAND_UNSUPPORTED_MAV_FRAME = 9  # not in pymavlink yet
 
 
-class Frame(enum.IntEnum):
+class MavFrame(enum.IntEnum):
     """MAV_FRAME."""
 
     GLOBAL = dialect.MAV_FRAME_GLOBAL
@@ -167,7 +167,7 @@ def type_name(type_number: int) -> str:
 
 def result_name(result: int) -> str:
     """Return the name of a MAV_RESULT, or its number."""
-    return Result(result).name if result in set(Result) else f"result {result}"
+    return MavResult(result).name if result in set(MavResult) else f"result {result}"
 
 
 def mode_names(enumeration: str, own: Mapping[int, str] = MappingProxyType({})) -> Mapping[int, str]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from fleet import CommandError, FenceConfig, GeoOrigin, GeoPoint, Limits, Refused, Vector3, geo_from_world
-from fleet_mavlink.constants import Cmd, Frame
+from fleet_mavlink.constants import MavCmd, MavFrame
 from fleet_mavlink.mission import is_same
 from fleet_mavlink.mission_messages import MissionItemInt
 from fleet_mavlink.parameters import Parameters, same
@@ -27,15 +27,15 @@ _UNION = 2  # FENCE_OPTIONS: being inside any inclusion is enough
 
 def items_of(fence: FenceConfig, world: GeoOrigin) -> tuple[MissionItemInt, ...]:
     """Return the vertices of a fence as mission items; each has the number of vertices of its polygon."""
-    inside = _corners(fence, fence.inclusion, Cmd.NAV_FENCE_POLYGON_VERTEX_INCLUSION, world)
-    outside = _corners(fence, fence.exclusion, Cmd.NAV_FENCE_POLYGON_VERTEX_EXCLUSION, world)
+    inside = _corners(fence, fence.inclusion, MavCmd.NAV_FENCE_POLYGON_VERTEX_INCLUSION, world)
+    outside = _corners(fence, fence.exclusion, MavCmd.NAV_FENCE_POLYGON_VERTEX_EXCLUSION, world)
     return (*inside, *outside)
 
 
 def _corners(
     fence: FenceConfig,
     polygons: Iterable[tuple[tuple[float, float], ...]],
-    command: Cmd,
+    command: MavCmd,
     world: GeoOrigin,
 ) -> Iterable[MissionItemInt]:
     """Yield the vertices of polygons of one kind."""
@@ -45,7 +45,7 @@ def _corners(
             if fence.frame == "world":
                 point = geo_from_world(world, Vector3(*corner, 0.0))
             x, y = round(point.latitude * 1e7), round(point.longitude * 1e7)
-            yield MissionItemInt(0, 0, 0, Frame.GLOBAL, command, param1=float(len(polygon)), x=x, y=y)
+            yield MissionItemInt(0, 0, 0, MavFrame.GLOBAL, command, param1=float(len(polygon)), x=x, y=y)
 
 
 def parameters_of(flavour: str, fence: FenceConfig, limits: Limits) -> Mapping[str, float]:
@@ -65,7 +65,7 @@ def parameters_of(flavour: str, fence: FenceConfig, limits: Limits) -> Mapping[s
     return {**wanted, "FENCE_ENABLE": 1}
 
 
-class FenceKeeper:
+class FenceUploader:
     """Maintains the fence on one vehicle; ``troubles``: why it is not uploaded, empty once it is."""
 
     def __init__(

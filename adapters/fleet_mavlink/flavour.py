@@ -10,7 +10,7 @@ from typing import ClassVar
 import msgspec
 
 from fleet import GeoPoint, Vector3, Velocity, enu_yaw_from_heading, ned_from_enu, rotate_to_world
-from fleet_mavlink.constants import AUTOPILOT, FORCE, Cmd, Frame
+from fleet_mavlink.constants import AUTOPILOT, FORCE, MavCmd, MavFrame
 from fleet_mavlink.messages import (
     Ask,
     CommandInt,
@@ -187,7 +187,7 @@ def ned_setpoint(velocity: Vector3, yaw_rate: float, system: int) -> SetPosition
     return SetPositionTargetLocalNed(
         target_system=system,
         target_component=AUTOPILOT,
-        coordinate_frame=Frame.LOCAL_NED,
+        coordinate_frame=MavFrame.LOCAL_NED,
         type_mask=VELOCITY_AND_YAW_RATE,
         vx=velocity.x,
         vy=velocity.y,
@@ -198,4 +198,6 @@ def ned_setpoint(velocity: Vector3, yaw_rate: float, system: int) -> SetPosition
 
 def arm_command(*, arm: bool, force: bool) -> CommandLong:
     """Return the command that arms or disarms; ``force`` skips the autopilot's own checks."""
-    return CommandLong(Cmd.COMPONENT_ARM_DISARM, param1=1.0 if arm else 0.0, param2=FORCE if force else 0.0)
+    return CommandLong(
+        MavCmd.COMPONENT_ARM_DISARM, param1=1.0 if arm else 0.0, param2=FORCE if force else 0.0
+    )

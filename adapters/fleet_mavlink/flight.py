@@ -21,9 +21,9 @@ from fleet import (
 )
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.flavour import Flavour, arm_command
-from fleet_mavlink.home_position import HomePosition
+from fleet_mavlink.home_position import VehicleHome
 from fleet_mavlink.messages import Ask, CommandLong, SetPositionTargetGlobalInt
 from fleet_mavlink.motion_effect import Effect, effect_of_descent
 from fleet_mavlink.preconditions import home_unknown, not_moved, require_connection, require_heartbeat
@@ -59,7 +59,7 @@ class Flight:
         self.descent = ""  # mode of the last landing, or return home
         self._farthest = limits.distance or FARTHEST
         self.give_way = give_way
-        self.home = HomePosition(vehicle, commander)
+        self.home = VehicleHome(vehicle, commander)
 
     @property
     def flavour(self) -> Flavour:
@@ -248,7 +248,7 @@ class Flight:
         if self.vehicle.state.armed:
             raise Refused("it is armed", hint="land and disarm first")
         reboots = self.vehicle.state.reboots
-        ask = CommandLong(Cmd.PREFLIGHT_REBOOT_SHUTDOWN, param1=1.0)
+        ask = CommandLong(MavCmd.PREFLIGHT_REBOOT_SHUTDOWN, param1=1.0)
         await self.commander.ask(ask, seen=lambda state: state.reboots > reboots, tries=1)
 
     def check(self, *modes: str) -> None:

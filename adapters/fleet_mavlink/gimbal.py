@@ -10,7 +10,7 @@ import msgspec
 
 from fleet import CommandError, FleetError, NotReady, Refused, TimedOut, Unsupported
 from fleet_mavlink.commander import Commander
-from fleet_mavlink.constants import NAN, Cmd
+from fleet_mavlink.constants import NAN, MavCmd
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.onboard_sensors import GimbalAngles
 from fleet_mavlink.payload_messages import GimbalManagerInformation
@@ -124,7 +124,7 @@ class Gimbal:
             self._manager = await self._find()
             system, component = map(float, self._station)
             ask = CommandLong(
-                Cmd.DO_GIMBAL_MANAGER_CONFIGURE,
+                MavCmd.DO_GIMBAL_MANAGER_CONFIGURE,
                 param1=system,
                 param2=component,
                 param3=_NOBODY_ELSE,
@@ -136,7 +136,7 @@ class Gimbal:
 
     async def _find(self) -> GimbalManagerInformation:
         """Request the gimbal manager's information from the autopilot."""
-        ask = CommandLong(Cmd.REQUEST_MESSAGE, param1=float(GimbalManagerInformation.message_id))
+        ask = CommandLong(MavCmd.REQUEST_MESSAGE, param1=float(GimbalManagerInformation.message_id))
         with self._vehicle.hearing(GimbalManagerInformation) as heard:
             try:
                 await self._commander.ask(ask)
@@ -156,7 +156,7 @@ class Gimbal:
         try:
             await self._commander.ask(
                 CommandLong(
-                    Cmd.DO_GIMBAL_MANAGER_PITCHYAW,
+                    MavCmd.DO_GIMBAL_MANAGER_PITCHYAW,
                     param1=pitch,
                     param2=yaw,
                     param3=pitch_rate,

@@ -6,7 +6,7 @@ import math
 
 from fleet import GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, world_from_geo
 from fleet_mavlink.commander import Commander
-from fleet_mavlink.constants import Cmd, Frame
+from fleet_mavlink.constants import MavCmd, MavFrame
 from fleet_mavlink.messages import CommandInt
 from fleet_mavlink.preconditions import home_unknown, require_connection
 from fleet_mavlink.state import VehicleState
@@ -18,7 +18,7 @@ _DEEPEST, _HIGHEST = -500.0, 9000.0  # m AMSL, plausible altitudes of a take-off
 _SAME_HOME = 2.0  # m
 
 
-class HomePosition:
+class VehicleHome:
     """Home of one vehicle."""
 
     def __init__(self, vehicle: Vehicle, commander: Commander) -> None:
@@ -66,8 +66,8 @@ class HomePosition:
 
         await self._commander.ask(
             CommandInt(
-                Cmd.DO_SET_HOME,
-                frame=Frame.GLOBAL,
+                MavCmd.DO_SET_HOME,
+                frame=MavFrame.GLOBAL,
                 x=round(latitude * 1e7),
                 y=round(longitude * 1e7),
                 z=home.altitude,

@@ -20,7 +20,7 @@ from fleet import (
     Refused,
     world_from_geo,
 )
-from fleet_mavlink.constants import Cmd, Frame
+from fleet_mavlink.constants import MavCmd, MavFrame
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong, MissionCurrent, MissionItemReached
@@ -37,15 +37,15 @@ _ELSEWHERE = 1000.0  # m between planned and real home; beyond it the plan is fo
 _OTHER_GROUND = 50.0  # m, likewise for their altitudes
 _CLOSE = 2.0  # m
 
-_COMMANDS: Mapping[str, Cmd] = {
-    "waypoint": Cmd.NAV_WAYPOINT,
-    "loiter_unlimited": Cmd.NAV_LOITER_UNLIM,
-    "loiter_turns": Cmd.NAV_LOITER_TURNS,
-    "loiter_time": Cmd.NAV_LOITER_TIME,
-    "loiter_to_altitude": Cmd.NAV_LOITER_TO_ALT,
-    "land": Cmd.NAV_LAND,
-    "return_to_launch": Cmd.NAV_RETURN_TO_LAUNCH,
-    "land_start": Cmd.DO_LAND_START,
+_COMMANDS: Mapping[str, MavCmd] = {
+    "waypoint": MavCmd.NAV_WAYPOINT,
+    "loiter_unlimited": MavCmd.NAV_LOITER_UNLIM,
+    "loiter_turns": MavCmd.NAV_LOITER_TURNS,
+    "loiter_time": MavCmd.NAV_LOITER_TIME,
+    "loiter_to_altitude": MavCmd.NAV_LOITER_TO_ALT,
+    "land": MavCmd.NAV_LAND,
+    "return_to_launch": MavCmd.NAV_RETURN_TO_LAUNCH,
+    "land_start": MavCmd.DO_LAND_START,
 }
 
 
@@ -70,7 +70,7 @@ def plan_of(
     items: list[MissionItemInt] = []
     steps: list[int] = []
     if flavour.home_is_first:
-        items.append(_placed(MissionItemInt(0, 0, 0, Frame.GLOBAL, Cmd.NAV_WAYPOINT), home))
+        items.append(_placed(MissionItemInt(0, 0, 0, MavFrame.GLOBAL, MavCmd.NAV_WAYPOINT), home))
         steps.append(0)
     speed = min(fastest, mission.constraints.max_speed or first)
     for step, item in enumerate(mission.items):
@@ -86,15 +86,22 @@ def plan_of(
 def _speed(speed: float, flavour: Flavour) -> MissionItemInt:
     """Return the item that sets the speed from here on."""
     return MissionItemInt(
-        0, 0, 0, Frame.MISSION, Cmd.DO_CHANGE_SPEED, param1=flavour.speed_kind, param2=speed, param3=-1.0
+        0,
+        0,
+        0,
+        MavFrame.MISSION,
+        MavCmd.DO_CHANGE_SPEED,
+        param1=flavour.speed_kind,
+        param2=speed,
+        param3=-1.0,
     )
 
 
 def _item(item: PlanItem, flavour: Flavour, *, above_sea: bool) -> MissionItemInt:
     """Return one item; ``param4`` is a heading, which is left to the autopilot."""
-    frame = Frame.GLOBAL_INT if above_sea else Frame.GLOBAL_RELATIVE_ALT_INT
+    frame = MavFrame.GLOBAL_INT if above_sea else MavFrame.GLOBAL_RELATIVE_ALT_INT
     radius = (item.radius or 0.0) * (1.0 if item.clockwise else -1.0)
-    command = Cmd.NAV_VTOL_LAND if item.kind == "land" and flavour.transitions else _COMMANDS[item.kind]
+    command = MavCmd.NAV_VTOL_LAND if item.kind == "land" and flavour.transitions else _COMMANDS[item.kind]
     made = MissionItemInt(0, 0, 0, frame, command, param4=flavour.unset)
     match item.kind:
         case "waypoint":
@@ -110,7 +117,7 @@ def _item(item: PlanItem, flavour: Flavour, *, above_sea: bool) -> MissionItemIn
         case "land":
             pass
         case _:
-            made = msgspec.structs.replace(made, frame=Frame.MISSION, param4=0.0)
+            made = msgspec.structs.replace(made, frame=MavFrame.MISSION, param4=0.0)
     return made if item.point is None else _placed(made, item.point)
 
 
@@ -240,7 +247,7 @@ class MissionPilot:
         by = vehicle.now() + flavour.checks_mission
         while True:
             try:
-                await flight.enter(flavour.mission, None if resumed else CommandLong(Cmd.MISSION_START))
+                await flight.enter(flavour.mission, None if resumed else CommandLong(MavCmd.MISSION_START))
             except Superseded:
                 raise
             except Refused:
@@ -373,7 +380,7 @@ class _Progress:
     def _ends_step(self, seq: int) -> bool:
         """Return True if a vehicle's item is the last one for an item of the mission; home is not."""
         steps = self._plan.steps
-        own_home = seq == 0 and len(steps) > 1 and self._plan.items[0].frame == Frame.GLOBAL
+        own_home = seq == 0 and len(steps) > 1 and self._plan.items[0].frame == MavFrame.GLOBAL
         return not own_home and (seq + 1 == len(steps) or steps[seq + 1] != steps[seq])
 
     def progress(self) -> Progress:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.messages import Ask
 
@@ -23,12 +23,12 @@ EMERGENCY_HALTED = HALTED | {Effect.COMING_DOWN}
 
 _STARTING = frozenset(
     {
-        Cmd.NAV_TAKEOFF,
-        Cmd.COMPONENT_ARM_DISARM,
-        Cmd.DO_CHANGE_SPEED,
-        Cmd.DO_SET_REVERSE,
-        Cmd.DO_SET_MISSION_CURRENT,
-        Cmd.DO_VTOL_TRANSITION,
+        MavCmd.NAV_TAKEOFF,
+        MavCmd.COMPONENT_ARM_DISARM,
+        MavCmd.DO_CHANGE_SPEED,
+        MavCmd.DO_SET_REVERSE,
+        MavCmd.DO_SET_MISSION_CURRENT,
+        MavCmd.DO_VTOL_TRANSITION,
     }
 )
 """Commands of a start that lead to no mode of their own: motion follows them."""
@@ -36,7 +36,7 @@ _STARTING = frozenset(
 
 def effect_of(ask: Ask) -> Effect:
     """Return the effect of a command that is not a change of mode."""
-    disarms = ask.command == Cmd.COMPONENT_ARM_DISARM and ask.param1 == 0.0
+    disarms = ask.command == MavCmd.COMPONENT_ARM_DISARM and ask.param1 == 0.0
     return Effect.MOTION if ask.command in _STARTING and not disarms else Effect.NONE
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from fleet import GeoPoint, Refused
-from fleet_mavlink.constants import NAN, Cmd, Frame
+from fleet_mavlink.constants import NAN, MavCmd, MavFrame
 from fleet_mavlink.flavour import CalibrationStep, Flavour
 from fleet_mavlink.messages import CommandInt, CommandLong, MavlinkMessage
 from fleet_mavlink.px4_kinds import Px4Kind
@@ -40,13 +40,13 @@ class Px4(Px4Kind, Flavour):
     lead_in: ClassVar[float] = 0.3
     follows: ClassVar[Mapping[str, frozenset[str]]] = {"AUTO.TAKEOFF": frozenset({"AUTO.LOITER"})}
     may_be_disarmed: ClassVar[bool] = False
-    compass_start: ClassVar[CommandLong] = CommandLong(Cmd.PREFLIGHT_CALIBRATION, param2=1.0)
-    compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.PREFLIGHT_CALIBRATION)
+    compass_start: ClassVar[CommandLong] = CommandLong(MavCmd.PREFLIGHT_CALIBRATION, param2=1.0)
+    compass_stop: ClassVar[CommandLong] = CommandLong(MavCmd.PREFLIGHT_CALIBRATION)
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:
         """Return NAV_TAKEOFF at its present position; a position of 0, 0 would be taken literally."""
         return CommandLong(
-            Cmd.NAV_TAKEOFF, param4=NAN, param5=NAN, param6=NAN, param7=home_altitude + altitude
+            MavCmd.NAV_TAKEOFF, param4=NAN, param5=NAN, param6=NAN, param7=home_altitude + altitude
         )
 
     def go_command(
@@ -61,8 +61,8 @@ class Px4(Px4Kind, Flavour):
         Without a heading the nose would turn as MPC_YAW_MODE defines.
         """
         return CommandInt(
-            Cmd.DO_REPOSITION,
-            frame=Frame.GLOBAL_INT,
+            MavCmd.DO_REPOSITION,
+            frame=MavFrame.GLOBAL_INT,
             param1=speed,
             param2=_CHANGE_MODE,
             param4=heading,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet_mavlink.constants import CUSTOM_MODE, NAN, Cmd
+from fleet_mavlink.constants import CUSTOM_MODE, NAN, MavCmd
 from fleet_mavlink.messages import CommandLong, EstimatorStatus
 from fleet_mavlink.payload_messages import HighresImu
 from fleet_mavlink.state import VehicleState
@@ -50,7 +50,7 @@ class Px4Kind(VehicleKind):
         """Return DO_SET_MODE with the main mode and the sub mode."""
         number = self.number_of(mode)
         return CommandLong(
-            Cmd.DO_SET_MODE,
+            MavCmd.DO_SET_MODE,
             param1=CUSTOM_MODE,
             param2=float(number >> 16 & 0xFF),
             param3=float(number >> 24 & 0xFF),
@@ -59,7 +59,7 @@ class Px4Kind(VehicleKind):
     def hold_command(self, state: VehicleState) -> CommandLong:  # noqa: ARG002 - independent of the state
         """Return DO_REPOSITION without a position: it also ends a flight to a position, in the same mode."""
         return CommandLong(
-            Cmd.DO_REPOSITION,
+            MavCmd.DO_REPOSITION,
             param1=-1.0,
             param2=_CHANGE_MODE,
             param4=NAN,

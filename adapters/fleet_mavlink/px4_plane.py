@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from fleet import GeoPoint
-from fleet_mavlink.constants import NAN, VTOL_GOES_FORWARD, VTOL_HOVERS, VTOLS, Cmd
+from fleet_mavlink.constants import NAN, VTOL_GOES_FORWARD, VTOL_HOVERS, VTOLS, MavCmd
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.messages import CommandInt, CommandLong
 from fleet_mavlink.px4 import Px4
@@ -62,7 +62,7 @@ class Px4VtolInTransition(Px4VtolForward):
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
         """Return the transition back to hover with the hold, then the hold alone in case it is refused."""
-        back = Brake(self.hold, CommandLong(Cmd.DO_VTOL_TRANSITION, param1=float(_HOVERS)))
+        back = Brake(self.hold, CommandLong(MavCmd.DO_VTOL_TRANSITION, param1=float(_HOVERS)))
         hold = self.hold_command(state)
         return Brake(self.hold, hold, first=back), Brake(self.hold, hold)
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import msgspec
 
 from fleet import CommandError, Refused
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.failsafe_causes import position_troubles
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
@@ -153,7 +153,7 @@ async def look(flight: Flight) -> list[Check]:
         raise Refused("it is armed: it was ready")
     asked = vehicle.now()
     try:
-        await flight.commander.ask(CommandLong(Cmd.RUN_PREARM_CHECKS), tries=1)
+        await flight.commander.ask(CommandLong(MavCmd.RUN_PREARM_CHECKS), tries=1)
         answered = vehicle.now()
         await asyncio.sleep(_WORDS_WITHIN)
         await vehicle.until(lambda _: vehicle.seen_at.get(SysStatus, 0.0) > answered, _BIT_WITHIN)

@@ -21,7 +21,7 @@ _LONGEST = 5.0  # s, longest delay between attempts to reopen a link
 _FIRST_WITHIN = 5.0  # s within which the first link must open
 
 
-class Place(msgspec.Struct, frozen=True):
+class LinkAddress(msgspec.Struct, frozen=True):
     """Sender of a message: an address on one of the links; link 0 is preferred."""
 
     way: int
@@ -30,7 +30,7 @@ class Place(msgspec.Struct, frozen=True):
 
 def way_of(address: Address) -> int:
     """Return the number of the link of an address; 0 with a single link."""
-    return address.way if isinstance(address, Place) else 0
+    return address.way if isinstance(address, LinkAddress) else 0
 
 
 class Ways:
@@ -65,7 +65,7 @@ class Ways:
 
     def _received(self, way: int, data: bytes, address: Address) -> None:
         """Pass received data on, with the number of its link."""
-        self._receiver(data, Place(way, address))
+        self._receiver(data, LinkAddress(way, address))
 
     async def first(self) -> None:
         """Wait until one of them is open; raises LinkLost."""

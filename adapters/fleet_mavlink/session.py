@@ -17,14 +17,14 @@ from fleet import (
 )
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.braking import Brakes
-from fleet_mavlink.camera import Camera
-from fleet_mavlink.commander import Commander, Timing
+from fleet_mavlink.camera import CameraComponent
+from fleet_mavlink.commander import Commander, CommandTimeouts
 from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.constants import AUTOPILOT
 from fleet_mavlink.event_metadata import EventKeeper
 from fleet_mavlink.failsafes import Failsafes
-from fleet_mavlink.fence import FenceKeeper
+from fleet_mavlink.fence import FenceUploader
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight, is_standing
 from fleet_mavlink.frames import origin_of
@@ -41,7 +41,7 @@ from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.remote_id import RemoteId
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.steering import Steering
+from fleet_mavlink.steering import SteeringSettings
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.turns import Superseded
@@ -76,7 +76,7 @@ class VehicleSession:
         self._lacking: Mapping[str, str] | None = None  # last reported to the host in this run
         self.authority = Authority(self._authority_lost)
         waits = config.timeouts
-        self.commander = Commander(vehicle, Timing(waits.answer, waits.tries, waits.working))
+        self.commander = Commander(vehicle, CommandTimeouts(waits.answer, waits.tries, waits.working))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
         self.driver = VelocityStream(
             vehicle,
@@ -102,7 +102,7 @@ class VehicleSession:
         self.navigator = AutopilotNavigator(self.flight, self.takeoff, limits)
         self.plans = Plans(vehicle)
         self.missions = MissionPilot(self.flight, self.takeoff, self.plans, limits)
-        self.fence = config.fence and FenceKeeper(
+        self.fence = config.fence and FenceUploader(
             vehicle,
             self.plans,
             self.parameters,
@@ -124,7 +124,7 @@ class VehicleSession:
         self.compass = Compass(self.flight)
         station = (config.own_system, config.own_component)
         self.gimbal = Gimbal(vehicle, self.commander, station, self._spawn)
-        self.camera = Camera(vehicle, self.commander.timing)
+        self.camera = CameraComponent(vehicle, self.commander.timing)
         motors = config.rates.motors if config.motor_joints else 0.0
         self.streams = Streams(
             vehicle, self.commander, config.rates.pose, imu=config.rates.imu, motors=motors
@@ -153,7 +153,10 @@ class VehicleSession:
         self._robot.every(_LOOK, self.health.look)
         self._reporter.begin()
         remote_id = RemoteId(self.vehicle, self._config.remote_id, self._robot.clock.time)
-        settings = Steering(self.vehicle, self.parameters), WingSettings(self.vehicle, self.parameters)
+        settings = (
+            SteeringSettings(self.vehicle, self.parameters),
+            WingSettings(self.vehicle, self.parameters),
+        )
         parts = self.streams, self.failsafes, EventKeeper(self.vehicle), *settings, remote_id
         keepers = [part.keep() for part in parts]
         if self.fence:

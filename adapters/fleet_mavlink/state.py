@@ -72,7 +72,7 @@ SETTINGS = frozenset(
 _AIRBORNE = 0.5  # m above home; used if the autopilot does not report whether it flies
 
 
-class Battery(msgspec.Struct, frozen=True):
+class BatteryReading(msgspec.Struct, frozen=True):
     """Main battery: percent 0 to 100, volts, amperes, remaining s; None if unknown."""
 
     percent: float | None = None
@@ -117,7 +117,7 @@ class VehicleState(msgspec.Struct, frozen=True):
     heading: float | None = None  # degrees clockwise from north
     attitude: Angles | None = None
     attitude_at: float = -math.inf
-    battery: Battery = Battery()
+    battery: BatteryReading = BatteryReading()
     battery_has_own_message: bool = False
     fix: Fix | None = None
     fix_at: float = -math.inf  # last message of the receiver, with or without a fix
@@ -266,7 +266,7 @@ def _sys_status(state: VehicleState, message: SysStatus, _now: float) -> dict[st
     }
     if not state.battery_has_own_message:
         millivolts = message.voltage_battery
-        news["battery"] = Battery(
+        news["battery"] = BatteryReading(
             percent=_percent(message.battery_remaining),
             voltage=None if millivolts in {0, _UNKNOWN_16} else millivolts / 1000,
             current=_amperes(message.current_battery),
@@ -279,7 +279,7 @@ def _battery_status(_state: VehicleState, message: BatteryStatus, _now: float) -
     if message.id != 0:
         return {}
     cells = [cell for cell in message.voltages if cell not in {0, _UNKNOWN_16}]
-    battery = Battery(
+    battery = BatteryReading(
         percent=_percent(message.battery_remaining),
         voltage=sum(cells) / 1000 if cells else None,
         current=_amperes(message.current_battery),

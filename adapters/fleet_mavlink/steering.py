@@ -15,7 +15,7 @@ _TURNING = frozenset({73, 74, 33, 34, 35, 36})  # throttle left and right; motor
 _FOREVER, _AGAIN = 3600.0, 10.0  # s
 
 
-class Steering:
+class SteeringSettings:
     """Steering of one vehicle, read at each connect and after each reboot."""
 
     def __init__(self, vehicle: Vehicle, parameters: Parameters) -> None:

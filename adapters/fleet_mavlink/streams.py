@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from fleet import CommandError
 from fleet_mavlink import payload_messages
 from fleet_mavlink.commander import Commander
-from fleet_mavlink.constants import AUTOPILOT, Cmd
+from fleet_mavlink.constants import AUTOPILOT, MavCmd
 from fleet_mavlink.messages import (
     INCOMING,
     Attitude,
@@ -137,7 +137,7 @@ class Streams:
             self._in_vain += 1
         self._asked_at[message_id] = self._vehicle.now()
         interval = 1e6 / rate
-        ask = CommandLong(Cmd.SET_MESSAGE_INTERVAL, param1=float(message_id), param2=interval)
+        ask = CommandLong(MavCmd.SET_MESSAGE_INTERVAL, param1=float(message_id), param2=interval)
         try:
             await self._commander.ask(ask, tries=1, yields=True)
         except CommandError as error:

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Mapping
 from typing import Literal
 
 from fleet import Progress, Refused, TimedOut, command
-from fleet_mavlink.constants import VTOL_GOES_FORWARD, Cmd
+from fleet_mavlink.constants import VTOL_GOES_FORWARD, MavCmd
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.preconditions import require_control, require_has, require_movable
@@ -44,7 +44,7 @@ async def _begin(flight: Flight, to: To) -> None:
     if vehicle.state.vtol_state == _GOES[to] and flight.mode(vehicle.state) == flavour.hold:
         return
     await flight.hold()
-    ask = CommandLong(Cmd.DO_VTOL_TRANSITION, param1=float(_FLIES[to]))
+    ask = CommandLong(MavCmd.DO_VTOL_TRANSITION, param1=float(_FLIES[to]))
     await flight.commander.ask(ask, seen=lambda state: state.vtol_state in {_GOES[to], _FLIES[to]})
 
 

@@ -16,7 +16,7 @@ class Superseded(Refused):
     """A command ended because something more urgent took over."""
 
 
-class Exchange:
+class CommandTurn:
     """The turn of one command, entered once it is the current one, with its acknowledgements.
 
     ``yields``: a request of the adapter itself, which gives its turn to any other command.
@@ -90,8 +90,8 @@ class Turns:
 
     def __init__(self, now: Callable[[], float]) -> None:
         self.lock = asyncio.Lock()
-        self.current: Exchange | None = None
-        self.waiting: set[Exchange] = set()
+        self.current: CommandTurn | None = None
+        self.waiting: set[CommandTurn] = set()
         self.now = now
         self._halted = False  # by another thread, since ``end_halted``
 
@@ -121,7 +121,7 @@ class Turns:
                 exchange.wake()
         return halted
 
-    def _all(self) -> tuple[Exchange, ...]:
+    def _all(self) -> tuple[CommandTurn, ...]:
         """Return the current command, and the waiting ones."""
         current = self.current
         return (*tuple(self.waiting), *((current,) if current else ()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle_kind import Brake, VehicleKind
@@ -24,7 +24,7 @@ class UnknownKind(VehicleKind):
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:  # noqa: ARG002 - always the same
         """Return DO_PAUSE_CONTINUE, which shows no mode: its effect must be seen."""
-        return (Brake("", CommandLong(Cmd.DO_PAUSE_CONTINUE)),)
+        return (Brake("", CommandLong(MavCmd.DO_PAUSE_CONTINUE)),)
 
     def position_usable(self, state: VehicleState, now: float) -> bool | None:
         """Return True while positions arrive."""

@@ -65,7 +65,7 @@ class Vehicle:
         self.on_sentence: Callable[[Sentence], None] = _ignore
         self.needs_remote_id = False  # for take-off, by fleet.yaml
         self.turns_in_place: bool | None = None  # on the surface; None: unknown
-        self.camera: Part | None = None
+        self.camera: VehicleComponent | None = None
         self.dictionary: EventDictionary | None = None  # of its events
         self._event = -1  # sequence number of the last one
         self.log = logging.getLogger(__name__)  # replaced by its robot's
@@ -142,7 +142,7 @@ class Vehicle:
         elif component in CAMERAS:
             camera = self.camera
             if camera is None and isinstance(message, Heartbeat) and message.type == CAMERA_TYPE:
-                camera = self.camera = Part(self, component)
+                camera = self.camera = VehicleComponent(self, component)
             if camera is not None and camera.component == component:
                 camera.take(message, None)
 
@@ -272,7 +272,7 @@ def lacking_of(state: VehicleState) -> Mapping[str, str]:
     return dict.fromkeys(OF_A_MOVED_VEHICLE, not_moved(heartbeat)) if flavour is None else flavour.lacking
 
 
-class Part(Vehicle):
+class VehicleComponent(Vehicle):
     """A component beside the autopilot with its own commands; it is reached like its vehicle."""
 
     def __init__(self, whole: Vehicle, component: int) -> None:

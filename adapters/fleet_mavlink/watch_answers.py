@@ -11,7 +11,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.constants import Cmd, Result
+from fleet_mavlink.constants import MavCmd, MavResult
 
 _NAK, _PROTECTED = 129, 9  # opcode and error of MAVLink FTP
 _FTP_HEAD = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, requested opcode, burst, offset
@@ -28,11 +28,11 @@ def refusal(message: Any) -> Any | None:
 
 
 def _no_command(message: Any, system: int, component: int) -> Any:
-    return mav.MAVLink_command_ack_message(message.command, Result.DENIED, 0, 0, system, component)
+    return mav.MAVLink_command_ack_message(message.command, MavResult.DENIED, 0, 0, system, component)
 
 
 def _no_mode(_message: Any, system: int, component: int) -> Any:
-    return mav.MAVLink_command_ack_message(Cmd.DO_SET_MODE, Result.DENIED, 0, 0, system, component)
+    return mav.MAVLink_command_ack_message(MavCmd.DO_SET_MODE, MavResult.DENIED, 0, 0, system, component)
 
 
 def _no_mission(message: Any, system: int, component: int) -> Any:

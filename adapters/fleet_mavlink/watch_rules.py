@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from fleet_mavlink.codec import is_read
-from fleet_mavlink.constants import CUSTOM_MODE, Cmd
+from fleet_mavlink.constants import CUSTOM_MODE, MavCmd
 from fleet_mavlink.messages import CommandLong
 
 _FASTEST = 200_000.0  # us, shortest interval between messages that a station may request by itself
@@ -107,7 +107,7 @@ def _need_of_command(message: Any, stops: Iterable[CommandLong]) -> Need:
     command = message.command
     if command in _READ_COMMANDS:
         return Need.ANYBODY
-    if command == Cmd.SET_MESSAGE_INTERVAL:
+    if command == MavCmd.SET_MESSAGE_INTERVAL:
         return Need.NOBODY if why_not_at_this_rate(message) else Need.ANYBODY
     if _is_stop(message, stops):
         return Need.STOP
@@ -125,9 +125,9 @@ def why_not_at_this_rate(message: Any) -> str:
 
 def _is_stop(message: Any, stops: Iterable[CommandLong]) -> bool:
     """Return True if a command brakes and holds the vehicle where it is, and does nothing else."""
-    if message.command == Cmd.DO_PAUSE_CONTINUE:
+    if message.command == MavCmd.DO_PAUSE_CONTINUE:
         return bool(message.param1 == 0.0)
-    if message.get_type() == "COMMAND_LONG" and message.command == Cmd.DO_REPOSITION:
+    if message.get_type() == "COMMAND_LONG" and message.command == MavCmd.DO_REPOSITION:
         place = (message.param4, message.param5, message.param6, message.param7)  # this form pauses PX4
         return message.param1 == _HERE and all(math.isnan(each) for each in place)
     return _is_among(message, stops)
@@ -137,13 +137,13 @@ def comes_down(message: Any, ways: Iterable[CommandLong]) -> bool:
     """Return True if a message lands the vehicle or sends it home, by a command or by one of these modes."""
     if message.get_type() not in {"COMMAND_LONG", "COMMAND_INT"}:
         return False
-    return message.command in {Cmd.NAV_RETURN_TO_LAUNCH, _NAV_LAND} or _is_among(message, ways)
+    return message.command in {MavCmd.NAV_RETURN_TO_LAUNCH, _NAV_LAND} or _is_among(message, ways)
 
 
 def arms(message: Any) -> bool:
     """Return True if a message arms the vehicle."""
     is_command = message.get_type() in {"COMMAND_LONG", "COMMAND_INT"}
-    return bool(is_command and message.command == Cmd.COMPONENT_ARM_DISARM and message.param1 == 1.0)
+    return bool(is_command and message.command == MavCmd.COMPONENT_ARM_DISARM and message.param1 == 1.0)
 
 
 def _is_among(message: Any, commands: Iterable[CommandLong]) -> bool:
@@ -159,7 +159,7 @@ def _need_of_mode(message: Any, stops: Iterable[CommandLong]) -> Need:
     Without the flag of a custom mode the number has another meaning: ArduPilot's safety switch, or a base
     mode.
     """
-    numbers = {_mode_number(stop) for stop in stops if stop.command == Cmd.DO_SET_MODE}
+    numbers = {_mode_number(stop) for stop in stops if stop.command == MavCmd.DO_SET_MODE}
     is_stop = bool(message.base_mode & int(CUSTOM_MODE)) and message.custom_mode in numbers
     return Need.STOP if is_stop else Need.TAKES_OVER
 

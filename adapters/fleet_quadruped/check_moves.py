@@ -10,7 +10,7 @@ from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.commissioning import Observation
 from fleet_quadruped.control.orders import Activity, DogState, Order
 from fleet_quadruped.robot.description import DogDescription
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 
 _HEARD = 0.3  # s until every drive and the IMU have sent feedback
 _ASKED = Activity(1, BodyRequest.CHECK)
@@ -44,10 +44,10 @@ class CheckMoves:
 
     def put(self, state: DogState) -> None:
         """Record an observation whenever the trunk has come to rest; leave when the check is over."""
-        if state.mode == Mode.CHECKING:
+        if state.mode == BodyMode.CHECKING:
             self._moving = state.stamp if self._moving is None else self._moving
             self._look(state, state.stamp - self._moving)
-        elif state.answered and state.mode == Mode.OFF:
+        elif state.answered and state.mode == BodyMode.OFF:
             self.ended = self.ended or state.refusal or state.fault
             self._leave = True
 

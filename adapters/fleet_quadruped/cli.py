@@ -17,7 +17,7 @@ from fleet_quadruped.can.capture import read_capture
 from fleet_quadruped.check_moves import CheckMoves
 from fleet_quadruped.commissioning import at_rest
 from fleet_quadruped.control.controller import Controller
-from fleet_quadruped.control.loop import Loop
+from fleet_quadruped.control.loop import ControlLoop
 from fleet_quadruped.jog import (
     LEAST_DEGREES,
     MOST_DEGREES,
@@ -104,7 +104,7 @@ def _checked(dog: DogDescription, buses: Mapping[str, CanBus], *, move: bool) ->
     controller.configure()
     with pressed.watching():
         moves = CheckMoves(dog, SystemClock(), pressed)
-        Loop(controller, buses, moves, SystemClock()).run()
+        ControlLoop(controller, buses, moves, SystemClock()).run()
     return commissioning.problems(dog, moves.looks, moves.ended), "signs and offsets of all joints are right"
 
 

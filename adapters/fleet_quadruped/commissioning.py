@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from fleet import Quaternion, Vector3
-from fleet_quadruped.body.legs import Leg, Point
+from fleet_quadruped.body.legs import DogLeg, Point
 from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.body.turning import to_world
 from fleet_quadruped.robot.description import DogDescription
@@ -193,7 +193,7 @@ def at_rest(dog: DogDescription, angles: Twelve) -> list[str]:
     return found
 
 
-def _parts(dog: DogDescription, angles: Twelve) -> Iterator[tuple[Leg, int, float]]:
+def _parts(dog: DogDescription, angles: Twelve) -> Iterator[tuple[DogLeg, int, float]]:
     """Yield the leg, the number of the joint in it, and the angle of each joint."""
     for number, angle in enumerate(angles):
         yield dog.legs[number // 3], number % 3, angle

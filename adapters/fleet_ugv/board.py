@@ -26,7 +26,7 @@ from fleet import (
     Velocity,
 )
 from fleet_ugv.config import UgvConfig
-from fleet_ugv.model import Confirmed, Event, Feedback, Trouble
+from fleet_ugv.model import BaseFault, Confirmed, Event, Feedback
 from fleet_ugv.observer import Observer
 from fleet_ugv.readiness import Readiness
 
@@ -154,7 +154,7 @@ class Board:
                 self._feedback(event, at, stamp)
             case Confirmed():
                 self.readiness.confirmed()
-            case Trouble():
+            case BaseFault():
                 if event.text not in self._troubles:
                     self._robot.log.warning("%s", event.text)
                 self._troubles[event.text] = at

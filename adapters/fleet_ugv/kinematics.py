@@ -10,7 +10,7 @@ import math
 import msgspec
 
 from fleet import Refused, Vector3, Velocity
-from fleet_ugv.model import Motion, Steering, Wheels
+from fleet_ugv.model import AckermannCommand, Motion, Wheels
 
 STILL = 1e-6  # m/s and rad/s below which nothing is asked
 
@@ -61,7 +61,7 @@ class Ackermann(msgspec.Struct, frozen=True):
         """Return the least speed (m/s) at which the robot turns this fast (rad/s)."""
         return abs(yaw_rate) * self.wheelbase / math.tan(self.sharpest)
 
-    def inverse(self, velocity: Velocity) -> Steering:
+    def inverse(self, velocity: Velocity) -> AckermannCommand:
         """Return speed and steering; a curve that is too tight becomes the tightest possible one.
 
         Raises Refused for a turn on the spot, which this kind of robot cannot make.
@@ -69,11 +69,11 @@ class Ackermann(msgspec.Struct, frozen=True):
         speed, yaw_rate = velocity.linear.x, velocity.yaw_rate
         if abs(speed) < STILL:
             if abs(yaw_rate) < STILL:
-                return Steering()
+                return AckermannCommand()
             raise Refused("a robot that steers cannot turn on the spot", hint="let it roll as well")
         angle = math.atan(self.wheelbase * yaw_rate / speed)
         angle = min(max(angle, -self.sharpest), self.sharpest)
-        return Steering(min(max(speed / self.scale, -self.fastest), self.fastest), angle)
+        return AckermannCommand(min(max(speed / self.scale, -self.fastest), self.fastest), angle)
 
     def fastest_wheel(self, velocity: Velocity) -> float:
         """Return the speed of the driven axle, m/s."""
@@ -81,7 +81,7 @@ class Ackermann(msgspec.Struct, frozen=True):
 
     def forward(self, motion: Motion) -> Velocity:
         """Return the body velocity of a speed and a steering angle."""
-        assert isinstance(motion, Steering)
+        assert isinstance(motion, AckermannCommand)
         speed = motion.speed * self.scale
         return Velocity(Vector3(speed), speed * math.tan(motion.angle) / self.wheelbase)
 

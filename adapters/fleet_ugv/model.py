@@ -17,14 +17,14 @@ class Wheels(msgspec.Struct, frozen=True):
     right: float = 0.0
 
 
-class Steering(msgspec.Struct, frozen=True):
+class AckermannCommand(msgspec.Struct, frozen=True):
     """Speed of the rear axle, m/s, and the angle of the front wheels, rad, left positive."""
 
     speed: float = 0.0
     angle: float = 0.0
 
 
-Motion = Wheels | Steering
+Motion = Wheels | AckermannCommand
 
 
 class Feedback(msgspec.Struct, frozen=True):
@@ -49,10 +49,10 @@ class Confirmed(msgspec.Struct, frozen=True):
     """The board has confirmed its dead-man's time."""
 
 
-class Trouble(msgspec.Struct, frozen=True):
+class BaseFault(msgspec.Struct, frozen=True):
     """A fault reported by the base, in words."""
 
     text: str
 
 
-Event = Feedback | Confirmed | Trouble
+Event = Feedback | Confirmed | BaseFault

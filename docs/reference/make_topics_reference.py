@@ -15,7 +15,7 @@ from fleet.bus import keys
 from fleet.model.event import EventKind
 from fleet.wire.navigation import CONTROLS, MOST_LOOPS, MOST_WAYPOINTS, TASKS, WORLD_FRAMES
 from fleet.wire.parts import TELEMETRY
-from fleet.wire.rulebook import PROFILES, Change
+from fleet.wire.rulebook import PROFILES, RuleChange
 from fleet.wire.rules import CHANNEL_SUFFIXES, INWARD, KIB, MIB, RULES, Recipient, TopicForm, TopicRule
 from fleet.wire.stops import STOP_WORDS
 from fleet.wire.topic_rules import topic_name
@@ -267,7 +267,7 @@ def size(count: int) -> str:
     return f"{count // MIB} MiB" if count >= MIB else f"{count // KIB} KiB"
 
 
-def said_change(change: Change) -> str:
+def said_change(change: RuleChange) -> str:
     """Return what a profile changes of a topic."""
     if change.on is False:
         return "off"
@@ -291,9 +291,9 @@ def profiles() -> Iterator[str]:
     yield f"| bytes that may wait | {' | '.join(size(one.backlog) for one in PROFILES.values())} |"
 
 
-def _own(rule: TopicRule) -> Change:
+def _own(rule: TopicRule) -> RuleChange:
     """Return what the table says of a topic."""
-    return Change(rate=rule.max_rate, size=rule.size if rule.size > 64 * KIB else None)
+    return RuleChange(rate=rule.max_rate, size=rule.size if rule.size > 64 * KIB else None)
 
 
 def rate(hertz: float) -> str:

@@ -22,7 +22,7 @@ _DER = b"\x30"  # the first byte of every DER key
 _KEY_FIELDS, _PEOPLE_FIELD = ("key", "private_key"), "people"
 
 
-class Configuration(msgspec.Struct):
+class CollectedFiles(msgspec.Struct):
     """The files of the configuration, by their path below the folder of the fleet file.
 
     ``keys`` are private keys, and ``telling`` files with the value of a secret; only their names are here.
@@ -35,9 +35,9 @@ class Configuration(msgspec.Struct):
     left_out: list[str] = []
 
 
-def collect(file: Path, document: Document, config: Sections, masking: Masking) -> Configuration:
+def collect(file: Path, document: Document, config: Sections, masking: Masking) -> CollectedFiles:
     """Collect the fleet file, its includes, its drop-ins, and the named files beside it."""
-    found = Configuration()
+    found = CollectedFiles()
     for name, lines in document.lines.items():
         text = masking.config(lines)
         if inside := _inside(Path(name), file.parent, found):
@@ -87,7 +87,7 @@ def _is_private_key(content: bytes) -> bool:
     return True
 
 
-def _add(path: Path, folder: Path, found: Configuration, masking: Masking, *, is_key: bool) -> None:
+def _add(path: Path, folder: Path, found: CollectedFiles, masking: Masking, *, is_key: bool) -> None:
     """Add a file named in fleet.yaml; for private keys and files with secrets only the name."""
     try:
         if not path.is_file():
@@ -109,7 +109,7 @@ def _add(path: Path, folder: Path, found: Configuration, masking: Masking, *, is
         found.files[inside] = content
 
 
-def _inside(path: Path, folder: Path, found: Configuration) -> str:
+def _inside(path: Path, folder: Path, found: CollectedFiles) -> str:
     """Return a path relative to the folder of the fleet file; empty, and reported, if it is outside."""
     try:
         return path.resolve().relative_to(folder.resolve()).as_posix()

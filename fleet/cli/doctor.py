@@ -10,7 +10,7 @@ import msgspec
 
 from fleet.cli.output import ExitCode, Output, counted, with_output
 from fleet.doctor.examination import CONFIG, examine
-from fleet.doctor.finding import Finding, Verdict
+from fleet.doctor.finding import Finding, Rating
 
 
 @click.command()
@@ -41,7 +41,7 @@ def doctor(out: Output, file: Path, *, plugins: bool) -> ExitCode:
 
 def code_of(findings: list[Finding]) -> ExitCode:
     """Return the exit code for some findings."""
-    wrong = [each.check for each in findings if each.verdict is Verdict.ERROR]
+    wrong = [each.check for each in findings if each.verdict is Rating.ERROR]
     if CONFIG in wrong:
         return ExitCode.CONFIG_INVALID
     return ExitCode.RUNTIME_ERROR if wrong else ExitCode.OK
@@ -49,8 +49,8 @@ def code_of(findings: list[Finding]) -> ExitCode:
 
 def _summary(findings: list[Finding]) -> str:
     """Return the numbers of findings by verdict, on one line."""
-    numbers = {verdict: sum(each.verdict is verdict for each in findings) for verdict in Verdict}
+    numbers = {verdict: sum(each.verdict is verdict for each in findings) for verdict in Rating}
     return (
-        f"{counted(numbers[Verdict.ERROR], 'error')}, {counted(numbers[Verdict.WARNING], 'warning')}, "
-        f"{numbers[Verdict.UNKNOWN]} unknown, {numbers[Verdict.OK]} ok"
+        f"{counted(numbers[Rating.ERROR], 'error')}, {counted(numbers[Rating.WARNING], 'warning')}, "
+        f"{numbers[Rating.UNKNOWN]} unknown, {numbers[Rating.OK]} ok"
     )

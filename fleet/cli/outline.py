@@ -22,14 +22,14 @@ _ID_IN_TEXT = re.compile(
 )
 
 
-class Outline(msgspec.Struct, frozen=True):
+class EdgeOutline(msgspec.Struct, frozen=True):
     """Bus settings of a file's edge, as far as they are readable; ``problems`` lists the unreadable parts."""
 
     settings: BusSettings
     problems: tuple[str, ...] = ()
 
 
-def outline(file: str, environ: Mapping[str, str] = os.environ) -> Outline:
+def outline(file: str, environ: Mapping[str, str] = os.environ) -> EdgeOutline:
     """Read a file; never raises for its content. An edge without a readable id has an empty one."""
     path = Path(file)
     document = read_sections(path, environ, ("edge", "bus"))
@@ -50,7 +50,7 @@ def outline(file: str, environ: Mapping[str, str] = os.environ) -> Outline:
         user=user,
         password=password,
     )
-    return Outline(settings, tuple(problems))
+    return EdgeOutline(settings, tuple(problems))
 
 
 def _edge(data: Mapping[str, object], document: Document) -> str:

@@ -20,7 +20,7 @@ from fleet.runtime.event_loop import run
 
 if TYPE_CHECKING:
     from fleet.replay.played_edge import PlayedEdge
-    from fleet.replay.player import Window
+    from fleet.replay.player import PlayedWindow
     from fleet.replay.through import Replayed
 
 SHOWN = 20
@@ -64,16 +64,16 @@ def replay(
     if not is_installed():
         raise click.ClickException(EXTRA)
     if not through_adapters:
-        from fleet.replay.player import Window  # noqa: PLC0415 - its packages are an extra
+        from fleet.replay.player import PlayedWindow  # noqa: PLC0415 - its packages are an extra
 
-        window = Window(0.0 if math.isinf(start) else start, length, speed)
+        window = PlayedWindow(0.0 if math.isinf(start) else start, length, speed)
         return run(_play(out, recording, window))
     if file is None:
         raise click.UsageError("--through-adapters needs the fleet file of the robots: -f fleet.yaml")
     return _through(out, recording, file, names)
 
 
-async def _play(out: Output, recording: Path, window: Window) -> ExitCode:
+async def _play(out: Output, recording: Path, window: PlayedWindow) -> ExitCode:
     """Play until the end or a signal."""
     from fleet.replay.player import play, replay_directory  # noqa: PLC0415 - its packages are an extra
 

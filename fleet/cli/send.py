@@ -13,7 +13,7 @@ from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, together, with_output
 from fleet.cli.ps import for_programs
-from fleet.cli.together import Answers, CommonStart, at_option
+from fleet.cli.together import Answers, CommonStartRequest, at_option
 from fleet.client.edges import Edges
 from fleet.client.local_user import stamped
 from fleet.model.command import Reply, ReplyStatus
@@ -144,7 +144,7 @@ def ask_each(
             ]
         else:
             questions = [(robot, one["command"], one) for robot, one in zip(robots, made, strict=True)]
-            start = stack.enter_context(CommonStart(edges, questions, kind=kind, at=at))
+            start = stack.enter_context(CommonStartRequest(edges, questions, kind=kind, at=at))
             asked = _begun(out, start, wait=wait, within=within)
         with around(out, edges, robots) if wait else contextlib.nullcontext():
             last = [
@@ -156,7 +156,7 @@ def ask_each(
     return together(out, [(robot.name, code_of(reply)) for robot, reply in last])
 
 
-def _begun(out: Output, start: CommonStart, *, wait: bool, within: float) -> list[Answers]:
+def _begun(out: Output, start: CommonStartRequest, *, wait: bool, within: float) -> list[Answers]:
     """Start robots at one instant, or none; return the pending answers."""
     start.check_clocks()
     answers, problems = start.run(wait=wait, within=within)

@@ -33,7 +33,7 @@ from fleet.wire.stop_outcome import DONE, OPEN, SEEN_WITHIN, UNSEEN, stop_outcom
 LOOK = 0.2  # s between checks of the progress
 
 
-class StopTarget(msgspec.Struct, frozen=True):
+class RequestedStop(msgspec.Struct, frozen=True):
     """A stop: the robots (none: all), and the reason; ``request`` identifies it on all routes."""
 
     names: tuple[str, ...]
@@ -47,7 +47,7 @@ class StopAttempt:
     ``hit`` has edge and name of the stopped robots, ``problem`` the reason if the edge was not reached.
     """
 
-    def __init__(self, settings: BusSettings, directory: Path, asked: StopTarget) -> None:
+    def __init__(self, settings: BusSettings, directory: Path, asked: RequestedStop) -> None:
         self.settings = settings
         self.bus_session: ZenohSession | None = None
         self.hit: set[tuple[str, str]] = set()
@@ -85,7 +85,7 @@ class StopAttempt:
 class Supervisors:
     """A thread that sends a stop to the supervisors of one runtime folder; works while edges are away."""
 
-    def __init__(self, directory: Path, asked: StopTarget) -> None:
+    def __init__(self, directory: Path, asked: RequestedStop) -> None:
         self.answers: list[StopAnswer] = []
         self._directory = directory
         self._asked = asked
@@ -107,7 +107,7 @@ class StopEffort:
 
     def __init__(self, names: Iterable[str], reason: str = "") -> None:
         plain = tuple(name.rpartition("/")[2] for name in names)
-        self._asked = StopTarget(plain, reason, os.urandom(8).hex())
+        self._asked = RequestedStop(plain, reason, os.urandom(8).hex())
         self._attempts: list[StopAttempt] = []
         self._supervisors: list[Supervisors] = []
         self.problems: list[str] = []

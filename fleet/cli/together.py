@@ -78,7 +78,7 @@ at_option = click.option(
 )
 
 
-class CommonStart:
+class CommonStartRequest:
     """A start of several robots; as a context manager it cancels robots that have not begun."""
 
     def __init__(self, edges: Edges, asked: Sequence[Question], *, kind: str, at: float) -> None:

@@ -7,7 +7,7 @@ import msgspec
 from fleet.bus import keys
 from fleet.client.edges import Edges
 from fleet.missions.report import ControlAsk, Controlled, MissionState, RunState, StartAsk, Started
-from fleet.missions.results import Result
+from fleet.missions.results import RunFile
 from fleet.missions.store import RunLogEntry
 
 
@@ -36,8 +36,8 @@ def story(edges: Edges, edge: str, run: str) -> list[RunLogEntry]:
     return edges.one(keys.run(edge, run), list[RunLogEntry], ControlAsk("log"))
 
 
-def results(edges: Edges, edge: str, run: str) -> list[Result]:
+def results(edges: Edges, edge: str, run: str) -> list[RunFile]:
     """Return the results of a run, empty if there are none; the edge reads them from its disk."""
     asked = msgspec.json.encode(ControlAsk("results"))
-    found = edges.asked(keys.run(edge, run), list[Result], asked, by_person=True)
+    found = edges.asked(keys.run(edge, run), list[RunFile], asked, by_person=True)
     return [one for _, _, part in found for one in part]

@@ -16,7 +16,7 @@ from fleet.client.edges import Edges
 from fleet.client.local_user import local_user
 from fleet.errors import Refused, TimedOut, WireError
 from fleet.missions.report import ControlAsk, MissionState, RunState, StartAsk, Started
-from fleet.missions.results import Result
+from fleet.missions.results import RunFile
 from fleet.missions.store import RunLogEntry
 
 LOOK = 0.5  # s between polls of a run
@@ -84,7 +84,7 @@ class MissionRun:
         """Return its log, oldest line first; raises TimedOut."""
         return mission_requests.story(self._edges, self.edge, self.id)
 
-    def results(self) -> list[Result]:
+    def results(self) -> list[RunFile]:
         """Return its results so far: files on the disk of its edge."""
         return mission_requests.results(self._edges, self.edge, self.id)
 

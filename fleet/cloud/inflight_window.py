@@ -11,7 +11,7 @@ from fleet.cloud.packets import Protocol
 from fleet.cloud.publish import QueuedQos0, publish, publish_qos0
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudStats
 from fleet.runtime.exception_barrier import call_guarded
-from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.message import DeliveryOutcome, Outgoing
 
 logger = logging.getLogger(__name__)
 
@@ -27,9 +27,9 @@ _QOS0_SHARE = _BATCH // 2
 """Approximate share of QoS 0 in a write, in bytes: robot states stay current during a backlog."""
 
 _OUTCOMES = {
-    int(mqtt5.PubAckReasonCode.SUCCESS): Outcome.ACKED,
-    int(mqtt5.PubAckReasonCode.NO_MATCHING_SUBSCRIBERS): Outcome.HELD,
-    int(mqtt5.PubAckReasonCode.QUOTA_EXCEEDED): Outcome.HELD,
+    int(mqtt5.PubAckReasonCode.SUCCESS): DeliveryOutcome.ACKED,
+    int(mqtt5.PubAckReasonCode.NO_MATCHING_SUBSCRIBERS): DeliveryOutcome.HELD,
+    int(mqtt5.PubAckReasonCode.QUOTA_EXCEEDED): DeliveryOutcome.HELD,
 }
 """By reason code of PUBACK; any other code is a refusal.
 
@@ -49,7 +49,7 @@ class InflightWindow:
         self._most_qos = 2
         self._last_id = 0
         self._inflight: dict[int, Outgoing] = {}
-        self._outcomes: list[tuple[Outgoing, Outcome]] = []
+        self._outcomes: list[tuple[Outgoing, DeliveryOutcome]] = []
         self._timed: tuple[int, float] | None = None  # packet id and send time, for the round trip
         self._warned: set[str] = set()
 
@@ -137,7 +137,7 @@ class InflightWindow:
         """Handle PUBCOMP: the broker has a QoS 2 message, exactly once."""
         message = self._inflight.pop(packet.packet_id, None)
         if message is not None:
-            self._record(message, Outcome.ACKED)
+            self._record(message, DeliveryOutcome.ACKED)
 
     def _settle(self) -> None:
         """Pass the outcomes to the spool, many at once: each call takes its lock."""
@@ -159,7 +159,7 @@ class InflightWindow:
             data = self._checked(call_guarded(publish, message, identifier, now, self._protocol))
         except Exception as error:  # noqa: BLE001 - the other messages of its batch go on
             self._unsendable(message.topic, error)
-            self._record(message, Outcome.REFUSED)
+            self._record(message, DeliveryOutcome.REFUSED)
             return b""
         self._stats.sent += 1
         self._inflight[identifier] = message
@@ -173,7 +173,7 @@ class InflightWindow:
             data = self._checked(call_guarded(publish_qos0, message, now, self._protocol))
         except Exception as error:  # noqa: BLE001 - the other messages of its batch go on
             self._unsendable(message.route.topic, error)
-            self._stats.outcomes[Outcome.REFUSED] += 1
+            self._stats.outcomes[DeliveryOutcome.REFUSED] += 1
             return b""
         self._stats.sent += 1
         return data
@@ -191,7 +191,7 @@ class InflightWindow:
     def _refused(self, message: Outgoing, why: str) -> None:
         """Handle a message that the broker refuses."""
         self._warn(why, "the broker refuses a message to %s: %s", message.topic, why)
-        self._record(message, Outcome.REFUSED)
+        self._record(message, DeliveryOutcome.REFUSED)
 
     def _warn(self, reason: str, text: str, *values: object) -> None:
         """Warn of the first refusal with a reason in this session; later ones are logged at debug level."""
@@ -199,7 +199,7 @@ class InflightWindow:
         self._warned.add(reason)
         logger.log(level, text, *values)
 
-    def _record(self, message: Outgoing, outcome: Outcome) -> None:
+    def _record(self, message: Outgoing, outcome: DeliveryOutcome) -> None:
         """Record the outcome of a message; a held message will be sent again."""
         self._stats.outcomes[outcome] += 1
         self._outcomes.append((message, outcome))

@@ -8,7 +8,7 @@ from typing import Literal
 
 import msgspec
 
-from fleet.spool.message import Outcome
+from fleet.spool.message import DeliveryOutcome
 
 PAYLOAD_LIMIT = 32 * 1024 * 1024
 """Largest MQTT packet, in bytes, of Cyberwave's broker; also the largest that is accepted."""
@@ -103,23 +103,23 @@ class CloudStats:
         self.sent = 0
         self.inflight = 0
         self.rtt: float | None = None
-        self.outcomes = dict.fromkeys(Outcome, 0)
+        self.outcomes = dict.fromkeys(DeliveryOutcome, 0)
         self.outbox: Callable[[], QueueStats] = QueueStats
 
     @property
     def acked(self) -> int:
         """Messages that the broker has acknowledged."""
-        return self.outcomes[Outcome.ACKED]
+        return self.outcomes[DeliveryOutcome.ACKED]
 
     @property
     def refused(self) -> int:
         """Messages that the broker has refused."""
-        return self.outcomes[Outcome.REFUSED]
+        return self.outcomes[DeliveryOutcome.REFUSED]
 
     @property
     def held(self) -> int:
         """Messages that were returned to the queue, to be sent again; counted each time."""
-        return self.outcomes[Outcome.HELD]
+        return self.outcomes[DeliveryOutcome.HELD]
 
     @property
     def queued(self) -> int:

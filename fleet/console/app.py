@@ -32,7 +32,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from fleet.console.exports import Window
+from fleet.console.exports import ExportWindow
 from fleet.console.files import PageFile, page_files
 from fleet.console.guard import FOXGLOVE, LONGEST_BODY, Guard, Served
 from fleet.console.hub import MOST_TABS, Hub
@@ -40,7 +40,7 @@ from fleet.console.login import Login, LoginRefused
 from fleet.console.passwords import LONGEST as LONGEST_PASSWORD
 from fleet.console.people import LONGEST_NAME
 from fleet.console.requests import read_stop
-from fleet.console.sessions import Opened, Operator, Session, Sessions
+from fleet.console.sessions import ConsoleUser, Opened, Session, Sessions
 from fleet.console.stops import StopTarget
 from fleet.console.tab import Tab
 from fleet.errors import Refused, WireError
@@ -136,7 +136,7 @@ class _App:
         proof = shown[-1] if PROTOCOL in shown[:-1] else connection.headers.get(PROOF, "")
         return self._sessions.session_of(connection.cookies, proof)
 
-    def _operator(self, connection: HTTPConnection) -> Operator | None:
+    def _operator(self, connection: HTTPConnection) -> ConsoleUser | None:
         """Return the operator of a request's session."""
         session = self._shown(connection)
         return session.operator if session is not None else None
@@ -256,7 +256,7 @@ class _App:
             return self._unauthorized()
         async with contextlib.AsyncExitStack() as stack:
             try:
-                window = decode_json(await _body(request), Window)
+                window = decode_json(await _body(request), ExportWindow)
                 export = await stack.enter_async_context(self._hub.exports.export(window, operator))
             except (msgspec.DecodeError, WireError) as error:
                 return _json({"error": f"the window cannot be read: {error}"}, 400)
@@ -310,6 +310,6 @@ def _json(told: object, status: int = 200) -> Response:
     return Response(msgspec.json.encode(told), status, media_type="application/json")
 
 
-def _operator_fields(operator: Operator) -> dict[str, str]:
+def _operator_fields(operator: ConsoleUser) -> dict[str, str]:
     """Return an operator for the page."""
     return {"operator": operator.name, "permission": operator.permission.word}

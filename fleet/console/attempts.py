@@ -11,16 +11,16 @@ FORGET = 900.0  # s without a failure after which the count of a key restarts
 MOST = 4096  # keys; a new one replaces the one with the oldest last failure
 
 
-class Limit(msgspec.Struct, frozen=True):
+class AttemptLimit(msgspec.Struct, frozen=True):
     """``free`` failures have no delay; each further one doubles it, up to ``longest`` seconds."""
 
     free: int
     longest: float
 
 
-BY_NAME = Limit(5, 60.0)
+BY_NAME = AttemptLimit(5, 60.0)
 """Short: otherwise anyone who knows a name could keep its owner, who may need to stop robots, locked out."""
-BY_ADDRESS = Limit(10, 900.0)
+BY_ADDRESS = AttemptLimit(10, 900.0)
 
 
 class _Failures(msgspec.Struct):
@@ -34,7 +34,7 @@ class _Failures(msgspec.Struct):
 class Attempts:
     """Failed tries by key. ``now`` is always monotonic seconds."""
 
-    def __init__(self, limit: Limit) -> None:
+    def __init__(self, limit: AttemptLimit) -> None:
         self._limit = limit
         self._failures: OrderedDict[str, _Failures] = OrderedDict()
 

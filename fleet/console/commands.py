@@ -18,7 +18,7 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.console.fleet_view import FleetView, id_of
 from fleet.console.requests import CommandAsked, GotoAsked, ReleaseAsked
-from fleet.console.sessions import Operator
+from fleet.console.sessions import ConsoleUser
 from fleet.errors import CommandError, FleetError, Refused
 from fleet.history.event_filter import MOST, EventFilter, newest
 from fleet.history.record import Record
@@ -73,7 +73,7 @@ def _hand_over(
 
 
 async def send(
-    prepared: Prepared, bus_session: ZenohSession, operator: Operator, clock: Clock
+    prepared: Prepared, bus_session: ZenohSession, operator: ConsoleUser, clock: Clock
 ) -> AsyncIterator[Reply]:
     """Send a command to a robot; yield its receipt and outcome, or one timeout without an answer."""
     robot, kind, message = prepared

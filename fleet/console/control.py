@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from fleet.console.fleet_view import FleetView
 from fleet.console.requests import ControlAsked, GiveAsked
-from fleet.console.sessions import Operator
+from fleet.console.sessions import ConsoleUser
 from fleet.errors import Refused
 
 
-def asked(asked: ControlAsked, view: FleetView, operator: Operator, now: float) -> dict[str, object]:
+def asked(asked: ControlAsked, view: FleetView, operator: ConsoleUser, now: float) -> dict[str, object]:
     """Return the request for pages, made at ``now`` (Unix s); raises Refused without a holder."""
     state = view.states.get(asked.robot)
     if state is None:
@@ -28,7 +28,7 @@ def asked(asked: ControlAsked, view: FleetView, operator: Operator, now: float) 
     return told | {"at": now}
 
 
-def answered(asked: GiveAsked, view: FleetView, operator: Operator) -> dict[str, object]:
+def answered(asked: GiveAsked, view: FleetView, operator: ConsoleUser) -> dict[str, object]:
     """Return the request with its answer; raises Refused for an operator who was not asked."""
     found: dict[str, object] | None = view.get("requests", asked.robot)
     if found is None or found["holder"] != operator.name or found["answer"]:

@@ -19,7 +19,7 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.console.requests import DriveAsked
-from fleet.console.sessions import Operator
+from fleet.console.sessions import ConsoleUser
 from fleet.model.command import Reply, ReplyStatus
 from fleet.runtime.decoding import decode_json
 
@@ -33,7 +33,11 @@ class Driving:
     """Velocities of one page. ``session_to`` finds the session to an edge, ``told`` receives each answer."""
 
     def __init__(
-        self, operator: Operator, session_to: Callable[[str], ZenohSession | None], clock: Clock, told: Told
+        self,
+        operator: ConsoleUser,
+        session_to: Callable[[str], ZenohSession | None],
+        clock: Clock,
+        told: Told,
     ) -> None:
         self._operator = operator
         self._session_to = session_to

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from fleet.console.sessions import Operator
+from fleet.console.sessions import ConsoleUser
 from fleet.errors import Refused
 from fleet.model.permission import Permission
 from fleet.record.child import EXTRA, is_installed
@@ -30,7 +30,7 @@ BLOCK = 64 * 1024  # bytes
 COMMAND = (sys.executable, "-P", "-m", "fleet.record.export_program")
 
 
-class Window(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ExportWindow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Request for the messages received from ``since`` until before ``until``, Unix s."""
 
     since: float
@@ -71,7 +71,7 @@ class Exports:
         self._is_busy = False
 
     @contextlib.asynccontextmanager
-    async def export(self, window: Window, operator: Operator) -> AsyncIterator[Export]:
+    async def export(self, window: ExportWindow, operator: ConsoleUser) -> AsyncIterator[Export]:
         """Export a window while the context lasts, its file in blocks; raises Refused."""
         if why := operator.permission.refusal(NEEDED):
             raise Refused(why)

@@ -18,7 +18,7 @@ from fleet.console.exports import Exports
 from fleet.console.fleet_view import FleetView
 from fleet.console.foxglove.feed import Feed
 from fleet.console.past import Pasts
-from fleet.console.sessions import Operator
+from fleet.console.sessions import ConsoleUser
 from fleet.console.stops import Stops, StopTarget
 from fleet.console.tab import Tab
 from fleet.console.task import ConsoleTask
@@ -95,7 +95,7 @@ class Hub:
         return self._news[version]
 
     def stop(
-        self, target: StopTarget, operator: Operator, why: str, request: str
+        self, target: StopTarget, operator: ConsoleUser, why: str, request: str
     ) -> Coroutine[Any, Any, dict[str, Any]]:
         """Stop robots on behalf of an operator."""
         return self._stops.ask(target, operator.name, why, request)

@@ -16,7 +16,7 @@ from fleet.console.attempts import BY_ADDRESS, BY_NAME, Attempts, address_key
 from fleet.console.login_history import LoginHistory
 from fleet.console.passwords import verify_password
 from fleet.console.people import People, Person
-from fleet.console.sessions import BY_LOGIN, Opened, Operator, Sessions
+from fleet.console.sessions import BY_LOGIN, ConsoleUser, Opened, Sessions
 
 MOST_WAITING = 8  # logins that wait for their verification; further ones must retry
 WRONG = "the name or the password is wrong"
@@ -74,7 +74,7 @@ class Login:
         if person is not None and right and self._people.knows(person):
             self._names.clear(name)
             self._history.came_in(name, address)
-            return self.sessions.begin(Operator(name, person.allowed), self._knows(person))
+            return self.sessions.begin(ConsoleUser(name, person.allowed), self._knows(person))
         now = self._clock.monotonic()
         wait = max(self._names.fail(name, now), self._addresses.fail(address_key(address), now))
         self._history.failed(name if person is not None else "", address, wait)

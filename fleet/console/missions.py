@@ -13,7 +13,7 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.console.requests import MissionAsked, RehearseAsked, RunAsked
-from fleet.console.sessions import Operator
+from fleet.console.sessions import ConsoleUser
 from fleet.errors import Refused, TimedOut
 from fleet.missions.rehearsal import RehearsalAsk, RehearsalState
 from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started
@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 
 def start(
-    asked: MissionAsked, bus_sessions: Iterable[ZenohSession], operator: Operator, clock: Clock
+    asked: MissionAsked, bus_sessions: Iterable[ZenohSession], operator: ConsoleUser, clock: Clock
 ) -> dict[str, object]:
     """Start a mission; return the answer for the page. Raises Refused, TimedOut. Blocks."""
     wanted = StartAsk(inputs=asked.inputs, session_id=operator.name, timestamp=clock.time())
@@ -39,7 +39,7 @@ def start(
 
 
 async def rehearse(
-    asked: RehearseAsked, bus_sessions: Sequence[ZenohSession], operator: Operator
+    asked: RehearseAsked, bus_sessions: Sequence[ZenohSession], operator: ConsoleUser
 ) -> AsyncIterator[RehearsalState]:
     """Rehearse a mission; yield its progress, the last one with its result. Raises Refused, TimedOut.
 
@@ -58,7 +58,7 @@ async def rehearse(
 
 
 async def _state(
-    key: str, wanted: msgspec.Struct, bus_sessions: Sequence[ZenohSession], operator: Operator, do: str
+    key: str, wanted: msgspec.Struct, bus_sessions: Sequence[ZenohSession], operator: ConsoleUser, do: str
 ) -> RehearsalState:
     """Poll a rehearsal; raises Refused, TimedOut."""
     ask = partial(_ask, key, wanted, RehearsalState, bus_sessions, operator, parameters={"do": do})
@@ -68,7 +68,9 @@ async def _state(
     return state
 
 
-def control(asked: RunAsked, bus_sessions: Iterable[ZenohSession], operator: Operator) -> dict[str, object]:
+def control(
+    asked: RunAsked, bus_sessions: Iterable[ZenohSession], operator: ConsoleUser
+) -> dict[str, object]:
     """Control a run; return the answer for the page. Raises Refused, TimedOut. Blocks."""
     wanted = ControlAsk(asked.do, asked.question, asked.goes_on, operator.name)
     controlled = _ask(keys.run(asked.edge, asked.run), wanted, Controlled, bus_sessions, operator)
@@ -82,7 +84,7 @@ def _ask(
     wanted: msgspec.Struct,
     kind: type[T],
     bus_sessions: Iterable[ZenohSession],
-    operator: Operator,
+    operator: ConsoleUser,
     *,
     parameters: Mapping[str, str] | None = None,
 ) -> T:

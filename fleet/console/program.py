@@ -23,7 +23,7 @@ from fleet.console.hub import Hub
 from fleet.console.links import ConsoleError, LinkAsked, serve_links
 from fleet.console.login_server import LoginServer
 from fleet.console.server import Server, server_config
-from fleet.console.sessions import Operator, Sessions
+from fleet.console.sessions import ConsoleUser, Sessions
 from fleet.console.task import ConsoleTask, link_socket
 from fleet.errors import FleetError
 from fleet.host.logs.setup import LogSettings, start_logging
@@ -47,7 +47,7 @@ async def serve(task: ConsoleTask, directory: Path, ended: asyncio.Event) -> Non
     def make_link(asked: LinkAsked) -> str:
         if asked.to == "foxglove":
             return f"ws://{HOST}:{port}{FOXGLOVE}{hub.foxglove.tokens.new()}"
-        token = sessions.new_link(Operator(asked.operator, asked.permission))
+        token = sessions.new_link(ConsoleUser(asked.operator, asked.permission))
         return f"http://{HOST}:{port}/#token={token}"
 
     server = Server(server_config(make_app(hub, sessions)))

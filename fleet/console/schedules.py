@@ -9,7 +9,7 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.console.requests import ScheduleChange
-from fleet.console.sessions import Operator
+from fleet.console.sessions import ConsoleUser
 from fleet.errors import Refused, TimedOut
 from fleet.model.schedule import ScheduleAnswer, ScheduleAsked, ScheduleState
 from fleet.runtime.decoding import decode_json
@@ -18,7 +18,7 @@ ANSWER_WITHIN = 15.0  # s for an edge to start a mission: its robots join the ru
 
 
 def change(
-    asked: ScheduleChange, bus_sessions: Iterable[ZenohSession], operator: Operator
+    asked: ScheduleChange, bus_sessions: Iterable[ZenohSession], operator: ConsoleUser
 ) -> tuple[ScheduleState, ...]:
     """Change a schedule; return the new states of the edge's schedules. Raises Refused, TimedOut. Blocks."""
     key, wanted = keys.schedules(asked.edge), ScheduleAsked(asked.do, asked.name, operator.name)

@@ -17,7 +17,7 @@ from fleet.console.requests import SeriesAsked
 from fleet.errors import Refused
 
 if TYPE_CHECKING:
-    from fleet.record.chunks import Channel  # its packages are an extra
+    from fleet.record.chunks import RecordedTopic  # its packages are an extra
     from fleet.record.reading import ReadMessage
     from fleet.record.window import Window
 
@@ -91,7 +91,7 @@ class _Found:
         self._samples: Counter[str] = Counter()
         self._unreadable: Counter[str] = Counter()
 
-    def wants(self, channel: Channel) -> bool:
+    def wants(self, channel: RecordedTopic) -> bool:
         """Return True if more messages of a channel are needed."""
         source = recorded_source(channel.topic, channel.schema)
         return source in self._sources or (bool(source) and self._samples[channel.topic] < SAMPLES)

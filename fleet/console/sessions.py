@@ -20,7 +20,7 @@ MOST_OF_ONE = 16  # sessions of one person; a new one replaces the oldest
 _BYTES = 32  # of randomness in a token
 
 
-class Operator(msgspec.Struct, frozen=True):
+class ConsoleUser(msgspec.Struct, frozen=True):
     """A person at the console, by the name that robots and the history record."""
 
     name: str
@@ -30,7 +30,7 @@ class Operator(msgspec.Struct, frozen=True):
 class _Link(msgspec.Struct, frozen=True):
     """An unused link."""
 
-    operator: Operator
+    operator: ConsoleUser
     until: float
 
 
@@ -60,7 +60,7 @@ def _always() -> bool:
 class Session(msgspec.Struct, eq=False):
     """A session of one browser; ``key`` and ``proof`` are digests. It ends when ``holds`` returns False."""
 
-    operator: Operator
+    operator: ConsoleUser
     key: bytes
     proof: bytes
     until: float
@@ -84,7 +84,7 @@ class Sessions:
         self.instance = secrets.token_hex(8)
         self.cookie = f"{prefix}fleet_console_{self.instance}"
 
-    def new_link(self, operator: Operator) -> str:
+    def new_link(self, operator: ConsoleUser) -> str:
         """Return a token that opens one session for this operator, once and within LINK_LIFE."""
         now = self._clock.monotonic()
         self._links = {key: link for key, link in self._links.items() if link.until > now}
@@ -101,7 +101,7 @@ class Sessions:
             return None
         return self.begin(link.operator)
 
-    def begin(self, operator: Operator, holds: Callable[[], bool] = _always) -> Opened:
+    def begin(self, operator: ConsoleUser, holds: Callable[[], bool] = _always) -> Opened:
         """Return a new session of an authenticated operator; it ends when ``holds`` returns False."""
         now = self._clock.monotonic()
         self._sessions = {key: each for key, each in self._sessions.items() if self._lasts(each, now)}
@@ -125,7 +125,7 @@ class Sessions:
             return None
         return session
 
-    def operator_of(self, cookies: Mapping[str, str], proof: str) -> Operator | None:
+    def operator_of(self, cookies: Mapping[str, str], proof: str) -> ConsoleUser | None:
         """Return the operator of a request's session, None without one."""
         session = self.session_of(cookies, proof)
         return session.operator if session is not None else None

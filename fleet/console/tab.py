@@ -33,7 +33,7 @@ from fleet.console.requests import (
     needed_for,
     read_asked,
 )
-from fleet.console.sessions import Operator
+from fleet.console.sessions import ConsoleUser
 from fleet.console.stops import StopTarget
 from fleet.errors import FleetError, Refused, WireError
 from fleet.model.command import Reply, ReplyStatus
@@ -55,7 +55,7 @@ Call = Callable[[Any], Awaitable[None]]
 class Tab:
     """One page of an operator. ``watched`` is the robot that it shows in detail, empty for none."""
 
-    def __init__(self, socket: WebSocket, hub: Hub, operator: Operator) -> None:
+    def __init__(self, socket: WebSocket, hub: Hub, operator: ConsoleUser) -> None:
         self.watched = ""
         self._socket = socket
         self._hub = hub
@@ -234,7 +234,7 @@ class Tab:
         await self._tell(asked.request, "", {"status": "accepted", "done": True})
 
 
-def _hello(operator: Operator) -> bytes:
+def _hello(operator: ConsoleUser) -> bytes:
     """Return the first message to a page."""
     told = {
         "type": "hello",

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import msgspec
 
 
-class Verdict(enum.Enum):
+class Rating(enum.Enum):
     """Severity; ``UNKNOWN``: it cannot be determined from here."""
 
     OK = "ok"
@@ -17,36 +17,36 @@ class Verdict(enum.Enum):
     ERROR = "error"  # the edge, a robot or the cloud will not work
 
 
-_ORDER = list(Verdict)
+_ORDER = list(Rating)
 
 
 class Finding(msgspec.Struct, frozen=True):
     """One line of the report. ``cure`` is empty if there is nothing to do."""
 
     check: str
-    verdict: Verdict
+    verdict: Rating
     found: str
     cure: str = ""
 
 
 def ok(check: str, found: str) -> Finding:
     """Return a finding without trouble."""
-    return Finding(check, Verdict.OK, found)
+    return Finding(check, Rating.OK, found)
 
 
 def unknown(check: str, found: str, cure: str = "") -> Finding:
     """Return a finding that could not be determined, with the reason."""
-    return Finding(check, Verdict.UNKNOWN, found, cure)
+    return Finding(check, Rating.UNKNOWN, found, cure)
 
 
 def warning(check: str, found: str, cure: str) -> Finding:
     """Return a finding that needs a person's attention."""
-    return Finding(check, Verdict.WARNING, found, cure)
+    return Finding(check, Rating.WARNING, found, cure)
 
 
 def error(check: str, found: str, cure: str) -> Finding:
     """Return a finding that prevents operation."""
-    return Finding(check, Verdict.ERROR, found, cure)
+    return Finding(check, Rating.ERROR, found, cure)
 
 
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:

@@ -20,17 +20,17 @@ _FIGURE = re.compile(r"\d+(?:\.\d+)?(?= ?(?:%|(?:s|ms|min|h|m|V)\b))")
 _DEVICE = re.compile(r"(?<=[a-zA-Z])\d+(?=$|[:@,?\s])")
 
 
-class Part(NamedTuple):
+class CauseParts(NamedTuple):
     """A cause in two parts: ``link`` is the link or worker that it names, ``why`` the rest."""
 
     link: str
     why: str
 
 
-def parted(cause: str) -> Part:
+def parted(cause: str) -> CauseParts:
     """Split a cause into link or worker (``serial:/dev/ttyUSB3``, ``worker arms``), and the rest."""
     found = _LINK.fullmatch(cause) or _WORKER.fullmatch(cause)
-    return Part(found[1], found[2]) if found else Part("", cause)
+    return CauseParts(found[1], found[2]) if found else CauseParts("", cause)
 
 
 def folded(text: str) -> str:
@@ -74,7 +74,7 @@ def troubles_of(
     ``services`` are the healths of the edge's own services; they and the robots are noted in ``onsets``.
     ``links`` has the link of each robot in fleet.yaml.
     """
-    groups: dict[tuple[str, str, str], list[tuple[RobotState, Part]]] = {}
+    groups: dict[tuple[str, str, str], list[tuple[RobotState, CauseParts]]] = {}
     for state in states:
         if state.health != Level.OK.word:
             part = _with_link(parted(state.cause), links.get(state.name, ""))
@@ -95,9 +95,9 @@ def troubles_of(
     return tuple(sorted(found[:LISTED], key=lambda each: each.since)), len(found[LISTED:])
 
 
-def _with_link(part: Part, configured: str) -> Part:
+def _with_link(part: CauseParts, configured: str) -> CauseParts:
     """Complete a part with the link in fleet.yaml, if the cause names none."""
-    return part if part.link or not configured else Part(configured, part.why)
+    return part if part.link or not configured else CauseParts(configured, part.why)
 
 
 def without_name(text: str, name: str) -> str:
@@ -105,7 +105,7 @@ def without_name(text: str, name: str) -> str:
     return re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", "ROBOT", text)
 
 
-def _trouble(level: str, group: Sequence[tuple[RobotState, Part]], onsets: Onsets) -> Trouble:
+def _trouble(level: str, group: Sequence[tuple[RobotState, CauseParts]], onsets: Onsets) -> Trouble:
     """Return the robots of one cause as one trouble."""
     states = [state for state, _ in group]
     kinds = {state.adapter for state in states}

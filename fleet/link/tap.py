@@ -60,7 +60,7 @@ class LinkFrames(msgspec.Struct, frozen=True, omit_defaults=True):
     dropped: int = 0
 
 
-class Note(Protocol):
+class TapCallback(Protocol):
     """Takes a copy of a frame, from any thread; never raises."""
 
     def __call__(
@@ -77,7 +77,7 @@ class LinkTap:
     def __init__(self, robot: str = "", link: str = "") -> None:
         self.robot = robot
         self.link = link
-        self.note: Note | None = None
+        self.note: TapCallback | None = None
         self.redactions: dict[Direction, Redaction] = {}
 
 

@@ -10,8 +10,8 @@ from fleet.missions.state import (
     EmergencyStop,
     Ended,
     Head,
-    Outcome,
     Part,
+    PartOutcome,
     Phase,
     RunOutcome,
     UndoableStep,
@@ -39,7 +39,7 @@ class Ending:
             if robots:
                 self._robots.effects.append(EmergencyStop(robots, reason))
             for robot in robots:
-                self._robots.lose(robot, Outcome.STOPPED, reason, now)
+                self._robots.lose(robot, PartOutcome.STOPPED, reason, now)
         else:
             self._halt_all(now)
         undo = undoes and self._program.on_failure == "undo"
@@ -66,7 +66,7 @@ class Ending:
         self._leave_off(RunOutcome.ABORTED, f"emergency stop: {reason}", now)
         for part in self._robots.active("undo", "abort", "secure"):
             if not self._robots.comes_down(part.robot):
-                self._robots.end(part, Outcome.SKIPPED, "the run was stopped", now)
+                self._robots.end(part, PartOutcome.SKIPPED, "the run was stopped", now)
         self._enter(Phase.ENDING)
         self._halt_all(now)
         self.look(now)
@@ -82,17 +82,17 @@ class Ending:
 
     def ended(self, part: Part, now: float) -> None:
         """Handle the end of a part during the ending."""
-        if part.kind == "undo" and part.outcome is not Outcome.DONE and self._head.phase is Phase.UNDOING:
+        if part.kind == "undo" and part.outcome is not PartOutcome.DONE and self._head.phase is Phase.UNDOING:
             self._head.target = RunOutcome.UNDO_FAILED
             self._head.reason += f"; {part.robot} could not undo {part.step}: {part.reason}"
             for each in self._robots.active("undo"):
                 if not self._robots.comes_down(each.robot):
-                    self._robots.end(each, Outcome.SKIPPED, "the undo of another robot failed", now)
+                    self._robots.end(each, PartOutcome.SKIPPED, "the undo of another robot failed", now)
             self._halt_all(now)
             self._enter(Phase.ENDING)
-        elif part.kind in ("abort", "secure", "do") and part.outcome is not Outcome.DONE:
+        elif part.kind in ("abort", "secure", "do") and part.outcome is not PartOutcome.DONE:
             self._robots.halt(part.step, part.robot, now)
-        elif part.kind == "halt" and part.outcome is not Outcome.DONE and self._head.target is not None:
+        elif part.kind == "halt" and part.outcome is not PartOutcome.DONE and self._head.target is not None:
             self._head.reason += f"; {part.robot} was not seen to stand still: {part.reason}"
         self.look(now)
 
@@ -114,15 +114,15 @@ class Ending:
         if self._head.phase is Phase.ENDED:
             return
         for part in self._robots.active():
-            self._robots.end(part, Outcome.UNKNOWN, "the run ended", part.began)
+            self._robots.end(part, PartOutcome.UNKNOWN, "the run ended", part.began)
         for member in self._robots.within():
             unseen = _unseen(self._robots, member.robot)
             if not outcome.value.startswith("completed"):
-                member.outcome = Outcome.SKIPPED
+                member.outcome = PartOutcome.SKIPPED
             elif not unseen:
-                member.outcome = Outcome.DONE
+                member.outcome = PartOutcome.DONE
             else:  # the run continued at a person's word, without knowledge of the robot
-                member.outcome, member.reason = Outcome.UNKNOWN, f"nobody saw how step {unseen} ended"
+                member.outcome, member.reason = PartOutcome.UNKNOWN, f"nobody saw how step {unseen} ended"
                 outcome = RunOutcome.WITH_LOSSES
             self._robots.touched[f"member {member.robot}"] = member
         self._head.question = None
@@ -150,7 +150,7 @@ class Ending:
         self._robots.note(f"The run is to end as {target}: {reason}", step=self._step)
         for part in self._robots.active("do"):
             if not self._robots.comes_down(part.robot):
-                self._robots.end(part, Outcome.SKIPPED, "the run left off", now)
+                self._robots.end(part, PartOutcome.SKIPPED, "the run left off", now)
 
     def _halt_all(self, now: float) -> None:
         """Halt every robot of ours, except those that are being made safe."""
@@ -174,4 +174,4 @@ def _unseen(robots: RunRobots, robot: str) -> str:
     """Return a robot's last step if its outcome is unknown; else empty."""
     parts = [part for part in robots.parts.values() if part.robot == robot and part.kind == "do"]
     newest = max(parts, key=lambda part: part.began, default=None)
-    return newest.step if newest is not None and newest.outcome is Outcome.UNKNOWN else ""
+    return newest.step if newest is not None and newest.outcome is PartOutcome.UNKNOWN else ""

@@ -27,8 +27,8 @@ from fleet.missions.state import (
     Member,
     NotStarted,
     Occupied,
-    Outcome,
     Part,
+    PartOutcome,
     Pause,
     Phase,
     Prepared,
@@ -40,9 +40,9 @@ from fleet.missions.state import (
     StopAll,
     Tick,
 )
-from fleet.missions.steps import Steps
+from fleet.missions.steps import StepRunner
 
-RETRIED = frozenset({Outcome.FAILED, Outcome.REFUSED})
+RETRIED = frozenset({PartOutcome.FAILED, PartOutcome.REFUSED})
 
 
 class Engine:
@@ -62,7 +62,7 @@ class Engine:
         self.robots = RunRobots(run, members, parts)
         self.seen = Seen()
         self.ending = Ending(program, self.head, self.robots)
-        self.steps = Steps(program, self.head, self.robots, self.seen, self.ending)
+        self.steps = StepRunner(program, self.head, self.robots, self.seen, self.ending)
         self.pausing = Pausing(program, self.head, self.robots, self.seen, self.steps)
         self._handlers: Mapping[type, Callable[..., None]] = {
             Start: self._start,
@@ -147,7 +147,7 @@ class Engine:
             self.ending.ended(part, self._now)
         elif again and current:
             self.robots.begin(part.step, part.robot, part.act, "do", self._now, attempt=part.attempt + 1)
-        elif event.outcome is not Outcome.DONE:
+        elif event.outcome is not PartOutcome.DONE:
             self.steps.losses.lose(part.robot, event.outcome, event.reason)
         self.steps.look()
 
@@ -164,7 +164,7 @@ class Engine:
         """End the run; robots that are not stopped yet are halted, and nothing is undone."""
         for robot in event.robots:
             if robot in self.robots.members:
-                self.robots.lose(robot, Outcome.STOPPED, event.reason, self._now)
+                self.robots.lose(robot, PartOutcome.STOPPED, event.reason, self._now)
         self.ending.stopped(event.reason, self._now)
 
     def _answer(self, event: Answer) -> None:
@@ -215,11 +215,11 @@ class Engine:
             paused = self.head.phase is Phase.PAUSED and part.kind == "do"
             if self._now < part.until or paused or not part.inflight:
                 continue
-            late = Outcome.UNKNOWN if part.kind == "halt" else Outcome.LATE
+            late = PartOutcome.UNKNOWN if part.kind == "halt" else PartOutcome.LATE
             reason = f"not seen done within {part.act.timeout:g} s; seen: {self.seen.words(part.robot)}"
             self.robots.end(part, late, reason, self._now)
             if part.kind == "do" and self.head.phase in GOING_ON:
-                self.steps.losses.lose(part.robot, Outcome.LATE, reason)
+                self.steps.losses.lose(part.robot, PartOutcome.LATE, reason)
             else:
                 self.ending.ended(part, self._now)
 
@@ -229,7 +229,7 @@ class Engine:
         for part in cut_off:
             seen = self.seen.words(part.robot)
             reason = f"the edge restarted meanwhile; seen: {seen}"
-            self.robots.end(part, Outcome.UNKNOWN, reason, self._now)
+            self.robots.end(part, PartOutcome.UNKNOWN, reason, self._now)
         self.robots.note(
             "The edge restarted; the outcome of active commands is unknown", step=self.steps.name
         )

@@ -14,7 +14,7 @@ from fleet.missions.plan import plan_needs
 from fleet.missions.program import Act, Do, Program, RoleNeed
 from fleet.missions.rehearsal import Point
 from fleet.missions.report import MissionState, StartAsk
-from fleet.missions.roles import Candidate, filled, is_meant, runs_in_the_way, spare_of, spares
+from fleet.missions.roles import RoleCandidate, filled, is_meant, runs_in_the_way, spare_of, spares
 from fleet.missions.run import Run
 from fleet.missions.state import Member
 
@@ -30,7 +30,7 @@ class Filling:
 
     def __init__(
         self,
-        candidates: Callable[[], list[Candidate]],
+        candidates: Callable[[], list[RoleCandidate]],
         runs: Callable[[], Iterable[Run]],
         is_full: Callable[[str], bool],
         ended: Container[str] = (),
@@ -94,7 +94,7 @@ class Filling:
         meant = {each.name for each in self._candidates() if any(is_meant(each, role) for role in asked)}
         return meant - taken
 
-    def _free(self, run: str) -> list[Candidate]:
+    def _free(self, run: str) -> list[RoleCandidate]:
         """Return all robots as candidates; robots that have joined ``run`` already count as free.
 
         After a restart, robots belong to the resumed runs before their own states say so. The state of a

@@ -25,7 +25,7 @@ class _Request:
         self.told: list[RefusalCallback] = []
 
 
-class Holding:
+class RequestedHolds:
     """Tracks the answers of the robots of one run; ``take`` reports a robot that refuses to the run."""
 
     def __init__(self, take: Callable[[Pause], None], clock: Clock) -> None:

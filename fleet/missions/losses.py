@@ -12,13 +12,13 @@ from fleet.missions.ending import Ending
 from fleet.missions.inner import InnerMissions
 from fleet.missions.program import Act, Do, Enter, Program
 from fleet.missions.run_robots import RunRobots
-from fleet.missions.state import GOING_ON, Head, Outcome, Phase, Question, instruction_of, step_name
+from fleet.missions.state import GOING_ON, Head, PartOutcome, Phase, Question, instruction_of, step_name
 
 ANSWERED_WITHIN = 600.0  # s for questions of the engine itself
 Then = Literal["continue", "wait", "fail"]
 
 
-class Losses:
+class RobotLosses:
     """Handles the losses of one run; ``now`` is the time of the event, ``look`` checks the step."""
 
     def __init__(
@@ -39,7 +39,7 @@ class Losses:
         self._look = look
         self.now = 0.0
 
-    def lose(self, robot: str, outcome: Outcome, reason: str) -> None:
+    def lose(self, robot: str, outcome: PartOutcome, reason: str) -> None:
         """Remove a robot from the run, make it safe, and decide whether the run continues."""
         if not self._robots.lose(robot, outcome, reason, self.now) or self._head.phase not in GOING_ON:
             return
@@ -47,7 +47,7 @@ class Losses:
         doing = step if isinstance(step, Do) else None
         self._make_safe(robot, doing.failed_do if doing is not None else "hold")
         for follower in self._followers(robot):
-            self.lose(follower, Outcome.FAILED, f"it followed {robot}, which is out of the run")
+            self.lose(follower, PartOutcome.FAILED, f"it followed {robot}, which is out of the run")
         if self._head.phase in GOING_ON:
             then: Then = doing.failed_then if doing is not None else "continue"
             self._follow(f"{robot}: {outcome}: {reason}", then)
@@ -89,7 +89,7 @@ class Losses:
         self._robots.note(f"The {why}", step=inner.id)
         self._inner.leave_off(at, inner)
         for member in self._robots.within([inner.role]):
-            self._robots.lose(member.robot, Outcome.FAILED, why, self.now)
+            self._robots.lose(member.robot, PartOutcome.FAILED, why, self.now)
             self._make_safe(member.robot, inner.failed_do)
         self._follow(why, inner.failed_then)
         self._look()

@@ -6,7 +6,7 @@ from fleet.missions.facts import Seen
 from fleet.missions.program import Program
 from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import Head, Hold, Occupy, Pause, Phase, Resume, required
-from fleet.missions.steps import Steps
+from fleet.missions.steps import StepRunner
 
 PAUSABLE = frozenset({"goto", "path", "plan", "follow"})
 """Commands that move a robot along a route and can be paused; any other command ends by itself."""
@@ -15,7 +15,9 @@ PAUSABLE = frozenset({"goto", "path", "plan", "follow"})
 class Pausing:
     """Pauses and resumes one mission run."""
 
-    def __init__(self, program: Program, head: Head, robots: RunRobots, seen: Seen, steps: Steps) -> None:
+    def __init__(
+        self, program: Program, head: Head, robots: RunRobots, seen: Seen, steps: StepRunner
+    ) -> None:
         self._program = program
         self._head = head
         self._robots = robots

@@ -46,7 +46,7 @@ class RehearsalNote(msgspec.Struct, frozen=True, omit_defaults=True):
     robot: str = ""
 
 
-class Approach(msgspec.Struct, frozen=True, omit_defaults=True):
+class ClosestApproach(msgspec.Struct, frozen=True, omit_defaults=True):
     """The closest approach of two robots in metres, and its time (simulated seconds of the run).
 
     ``kept``: the sum of both radii (``separation`` in fleet.yaml).
@@ -100,7 +100,7 @@ class RehearsalResult(msgspec.Struct, frozen=True, omit_defaults=True):
     robots: tuple[RehearsedRobot, ...] = ()
     timeline: tuple[RehearsedPart, ...] = ()
     notes: tuple[RehearsalNote, ...] = ()
-    approaches: tuple[Approach, ...] = ()
+    approaches: tuple[ClosestApproach, ...] = ()
     assumed: tuple[str, ...] = ()
     seed: int = 1
     took: float = 0.0

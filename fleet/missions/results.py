@@ -40,7 +40,7 @@ BYTES = 512 << 20  # of all runs together
 FORMATS = frozenset({"jpeg", "png", "webp"})
 
 
-class Result(msgspec.Struct, frozen=True, omit_defaults=True):
+class RunFile(msgspec.Struct, frozen=True, omit_defaults=True):
     """One result of a run: a file on its edge's disk; ``points`` is the length of a track."""
 
     kind: Literal["track", "picture"]
@@ -84,7 +84,7 @@ class Results:
         self._pictures.pop(run, None)
         self._do(self._prune)
 
-    def of(self, run: str, told: Callable[[list[Result]], None]) -> None:
+    def of(self, run: str, told: Callable[[list[RunFile]], None]) -> None:
         """Pass the results of a run so far to ``told``, on the thread of the results."""
         self._do(lambda: told(list(self._listed(run))))
 
@@ -119,7 +119,7 @@ class Results:
         with (folder / name).open(mode) as file:
             file.write(content)
 
-    def _listed(self, run: str) -> Iterable[Result]:
+    def _listed(self, run: str) -> Iterable[RunFile]:
         """Yield the results of a run."""
         folder = self._folder / run
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
@@ -127,9 +127,9 @@ class Results:
             if path.suffix == ".csv":
                 with path.open("rb") as file:
                     points = sum(1 for _ in file)
-                yield Result("track", path.stem.removeprefix("track-"), str(path), size, points)
+                yield RunFile("track", path.stem.removeprefix("track-"), str(path), size, points)
             else:
-                yield Result("picture", path.name.rsplit("-", 2)[0], str(path), size)
+                yield RunFile("picture", path.name.rsplit("-", 2)[0], str(path), size)
 
     def _prune(self) -> None:
         """Delete the results of the oldest runs beyond the limits."""

@@ -19,7 +19,7 @@ from fleet.missions.program import Require
 from fleet.missions.state import Facts
 
 
-class Candidate(msgspec.Struct, frozen=True):
+class RoleCandidate(msgspec.Struct, frozen=True):
     """A robot that may fill a role. ``can``: its commands, and goto, path and plan if it supports them.
 
     ``trouble`` is why it cannot take part in any run now, else empty. ``run`` is its present run.
@@ -37,7 +37,7 @@ class Candidate(msgspec.Struct, frozen=True):
 def filled(
     roles: Mapping[str, RoleConfig],
     needs: Mapping[str, frozenset[str]],
-    candidates: Iterable[Candidate],
+    candidates: Iterable[RoleCandidate],
     require: Require,
     given: Mapping[str, Sequence[str]],
 ) -> dict[str, list[str]]:
@@ -72,7 +72,7 @@ def filled(
 def spares(
     roles: Mapping[str, RoleConfig],
     needs: Mapping[str, frozenset[str]],
-    candidates: Iterable[Candidate],
+    candidates: Iterable[RoleCandidate],
     require: Require,
     given: Mapping[str, Sequence[str]],
     *,
@@ -103,7 +103,7 @@ def spare_of(role: str) -> str:
 def runs_in_the_way(
     roles: Mapping[str, RoleConfig],
     needs: Mapping[str, frozenset[str]],
-    candidates: Iterable[Candidate],
+    candidates: Iterable[RoleCandidate],
     require: Require,
     given: Mapping[str, Sequence[str]],
 ) -> set[str]:
@@ -126,7 +126,7 @@ def runs_in_the_way(
     return ended
 
 
-def is_meant(candidate: Candidate, role: RoleConfig, given: Sequence[str] | None = None) -> bool:
+def is_meant(candidate: RoleCandidate, role: RoleConfig, given: Sequence[str] | None = None) -> bool:
     """Return True if a robot matches a role; ``given`` are robots chosen by a person."""
     wanted = role.from_ in (None, candidate.name) or role.from_ in candidate.groups
     if given is not None:
@@ -134,14 +134,14 @@ def is_meant(candidate: Candidate, role: RoleConfig, given: Sequence[str] | None
     return wanted and role.kind in (None, candidate.kind)
 
 
-def _fullest(candidate: Candidate) -> tuple[float, str]:
+def _fullest(candidate: RoleCandidate) -> tuple[float, str]:
     """Sort key: by battery, the fullest first, then by name."""
     battery = candidate.facts.battery
     return (-1.0 if battery is None else -battery, candidate.name)
 
 
 def _lacks(
-    candidate: Candidate,
+    candidate: RoleCandidate,
     role: RoleConfig,
     needs: frozenset[str],
     require: Require,

@@ -14,9 +14,9 @@ from typing import Any, Protocol
 from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.missions.engine import Engine
-from fleet.missions.holding import Holding
+from fleet.missions.holding import RequestedHolds
 from fleet.missions.messages import message_of, payload_of
-from fleet.missions.observed import Membership, facts_of, outcome_of
+from fleet.missions.observed import RunMembership, facts_of, outcome_of
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act
 from fleet.missions.state import (
@@ -31,16 +31,16 @@ from fleet.missions.state import (
     Event,
     Hold,
     Left,
-    Note,
+    LogNote,
     Occupy,
-    Outcome,
+    PartOutcome,
     Prepare,
     Prepared,
     Replied,
     RunOutcome,
     Tick,
 )
-from fleet.missions.store import About, Change, Store
+from fleet.missions.store import About, RunChange, RunStore
 from fleet.missions.together import Together, TogetherStep
 from fleet.model.command import Reply, Request, Transport, session_of
 from fleet.model.state import RobotState
@@ -51,7 +51,7 @@ log = logging.getLogger(__name__)
 JOIN, LEAVE = "join_run", "leave_run"
 
 
-class Robot(Protocol):
+class RunPort(Protocol):
     """A robot of the edge, as a run needs it."""
 
     name: str
@@ -69,9 +69,9 @@ class RunServices(Protocol):
     """Resources shared by all runs of an edge."""
 
     clock: Clock
-    store: Store
+    store: RunStore
     site: SiteMap
-    robots: Mapping[str, Robot]
+    robots: Mapping[str, RunPort]
 
     def soon(self, call: Callable[[], None]) -> None:
         """Run a call on the event loop; from any thread."""
@@ -116,8 +116,8 @@ class Run:
         self._session = session_of(about.run)
         self._head = b""
         self._sent: set[str] = set()
-        self._membership = Membership(about.run, services.clock)
-        self.holding = Holding(self.take, services.clock)
+        self._membership = RunMembership(about.run, services.clock)
+        self.holding = RequestedHolds(self.take, services.clock)
         self.together = TogetherStep(
             services.together,
             Transport(about.way),
@@ -148,8 +148,8 @@ class Run:
             return
         self._head = head
         services = self._services
-        notes = [effect for effect in effects if isinstance(effect, Note)]
-        change = Change(
+        notes = [effect for effect in effects if isinstance(effect, LogNote)]
+        change = RunChange(
             self.id,
             self.engine.head,
             [*self.engine.robots.members.values(), *touched] if new else touched,
@@ -256,7 +256,7 @@ class Run:
         try:
             kind, message = message_of(act, identity, state, self._services.site)
         except Refused as error:
-            refusal = Replied(identity, Outcome.REFUSED, error.reason)
+            refusal = Replied(identity, PartOutcome.REFUSED, error.reason)
             self.take(Prepared(robot, error.reason) if prepares else refusal)
             return
         if prepares:
@@ -296,7 +296,7 @@ class Run:
         outcome, part = outcome_of(reply), self.engine.robots.parts.get(identity)
         if outcome is None or part is None:
             return
-        if outcome is not Outcome.DONE and part.inflight:
+        if outcome is not PartOutcome.DONE and part.inflight:
             self._look(part.robot)
         self.take(Replied(part.identity, outcome, reply.reason))
 

@@ -14,7 +14,7 @@ from fleet.missions.program import Program
 from fleet.missions.run import Run
 from fleet.missions.state import Head, Occupied, Phase
 from fleet.missions.store import Kept
-from fleet.model.occupancy import Claim, Occupancy, Settled, Verdict
+from fleet.model.occupancy import Claim, ClaimVerdict, Occupancy, Settled
 from fleet.model.place import Place
 
 
@@ -93,7 +93,7 @@ class RunPlaces:
     def _settle(self, settled: Iterable[Settled]) -> None:
         """Inform runs whose wait has ended."""
         for each in settled:
-            if each.verdict is Verdict.GRANTED:
+            if each.verdict is ClaimVerdict.GRANTED:
                 self._tell(each.holder, Occupied())
             else:
                 late = f"{each.place} did not become free in time: {self._names(each.held_by)} it"

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import msgspec
 
 from fleet.missions.program import Act
-from fleet.missions.state import Begin, BeginTogether, Effect, Kind, Member, Note, Outcome, Part
+from fleet.missions.state import Begin, BeginTogether, Effect, Kind, LogNote, Member, Part, PartOutcome
 
 SHOWN_PARTS = 6  # newest parts of a robot that users see
 HALT_WITHIN = 15.0  # s until a halted robot must be seen standing
@@ -21,20 +21,20 @@ HALT = Act("command", "stop", timeout=HALT_WITHIN)
 """Ends motion; the robot holds its position."""
 COMES_DOWN = frozenset({"land", "return_to_home", "sit_down"})
 """Commands that only make a robot safer: like the host, a run does not interrupt them with a halt."""
-_ENDS: Mapping[Outcome, str] = MappingProxyType(
+_ENDS: Mapping[PartOutcome, str] = MappingProxyType(
     {
-        Outcome.DONE: "has finished {}",
-        Outcome.REFUSED: "was refused {}",
-        Outcome.FAILED: "failed in {}",
-        Outcome.LATE: "did not finish {} in time",
-        Outcome.LOST: "was lost in {}",
-        Outcome.TAKEN: "was taken in {}",
-        Outcome.STOPPED: "was stopped in {}",
-        Outcome.SKIPPED: "was ended in {}",
-        Outcome.UNKNOWN: "ended {} without being observed",
+        PartOutcome.DONE: "has finished {}",
+        PartOutcome.REFUSED: "was refused {}",
+        PartOutcome.FAILED: "failed in {}",
+        PartOutcome.LATE: "did not finish {} in time",
+        PartOutcome.LOST: "was lost in {}",
+        PartOutcome.TAKEN: "was taken in {}",
+        PartOutcome.STOPPED: "was stopped in {}",
+        PartOutcome.SKIPPED: "was ended in {}",
+        PartOutcome.UNKNOWN: "ended {} without being observed",
     }
 )
-NOT_OURS = frozenset({Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED})
+NOT_OURS = frozenset({PartOutcome.LOST, PartOutcome.TAKEN, PartOutcome.STOPPED})
 
 
 def first_identity(run: str, step: str, robot: str) -> str:
@@ -64,7 +64,7 @@ class RunRobots:
 
     def note(self, text: str, robot: str = "", step: str = "") -> None:
         """Add a line to the run's log."""
-        self.effects.append(Note(text, robot, step))
+        self.effects.append(LogNote(text, robot, step))
 
     def within(self, roles: Iterable[str] | None = None) -> list[Member]:
         """Return the robots that still take part, of some roles or of all."""
@@ -162,20 +162,20 @@ class RunRobots:
         last = self._last.get(robot)
         if last is None or last.act.verb != "command" or last.act.value not in COMES_DOWN:
             return False
-        return last.outcome in (None, Outcome.LATE, Outcome.UNKNOWN)
+        return last.outcome in (None, PartOutcome.LATE, PartOutcome.UNKNOWN)
 
-    def end(self, part: Part, outcome: Outcome, reason: str, now: float) -> None:
+    def end(self, part: Part, outcome: PartOutcome, reason: str, now: float) -> None:
         """Record the end of a part; a recorded end is final."""
         if not part.inflight:
             return
         part.outcome, part.reason, part.ended = outcome, reason, now
         self._active.pop(part.identity, None)
         self.touched[part.identity] = part
-        if part.kind != "halt" or outcome is not Outcome.DONE:
+        if part.kind != "halt" or outcome is not PartOutcome.DONE:
             words = "to stop" if part.kind == "halt" else part.act.words
             self.note(_ENDS[outcome].format(words) + (f": {reason}" if reason else ""), part.robot, part.step)
 
-    def lose(self, robot: str, outcome: Outcome, reason: str, now: float) -> bool:
+    def lose(self, robot: str, outcome: PartOutcome, reason: str, now: float) -> bool:
         """Remove a robot from the run; return True if it took part.
 
         Its active part ends with the same outcome. A robot that was taken, was stopped or does not answer is

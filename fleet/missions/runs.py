@@ -28,8 +28,8 @@ from fleet.missions.pausing import PAUSABLE
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act, Do, Program
 from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of
-from fleet.missions.roles import Candidate, spare_of
-from fleet.missions.run import Robot, Run
+from fleet.missions.roles import RoleCandidate, spare_of
+from fleet.missions.run import Run, RunPort
 from fleet.missions.run_places import RunPlaces
 from fleet.missions.state import (
     Abort,
@@ -37,14 +37,14 @@ from fleet.missions.state import (
     Event,
     Heard,
     Left,
-    Outcome,
+    PartOutcome,
     Pause,
     Restarted,
     Resume,
     Start,
     StopAll,
 )
-from fleet.missions.store import About, Kept, Store
+from fleet.missions.store import About, Kept, RunStore
 from fleet.missions.together import Together
 from fleet.model.command import Origin, Reply, Transport
 
@@ -73,14 +73,14 @@ class Runs:
     def __init__(
         self,
         edge: str,
-        robots: Mapping[str, Robot],
+        robots: Mapping[str, RunPort],
         *,
-        candidates: Callable[[], list[Candidate]],
+        candidates: Callable[[], list[RoleCandidate]],
         allowed: Allowed,
         hindrance: Callable[[str, Act], str],
         elsewhere: Elsewhere,
         site: SiteMap,
-        store: Store,
+        store: RunStore,
         clock: Clock,
         soon: Callable[[Callable[[], None]], None],
         stop: Callable[[tuple[str, ...], str], None],
@@ -320,7 +320,7 @@ class Runs:
         run = Run(kept.about, engine, self, elapsed=kept.elapsed + away)
         for member in engine.robots.ours():
             if member.robot not in self.robots:
-                engine.robots.lose(member.robot, Outcome.LOST, "fleet.yaml has it no more", run.now)
+                engine.robots.lose(member.robot, PartOutcome.LOST, "fleet.yaml has it no more", run.now)
         log.warning("run %s of %s was in progress when the edge ended", run.id, kept.about.mission)
 
         def back() -> bool:
@@ -334,7 +334,7 @@ class Runs:
         self._runs[run.id] = run
         run.see(list(run.engine.robots.members))
         for robot, why in refused.items():
-            run.take(Left(robot, Outcome.LOST, why))
+            run.take(Left(robot, PartOutcome.LOST, why))
         run.take(Restarted())
 
 

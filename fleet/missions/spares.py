@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from fleet.missions.facts import Seen
 from fleet.missions.program import Program
 from fleet.missions.run_robots import RunRobots
-from fleet.missions.state import Dismiss, Enlist, Enlisted, Head, Member, Outcome, Phase
+from fleet.missions.state import Dismiss, Enlist, Enlisted, Head, Member, PartOutcome, Phase
 
 ENLISTED_WITHIN = 10.0  # s for a spare to join the run
 
@@ -73,6 +73,6 @@ class Spares:
     def _leave_out(self, spare: Member, why: str, now: float) -> None:
         """Record that a spare cannot be used."""
         spare.spare, spare.replaced = False, True
-        spare.outcome, spare.reason, spare.since = Outcome.REFUSED, why, now
+        spare.outcome, spare.reason, spare.since = PartOutcome.REFUSED, why, now
         self._robots.touched[f"member {spare.robot}"] = spare
         self._robots.note(f"cannot take the place of another: {why}", spare.robot)

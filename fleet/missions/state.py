@@ -16,7 +16,7 @@ import msgspec
 from fleet.missions.program import Act, Do, Instruction, Program, Require
 
 
-class Outcome(enum.StrEnum):
+class PartOutcome(enum.StrEnum):
     """How a robot's part ended, or why the robot left the run."""
 
     DONE = "done"
@@ -109,7 +109,7 @@ class Member(msgspec.Struct):
     plays: dict[str, int] = {}
     ours: bool = True
     within: bool = True
-    outcome: Outcome | None = None
+    outcome: PartOutcome | None = None
     reason: str = ""
     since: float = 0.0
     paused_at: tuple[float, float, float] | None = None
@@ -129,7 +129,7 @@ class Part(msgspec.Struct):
     act: Act
     began: float
     until: float
-    outcome: Outcome | None = None
+    outcome: PartOutcome | None = None
     reason: str = ""
     ended: float = 0.0
 
@@ -217,7 +217,7 @@ class Replied(msgspec.Struct, frozen=True):
     """The outcome of a part; None for a receipt, which shows that the robot accepted it."""
 
     identity: str
-    outcome: Outcome | None
+    outcome: PartOutcome | None
     reason: str = ""
 
 
@@ -270,7 +270,7 @@ class Left(msgspec.Struct, frozen=True):
     """A robot left the run: it was lost, taken or stopped."""
 
     robot: str
-    outcome: Outcome
+    outcome: PartOutcome
     reason: str
 
 
@@ -380,7 +380,7 @@ class EmergencyStop(msgspec.Struct, frozen=True):
     reason: str
 
 
-class Note(msgspec.Struct, frozen=True):
+class LogNote(msgspec.Struct, frozen=True):
     """One line of the run's log."""
 
     text: str
@@ -395,4 +395,4 @@ class Ended(msgspec.Struct, frozen=True):
     reason: str
 
 
-Effect = Begin | BeginTogether | Occupy | Enlist | Dismiss | Prepare | Hold | EmergencyStop | Note | Ended
+Effect = Begin | BeginTogether | Occupy | Enlist | Dismiss | Prepare | Hold | EmergencyStop | LogNote | Ended

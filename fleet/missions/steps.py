@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from fleet.missions.ending import Ending
 from fleet.missions.facts import Seen
 from fleet.missions.inner import InnerMissions
-from fleet.missions.losses import Losses, put
+from fleet.missions.losses import RobotLosses, put
 from fleet.missions.program import (
     Again,
     Ask,
@@ -27,8 +27,8 @@ from fleet.missions.state import (
     Head,
     NotStarted,
     Occupy,
-    Outcome,
     Part,
+    PartOutcome,
     Phase,
     Prepare,
     RunOutcome,
@@ -43,7 +43,7 @@ PREPARED_WITHIN = 15.0  # s for all robots to report whether they can begin
 BOUND = 10_000  # instructions without a wait before the run counts as an endless loop
 
 
-class Steps:
+class StepRunner:
     """The steps of one run; ``losses.now`` is the time of the present event."""
 
     def __init__(self, program: Program, head: Head, robots: RunRobots, seen: Seen, ending: Ending) -> None:
@@ -54,7 +54,7 @@ class Steps:
         self.ending = ending
         self.inner = InnerMissions(program, head, robots)
         self.spares = Spares(program, head, robots, seen)
-        self.losses = Losses(program, head, robots, self.inner, ending=ending, look=self.look)
+        self.losses = RobotLosses(program, head, robots, self.inner, ending=ending, look=self.look)
         self._since = 0.0
         self._unprepared: set[str] = set()
         self._begin: Mapping[type, Callable[..., bool]] = {
@@ -147,7 +147,7 @@ class Steps:
         if event.step != self.name or not isinstance(step, Do) or self.head.phase not in GOING_ON:
             return
         for part in self.robots.parts_of(self.name):
-            self.robots.end(part, Outcome.SKIPPED, "no robot was started", self.losses.now)
+            self.robots.end(part, PartOutcome.SKIPPED, "no robot was started", self.losses.now)
         self.head.begun.pop()
         self.losses.fail(f"step {self.name}: {event.reason}; no robot moved")
 
@@ -192,7 +192,7 @@ class Steps:
         led = all(part.act.verb == "follow" for part in active)
         for part in active if through or led else ():
             if not self.robots.comes_down(part.robot):
-                outcome = Outcome.DONE if part.act.verb == "follow" else Outcome.SKIPPED
+                outcome = PartOutcome.DONE if part.act.verb == "follow" else PartOutcome.SKIPPED
                 self.robots.end(part, outcome, "ended with the step", self.losses.now)
                 self.robots.halt(self.name, part.robot, self.losses.now)
         if any(part.inflight for part in active) or self.robots.active("halt", "secure"):
@@ -249,7 +249,7 @@ class Steps:
             nobody = "there is no robot left to follow" if act.verb == "follow" and not act.value else ""
             lacking = nobody or self.seen.lacks(robot, required(self.program, self.head))
             if lacking:
-                self.losses.lose(robot, Outcome.REFUSED, lacking)
+                self.losses.lose(robot, PartOutcome.REFUSED, lacking)
             if self.head.phase is not Phase.STEP or instruction_of(self.program, self.head) is not step:
                 return True
         acts = self.robots.acts_of(step.acts)
@@ -296,7 +296,7 @@ def _is_through(step: Do, parts: list[Part], robots: RunRobots) -> bool:
     """Return True if the robots on which the step depends have finished, so that the others are ended."""
     if step.finish == "all":
         return False
-    done = [part for part in parts if part.outcome is Outcome.DONE and part.act.verb != "follow"]
+    done = [part for part in parts if part.outcome is PartOutcome.DONE and part.act.verb != "follow"]
     if step.finish == "any":
         return bool(done)
     waits = any(part.inflight and robots.plays(part.robot, step.finish) for part in parts)

@@ -26,7 +26,7 @@ import msgspec
 
 from fleet.errors import StateError
 from fleet.missions.program import Program
-from fleet.missions.state import Head, Member, Note, Part, RunOutcome
+from fleet.missions.state import Head, LogNote, Member, Part, RunOutcome
 from fleet.runtime.decoding import decode_json
 from fleet.spool.database import open_checked
 from fleet.spool.state_folder import create_folder, locked
@@ -78,13 +78,13 @@ class RunLogEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     robot: str = ""
 
 
-class Change(msgspec.Struct, frozen=True):
+class RunChange(msgspec.Struct, frozen=True):
     """Changes of a run by one event. ``elapsed``: seconds of the run's clock, at ``stamp`` (Unix s)."""
 
     run: str
     head: Head
     touched: Sequence[Part | Member]
-    notes: Sequence[Note]
+    notes: Sequence[LogNote]
     stamp: float
     elapsed: float
     about: About | None = None  # only for a new run, with its program
@@ -103,7 +103,7 @@ class Kept(msgspec.Struct, frozen=True):
     elapsed: float
 
 
-class Store:
+class RunStore:
     """The runs of one edge. ``problem``: why they are not on disk, empty while they are.
 
     ``lost``: the runs of earlier processes that could not be read.
@@ -123,7 +123,7 @@ class Store:
         except (StateError, sqlite3.Error, OSError) as error:
             self._fail(error)
 
-    def save(self, change: Change, done: Callable[[bool], None]) -> None:
+    def save(self, change: RunChange, done: Callable[[bool], None]) -> None:
         """Record a change; ``done`` is called on the store's thread with its success. Never raises."""
         head = _encode(change.head)
         rows = [(isinstance(each, Part), _key(each), _encode(each)) for each in change.touched]
@@ -213,7 +213,11 @@ class Store:
         return [state for (state,) in rows]
 
     def _write(
-        self, change: Change, head: bytes, rows: list[tuple[bool, str, bytes]], done: Callable[[bool], None]
+        self,
+        change: RunChange,
+        head: bytes,
+        rows: list[tuple[bool, str, bytes]],
+        done: Callable[[bool], None],
     ) -> None:
         """Commit a change; on the store's thread."""
         try:
@@ -227,7 +231,11 @@ class Store:
             done(True)
 
     def _commit(
-        self, database: sqlite3.Connection, change: Change, head: bytes, rows: list[tuple[bool, str, bytes]]
+        self,
+        database: sqlite3.Connection,
+        change: RunChange,
+        head: bytes,
+        rows: list[tuple[bool, str, bytes]],
     ) -> None:
         """Write a change in one transaction."""
         run, ended = change.run, change.head.outcome is not None

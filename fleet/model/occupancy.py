@@ -36,7 +36,7 @@ class Claim(msgspec.Struct):
         return None if self.complete else self.wanted[self.taken]
 
 
-class Verdict(enum.StrEnum):
+class ClaimVerdict(enum.StrEnum):
     """Result of a claim."""
 
     GRANTED = "granted"
@@ -47,7 +47,7 @@ class Settled(msgspec.Struct, frozen=True):
     """A claim whose wait is over; of a late one, ``place`` was missing, and ``held_by`` are its holders."""
 
     holder: str
-    verdict: Verdict
+    verdict: ClaimVerdict
     place: str = ""
     held_by: tuple[str, ...] = ()
 
@@ -130,7 +130,7 @@ class Occupancy:
             self.claims = [claim for claim in self.claims if claim not in late]
             self._take()
         granted = [claim for claim in self.claims if claim.complete and claim in waiting]
-        return settled + [Settled(claim.holder, Verdict.GRANTED) for claim in granted]
+        return settled + [Settled(claim.holder, ClaimVerdict.GRANTED) for claim in granted]
 
     def _take(self) -> None:
         """Grant free places, the oldest claim first.
@@ -152,4 +152,4 @@ class Occupancy:
     def _late(self, claim: Claim) -> Settled:
         """Return the result of a late claim, with the holders of the place that it waited for."""
         place = claim.wanted[claim.taken][0]
-        return Settled(claim.holder, Verdict.LATE, place, tuple(self.held(place)))
+        return Settled(claim.holder, ClaimVerdict.LATE, place, tuple(self.held(place)))

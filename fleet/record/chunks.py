@@ -42,7 +42,7 @@ class Chunk(msgspec.Struct, frozen=True):
     channels: int
 
 
-class Channel(msgspec.Struct, frozen=True):
+class RecordedTopic(msgspec.Struct, frozen=True):
     """A topic of the file, with the name of its schema."""
 
     topic: str
@@ -68,7 +68,7 @@ class Chunks:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.found: list[Chunk] = []
-        self.channels: dict[int, Channel] = {}
+        self.channels: dict[int, RecordedTopic] = {}
         self.is_cut = False
         self.damaged: set[int] = set()
         self._schemas: dict[int, str] = {}
@@ -133,7 +133,7 @@ class Chunks:
                 elif opcode == Opcode.CHANNEL:
                     number, schema = _CHANNEL.unpack_from(data, at)
                     topic = _text(data, at + _CHANNEL.size)
-                    self.channels[number] = Channel(topic, self._schemas.get(schema, ""))
+                    self.channels[number] = RecordedTopic(topic, self._schemas.get(schema, ""))
         except struct.error:  # the rest is damaged
             self.damaged.add(chunk.at)
 

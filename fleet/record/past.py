@@ -12,7 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from fleet.errors import StateError
-from fleet.record.chunks import Channel, Chunk, Chunks
+from fleet.record.chunks import Chunk, Chunks, RecordedTopic
 from fleet.record.reading import ReadMessage, message_of
 from fleet.record.ring import begin_of, files_in
 from fleet.record.window import Window
@@ -145,7 +145,7 @@ class _Search:
                 self._counts[channel.schema] += 1
                 self.found.append(message)
 
-    def _wants(self, channel: Channel) -> bool:
+    def _wants(self, channel: RecordedTopic) -> bool:
         """Return True if a message of a channel is still wanted."""
         several = SEVERAL.get(channel.schema)
         if several is not None:
@@ -154,22 +154,22 @@ class _Search:
         return is_wanted and channel.topic not in self._topics
 
 
-def _is_position(channel: Channel) -> bool:
+def _is_position(channel: RecordedTopic) -> bool:
     """Return True if a channel has the poses of a robot."""
     return channel.schema == "foxglove.PoseInFrame" and channel.topic.endswith("/position")
 
 
-def _is_places(channel: Channel) -> bool:
+def _is_places(channel: RecordedTopic) -> bool:
     """Return True if a channel has the goals of an edge's robots."""
     return channel.topic.split("/")[2:3] == ["places"]
 
 
-def _mask(chunks: Chunks, wanted: Callable[[Channel], bool]) -> int:
+def _mask(chunks: Chunks, wanted: Callable[[RecordedTopic], bool]) -> int:
     """Return the wanted channels of a file as a bit mask of ids."""
     return sum(1 << number for number, channel in chunks.channels.items() if wanted(channel))
 
 
-def _read(chunks: Chunks, chunk: Chunk, wanted: int, until: int) -> list[tuple[Channel, ReadMessage]]:
+def _read(chunks: Chunks, chunk: Chunk, wanted: int, until: int) -> list[tuple[RecordedTopic, ReadMessage]]:
     """Return the messages of a chunk in the order of reception; raises StateError."""
     try:
         found = chunks.messages(chunk, wanted, until)

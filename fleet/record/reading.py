@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.errors import StateError
-from fleet.record.chunks import Channel, RawMessage
+from fleet.record.chunks import RawMessage, RecordedTopic
 from fleet.record.export import messages_of, recorded, recorded_in
 
 
@@ -38,7 +38,7 @@ class ReadMessage(msgspec.Struct, frozen=True):
         return parts[2] if len(parts) > 3 and self.edge else ""
 
 
-def message_of(channel: Channel, raw: RawMessage) -> ReadMessage:
+def message_of(channel: RecordedTopic, raw: RawMessage) -> ReadMessage:
     """Return a message that was read from a chunk."""
     return ReadMessage(channel.topic, channel.schema, raw.received / 1e9, raw.stamp / 1e9, raw.data)
 

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import msgspec
 
-from fleet.record.chunks import Channel, Chunk, Chunks
+from fleet.record.chunks import Chunk, Chunks, RecordedTopic
 from fleet.record.reading import ReadMessage, message_of
 
 T = TypeVar("T")
@@ -25,7 +25,7 @@ class Part(msgspec.Struct, frozen=True, eq=False):
 
     chunks: Chunks
     chunk: Chunk
-    channels: Mapping[int, Channel]
+    channels: Mapping[int, RecordedTopic]
 
 
 class Window:
@@ -68,7 +68,7 @@ class Window:
         """Return True if a chunk has messages of the window's time."""
         return chunk.ends >= self._begins and chunk.begins <= self._ends
 
-    def read(self, part: Part, wanted: Callable[[Channel], bool]) -> list[ReadMessage]:
+    def read(self, part: Part, wanted: Callable[[RecordedTopic], bool]) -> list[ReadMessage]:
         """Return the messages of a part on the wanted channels; what cannot be read is a problem."""
         mask = sum(1 << number for number, channel in part.channels.items() if wanted(channel))
         if not mask & part.chunk.channels:

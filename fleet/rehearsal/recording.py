@@ -8,9 +8,9 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 
 from fleet.host.safety.separation import Occupant
-from fleet.missions.rehearsal import Approach, RehearsalNote, RehearsedPart, RehearsedTrack
+from fleet.missions.rehearsal import ClosestApproach, RehearsalNote, RehearsedPart, RehearsedTrack
 from fleet.missions.state import Part
-from fleet.missions.store import Change, Store
+from fleet.missions.store import RunChange, RunStore
 
 WRITES = 0.005  # s of a simulated disk write
 MOVES = 0.05  # m/s above which a robot counts as moving
@@ -23,7 +23,7 @@ Point = tuple[float, float, float, float]
 """Simulated seconds of the run, and metres."""
 
 
-class MemoryStore(Store):
+class MemoryStore(RunStore):
     """A store of runs that keeps parts and notes in memory.
 
     ``told`` receives each note. In simulated time nothing may wait for another thread, so a write takes a
@@ -36,7 +36,7 @@ class MemoryStore(Store):
         self.notes: list[RehearsalNote] = []
         self._told = told
 
-    def save(self, change: Change, done: Callable[[bool], None]) -> None:
+    def save(self, change: RunChange, done: Callable[[bool], None]) -> None:
         """Store a change."""
         for each in change.touched:
             if isinstance(each, Part):
@@ -69,7 +69,7 @@ class Distances:
 
     def __init__(self, taking_part: Iterable[str]) -> None:
         self._taking_part = frozenset(taking_part)
-        self._nearest: dict[tuple[str, str], Approach] = {}
+        self._nearest: dict[tuple[str, str], ClosestApproach] = {}
         self._first: dict[tuple[str, str], float] = {}  # m between them at the first sample
 
     def look(self, robots: Mapping[str, Occupant], at: float) -> None:
@@ -84,9 +84,9 @@ class Distances:
             known = self._nearest.get((one, other))
             if known is None or metres < known.metres:
                 kept = first.radius + second.radius
-                self._nearest[one, other] = Approach((one, other), metres, at, kept)
+                self._nearest[one, other] = ClosestApproach((one, other), metres, at, kept)
 
-    def too_near(self) -> tuple[Approach, ...]:
+    def too_near(self) -> tuple[ClosestApproach, ...]:
         """Return the pairs that came closer than the sum of their radii, unless they started that close."""
         return tuple(
             each
@@ -94,11 +94,11 @@ class Distances:
             if each.metres < min(each.kept, self._first[each.robots] - ROUNDED)
         )
 
-    def nearest(self) -> tuple[Approach, ...]:
+    def nearest(self) -> tuple[ClosestApproach, ...]:
         """Return the closest approach of each pair, closest first."""
         found = sorted(self._nearest.values(), key=lambda each: each.metres)
         return tuple(
-            Approach(each.robots, round(each.metres, 2), round(each.at, 1), round(each.kept, 2))
+            ClosestApproach(each.robots, round(each.metres, 2), round(each.at, 1), round(each.kept, 2))
             for each in found[:SHOWN]
         )
 

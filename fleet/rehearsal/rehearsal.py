@@ -20,10 +20,10 @@ from fleet.missions.points import SiteMap
 from fleet.missions.program import Program, WaitFor
 from fleet.missions.rehearsal import RehearsalResult, RehearsedRobot
 from fleet.missions.report import ControlAsk, RunState, StartAsk
-from fleet.missions.roles import Candidate
+from fleet.missions.roles import RoleCandidate
 from fleet.missions.run import Run
 from fleet.missions.runs import Runs
-from fleet.missions.state import Facts, Outcome, Phase, RunOutcome, instruction_of
+from fleet.missions.state import Facts, PartOutcome, Phase, RunOutcome, instruction_of
 from fleet.model.command import Origin, Transport
 from fleet.model.state import RobotState
 from fleet.rehearsal.common_start import SimulatedStart
@@ -116,7 +116,7 @@ class Rehearsal:
         ]
         raise Unrehearsable(f"simulated robots do not answer: {'; '.join(lost)}")
 
-    def _candidates(self) -> list[Candidate]:
+    def _candidates(self) -> list[RoleCandidate]:
         """Return all robots as candidates for roles."""
         found = []
         for name, robot in self._robots.robots.items():
@@ -126,7 +126,9 @@ class Rehearsal:
             facts = Facts(name, state.health, state.battery, position, state.activity)
             groups = frozenset(group for group, names in self._task.groups.items() if name in names)
             why_not = trouble(state, description)
-            found.append(Candidate(name, state.adapter, can(description), facts, groups, why_not, state.run))
+            found.append(
+                RoleCandidate(name, state.adapter, can(description), facts, groups, why_not, state.run)
+            )
         return found
 
     def _refusal(self, robot: str, origin: Origin, commands: bool, navigates: bool) -> str | None:  # noqa: FBT001 - by position
@@ -231,7 +233,7 @@ class Rehearsal:
         lost = [
             f"{each.robot}: {each.outcome}: {each.reason}".rstrip(": ")
             for each in robots
-            if each.outcome not in {"", Outcome.DONE}
+            if each.outcome not in {"", PartOutcome.DONE}
         ]
         troubles += [each for each in lost if not any(each in said for said in troubles)]
         troubles += [

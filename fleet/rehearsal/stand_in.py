@@ -174,15 +174,15 @@ class StandIn(Adapter[AdapterConfig]):
 def stand_in_for(played: type[AnyAdapter]) -> type[StandIn]:
     """Return the stand-in class for robots of a class."""
 
-    class Made(StandIn):
+    class StandInParts(StandIn):
         Config = played.Config
         limits = played.limits
         separation = played.separation
         holonomic = played.holonomic
         combines_keys = played.combines_keys
 
-    Made.played = played
-    return Made
+    StandInParts.played = played
+    return StandInParts
 
 
 def _goals(task: GoTo | FollowPath) -> tuple[Goal, ...]:

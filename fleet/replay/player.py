@@ -26,7 +26,7 @@ def replay_directory() -> Path:
     return runtime_dir({"FLEET_RUNTIME_DIR": str(runtime_dir() / FOLDER)})
 
 
-class Window(msgspec.Struct, frozen=True):
+class PlayedWindow(msgspec.Struct, frozen=True):
     """A part of a recording: seconds from its start, and its length; played ``speed`` times as fast."""
 
     start: float = 0.0
@@ -36,7 +36,7 @@ class Window(msgspec.Struct, frozen=True):
 
 async def play(
     path: Path,
-    window: Window,
+    window: PlayedWindow,
     directory: Path,
     ended: asyncio.Event,
     clock: Clock,
@@ -76,7 +76,7 @@ async def play(
     return count
 
 
-def _timed(path: Path, window: Window) -> Iterator[tuple[float, ReadMessage]]:
+def _timed(path: Path, window: PlayedWindow) -> Iterator[tuple[float, ReadMessage]]:
     """Yield the messages of a window, each with its offset in seconds.
 
     Events before the window, and the last states before it, are played at its start.

@@ -22,7 +22,7 @@ from fleet.model.event import EventKind, EventReport, Severity
 from fleet.model.schedule import Firing, ScheduleState
 from fleet.schedules.model import ScheduleConfig, due_of
 from fleet.schedules.plan import MOST, due_firings
-from fleet.schedules.store import SKIPPED, STARTED, Store
+from fleet.schedules.store import SKIPPED, STARTED, FiringStore
 from fleet.schedules.triggers import firings
 
 log = logging.getLogger(__name__)
@@ -76,7 +76,7 @@ class Schedules:
     def __init__(
         self,
         configs: Mapping[str, ScheduleConfig],
-        store: Store,
+        store: FiringStore,
         starter: Starter,
         *,
         clock: Clock,

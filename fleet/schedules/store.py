@@ -30,7 +30,7 @@ FORMATS = (_TABLES,)
 DUE, STARTED, SKIPPED = "due", "started", "skipped"
 
 
-class Store:
+class FiringStore:
     """The firings of an edge's schedules, and the schedules enabled or disabled by hand."""
 
     def __init__(self, folder: Path) -> None:

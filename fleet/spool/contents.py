@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container
 
-from fleet.spool.losses import Losses, Reason
+from fleet.spool.losses import MessageLosses, Reason
 from fleet.spool.memory_buffer import MemoryBuffer
 from fleet.spool.message import Outgoing
 from fleet.spool.pending_deletions import PendingDeletions
@@ -24,7 +24,7 @@ class SpoolContents:
     def __init__(self, messages: int, size: int, *, keeps_on_disk: bool) -> None:
         self.waiting = 0
         self.on_disk = 0
-        self.losses = Losses()
+        self.losses = MessageLosses()
         self.keeps_on_disk = keeps_on_disk
         self.memory = MemoryBuffer(messages, size)
         self.queues = TopicQueues(self.memory)

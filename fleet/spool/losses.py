@@ -32,7 +32,7 @@ class Gap(msgspec.Struct):
     until: float
 
 
-class Losses:
+class MessageLosses:
     """The losses that have not been reported yet; ``counts`` has all since the start."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ OVERHEAD = 400
 """Memory of a waiting message besides its payload, in bytes."""
 
 
-class Outcome(enum.StrEnum):
+class DeliveryOutcome(enum.StrEnum):
     """Outcome of a message that was sent."""
 
     ACKED = "acked"

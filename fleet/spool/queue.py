@@ -12,7 +12,7 @@ from fleet.spool.contents import SpoolContents
 from fleet.spool.disk_exchange import DiskExchange
 from fleet.spool.losses import Reason
 from fleet.spool.memory_buffer import DURABLE
-from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.message import DeliveryOutcome, Outgoing
 from fleet.spool.statistics import SECOND, ClassStatistics, class_statistics
 from fleet.spool.topic_queue import REPLY, TopicEvent, TopicQueue
 from fleet.wire.rules import TrafficClass
@@ -21,7 +21,7 @@ NEWEST_FIRST = 0.1
 """Seconds after a connect in which the newest state goes before the queued messages."""
 BURST = 16
 """Messages of one topic that are sent before other topics are served."""
-_HELD, _REFUSED = Outcome.HELD, Outcome.REFUSED
+_HELD, _REFUSED = DeliveryOutcome.HELD, DeliveryOutcome.REFUSED
 
 
 class SpoolQueue:
@@ -117,7 +117,7 @@ class SpoolQueue:
             batch.append(message)
         return taken
 
-    def settle(self, message: Outgoing, outcome: Outcome, now: float, wall: float) -> None:
+    def settle(self, message: Outgoing, outcome: DeliveryOutcome, now: float, wall: float) -> None:
         """Apply the broker's acknowledgement of an in-flight message."""
         queue = self._queues[message.topic]
         queue.in_flight -= 1

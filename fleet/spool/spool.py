@@ -18,7 +18,7 @@ import msgspec
 from fleet.clock import Clock
 from fleet.spool.disk import SpoolDisk
 from fleet.spool.losses import Gap
-from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.message import DeliveryOutcome, Outgoing
 from fleet.spool.queue import SpoolQueue
 from fleet.spool.statistics import SpoolStatistics
 from fleet.wire.rules import TrafficClass
@@ -89,7 +89,7 @@ class Spool:
             self._wake_disk()
         return batch
 
-    def settle(self, answers: Iterable[tuple[Outgoing, Outcome]]) -> None:
+    def settle(self, answers: Iterable[tuple[Outgoing, DeliveryOutcome]]) -> None:
         """Apply the broker's acknowledgements of in-flight messages."""
         now, wall = self._clock.monotonic(), self._clock.time()
         with self._queue_lock:

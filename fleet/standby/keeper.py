@@ -13,7 +13,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any, Protocol
 
 from fleet.runtime.exception_barrier import contained
-from fleet.standby.lease import Entry, Lease, LeaseState, Wish
+from fleet.standby.lease import Lease, LeaseEntry, LeaseState, Wish
 from fleet.standby.store import ANSWER_WITHIN, LeaseStore
 
 log = logging.getLogger(__name__)
@@ -35,7 +35,7 @@ class LeaseUser(Protocol):
     def changed(self, state: LeaseState) -> None:
         """Handle a new state."""
 
-    def saw(self, entry: Entry | None) -> None:
+    def saw(self, entry: LeaseEntry | None) -> None:
         """Handle the stored entry while another edge may hold the lease."""
 
 

@@ -58,7 +58,7 @@ class Terms(msgspec.Struct, frozen=True):
     margin: float = 0.25
 
 
-class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class LeaseEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The stored lease.
 
     ``process`` is one run of an edge; ``epoch`` the revision with which it took the lease, 0 in that write
@@ -90,7 +90,7 @@ class Takeover(msgspec.Struct, frozen=True):
     ``entry`` was first seen at ``since``; None: there was none. ``orderly``: the robots had been released.
     """
 
-    entry: Entry | None = None
+    entry: LeaseEntry | None = None
     since: float = 0.0
     orderly: bool = False
 
@@ -114,7 +114,7 @@ class Lease:
         self.accepted = ""  # digest of a different file from whose edge a takeover is permitted
         self.state = LeaseState.STANDBY
         self.epoch = 0
-        self.seen: Entry | None = None  # the last entry read, or written by us
+        self.seen: LeaseEntry | None = None  # the last entry read, or written by us
         self.revision = 0  # of that entry, or of its deletion; 0: there never was one
         self.seen_since = math.inf  # when this revision was first seen
         self.renewed_at = -math.inf  # when our last confirmed write was begun
@@ -146,7 +146,7 @@ class Lease:
 
     # -- reads ---------------------------------------------------------------------------------------
 
-    def see(self, entry: Entry | None, revision: int, now: float) -> None:
+    def see(self, entry: LeaseEntry | None, revision: int, now: float) -> None:
         """Handle an entry that was read. Without an entry, ``revision`` is that of its deletion, or 0."""
         if self.seen_since == math.inf or (revision, entry) != (self.revision, self.seen):
             self.seen, self.revision, self.seen_since = entry, revision, now
@@ -195,16 +195,16 @@ class Lease:
 
     # -- writes --------------------------------------------------------------------------------------
 
-    def begin(self, wish: Wish, stops: dict[str, str], now: float) -> Entry:
+    def begin(self, wish: Wish, stops: dict[str, str], now: float) -> LeaseEntry:
         """Return the entry to write in place of ``revision``; pass the result to one of the next methods."""
         orderly = self._is_ours() or (self.seen is not None and self.seen.released)
         self._write = _Write(wish, now, Takeover(self.seen, self.seen_since, orderly))
         if wish is Wish.TAKE:
-            return Entry(self.edge, self.process, stops=stops, config=self.config)
+            return LeaseEntry(self.edge, self.process, stops=stops, config=self.config)
         released = wish is Wish.RELEASE
-        return Entry(self.edge, self.process, self.epoch, released, self._to or "", stops, self.config)
+        return LeaseEntry(self.edge, self.process, self.epoch, released, self._to or "", stops, self.config)
 
-    def written(self, entry: Entry, revision: int, now: float) -> None:
+    def written(self, entry: LeaseEntry, revision: int, now: float) -> None:
         """Handle the confirmation of a write."""
         write, self._write = self._write, None
         assert write is not None

@@ -22,7 +22,7 @@ from nats.js.kv import KeyValue
 
 from fleet.errors import StateError
 from fleet.runtime.decoding import decode_json
-from fleet.standby.lease import Entry
+from fleet.standby.lease import LeaseEntry
 from fleet.standby.store import ANSWER_WITHIN, ServiceSettings
 
 log = logging.getLogger(__name__)
@@ -41,7 +41,7 @@ class NatsLease:
         self._client: Client | None = None
         self._bucket: KeyValue | None = None
 
-    async def read(self) -> tuple[Entry | None, int]:
+    async def read(self) -> tuple[LeaseEntry | None, int]:
         """Return the entry and its revision."""
         try:
             found = await (await self._ready()).get(self._key)
@@ -52,7 +52,7 @@ class NatsLease:
             raise _silent(error) from error
         return _entry(found.value or b"", self._key), found.revision or 0
 
-    async def write(self, entry: Entry, revision: int) -> int | None:
+    async def write(self, entry: LeaseEntry, revision: int) -> int | None:
         """Write the entry in place of this revision."""
         try:
             return await (await self._ready()).update(self._key, msgspec.json.encode(entry), last=revision)
@@ -111,11 +111,11 @@ async def _quietly(error: Exception) -> None:
     await asyncio.sleep(0.1)
 
 
-def _entry(data: bytes, key: str) -> Entry:
+def _entry(data: bytes, key: str) -> LeaseEntry:
     """Decode the entry of a lease; raises StateError."""
     if len(data) <= LARGEST:
         with contextlib.suppress(msgspec.DecodeError):
-            return decode_json(data, Entry)
+            return decode_json(data, LeaseEntry)
     raise StateError(f"{BUCKET}/{key} is no lease that this version can read: nats kv del {BUCKET} {key}")
 
 

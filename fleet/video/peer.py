@@ -9,7 +9,7 @@ from aiortc import RTCConfiguration, RTCIceServer, RTCPeerConnection, RTCRtpSend
 from aiortc.sdp import candidate_from_sdp
 
 from fleet.errors import WireError
-from fleet.video.signals import Candidate
+from fleet.video.signals import IceCandidate
 from fleet.video.track import CameraTrack
 
 CONNECTED_WITHIN = 30.0  # s from the offer; the cloud keeps an offer no longer
@@ -31,7 +31,7 @@ class VideoPeer:
         self._ended = ended
         self._over = False
         self._answered = False
-        self._early: list[Candidate] = []  # received before the answer
+        self._early: list[IceCandidate] = []  # received before the answer
         self._connection.on("connectionstatechange", self._changed)
         track.on("ended", lambda: self._end(track.failure or "the camera's pictures ended"))
         video = self._connection.addTransceiver(track, "sendonly")
@@ -67,7 +67,7 @@ class VideoPeer:
         for candidate in early:
             await self.add(candidate)
 
-    async def add(self, candidate: Candidate) -> None:
+    async def add(self, candidate: IceCandidate) -> None:
         """Add a candidate of the peer; raises WireError for a candidate that cannot be used."""
         if not self._answered:
             self._early = [*self._early[1 - MOST_EARLY :], candidate]

@@ -14,7 +14,7 @@ from fleet.camera.picture import Picture
 from fleet.clock import Clock
 from fleet.errors import Refused, TimedOut
 from fleet.video.peer import VideoPeer
-from fleet.video.signals import Candidate, VideoStream, offer_message
+from fleet.video.signals import IceCandidate, VideoStream, offer_message
 from fleet.video.track import CameraTrack
 
 log = logging.getLogger(__name__)
@@ -124,7 +124,7 @@ class VideoSender:
         if self._peer is not None:
             await self._peer.answered(sdp)
 
-    async def add(self, candidate: Candidate) -> None:
+    async def add(self, candidate: IceCandidate) -> None:
         """Add a candidate of the peer; raises WireError."""
         if self._peer is not None:
             await self._peer.add(candidate)

@@ -21,7 +21,7 @@ class VideoStream(msgspec.Struct, frozen=True):
     session: str
 
 
-class Candidate(msgspec.Struct, frozen=True, rename={"mid": "sdpMid", "index": "sdpMLineIndex"}):
+class IceCandidate(msgspec.Struct, frozen=True, rename={"mid": "sdpMid", "index": "sdpMLineIndex"}):
     """One ICE candidate: its SDP line, empty after the last one, and the media section it belongs to."""
 
     candidate: str
@@ -44,11 +44,11 @@ class _Answer(msgspec.Struct):
 class _Wrapped(msgspec.Struct):
     """A candidate inside a message."""
 
-    candidate: Candidate
+    candidate: IceCandidate
 
 
 _ANSWER: msgspec.json.Decoder[_Answer] = json_decoder(_Answer)
-_CANDIDATE: msgspec.json.Decoder[Candidate] = json_decoder(Candidate)
+_CANDIDATE: msgspec.json.Decoder[IceCandidate] = json_decoder(IceCandidate)
 _WRAPPED: msgspec.json.Decoder[_Wrapped] = json_decoder(_Wrapped)
 
 
@@ -93,7 +93,7 @@ def answer_for(sample: bytes, sensor: str) -> str | None:
     return answer.sdp if ours else None
 
 
-def candidate_in(sample: bytes) -> Candidate:
+def candidate_in(sample: bytes) -> IceCandidate:
     """Return the candidate in a message, nested or flat, as browsers write it. Raises WireError."""
     try:
         found = _WRAPPED.decode(json_payload(sample)).candidate
@@ -102,7 +102,7 @@ def candidate_in(sample: bytes) -> Candidate:
     line = found.candidate.removeprefix("a=").removeprefix("candidate:")
     if line and found.mid is None and found.index is None:
         raise WireError("needs sdpMid or sdpMLineIndex", where="candidate")
-    return Candidate(line, found.mid, found.index)
+    return IceCandidate(line, found.mid, found.index)
 
 
 def _read(sample: bytes, decoder: msgspec.json.Decoder[Any]) -> Any:

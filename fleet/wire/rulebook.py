@@ -24,7 +24,7 @@ from fleet.wire.rules import (
 KIB = 1024
 
 
-class Change(msgspec.Struct, frozen=True):
+class RuleChange(msgspec.Struct, frozen=True):
     """Changes to one topic's rule by fleet.yaml or a profile; None keeps the value. Hz, seconds, bytes."""
 
     on: bool | None = None
@@ -35,7 +35,7 @@ class Change(msgspec.Struct, frozen=True):
     layout: Layout | None = None
 
 
-class Channel(msgspec.Struct, frozen=True):
+class ExtraChannel(msgspec.Struct, frozen=True):
     """A bus channel that is not in the table, and the topic it is sent to."""
 
     suffix: str
@@ -53,7 +53,7 @@ class Profile(msgspec.Struct, frozen=True):
 
     about: str
     backlog: int
-    changes: Mapping[str, Change]
+    changes: Mapping[str, RuleChange]
 
 
 PROFILES: Mapping[str, Profile] = MappingProxyType(
@@ -63,42 +63,42 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
             "slower state, small streams",
             256 * KIB,
             {
-                "position": Change(rate=5),
-                "joint:update": Change(rate=5),
-                "imu": Change(rate=1),
-                "pointcloud": Change(rate=0.2, size=512 * KIB),
-                "depth": Change(rate=0.5, size=256 * KIB),
-                "camera/photo": Change(size=1024 * KIB),
-                "flight_controller": Change(rate=1),
+                "position": RuleChange(rate=5),
+                "joint:update": RuleChange(rate=5),
+                "imu": RuleChange(rate=1),
+                "pointcloud": RuleChange(rate=0.2, size=512 * KIB),
+                "depth": RuleChange(rate=0.5, size=256 * KIB),
+                "camera/photo": RuleChange(size=1024 * KIB),
+                "flight_controller": RuleChange(rate=1),
             },
         ),
         "satellite": Profile(
             "a parked robot's heartbeat and what must arrive; no streams",
             32 * KIB,
             {
-                "position": Change(rate=1.5),
-                "joint:update": Change(on=False),
-                "imu": Change(on=False),
-                "pointcloud": Change(on=False),
-                "depth": Change(on=False),
-                "camera/photo": Change(size=128 * KIB),
-                "map_update": Change(on=False),
-                "model_output": Change(rate=0.1),
-                "flight_controller": Change(rate=0.2),
-                "gps": Change(rate=0.2),
-                "metrics": Change(rate=0.1),
-                "driverlog": Change(rate=1),
+                "position": RuleChange(rate=1.5),
+                "joint:update": RuleChange(on=False),
+                "imu": RuleChange(on=False),
+                "pointcloud": RuleChange(on=False),
+                "depth": RuleChange(on=False),
+                "camera/photo": RuleChange(size=128 * KIB),
+                "map_update": RuleChange(on=False),
+                "model_output": RuleChange(rate=0.1),
+                "flight_controller": RuleChange(rate=0.2),
+                "gps": RuleChange(rate=0.2),
+                "metrics": RuleChange(rate=0.1),
+                "driverlog": RuleChange(rate=1),
             },
         ),
     }
 )
 
 
-class Changes(msgspec.Struct, frozen=True):
+class RuleChanges(msgspec.Struct, frozen=True):
     """Changes of fleet.yaml to topic rules, by suffix, for each direction."""
 
-    outward: Mapping[str, Change] = MappingProxyType({})
-    inward: Mapping[str, Change] = MappingProxyType({})
+    outward: Mapping[str, RuleChange] = MappingProxyType({})
+    inward: Mapping[str, RuleChange] = MappingProxyType({})
 
 
 class Rulebook(msgspec.Struct, frozen=True):
@@ -115,8 +115,8 @@ class Rulebook(msgspec.Struct, frozen=True):
 
 def rulebook(
     profile: str = "lan",
-    layers: Iterable[Changes] = (),
-    channels: Mapping[str, Channel] = MappingProxyType({}),
+    layers: Iterable[RuleChanges] = (),
+    channels: Mapping[str, ExtraChannel] = MappingProxyType({}),
 ) -> Rulebook:
     """Return the rules of one twin; later layers win. ``channels`` are those that are not in the table."""
     chosen, layers = PROFILES[profile], tuple(layers)
@@ -164,17 +164,17 @@ def _only(book: Rulebook, wanted: Callable[[str], bool]) -> Rulebook:
     return Rulebook(outward, book.off, inward, book.backlog)
 
 
-def _merged(suffix: str, layers: Iterable[Mapping[str, Change]]) -> Change:
+def _merged(suffix: str, layers: Iterable[Mapping[str, RuleChange]]) -> RuleChange:
     """Return the changes of all layers to one suffix; later layers win."""
     merged: dict[str, object] = {}
     for layer in layers:
         if suffix in layer:
             given = msgspec.structs.asdict(layer[suffix])
             merged |= {name: value for name, value in given.items() if value is not None}
-    return Change(**merged)  # type: ignore[arg-type]
+    return RuleChange(**merged)  # type: ignore[arg-type]
 
 
-def _changed(rule: TopicRule, layers: Iterable[Mapping[str, Change]]) -> TopicRule:
+def _changed(rule: TopicRule, layers: Iterable[Mapping[str, RuleChange]]) -> TopicRule:
     """Return a changed rule. Durable messages are sent at least once (QoS 1) and never repeated."""
     change = _merged(rule.suffix, layers)
     traffic = rule.traffic if change.traffic is None else change.traffic
@@ -193,7 +193,7 @@ def _changed(rule: TopicRule, layers: Iterable[Mapping[str, Change]]) -> TopicRu
     )
 
 
-def _changed_inward(rule: InboundRule, layers: Iterable[Mapping[str, Change]]) -> InboundRule:
+def _changed_inward(rule: InboundRule, layers: Iterable[Mapping[str, RuleChange]]) -> InboundRule:
     """Return a changed inward rule. Requests to a robot never get a rate limit: it could drop a stop."""
     change = _merged(rule.suffix, layers)
     return msgspec.structs.replace(
@@ -204,7 +204,7 @@ def _changed_inward(rule: InboundRule, layers: Iterable[Mapping[str, Change]]) -
     )
 
 
-def _added(name: str, channel: Channel) -> TopicRule:
+def _added(name: str, channel: ExtraChannel) -> TopicRule:
     """Return the rule of a channel that fleet.yaml adds."""
     return TopicRule(
         channel.suffix,

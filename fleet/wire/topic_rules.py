@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticKnownError
 
 from fleet.wire.documents import SHAPES
-from fleet.wire.rulebook import Change, Changes, Channel
+from fleet.wire.rulebook import ExtraChannel, RuleChange, RuleChanges
 from fleet.wire.rules import (
     CHANNEL_SUFFIXES,
     INWARD,
@@ -114,10 +114,10 @@ class TopicConfig(Model):
         "of depth as `object`, `string` or `list`.",
     )
 
-    def change(self) -> Change:
+    def change(self) -> RuleChange:
         """Return the settings in the bridge's own form."""
         traffic = None if self.traffic is None else TrafficClass[self.traffic.upper()]
-        return Change(self.on, self.rate, traffic, self.max_age, self.size, self.layout)
+        return RuleChange(self.on, self.rate, traffic, self.max_age, self.size, self.layout)
 
 
 class InboundConfig(Model):
@@ -130,9 +130,9 @@ class InboundConfig(Model):
         description="Largest payload in bytes; what is larger is refused, and where stops come it is one.",
     )
 
-    def change(self) -> Change:
+    def change(self) -> RuleChange:
         """Return the settings in the bridge's own form."""
-        return Change(on=self.on, rate=self.rate, size=self.size)
+        return RuleChange(on=self.on, rate=self.rate, size=self.size)
 
 
 class ChannelConfig(Model):
@@ -144,10 +144,10 @@ class ChannelConfig(Model):
     max_age: _Age | None = Field(None, description="Seconds after which it is not worth sending any more.")
     size: _Size = Field(65536, description="Largest payload in bytes.")
 
-    def channel(self) -> Channel:
+    def channel(self) -> ExtraChannel:
         """Return the settings in the bridge's own form."""
         traffic = TrafficClass[self.traffic.upper()]
-        return Channel(self.topic, traffic, self.rate, self.max_age or 0.0, self.size)
+        return ExtraChannel(self.topic, traffic, self.rate, self.max_age or 0.0, self.size)
 
 
 class TopicsConfig(Model):
@@ -174,9 +174,9 @@ class TopicsConfig(Model):
             raise wrong("inbound", "stops come on command; to obey nothing else set accepts: {command: []}")
         return self
 
-    def changes(self) -> Changes:
+    def changes(self) -> RuleChanges:
         """Return the settings in the bridge's own form."""
-        return Changes(
+        return RuleChanges(
             {OUTWARD_NAMES[name]: rule.change() for name, rule in self.rules.items()},
             {INWARD_NAMES[name]: rule.change() for name, rule in self.inbound.items()},
         )

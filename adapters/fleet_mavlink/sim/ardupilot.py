@@ -14,10 +14,10 @@ from fleet_mavlink.sim.ardupilot_modes import MODES
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.command_request import FAILED
 from fleet_mavlink.sim.fence import is_outside
-from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre, place_of
-from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.manoeuvres import DriveManoeuvre, GoToManoeuvre, Manoeuvre, place_of
+from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.satellites import ARDUPILOT_LOSS, Loss
-from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
+from fleet_mavlink.sim.setpoints import ReceivedSetpoint, Triple, setpoint_of, turned
 from fleet_mavlink.sim.speaker import CRITICAL, INFO, WARNING
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 from fleet_mavlink.sim.streams import heartbeat
@@ -49,7 +49,7 @@ class ArduPilot(Autopilot):
     fix_type: ClassVar[int] = 6
     speeds_type: ClassVar[type[FlightSpeeds]] = ArduPilotSpeeds
     spin_up: ClassVar[float] = 3.4
-    modes: ClassVar[Mapping[str, Mode]] = MODES
+    modes: ClassVar[Mapping[str, FlightMode]] = MODES
     first_mode: ClassVar[str] = "STABILIZE"  # until the mode switch of the remote control is read
     switched_mode: ClassVar[str] = "STABILIZE"  # position of that switch
     without_gimbal: ClassVar[int | None] = FAILED
@@ -126,7 +126,7 @@ class ArduPilot(Autopilot):
 
     # modes
 
-    def refusal_of(self, mode: Mode) -> str:
+    def refusal_of(self, mode: FlightMode) -> str:
         """Return why a mode cannot be entered now, empty if it can."""
         if not (self.armed and self.flying):
             return ""
@@ -158,15 +158,15 @@ class ArduPilot(Autopilot):
         """Follow a setpoint in GUIDED flight; ignore it silently otherwise."""
         if self.mode.name == "GUIDED" and self.armed and (self.flying or self.taking_off):
             manoeuvre = self.fly_setpoint(setpoint_of(message))
-            if isinstance(manoeuvre, GoTo) and self.outside_fence(place_of(manoeuvre)):
+            if isinstance(manoeuvre, GoToManoeuvre) and self.outside_fence(place_of(manoeuvre)):
                 return  # silently
             self.paused = None
             self.manoeuvre = manoeuvre
 
-    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
+    def fly_setpoint(self, setpoint: ReceivedSetpoint) -> Manoeuvre:
         """Return the manoeuvre; an invalid setpoint stops the vehicle."""
         if setpoint.force or not setpoint.finite:
-            return Drive(_STOP)
+            return DriveManoeuvre(_STOP)
         heading = setpoint.heading
         if heading is not None and setpoint.frame in _BODY_FRAMES:
             heading += self.body.heading
@@ -174,15 +174,15 @@ class ArduPilot(Autopilot):
             place = self._place(setpoint.frame, setpoint.position)
             if heading is None and setpoint.turn_rate is not None:
                 heading = self.body.heading  # a rate of zero keeps the nose
-            return GoTo(*place, heading=heading) if place is not None else Drive(_STOP)
+            return GoToManoeuvre(*place, heading=heading) if place is not None else DriveManoeuvre(_STOP)
         known = setpoint.frame in _OFFSET_FRAMES | _RELATIVE_FRAMES | _AMSL_FRAMES | {1}
         if setpoint.velocity is None or not known:
-            return Drive(_STOP)
+            return DriveManoeuvre(_STOP)
         velocity = setpoint.velocity
         if setpoint.frame in _BODY_FRAMES:
             velocity = turned(velocity, self.body.heading)
         until = self.time + self.params["GUID_TIMEOUT"]
-        return Drive(velocity, heading=heading, turn_rate=setpoint.turn_rate, until=until)
+        return DriveManoeuvre(velocity, heading=heading, turn_rate=setpoint.turn_rate, until=until)
 
     def _place(self, frame: int, position: Triple) -> Triple | None:
         """Return a target as a local position, None for an unsupported frame."""

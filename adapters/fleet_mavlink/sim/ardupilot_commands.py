@@ -29,7 +29,7 @@ from fleet_mavlink.sim.common_commands import (
     requested,
     turn_gimbal,
 )
-from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Takeoff, Turn, hold
+from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Idle, Takeoff, Turn, hold
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.streams import BUILDERS
 
@@ -137,7 +137,7 @@ def _reposition(pilot: ArduPilot, ask: CommandRequest) -> int:
         return DENIED
     if pilot.outside_fence(place):
         return FAILED
-    pilot.manoeuvre = GoTo(*place, speed=ask.p1 if ask.p1 > 0.0 else None)
+    pilot.manoeuvre = GoToManoeuvre(*place, speed=ask.p1 if ask.p1 > 0.0 else None)
     return ACCEPTED
 
 

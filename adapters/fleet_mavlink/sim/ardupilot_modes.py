@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fleet_mavlink.sim.manoeuvres import Land, Manoeuvre, Return, Sink, hold
-from fleet_mavlink.sim.mission_flight import FlyMission
-from fleet_mavlink.sim.modes import GUIDED_BASE, MANUAL_BASE, Mode
+from fleet_mavlink.sim.mission_flight import MissionManoeuvre
+from fleet_mavlink.sim.modes import GUIDED_BASE, MANUAL_BASE, FlightMode
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -24,15 +24,15 @@ def _home(pilot: Autopilot) -> Manoeuvre:
 
 
 _ALL = (
-    Mode("STABILIZE", 0, _sink, MANUAL_BASE, position=False),
-    Mode("ALT_HOLD", 2, _sink, MANUAL_BASE, position=False),
-    Mode("AUTO", 3, FlyMission, GUIDED_BASE),
-    Mode("GUIDED", 4, hold, GUIDED_BASE),
-    Mode("LOITER", 5, _sink, GUIDED_BASE),
-    Mode("RTL", 6, _home, GUIDED_BASE, armable=False),
-    Mode("LAND", 9, Land, GUIDED_BASE, position=False, armable=False),
-    Mode("POSHOLD", 16, _sink, GUIDED_BASE),
-    Mode("BRAKE", 17, hold, GUIDED_BASE, armable=False),
-    Mode("SMART_RTL", 21, _home, GUIDED_BASE, armable=False),
+    FlightMode("STABILIZE", 0, _sink, MANUAL_BASE, position=False),
+    FlightMode("ALT_HOLD", 2, _sink, MANUAL_BASE, position=False),
+    FlightMode("AUTO", 3, MissionManoeuvre, GUIDED_BASE),
+    FlightMode("GUIDED", 4, hold, GUIDED_BASE),
+    FlightMode("LOITER", 5, _sink, GUIDED_BASE),
+    FlightMode("RTL", 6, _home, GUIDED_BASE, armable=False),
+    FlightMode("LAND", 9, Land, GUIDED_BASE, position=False, armable=False),
+    FlightMode("POSHOLD", 16, _sink, GUIDED_BASE),
+    FlightMode("BRAKE", 17, hold, GUIDED_BASE, armable=False),
+    FlightMode("SMART_RTL", 21, _home, GUIDED_BASE, armable=False),
 )
 MODES = {mode.name: mode for mode in _ALL}

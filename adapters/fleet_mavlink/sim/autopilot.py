@@ -16,14 +16,23 @@ from fleet_mavlink.sim.battery import SimBattery
 from fleet_mavlink.sim.command_request import ACCEPTED, UNSUPPORTED, CommandRequest
 from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.local_frame import Geo, LocalFrame
-from fleet_mavlink.sim.manoeuvres import LANDING, ON_GROUND, TAKING_OFF, GoTo, Idle, Manoeuvre, hold, place_of
+from fleet_mavlink.sim.manoeuvres import (
+    LANDING,
+    ON_GROUND,
+    TAKING_OFF,
+    GoToManoeuvre,
+    Idle,
+    Manoeuvre,
+    hold,
+    place_of,
+)
 from fleet_mavlink.sim.mission_flight import leave_mission
 from fleet_mavlink.sim.missions import SimMissions
-from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.params import Params
 from fleet_mavlink.sim.physics import Agility, Body
 from fleet_mavlink.sim.satellites import GpsReceiver, Loss
-from fleet_mavlink.sim.setpoints import Setpoint
+from fleet_mavlink.sim.setpoints import ReceivedSetpoint
 from fleet_mavlink.sim.speaker import Speaker
 from fleet_mavlink.sim.speeds import FlightSpeeds
 from fleet_mavlink.sim.streams import SimStreams, home_position
@@ -57,7 +66,7 @@ class Autopilot(Speaker, ABC):
 
     autopilot_id: ClassVar[int]
     vehicle_type: ClassVar[int] = 2  # MAV_TYPE
-    modes: ClassVar[Mapping[str, Mode]]
+    modes: ClassVar[Mapping[str, FlightMode]]
     capabilities: ClassVar[int]
     version: ClassVar[int]
     commands: ClassVar[Mapping[int, Handler]]
@@ -74,7 +83,7 @@ class Autopilot(Speaker, ABC):
     obeys_broadcast: ClassVar[bool] = False
     without_gimbal: ClassVar[int | None]  # its result for gimbal commands; None: no answer
 
-    def __init__(self, boot: Boot, mode: Mode) -> None:
+    def __init__(self, boot: Boot, mode: FlightMode) -> None:
         super().__init__(boot.random, boot.faults, boot.at)
         self.system_id = boot.system_id
         self.place = boot.place
@@ -114,7 +123,7 @@ class Autopilot(Speaker, ABC):
     def target(self) -> Geo | None:
         """Return the place that the vehicle flies to or holds, None while there is none."""
         flown = self.manoeuvre
-        return self.frame.geo_of(place_of(flown)) if isinstance(flown, GoTo) else None
+        return self.frame.geo_of(place_of(flown)) if isinstance(flown, GoToManoeuvre) else None
 
     def home_ned(self) -> tuple[float, float, float]:
         """Return home as a local position; where the vehicle was put down while home is unknown."""
@@ -183,7 +192,7 @@ class Autopilot(Speaker, ABC):
         """Obey or ignore SET_POSITION_TARGET_LOCAL_NED or _GLOBAL_INT."""
 
     @abstractmethod
-    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
+    def fly_setpoint(self, setpoint: ReceivedSetpoint) -> Manoeuvre:
         """Return the manoeuvre that a setpoint asks for."""
 
     def gcs_heartbeat(self, message: object) -> None:  # noqa: ARG002 - PX4 takes any
@@ -192,7 +201,7 @@ class Autopilot(Speaker, ABC):
 
     # modes and arming
 
-    def enter(self, mode: Mode) -> None:
+    def enter(self, mode: FlightMode) -> None:
         """Change the mode and start its manoeuvre; idle while the motors are off."""
         if self.runs_mission and mode is not self.mode:
             leave_mission(self)
@@ -298,7 +307,7 @@ class Autopilot(Speaker, ABC):
     def touched_ground(self) -> None:
         """Send the text of a touch-down, if there is one."""
 
-    def pilot_takes_over(self, mode: Mode) -> None:
+    def pilot_takes_over(self, mode: FlightMode) -> None:
         """Change the mode by the switch of the remote control; the pilot then holds the vehicle in place."""
         self.mode = mode
         self.manoeuvre = hold(self) if self.armed else Idle()

@@ -12,7 +12,7 @@ _SUCCESS = int(mav.MAG_CAL_SUCCESS)
 _FAILED = int(mav.MAG_CAL_FAILED)
 
 
-class Speaker(Protocol):
+class TextSender(Protocol):
     """Sender of texts: the autopilot."""
 
     def say(self, severity: int, text: str) -> None:
@@ -32,19 +32,19 @@ class SimCompass:
         """True while a calibration runs."""
         return self._began is not None
 
-    def start(self, now: float, speaker: Speaker) -> None:
+    def start(self, now: float, speaker: TextSender) -> None:
         """Begin a calibration."""
         self._began = self._told_at = now
         if self.words:
             speaker.say(6, "[cal] calibration started: 2 mag")
 
-    def cancel(self, speaker: Speaker) -> None:
+    def cancel(self, speaker: TextSender) -> None:
         """End without a result; ArduPilot sends nothing then."""
         if self.words and self.calibrating:
             speaker.say(2, "[cal] calibration cancelled")
         self._began = None
 
-    def tick(self, now: float, speaker: Speaker, *, fails: bool) -> list[object]:
+    def tick(self, now: float, speaker: TextSender, *, fails: bool) -> list[object]:
         """Report the progress, and the result."""
         if self._began is None or now - self._told_at < _TOLD_EVERY:
             return []
@@ -55,14 +55,14 @@ class SimCompass:
         self._began = None
         return self._end(speaker, fails=fails)
 
-    def _progress(self, percent: int, speaker: Speaker) -> list[object]:
+    def _progress(self, percent: int, speaker: TextSender) -> list[object]:
         """Report percent."""
         if self.words:
             speaker.say(6, f"[cal] progress <{percent}>")
             return []
         return [mav.MAVLink_mag_cal_progress_message(0, 1, 3, 1, percent, [0] * 10, 0.0, 0.0, 0.0)]
 
-    def _end(self, speaker: Speaker, *, fails: bool) -> list[object]:
+    def _end(self, speaker: TextSender, *, fails: bool) -> list[object]:
         """Report the result."""
         if self.words:
             speaker.say(

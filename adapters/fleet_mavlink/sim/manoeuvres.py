@@ -15,7 +15,7 @@ _NOSE_BEYOND = 1.0  # m; at this distance from a position the nose begins to tur
 ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4  # MAV_LANDED_STATE
 
 
-class Place(Protocol):
+class NedPosition(Protocol):
     """A position: metres NED."""
 
     north: float
@@ -38,7 +38,7 @@ class Idle(Manoeuvre):
     """Motors idle or off."""
 
 
-def aim_at(pilot: Autopilot, place: Place, speed: float, heading: float | None) -> Aim:
+def aim_at(pilot: Autopilot, place: NedPosition, speed: float, heading: float | None) -> Aim:
     """Return the motion that brings the vehicle to a position and keeps it there."""
     body = pilot.body
     dn, de, dd = place.north - body.north, place.east - body.east, place.down - body.down
@@ -48,7 +48,7 @@ def aim_at(pilot: Autopilot, place: Place, speed: float, heading: float | None) 
     return Aim(dn * pace, de * pace, vd, heading)
 
 
-class GoTo(Manoeuvre):
+class GoToManoeuvre(Manoeuvre):
     """Fly to a position and hold it; with ``heading`` None the nose turns by the autopilot's default."""
 
     def __init__(
@@ -77,17 +77,17 @@ class GoTo(Manoeuvre):
         return aim_at(pilot, self, self.speed or pilot.speeds.cruise, heading)
 
 
-def place_of(place: Place) -> tuple[float, float, float]:
+def place_of(place: NedPosition) -> tuple[float, float, float]:
     """Return a position as north, east, down."""
     return place.north, place.east, place.down
 
 
-def braked(pilot: Autopilot) -> GoTo:
+def braked(pilot: Autopilot) -> GoToManoeuvre:
     """Return the manoeuvre that stays where braking from the present motion ends."""
     body = pilot.body
     braking = body.speed / (2 * pilot.agility.across)
     north, east = body.north + body.vn * braking, body.east + body.ve * braking
-    return GoTo(north, east, body.down, heading=body.heading)
+    return GoToManoeuvre(north, east, body.down, heading=body.heading)
 
 
 def hold(pilot: Autopilot) -> Manoeuvre:
@@ -120,7 +120,7 @@ class Takeoff(Manoeuvre):
         return Aim(wanted.vn, wanted.ve, max(-pilot.speeds.takeoff, wanted.vd), self.heading)
 
 
-class Drive(Manoeuvre):
+class DriveManoeuvre(Manoeuvre):
     """Hold a velocity (m/s NED) until ``until``, then brake to a standstill."""
 
     def __init__(
@@ -186,7 +186,7 @@ class Land(Manoeuvre):
 
     in_air_state = LANDING
 
-    def __init__(self, pilot: Autopilot, place: Place | None = None) -> None:
+    def __init__(self, pilot: Autopilot, place: NedPosition | None = None) -> None:
         here = place or braked(pilot)
         self.north = here.north
         self.east = here.east
@@ -212,8 +212,8 @@ class Return(Manoeuvre):
         down = min(pilot.body.down, home_down - height)
         here = pilot.body
         self._legs = [
-            GoTo(here.north, here.east, down, heading=here.heading),
-            GoTo(home_north, home_east, down),
+            GoToManoeuvre(here.north, here.east, down, heading=here.heading),
+            GoToManoeuvre(home_north, home_east, down),
         ]
         self._wait = wait
         self._land_at: float | None = None

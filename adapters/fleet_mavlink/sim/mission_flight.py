@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.manoeuvres import GoTo, Land, Manoeuvre, Takeoff, hold
+from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Land, Manoeuvre, Takeoff, hold
 from fleet_mavlink.sim.mission_items import LOITER_TURNS, Item
 from fleet_mavlink.sim.missions import ACTIVE, COMPLETE, NOT_STARTED, PAUSED
 from fleet_mavlink.sim.physics import Aim
@@ -38,7 +38,7 @@ def place_of_item(pilot: Autopilot, item: Item) -> tuple[float, float, float]:
 def _go(pilot: Autopilot, item: Item) -> Manoeuvre:
     north, east, down = place_of_item(pilot, item)
     heading = math.radians(item.p4) if math.isfinite(item.p4) and item.p4 != 0.0 else None
-    return GoTo(north, east, down, heading=heading)
+    return GoToManoeuvre(north, east, down, heading=heading)
 
 
 def _take_off(pilot: Autopilot, item: Item) -> Manoeuvre:
@@ -50,7 +50,7 @@ class LandThere(Manoeuvre):
 
     def __init__(self, pilot: Autopilot, item: Item) -> None:
         north, east, _ = place_of_item(pilot, item)
-        self._legs: list[Manoeuvre] = [GoTo(north, east, pilot.body.down)]
+        self._legs: list[Manoeuvre] = [GoToManoeuvre(north, east, pilot.body.down)]
 
     def aim(self, pilot: Autopilot) -> Aim:
         """Return the motion to the position, then down."""
@@ -81,7 +81,7 @@ class _Circle(Manoeuvre):
         self._radius = item.p3 or _RADIUS
         self._left = math.tau * item.p1
         self._bearing: float | None = None
-        self._leg = GoTo(self._centre[0] + abs(self._radius), self._centre[1], self._centre[2])
+        self._leg = GoToManoeuvre(self._centre[0] + abs(self._radius), self._centre[1], self._centre[2])
 
     def aim(self, pilot: Autopilot) -> Aim:
         """Return the motion to the circle, then to the position a little ahead on it."""
@@ -96,7 +96,7 @@ class _Circle(Manoeuvre):
         self._bearing = seen
         self.done = self._left <= 0.0
         ahead, away = seen + turn * _AHEAD, abs(self._radius)
-        self._leg = GoTo(north + away * math.cos(ahead), east + away * math.sin(ahead), down)
+        self._leg = GoToManoeuvre(north + away * math.cos(ahead), east + away * math.sin(ahead), down)
         return self._leg.aim(pilot)
 
 
@@ -113,7 +113,7 @@ _MANOEUVRES: Mapping[int, Callable[[Autopilot, Item], Manoeuvre]] = {
 }
 
 
-class FlyMission(Manoeuvre):
+class MissionManoeuvre(Manoeuvre):
     """Fly the items from the current one on; ``returns``: an item requests RTL."""
 
     manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = _MANOEUVRES

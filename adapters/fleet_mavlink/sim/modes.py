@@ -16,7 +16,7 @@ AUTO_BASE = 29  # custom, auto, guided, stabilised
 
 
 @dataclass(frozen=True, slots=True)
-class Mode:
+class FlightMode:
     """One mode. ``position``: it needs a position estimate; ``armable``: motors may be armed in it."""
 
     name: str

@@ -13,7 +13,7 @@ from fleet_mavlink.sim.ardupilot_commands import COMMANDS as COPTERS
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
 from fleet_mavlink.sim.manoeuvres import Idle, Manoeuvre
-from fleet_mavlink.sim.modes import GUIDED_BASE, MANUAL_BASE, Mode
+from fleet_mavlink.sim.modes import GUIDED_BASE, MANUAL_BASE, FlightMode
 from fleet_mavlink.sim.physics import Agility
 from fleet_mavlink.sim.plane_failsafes import PlaneFailsafes
 from fleet_mavlink.sim.plane_mission import WingedMission
@@ -78,15 +78,15 @@ def _take_off(pilot: Autopilot) -> Manoeuvre:
 
 
 _ALL = (
-    Mode("MANUAL", 0, _manual, MANUAL_BASE, position=False),
-    Mode("CIRCLE", 1, circle_here, GUIDED_BASE, position=False),
-    Mode("FBWA", 5, _manual, MANUAL_BASE, position=False),
-    Mode("AUTO", 10, WingedMission, GUIDED_BASE),
-    Mode("RTL", 11, _home, GUIDED_BASE, armable=False),
-    Mode("LOITER", 12, circle_here, GUIDED_BASE),
-    Mode("TAKEOFF", 13, _take_off, GUIDED_BASE),
-    Mode("GUIDED", 15, circle_here, GUIDED_BASE),
-    Mode("INITIALISING", 16, _manual, GUIDED_BASE, position=False, armable=False),
+    FlightMode("MANUAL", 0, _manual, MANUAL_BASE, position=False),
+    FlightMode("CIRCLE", 1, circle_here, GUIDED_BASE, position=False),
+    FlightMode("FBWA", 5, _manual, MANUAL_BASE, position=False),
+    FlightMode("AUTO", 10, WingedMission, GUIDED_BASE),
+    FlightMode("RTL", 11, _home, GUIDED_BASE, armable=False),
+    FlightMode("LOITER", 12, circle_here, GUIDED_BASE),
+    FlightMode("TAKEOFF", 13, _take_off, GUIDED_BASE),
+    FlightMode("GUIDED", 15, circle_here, GUIDED_BASE),
+    FlightMode("INITIALISING", 16, _manual, GUIDED_BASE, position=False, armable=False),
 )
 MODES = {mode.name: mode for mode in _ALL}
 
@@ -175,7 +175,7 @@ class SimArduPlane(ArduPilot):
 
     vehicle_type: ClassVar[int] = int(mav.MAV_TYPE_FIXED_WING)
     commands: ClassVar[Mapping[int, Handler]] = COMMANDS
-    modes: ClassVar[Mapping[str, Mode]] = MODES
+    modes: ClassVar[Mapping[str, FlightMode]] = MODES
     first_mode: ClassVar[str] = "INITIALISING"
     switched_mode: ClassVar[str] = "MANUAL"
     speeds_type: ClassVar[type[FlightSpeeds]] = PlaneSpeeds
@@ -226,7 +226,7 @@ class SimArduPlane(ArduPilot):
             self.say(INFO, "Mission complete, changing mode to RTL")
             self.change_mode(self.modes["RTL"].custom)
 
-    def enter(self, mode: Mode) -> None:
+    def enter(self, mode: FlightMode) -> None:
         """Change to a mode; GUIDED again keeps the present target."""
         if mode is self.mode and mode.name == "GUIDED" and self.armed and self.flying:
             return
@@ -238,6 +238,6 @@ class SimArduPlane(ArduPilot):
             self.say(INFO, "Throttle disarmed")
             self.disarm()
 
-    def pilot_takes_over(self, mode: Mode) -> None:
+    def pilot_takes_over(self, mode: FlightMode) -> None:
         """Change to a mode by the switch of the remote control."""
         self.enter(mode)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.mission_flight import FlyMission, place_of_item
+from fleet_mavlink.sim.mission_flight import MissionManoeuvre, place_of_item
 from fleet_mavlink.sim.physics import Aim
-from fleet_mavlink.sim.plane_moves import Approach, Circle, Pass, RunwayTakeoff
+from fleet_mavlink.sim.plane_moves import Circle, LandingApproach, Pass, RunwayTakeoff
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -65,14 +65,14 @@ class _Turns(Circle):
 
 def _land(pilot: Autopilot, item: Item) -> Manoeuvre:
     north, east, _ = place_of_item(pilot, item)
-    return Approach(north, east)
+    return LandingApproach(north, east)
 
 
 def _take_off(pilot: Autopilot, item: Item) -> Manoeuvre:
     return RunwayTakeoff(place_of_item(pilot, item)[2])
 
 
-class WingedMission(FlyMission):
+class WingedMission(MissionManoeuvre):
     """Fly the items from the current one on; begins with a circle at the present position."""
 
     manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = {

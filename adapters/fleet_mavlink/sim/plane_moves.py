@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from fleet_mavlink.sim.manoeuvres import LANDING, TAKING_OFF, GoTo, Manoeuvre
+from fleet_mavlink.sim.manoeuvres import LANDING, TAKING_OFF, GoToManoeuvre, Manoeuvre
 from fleet_mavlink.sim.physics import Aim
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def _vertical(pilot: Autopilot, down: float) -> float:
     return max(-pilot.speeds.climb, min(pilot.speeds.sink, 0.5 * (down - pilot.body.down)))
 
 
-class Circle(GoTo):
+class Circle(GoToManoeuvre):
     """Fly to a circle around a position, and along it; a negative radius turns left."""
 
     def __init__(
@@ -54,7 +54,7 @@ class Circle(GoTo):
         return Aim(speed * math.cos(course), speed * math.sin(course), _vertical(pilot, self.down))
 
 
-class Pass(GoTo):
+class Pass(GoToManoeuvre):
     """Fly over a position, which counts as reached within ``within`` m."""
 
     def __init__(self, north: float, east: float, down: float, within: float) -> None:
@@ -120,7 +120,7 @@ class CircleDown(Circle):
         return wanted
 
 
-class Approach(Manoeuvre):
+class LandingApproach(Manoeuvre):
     """Descend along a slope to a position, and land there."""
 
     in_air_state = LANDING

@@ -12,14 +12,14 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.command_request import ACCEPTED, TEMPORARILY_REJECTED, CommandRequest, ack
 from fleet_mavlink.sim.fence import CIRCLE, HEIGHT, POLYGON, is_outside
-from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
-from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.manoeuvres import DriveManoeuvre, GoToManoeuvre, Manoeuvre
+from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.px4_commands import COMMANDS
 from fleet_mavlink.sim.px4_failsafes import Px4Failsafes
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.px4_takeoff import Px4Takeoff, wander, watch
 from fleet_mavlink.sim.satellites import PX4_LOSS, Loss
-from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
+from fleet_mavlink.sim.setpoints import ReceivedSetpoint, Triple, setpoint_of, turned
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.speeds import FlightSpeeds, Px4Speeds
 
@@ -66,7 +66,7 @@ class SimPx4(Autopilot):
     fix_type: ClassVar[int] = 3
     speeds_type: ClassVar[type[FlightSpeeds]] = Px4Speeds
     spin_up: ClassVar[float] = 4.2
-    modes: ClassVar[Mapping[str, Mode]] = MODES
+    modes: ClassVar[Mapping[str, FlightMode]] = MODES
     without_gimbal: ClassVar[int | None] = None
     ends_text: ClassVar[str] = "\t"
     text_id_always: ClassVar[bool] = True
@@ -75,7 +75,7 @@ class SimPx4(Autopilot):
 
     def __init__(self, boot: Boot) -> None:
         super().__init__(boot, MODES["LOITER"])
-        self.chosen: Mode = self.mode  # it returns to it after a landing
+        self.chosen: FlightMode = self.mode  # it returns to it after a landing
         self.takeoff: Manoeuvre | None = None  # requested by the take-off command
         self._setpoint_at: float | None = None
         self._stream_since = 0.0
@@ -163,7 +163,7 @@ class SimPx4(Autopilot):
 
     # modes
 
-    def refusal_of(self, mode: Mode) -> str:
+    def refusal_of(self, mode: FlightMode) -> str:
         """Return why a mode cannot run now, empty when it can."""
         if mode.name == "OFFBOARD" and not self.stream_alive:
             return "Switching to Offboard is currently not available"
@@ -174,7 +174,7 @@ class SimPx4(Autopilot):
         manual = mode.name in {"MANUAL", "ALTCTL", "POSCTL", "STABILIZED"}
         return f"Switching to {mode.name.title()} is not possible: no manual control" if manual else ""
 
-    def change_mode(self, mode: Mode) -> int:
+    def change_mode(self, mode: FlightMode) -> int:
         """Enter the mode that a user requests; any mode while disarmed. Returns MAV_RESULT."""
         if self.terminated:
             return TEMPORARILY_REJECTED
@@ -220,7 +220,7 @@ class SimPx4(Autopilot):
         self.say(INFO, "Takeoff detected")
         self.set_home()
 
-    def takeoff_ended(self, hold: GoTo) -> None:
+    def takeoff_ended(self, hold: GoToManoeuvre) -> None:
         """Change to LOITER, which climbs on to the requested height."""
         self.enter(MODES["LOITER"])
         self.manoeuvre = hold
@@ -270,18 +270,18 @@ class SimPx4(Autopilot):
         if self.armed and self.mode.name == "OFFBOARD":
             self.manoeuvre = self.fly_setpoint(setpoint)
 
-    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
+    def fly_setpoint(self, setpoint: ReceivedSetpoint) -> Manoeuvre:
         """Return the manoeuvre; the heading is kept when the message leaves it out."""
         heading = setpoint.heading
         if heading is None and setpoint.turn_rate is None:
             heading = self.body.heading
         if setpoint.position is not None and setpoint.frame != _BODY_NED:
             place = self._place(setpoint.frame, setpoint.position)
-            return GoTo(*place, heading=self.body.heading if heading is None else heading)
+            return GoToManoeuvre(*place, heading=self.body.heading if heading is None else heading)
         velocity = setpoint.velocity or (0.0, 0.0, 0.0)
         if setpoint.frame == _BODY_NED:
             velocity = turned(velocity, self.body.heading)
-        return Drive(velocity, heading=heading, turn_rate=setpoint.turn_rate)
+        return DriveManoeuvre(velocity, heading=heading, turn_rate=setpoint.turn_rate)
 
     def _place(self, frame: int, position: Triple) -> Triple:
         """Return a target as a local position."""
@@ -351,7 +351,7 @@ class SimPx4(Autopilot):
         )
 
 
-def _refusal(setpoint: Setpoint, *, local: bool) -> str:
+def _refusal(setpoint: ReceivedSetpoint, *, local: bool) -> str:
     """Return why a setpoint is not taken, empty when it is."""
     frames = {_LOCAL_NED, _BODY_NED} if local else _RELATIVE_FRAMES | _AMSL_FRAMES
     if setpoint.frame not in frames:

@@ -28,7 +28,7 @@ from fleet_mavlink.sim.common_commands import (
     turn_gimbal,
 )
 from fleet_mavlink.sim.local_frame import Geo
-from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Manoeuvre
+from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Idle, Manoeuvre
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.px4_takeoff import Px4Takeoff
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
@@ -154,7 +154,7 @@ def _go(pilot: SimPx4, place: Geo, *, heading: float, speed: float) -> int:
     wanted = [new if math.isfinite(new) else now for new, now in zip(place, pilot.geo(), strict=True)]
     north, east, down = pilot.frame.ned_of(*wanted)
     turned = heading if math.isfinite(heading) else None
-    pilot.manoeuvre = GoTo(north, east, down, heading=turned, speed=speed if speed > 0.0 else None)
+    pilot.manoeuvre = GoToManoeuvre(north, east, down, heading=turned, speed=speed if speed > 0.0 else None)
     return ACCEPTED
 
 

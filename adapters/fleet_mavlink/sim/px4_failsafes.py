@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from fleet_mavlink.sim.event_list import EventMessage, failsafe_event
-from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.px4_modes import MODES
 from fleet_mavlink.sim.speaker import CRITICAL, WARNING
 
@@ -25,7 +25,7 @@ class Px4Failsafes:
 
     def __init__(self, pilot: SimPx4) -> None:
         self._pilot = pilot
-        self._then: tuple[float, Mode] | None = None  # time and mode of the second step
+        self._then: tuple[float, FlightMode] | None = None  # time and mode of the second step
         self._battery_told: set[str] = set()
         self._events = 0
         self._cause = ""

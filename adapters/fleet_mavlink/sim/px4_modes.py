@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fleet_mavlink.sim.manoeuvres import Idle, Land, Manoeuvre, Return, Sink, hold
-from fleet_mavlink.sim.mission_flight import FlyMission
-from fleet_mavlink.sim.modes import AUTO_BASE, MANUAL_BASE, Mode
+from fleet_mavlink.sim.mission_flight import MissionManoeuvre
+from fleet_mavlink.sim.modes import AUTO_BASE, MANUAL_BASE, FlightMode
 from fleet_mavlink.sim.px4_takeoff import Px4Takeoff
 
 if TYPE_CHECKING:
@@ -42,19 +42,19 @@ def _auto(sub: int) -> int:
 
 
 _ALL = (
-    Mode("MANUAL", 1 << 16, _sink, MANUAL_BASE, position=False, armable=False),
-    Mode("ALTCTL", 2 << 16, _sink, MANUAL_BASE, position=False, armable=False),
-    Mode("POSCTL", 3 << 16, _sink, MANUAL_BASE, armable=False),
-    Mode("ORBIT", 1 << 24 | 3 << 16, hold, AUTO_BASE),
-    Mode("OFFBOARD", 6 << 16, hold, AUTO_BASE),
-    Mode("STABILIZED", 7 << 16, _sink, MANUAL_BASE, position=False, armable=False),
-    Mode("TERMINATION", 10 << 16, _fall, AUTO_BASE, position=False, armable=False),
-    Mode("TAKEOFF", _auto(2), _take_off, AUTO_BASE),
-    Mode("LOITER", _auto(3), hold, AUTO_BASE),
-    Mode("MISSION", _auto(4), FlyMission, AUTO_BASE),
-    Mode("RTL", _auto(5), _home, AUTO_BASE, armable=False),
-    Mode("LAND", _auto(6), Land, AUTO_BASE, position=False, armable=False),
-    Mode("PRECLAND", _auto(9), Land, AUTO_BASE, armable=False),
+    FlightMode("MANUAL", 1 << 16, _sink, MANUAL_BASE, position=False, armable=False),
+    FlightMode("ALTCTL", 2 << 16, _sink, MANUAL_BASE, position=False, armable=False),
+    FlightMode("POSCTL", 3 << 16, _sink, MANUAL_BASE, armable=False),
+    FlightMode("ORBIT", 1 << 24 | 3 << 16, hold, AUTO_BASE),
+    FlightMode("OFFBOARD", 6 << 16, hold, AUTO_BASE),
+    FlightMode("STABILIZED", 7 << 16, _sink, MANUAL_BASE, position=False, armable=False),
+    FlightMode("TERMINATION", 10 << 16, _fall, AUTO_BASE, position=False, armable=False),
+    FlightMode("TAKEOFF", _auto(2), _take_off, AUTO_BASE),
+    FlightMode("LOITER", _auto(3), hold, AUTO_BASE),
+    FlightMode("MISSION", _auto(4), MissionManoeuvre, AUTO_BASE),
+    FlightMode("RTL", _auto(5), _home, AUTO_BASE, armable=False),
+    FlightMode("LAND", _auto(6), Land, AUTO_BASE, position=False, armable=False),
+    FlightMode("PRECLAND", _auto(9), Land, AUTO_BASE, armable=False),
 )
 MODES = {mode.name: mode for mode in _ALL}
 MODES_BY_NUMBER = {mode.custom: mode for mode in _ALL}

@@ -19,7 +19,7 @@ from fleet_mavlink.sim.command_request import (
 )
 from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import TAKING_OFF, Idle, Manoeuvre
-from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.physics import Agility
 from fleet_mavlink.sim.plane_mission import WingedMission
 from fleet_mavlink.sim.plane_moves import Circle, CircleDown, RunwayTakeoff
@@ -27,7 +27,7 @@ from fleet_mavlink.sim.px4 import SimPx4
 from fleet_mavlink.sim.px4_commands import COMMANDS as COPTERS
 from fleet_mavlink.sim.px4_modes import MODES as COPTER_MODES
 from fleet_mavlink.sim.px4_takeoff import Px4Takeoff
-from fleet_mavlink.sim.setpoints import Setpoint
+from fleet_mavlink.sim.setpoints import ReceivedSetpoint
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.speeds import FlightSpeeds, Px4Speeds
 
@@ -140,7 +140,7 @@ class SimPx4Plane(SimPx4):
 
     vehicle_type: ClassVar[int] = int(mav.MAV_TYPE_FIXED_WING)
     commands: ClassVar[Mapping[int, Handler]] = COMMANDS
-    modes: ClassVar[Mapping[str, Mode]] = MODES
+    modes: ClassVar[Mapping[str, FlightMode]] = MODES
     speeds_type: ClassVar[type[FlightSpeeds]] = Px4PlaneSpeeds
     agility: ClassVar[Agility] = Agility(4.0, 3.0, 1.0)
 
@@ -154,7 +154,7 @@ class SimPx4Plane(SimPx4):
         """Distance at which it turns to the next position."""
         return _PASSES
 
-    def enter(self, mode: Mode) -> None:
+    def enter(self, mode: FlightMode) -> None:
         """Change to a mode, as flown with wings; HOLD keeps the present circle."""
         flown = self.manoeuvre
         super().enter(self.modes[mode.name])
@@ -193,7 +193,7 @@ class SimPx4Plane(SimPx4):
         rolls = isinstance(self.manoeuvre, RunwayTakeoff) and not self.landed
         return TAKING_OFF if rolls else super().landed_state()
 
-    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:  # noqa: ARG002 - OFFBOARD is accepted without effect
+    def fly_setpoint(self, setpoint: ReceivedSetpoint) -> Manoeuvre:  # noqa: ARG002 - OFFBOARD is accepted without effect
         """Keep the present manoeuvre."""
         return self.manoeuvre
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from fleet_mavlink.sim.manoeuvres import IN_AIR, GoTo, Takeoff
+from fleet_mavlink.sim.manoeuvres import IN_AIR, GoToManoeuvre, Takeoff
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -43,7 +43,7 @@ def watch(pilot: SimPx4) -> None:
         pilot.takeoff_detected()
         flown.down = pilot.frame.down_of(flown.altitude)
     if pilot.flying and pilot.body.down - flown.down <= pilot.params["NAV_MC_ALT_RAD"]:
-        pilot.takeoff_ended(GoTo(flown.north, flown.east, flown.down, heading=flown.heading))
+        pilot.takeoff_ended(GoToManoeuvre(flown.north, flown.east, flown.down, heading=flown.heading))
 
 
 def wander(amplitude: float, now: float) -> float:

@@ -12,8 +12,8 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.autopilot import Boot, Handler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, CommandRequest, whole
 from fleet_mavlink.sim.local_frame import Geo
-from fleet_mavlink.sim.manoeuvres import GoTo, Manoeuvre
-from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Manoeuvre
+from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.plane_moves import Ahead
 from fleet_mavlink.sim.plane_physics import VtolBody
 from fleet_mavlink.sim.px4 import SimPx4
@@ -21,7 +21,7 @@ from fleet_mavlink.sim.px4_modes import MODES as COPTER_MODES
 from fleet_mavlink.sim.px4_plane import COMMANDS as PLANES
 from fleet_mavlink.sim.px4_plane import MODES as PLANE_MODES
 from fleet_mavlink.sim.px4_plane import Px4PlaneSpeeds, SimPx4Plane
-from fleet_mavlink.sim.setpoints import Setpoint
+from fleet_mavlink.sim.setpoints import ReceivedSetpoint
 from fleet_mavlink.sim.speeds import FlightSpeeds, Px4Speeds
 from fleet_mavlink.sim.vtol_mission import HoverMission, VtolMission
 
@@ -46,7 +46,7 @@ class SimPx4Vtol(SimPx4Plane):
 
     vehicle_type: ClassVar[int] = 22  # MAV_TYPE_VTOL_FIXEDROTOR, which has another name here
     commands: ClassVar[Mapping[int, Handler]] = {**PLANES, mav.MAV_CMD_DO_VTOL_TRANSITION: _transition}
-    modes: ClassVar[Mapping[str, Mode]] = PLANE_MODES | {
+    modes: ClassVar[Mapping[str, FlightMode]] = PLANE_MODES | {
         "MISSION": replace(PLANE_MODES["MISSION"], enter=VtolMission)
     }
     agility = SimPx4.agility
@@ -99,7 +99,7 @@ class SimPx4Vtol(SimPx4Plane):
         if self.armed and self.flying:
             self.enter(self.mode)
 
-    def enter(self, mode: Mode) -> None:
+    def enter(self, mode: FlightMode) -> None:
         """Change to a mode; it lands, and returns home, with its rotors."""
         if mode.name in _BY_ROTORS:
             self._goes_over = None
@@ -121,7 +121,7 @@ class SimPx4Vtol(SimPx4Plane):
             still = not any(map(math.isfinite, place))
             if not still and not self._leaves:
                 north, east, down = self.frame.ned_of(*wanted)
-                self.manoeuvre = GoTo(north, east, down, speed=speed if speed > 0.0 else None)
+                self.manoeuvre = GoToManoeuvre(north, east, down, speed=speed if speed > 0.0 else None)
         return result
 
     def begin_takeoff(self) -> None:
@@ -137,7 +137,7 @@ class SimPx4Vtol(SimPx4Plane):
         """Return that of a multirotor."""
         return SimPx4.landed_state(self)
 
-    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
+    def fly_setpoint(self, setpoint: ReceivedSetpoint) -> Manoeuvre:
         """Follow it in hover."""
         return SimPx4.fly_setpoint(self, setpoint) if self.body.hovers else super().fly_setpoint(setpoint)
 

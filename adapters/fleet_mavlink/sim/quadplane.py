@@ -11,8 +11,8 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
-from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Land, Manoeuvre, Return, Sink, Takeoff
-from fleet_mavlink.sim.modes import GUIDED_BASE, Mode
+from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Idle, Land, Manoeuvre, Return, Sink, Takeoff
+from fleet_mavlink.sim.modes import GUIDED_BASE, FlightMode
 from fleet_mavlink.sim.plane import COMMANDS as PLANES
 from fleet_mavlink.sim.plane import MODES as PLANE_MODES
 from fleet_mavlink.sim.plane import PlaneSpeeds, SimArduPlane
@@ -45,10 +45,10 @@ def _home(pilot: Autopilot) -> Manoeuvre:
 
 
 _BY_ROTORS = (
-    Mode("QHOVER", 18, _sink, GUIDED_BASE, position=False),
-    Mode("QLOITER", 19, _sink, GUIDED_BASE),
-    Mode("QLAND", 20, Land, GUIDED_BASE, armable=False),
-    Mode("QRTL", 21, _home, GUIDED_BASE, armable=False),
+    FlightMode("QHOVER", 18, _sink, GUIDED_BASE, position=False),
+    FlightMode("QLOITER", 19, _sink, GUIDED_BASE),
+    FlightMode("QLAND", 20, Land, GUIDED_BASE, armable=False),
+    FlightMode("QRTL", 21, _home, GUIDED_BASE, armable=False),
 )
 _AUTO = replace(PLANE_MODES["AUTO"], enter=VtolMission)
 MODES = {**PLANE_MODES, **{mode.name: mode for mode in (_AUTO, *_BY_ROTORS)}}
@@ -127,7 +127,7 @@ class SimQuadPlane(SimArduPlane):
     """ArduPlane with Q_ENABLE 1."""
 
     commands: ClassVar[Mapping[int, Handler]] = COMMANDS
-    modes: ClassVar[Mapping[str, Mode]] = MODES
+    modes: ClassVar[Mapping[str, FlightMode]] = MODES
     body: VtolBody
 
     def __init__(self, boot: Boot) -> None:
@@ -184,11 +184,11 @@ class SimQuadPlane(SimArduPlane):
         self.body.slows = _HARDER * self.params["Q_TRANS_DECEL"]
         self.body.hovers, self.speeds = True, self._hover
 
-    def _to_stand(self) -> GoTo:
+    def _to_stand(self) -> GoToManoeuvre:
         """Return the manoeuvre to its stopping point by Q_TRANS_DECEL."""
         body = self.body
         seconds = body.speed / (2 * self.params["Q_TRANS_DECEL"])
-        return GoTo(body.north + body.vn * seconds, body.east + body.ve * seconds, body.down)
+        return GoToManoeuvre(body.north + body.vn * seconds, body.east + body.ve * seconds, body.down)
 
     def go_forward(self, then: Manoeuvre) -> None:
         """Begin the transition to forward flight, along its nose."""
@@ -202,7 +202,7 @@ class SimQuadPlane(SimArduPlane):
         near = _NEAR * self.slows_within
         if math.hypot(north - body.north, east - body.east) <= near:
             self.hover()
-            self.manoeuvre = GoTo(north, east, down)
+            self.manoeuvre = GoToManoeuvre(north, east, down)
             return
         approach = Pass(north, east, down, self.slows_within)
         if body.hovers:
@@ -210,7 +210,7 @@ class SimQuadPlane(SimArduPlane):
         else:
             self.manoeuvre = approach
 
-    def enter(self, mode: Mode) -> None:
+    def enter(self, mode: FlightMode) -> None:
         """Change to a mode; Q modes, and GUIDED by its parameter, hover; the others fly forward."""
         again = mode is self.mode and mode.name == "GUIDED"
         super().enter(mode)
@@ -244,7 +244,7 @@ class SimQuadPlane(SimArduPlane):
         flown = self.manoeuvre
         if self.mode.name == "GUIDED" and isinstance(flown, Pass) and flown.done:
             self.hover()
-            self.manoeuvre = GoTo(flown.north, flown.east, flown.down)
+            self.manoeuvre = GoToManoeuvre(flown.north, flown.east, flown.down)
         super().supervise()
 
     def watch_idle(self) -> None:

@@ -12,7 +12,7 @@ from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.sim.spec import QUICK_READY, SimSpec, VehicleName
 from fleet_mavlink.sim.vehicle import Flavour, SimVehicle
-from fleet_mavlink.sim.wire import Wire
+from fleet_mavlink.sim.wire import MavlinkWire
 
 _PX4_MODES = frozenset(Px4.modes.values()) - frozenset(ArduCopter.modes.values())
 _PLANE_MODES = (
@@ -61,7 +61,7 @@ def simulated_vehicle(config: MavlinkConfig, start: SimulationStart) -> Simulati
     )
     if start.battery is not None:
         vehicle.set_fault("low_battery", start.battery)
-    wire = Wire(vehicle, spec.accessories)
+    wire = MavlinkWire(vehicle, spec.accessories)
     changes = {
         "link": f"memory:{config.name}",
         "backup_links": (),

@@ -11,14 +11,14 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.ardupilot import ArduPilot
 from fleet_mavlink.sim.autopilot import Boot, Handler
 from fleet_mavlink.sim.manoeuvres import Idle, Manoeuvre
-from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.physics import Agility
 from fleet_mavlink.sim.rover_commands import COMMANDS
 from fleet_mavlink.sim.rover_failsafes import RoverFailsafes
 from fleet_mavlink.sim.rover_modes import MODES
 from fleet_mavlink.sim.rover_moves import BRAKED, DISARMED, Coast, Roll, RollTo
 from fleet_mavlink.sim.rover_physics import WheeledBody
-from fleet_mavlink.sim.setpoints import Setpoint, setpoint_of
+from fleet_mavlink.sim.setpoints import ReceivedSetpoint, setpoint_of
 from fleet_mavlink.sim.speaker import INFO
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 
@@ -47,7 +47,7 @@ class SimArduRover(ArduPilot):
 
     vehicle_type: ClassVar[int] = int(mav.MAV_TYPE_GROUND_ROVER)
     commands: ClassVar[Mapping[int, Handler]] = COMMANDS
-    modes: ClassVar[Mapping[str, Mode]] = MODES
+    modes: ClassVar[Mapping[str, FlightMode]] = MODES
     first_mode: ClassVar[str] = "INITIALISING"
     switched_mode: ClassVar[str] = "MANUAL"
     speeds_type: ClassVar[type[FlightSpeeds]] = RoverSpeeds
@@ -94,7 +94,7 @@ class SimArduRover(ArduPilot):
             self.set_home()
         self.manoeuvre = Coast(DISARMED)
 
-    def enter(self, mode: Mode) -> None:
+    def enter(self, mode: FlightMode) -> None:
         """Change to a mode; a disarmed rover keeps coasting."""
         self.reversed = False
         self.speeds.asked = None
@@ -103,7 +103,7 @@ class SimArduRover(ArduPilot):
         if isinstance(self.manoeuvre, Idle):
             self.manoeuvre = Coast(DISARMED)
 
-    def refusal_of(self, mode: Mode) -> str:
+    def refusal_of(self, mode: FlightMode) -> str:
         """Return why a mode cannot be entered now, empty if it can."""
         if mode.name == "AUTO" and self.armed and not self.missions.loaded:
             return "init failed"
@@ -114,7 +114,7 @@ class SimArduRover(ArduPilot):
         if self.mode.name == "GUIDED" and self.armed:
             self.manoeuvre = self.fly_setpoint(setpoint_of(message))
 
-    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
+    def fly_setpoint(self, setpoint: ReceivedSetpoint) -> Manoeuvre:
         """Return the drive: with a yaw rate by the sign of the forward speed, else by turning the nose."""
         if setpoint.position is not None:
             return self._to_place(setpoint)
@@ -129,7 +129,7 @@ class SimArduRover(ArduPilot):
         heading = math.atan2(vy, vx) + (self.body.heading if setpoint.frame in _BODY_FRAMES else 0.0)
         return Roll(speed, heading, 0.0, until)
 
-    def _to_place(self, setpoint: Setpoint) -> Manoeuvre:
+    def _to_place(self, setpoint: ReceivedSetpoint) -> Manoeuvre:
         """Return the drive to a position: global above home, or local."""
         x, y, z = setpoint.position or (0.0, 0.0, 0.0)
         if setpoint.frame in _RELATIVE_FRAMES:
@@ -142,6 +142,6 @@ class SimArduRover(ArduPilot):
             self._arrived_told = True
             self.say(INFO, "Reached destination")
 
-    def pilot_takes_over(self, mode: Mode) -> None:
+    def pilot_takes_over(self, mode: FlightMode) -> None:
         """Change to a mode by the switch of the remote control."""
         self.enter(mode)

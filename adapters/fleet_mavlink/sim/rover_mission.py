@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.mission_flight import FlyMission
+from fleet_mavlink.sim.mission_flight import MissionManoeuvre
 from fleet_mavlink.sim.physics import Aim
 from fleet_mavlink.sim.rover_moves import BRAKED, Coast, RollTo
 from fleet_mavlink.sim.speaker import INFO
@@ -32,7 +32,7 @@ def _stay(_pilot: Autopilot, _item: Item) -> Manoeuvre:
     return Coast(BRAKED)
 
 
-class DriveMission(FlyMission):
+class DriveMission(MissionManoeuvre):
     """Drive the items from the current one on."""
 
     manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = {

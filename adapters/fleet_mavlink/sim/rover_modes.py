@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fleet_mavlink.sim.manoeuvres import Manoeuvre
-from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.rover_mission import DriveMission
 from fleet_mavlink.sim.rover_moves import BRAKED, HELD, Coast, RollTo
 
@@ -35,13 +35,13 @@ def _home(pilot: Autopilot) -> Manoeuvre:
 
 
 _ALL = (
-    Mode("MANUAL", 0, _hold, _MANUAL, position=False),
-    Mode("HOLD", 4, _hold, _HOLD, position=False),
-    Mode("LOITER", 5, _stay, _GUIDED),
-    Mode("CIRCLE", 9, _stay, _GUIDED),
-    Mode("AUTO", 10, DriveMission, _GUIDED),
-    Mode("RTL", 11, _home, _GUIDED),
-    Mode("GUIDED", 15, _guided, _GUIDED),
-    Mode("INITIALISING", 16, _hold, _HOLD, position=False, armable=False),
+    FlightMode("MANUAL", 0, _hold, _MANUAL, position=False),
+    FlightMode("HOLD", 4, _hold, _HOLD, position=False),
+    FlightMode("LOITER", 5, _stay, _GUIDED),
+    FlightMode("CIRCLE", 9, _stay, _GUIDED),
+    FlightMode("AUTO", 10, DriveMission, _GUIDED),
+    FlightMode("RTL", 11, _home, _GUIDED),
+    FlightMode("GUIDED", 15, _guided, _GUIDED),
+    FlightMode("INITIALISING", 16, _hold, _HOLD, position=False, armable=False),
 )
 MODES = {mode.name: mode for mode in _ALL}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, cast
 
-from fleet_mavlink.sim.manoeuvres import GoTo, Manoeuvre
+from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Manoeuvre
 from fleet_mavlink.sim.physics import Aim
 from fleet_mavlink.sim.speaker import WARNING
 
@@ -60,7 +60,7 @@ class Roll(Coast):
         return Aim(speed * math.cos(heading), speed * math.sin(heading), 0.0, self._heading, self._rate)
 
 
-class RollTo(GoTo):
+class RollTo(GoToManoeuvre):
     """Drive to a position, in reverse by DO_SET_REVERSE, and stand there."""
 
     def __init__(self, north: float, east: float) -> None:

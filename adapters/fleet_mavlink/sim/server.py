@@ -11,7 +11,7 @@ from typing import Any
 from fleet.sim.server import SimServer
 from fleet_mavlink.sim.spec import SimSpec
 from fleet_mavlink.sim.vehicle import SimVehicle
-from fleet_mavlink.sim.wire import Wire
+from fleet_mavlink.sim.wire import MavlinkWire
 
 _log = logging.getLogger(__name__)
 _ANSWER = 0.005  # s after a message, for delayed answers
@@ -39,7 +39,7 @@ class Station(asyncio.DatagramProtocol):
             seed=spec.seed,
             epoch=time.time(),
         )
-        self.wire = Wire(vehicle, spec.accessories)
+        self.wire = MavlinkWire(vehicle, spec.accessories)
         self.url = ""
         self._transport: Any = None
 

@@ -13,7 +13,7 @@ Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Setpoint:
+class ReceivedSetpoint:
     """A decoded setpoint; None for fields that its mask ignores. Axes as in its frame.
 
     ``force``: the acceleration field is marked as a force, which no autopilot here supports.
@@ -35,14 +35,14 @@ class Setpoint:
         )
 
 
-def setpoint_of(message: Any) -> Setpoint:
+def setpoint_of(message: Any) -> ReceivedSetpoint:
     """Return the setpoint of a message of either kind; a global position is latitude, longitude, altitude."""
     mask = message.type_mask
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
         position = (message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
     else:
         position = (message.x, message.y, message.z)
-    return Setpoint(
+    return ReceivedSetpoint(
         frame=message.coordinate_frame,
         position=None if mask & _POSITION else position,
         velocity=None if mask & _VELOCITY else (message.vx, message.vy, message.vz),

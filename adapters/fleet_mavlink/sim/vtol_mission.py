@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.manoeuvres import GoTo, Land, Manoeuvre
-from fleet_mavlink.sim.mission_flight import FlyMission, LandThere, place_of_item
+from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Land, Manoeuvre
+from fleet_mavlink.sim.mission_flight import LandThere, MissionManoeuvre, place_of_item
 from fleet_mavlink.sim.physics import Aim
 from fleet_mavlink.sim.plane_mission import WingedMission
 from fleet_mavlink.sim.plane_moves import Pass
@@ -24,7 +24,7 @@ class _LandByRotors(Manoeuvre):
     def __init__(self, pilot: Autopilot, item: Item) -> None:
         north, east, _ = place_of_item(pilot, item)
         self._leg: Manoeuvre = Pass(north, east, pilot.body.down, pilot.slows_within)  # type: ignore[attr-defined]
-        self._above = GoTo(north, east, pilot.body.down)
+        self._above = GoToManoeuvre(north, east, pilot.body.down)
 
     def aim(self, pilot: Autopilot) -> Aim:
         """Return the motion of the present leg."""
@@ -48,10 +48,10 @@ class VtolMission(WingedMission):
     }
 
 
-class HoverMission(FlyMission):
+class HoverMission(MissionManoeuvre):
     """Fly the items from the current one on, in hover."""
 
     manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = {
-        **FlyMission.manoeuvres,
+        **MissionManoeuvre.manoeuvres,
         mav.MAV_CMD_NAV_VTOL_LAND: LandThere,
     }

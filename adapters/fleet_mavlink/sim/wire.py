@@ -13,7 +13,7 @@ from fleet_mavlink.sim.components import ACCESSORIES, framed
 from fleet_mavlink.sim.vehicle import ARDUPILOT_GREETING, SimVehicle
 
 
-class Wire:
+class MavlinkWire:
     """One vehicle, and its other components, speaking MAVLink 2 frames."""
 
     def __init__(self, vehicle: SimVehicle, accessories: Iterable[str] = ()) -> None:

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 import msgspec
 
 from fleet_quadruped.body.balance import Balance, Place, inside, loads
-from fleet_quadruped.body.legs import Leg, Point
+from fleet_quadruped.body.legs import DogLeg, Point
 from fleet_quadruped.body.pattern import Pattern, trot
 from fleet_quadruped.robot.parts import Gait
 
@@ -40,13 +40,13 @@ class Twist(msgspec.Struct, frozen=True, gc=False):
         return abs(self.x) < 1e-4 and abs(self.y) < 1e-4 and abs(self.turn) < 1e-4
 
 
-class Steps:
+class GaitSteps:
     """Feet of a walking or standing robot, and the position of its body over them.
 
     ``loads``: share of the weight on each foot.
     """
 
-    def __init__(self, gait: Gait, legs: Sequence[Leg], foot_radius: float) -> None:
+    def __init__(self, gait: Gait, legs: Sequence[DogLeg], foot_radius: float) -> None:
         self._gait = gait
         self._neutral = [(leg.x, leg.y + leg.side * leg.offset) for leg in legs]
         self._radius = foot_radius

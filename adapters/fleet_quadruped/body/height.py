@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fleet import Quaternion
-from fleet_quadruped.body.legs import Leg
+from fleet_quadruped.body.legs import DogLeg
 from fleet_quadruped.robot.description import leg_angles
 from fleet_quadruped.robot.names import Twelve
 
 
-def height_of(legs: Sequence[Leg], foot_radius: float, posture: Twelve, turn: Quaternion) -> float:
+def height_of(legs: Sequence[DogLeg], foot_radius: float, posture: Twelve, turn: Quaternion) -> float:
     """Return the height (m) of the centre of the hip axes above the ground at the lowest foot, at least 0.
 
     ``turn``: rotation from body to world. Not meaningful for a robot on its side or back.

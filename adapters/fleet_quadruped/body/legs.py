@@ -14,7 +14,7 @@ Reached = tuple[Point, tuple[Point, Point, Point]]  # position of a foot, and it
 _NEARLY = 0.999  # of the leg's full length: keeps the leg off its singularity
 
 
-class Leg(NamedTuple):
+class DogLeg(NamedTuple):
     """Lengths in metres; ``x``, ``y``: origin in the body; ``side``: +1 left; ``knee``: -1 backward."""
 
     x: float

@@ -26,14 +26,16 @@ from fleet_quadruped.body.requests import (
 )
 from fleet_quadruped.body.walk import Walker
 from fleet_quadruped.robot.description import DogDescription
-from fleet_quadruped.safety.stages import POSED, UPRIGHT, Mode, Stage, Trip, forced
+from fleet_quadruped.safety.stages import POSED, UPRIGHT, BodyMode, StopStage, Trip, forced
 
 _ENABLE_TIME = 1.0  # s
 _SETTLE_TIME = 0.5  # s
 _LEANS_POSED = 0.25  # rad: tilt at which joint moves end and the posture is held
 _LEANS = 0.35  # rad: tilt at which a check ends; its moves tilt the trunk half as far
-_NOT_WALKED = POSED | {Mode.RISING}
-_LIES = frozenset({Mode.ENABLING, Mode.SETTLING})  # the legs carry no weight: a hard stop needs no targets
+_NOT_WALKED = POSED | {BodyMode.RISING}
+_LIES = frozenset(
+    {BodyMode.ENABLING, BodyMode.SETTLING}
+)  # the legs carry no weight: a hard stop needs no targets
 
 
 class DriveAction(enum.Enum):
@@ -60,10 +62,10 @@ class BodyStateMachine:
     def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
         self.walker = Walker(dog)
-        self.mode = Mode.OFF
+        self.mode = BodyMode.OFF
         self.fault = ""
-        self._before = Mode.OFF  # previous mode
-        self._after = Mode.RISING
+        self._before = BodyMode.OFF  # previous mode
+        self._after = BodyMode.RISING
         self._since = 0.0  # s in this mode
         self._motion: PostureMotion | None = None
         self._lowering: Lowering | None = None
@@ -92,13 +94,13 @@ class BodyStateMachine:
         refused = refusal(ask, self.mode, self.fault, sense.imu, can_roll=can_roll)
         if not refused:
             self._after = STARTED[ask]
-            self._enter(Mode.ENABLING)
+            self._enter(BodyMode.ENABLING)
         return refused
 
     def trip(self, trip: Trip) -> None:
         """Apply a trip: enter the mode of its stage and latch its cause."""
         mode = forced(trip.stage, self.mode)
-        if trip.stage is Stage.DAMP and (mode is not self.mode or not self.fault):
+        if trip.stage is StopStage.DAMP and (mode is not self.mode or not self.fault):
             self.fault = trip.cause
         if mode is not self.mode:
             self.fault = self.fault or trip.cause
@@ -106,43 +108,45 @@ class BodyStateMachine:
 
     def halt(self) -> None:
         """Hold the present posture; joint moves are refused until they are requested again."""
-        if self.mode is Mode.POSING:
-            self.mode = Mode.HELD
-        if self.mode is Mode.ENABLING and self._after is Mode.POSING:  # it lies, its drives are still off
-            self._enter(Mode.OFF)
+        if self.mode is BodyMode.POSING:
+            self.mode = BodyMode.HELD
+        if (
+            self.mode is BodyMode.ENABLING and self._after is BodyMode.POSING
+        ):  # it lies, its drives are still off
+            self._enter(BodyMode.OFF)
         if self.posing is not None:
             self.posing.leaves = False
 
     def lower(self) -> None:
         """Lower a robot that was found held by its drives, and take the torque off."""
-        self._enter(Mode.DAMPED)
+        self._enter(BodyMode.DAMPED)
 
     def _change_posture(self, ask: BodyRequest) -> bool:
         """Start joint moves of a standing robot, or return to standing, slowly; False in another mode.
 
         A robot whose joints were moved while it lay stands up instead.
         """
-        if ask is BodyRequest.POSE and self.mode is Mode.STANDING:
-            self._enter(Mode.POSING)
+        if ask is BodyRequest.POSE and self.mode is BodyMode.STANDING:
+            self._enter(BodyMode.POSING)
             self.posing = Posing(self._dog, self._dog.stance(self.walker.height), stands=True)
             return True
         posing = self.posing
         if self.mode not in POSED:
             return False
         if ask is BodyRequest.POSE:
-            self.mode = Mode.POSING
+            self.mode = BodyMode.POSING
             if posing is not None:
                 posing.leaves = False
         elif posing is not None:
-            self.mode, posing.leaves = Mode.HELD, posing.stands
+            self.mode, posing.leaves = BodyMode.HELD, posing.stands
             if not posing.stands:
-                self._enter(Mode.RISING)
+                self._enter(BodyMode.RISING)
         return ask is BodyRequest.POSE or posing is not None
 
     def _reset_faults(self) -> str:
         if self._lowering is not None and self._lowering.stuck:  # a person holds the robot
-            self._enter(Mode.OFF)
-        if self.mode is not Mode.OFF:
+            self._enter(BodyMode.OFF)
+        if self.mode is not BodyMode.OFF:
             return f"it is {self.mode.value}; faults are reset when it is off"
         self.fault = ""
         self._reset = True
@@ -155,7 +159,7 @@ class BodyStateMachine:
         self._since += dt
         return self._STEPS[self.mode](self, dt, sense, twist, waiting)
 
-    def _enter(self, mode: Mode) -> None:
+    def _enter(self, mode: BodyMode) -> None:
         self._before = self.mode
         self.mode, self._since, self._motion, self._lowering = mode, 0.0, None, None
         self.posing = None
@@ -169,7 +173,7 @@ class BodyStateMachine:
             self._enter(self._after)
             return BodyOutput(DriveAction.HOLD, Targets(sense.angles, ZEROS, ZEROS))
         if self._since > _ENABLE_TIME:
-            self._enter(Mode.OFF)
+            self._enter(BodyMode.OFF)
             self.fault = f"{waiting}; all joints were disabled again"
             return _nothing(DriveAction.REST)
         return _nothing(DriveAction.ENABLE)
@@ -179,12 +183,12 @@ class BodyStateMachine:
         targets = self._motion.step(dt)
         if self._motion.done:
             self.walker.stand(self._dog.gait.height)
-            self._enter(Mode.STANDING)
+            self._enter(BodyMode.STANDING)
         return BodyOutput(DriveAction.HOLD, targets)
 
     def _upright(self, dt: float, sense: Sense, twist: Twist, _waiting: str) -> BodyOutput:
         targets = self.walker.step(dt, twist, sense)
-        self.mode = Mode.WALKING if self.walker.walking else Mode.STANDING
+        self.mode = BodyMode.WALKING if self.walker.walking else BodyMode.STANDING
         return BodyOutput(DriveAction.HOLD, targets)
 
     def _posed(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
@@ -194,10 +198,10 @@ class BodyStateMachine:
         if posing.stands:
             base = self.walker.step(dt, Twist(), sense)
         if sense.imu is not None and sense.imu.tilt > _LEANS_POSED:
-            self.mode = Mode.HELD if self.mode is Mode.POSING else self.mode
-        targets = posing.step(dt, self.goal if self.mode is Mode.POSING else (), base)
+            self.mode = BodyMode.HELD if self.mode is BodyMode.POSING else self.mode
+        targets = posing.step(dt, self.goal if self.mode is BodyMode.POSING else (), base)
         if posing.leaves and posing.is_back:
-            self._enter(Mode.STANDING)
+            self._enter(BodyMode.STANDING)
         return BodyOutput(DriveAction.HOLD, targets)
 
     def _sitting(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
@@ -208,19 +212,19 @@ class BodyStateMachine:
         self._motion = self._motion or sitting(self._dog, sense.angles, self.walker.height)
         targets = self._motion.step(dt)
         if self._motion.done:
-            self._enter(Mode.SETTLING)
+            self._enter(BodyMode.SETTLING)
         return BodyOutput(DriveAction.HOLD, targets)
 
     def _settling(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         if self._since > _SETTLE_TIME:
-            self._enter(Mode.OFF)
+            self._enter(BodyMode.OFF)
         return _nothing(DriveAction.DAMP)
 
     def _damped(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         """Lower the robot; one that lay on the ground at the stop is only damped."""
         if self._before in _LIES:
             if self._since > self._dog.safety.damp_time:
-                self._enter(Mode.OFF)
+                self._enter(BodyMode.OFF)
             return _nothing(DriveAction.DAMP)
         self._lowering = way = self._lowering or Lowering(
             self._dog, sense.angles, upright=self._before in UPRIGHT
@@ -232,7 +236,7 @@ class BodyStateMachine:
                 "hold the dog: reset_faults switches torque off"
             )
         if way.done:
-            self._enter(Mode.OFF)
+            self._enter(BodyMode.OFF)
         return BodyOutput(DriveAction.LOWER, targets)
 
     def _recovering(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
@@ -242,38 +246,40 @@ class BodyStateMachine:
         if not motion.done or sense.imu is None:
             return BodyOutput(DriveAction.HOLD, targets)
         if sense.imu.up >= UPRIGHT_FROM:
-            self._enter(Mode.RISING)
+            self._enter(BodyMode.RISING)
             return BodyOutput(DriveAction.HOLD, targets)
         self._motion = self.recovery.roll(sense.imu.roll, targets.angles)
         if self._motion is None:
             tries = self.recovery.tries
             cause = f"recovery: still not upright after {tries} tries; its IMU may be mounted wrongly"
-            self.trip(Trip(Stage.DAMP, cause))
+            self.trip(Trip(StopStage.DAMP, cause))
         return BodyOutput(DriveAction.HOLD, targets)
 
     def _checking(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
         self._motion = self._motion or probing(self._dog, sense.angles)
         targets = self._motion.step(dt)
         if self._motion.done:
-            self._enter(Mode.SITTING)
+            self._enter(BodyMode.SITTING)
             self._motion = folding(self._dog, sense.angles, self._dog.poses.sit_time)
         elif sense.imu is not None and sense.imu.tilt > _LEANS:
-            self.trip(Trip(Stage.DAMP, f"check: leans by {sense.imu.tilt:.2f} rad without a command"))
+            self.trip(Trip(StopStage.DAMP, f"check: leans by {sense.imu.tilt:.2f} rad without a command"))
         return BodyOutput(DriveAction.HOLD, targets)
 
-    _STEPS: ClassVar[Mapping[Mode, Callable[[BodyStateMachine, float, Sense, Twist, str], BodyOutput]]] = {
-        Mode.OFF: _off,
-        Mode.ENABLING: _enabling,
-        Mode.RISING: _rising,
-        Mode.STANDING: _upright,
-        Mode.WALKING: _upright,
-        Mode.SITTING: _sitting,
-        Mode.SETTLING: _settling,
-        Mode.POSING: _posed,
-        Mode.HELD: _posed,
-        Mode.RECOVERING: _recovering,
-        Mode.CHECKING: _checking,
-        Mode.DAMPED: _damped,
+    _STEPS: ClassVar[
+        Mapping[BodyMode, Callable[[BodyStateMachine, float, Sense, Twist, str], BodyOutput]]
+    ] = {
+        BodyMode.OFF: _off,
+        BodyMode.ENABLING: _enabling,
+        BodyMode.RISING: _rising,
+        BodyMode.STANDING: _upright,
+        BodyMode.WALKING: _upright,
+        BodyMode.SITTING: _sitting,
+        BodyMode.SETTLING: _settling,
+        BodyMode.POSING: _posed,
+        BodyMode.HELD: _posed,
+        BodyMode.RECOVERING: _recovering,
+        BodyMode.CHECKING: _checking,
+        BodyMode.DAMPED: _damped,
     }
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from fleet import Vector3, wrap_angle
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.legs import Leg, Reached
+from fleet_quadruped.body.legs import DogLeg, Reached
 from fleet_quadruped.body.measured import Sense
 from fleet_quadruped.robot.description import leg_angles
 
@@ -25,7 +25,7 @@ class LegOdometry:
     this cycle, by leg number.
     """
 
-    def __init__(self, legs: Sequence[Leg], foot_radius: float, smooth: float = 0.1) -> None:
+    def __init__(self, legs: Sequence[DogLeg], foot_radius: float, smooth: float = 0.1) -> None:
         self._legs = legs
         self._radius = foot_radius
         self._smooth = smooth

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from fleet_quadruped.body.legs import Leg
+from fleet_quadruped.body.legs import DogLeg
 from fleet_quadruped.robot.parts import Gait
 
 _WALK_DUTY = 0.84  # 0.16 in the air for each of four feet, the rest for swaying
@@ -35,7 +35,7 @@ def trot(gait: Gait) -> Pattern:
     return Pattern(gait.period, gait.duty, (0.0, 0.5, 0.5, 0.0), 0.5)
 
 
-def walk(gait: Gait, legs: Sequence[Leg]) -> Pattern:
+def walk(gait: Gait, legs: Sequence[DogLeg]) -> Pattern:
     """Return the walk: slow, three feet on the ground, statically stable."""
     lifts = (0.26, 0.76, 0.08, 0.58)
     front_left, front_right, rear_left, rear_right = (_WALK_DUTY - lift for lift in lifts)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from fleet_quadruped.body.measured import Imu
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 
 UPRIGHT_FROM = 0.85  # upward component of the body's z axis that rising needs
 _LEVEL = 0.15  # rad: largest tilt at the start of a check
@@ -25,42 +25,42 @@ class BodyRequest(enum.StrEnum):
     RESET = "reset"
 
 
-STANDS = frozenset({Mode.STANDING, Mode.WALKING})
-ALREADY: Mapping[BodyRequest, frozenset[Mode]] = MappingProxyType(
+STANDS = frozenset({BodyMode.STANDING, BodyMode.WALKING})
+ALREADY: Mapping[BodyRequest, frozenset[BodyMode]] = MappingProxyType(
     {
-        BodyRequest.STAND: STANDS | {Mode.RISING},
+        BodyRequest.STAND: STANDS | {BodyMode.RISING},
         BodyRequest.RECOVER: STANDS,
-        BodyRequest.SIT: frozenset({Mode.OFF, Mode.SITTING, Mode.SETTLING}),
+        BodyRequest.SIT: frozenset({BodyMode.OFF, BodyMode.SITTING, BodyMode.SETTLING}),
     }
 )
 """Modes that already meet a request, or are about to."""
-ENTERED: Mapping[tuple[BodyRequest, Mode], Mode] = MappingProxyType(
+ENTERED: Mapping[tuple[BodyRequest, BodyMode], BodyMode] = MappingProxyType(
     {
-        (BodyRequest.SIT, Mode.RECOVERING): Mode.SETTLING,  # it lies already: damp it in this posture
-        (BodyRequest.SIT, Mode.STANDING): Mode.SITTING,
-        (BodyRequest.SIT, Mode.WALKING): Mode.SITTING,
-        (BodyRequest.SIT, Mode.POSING): Mode.SITTING,
-        (BodyRequest.SIT, Mode.HELD): Mode.SITTING,
+        (BodyRequest.SIT, BodyMode.RECOVERING): BodyMode.SETTLING,  # it lies already: damp it in this posture
+        (BodyRequest.SIT, BodyMode.STANDING): BodyMode.SITTING,
+        (BodyRequest.SIT, BodyMode.WALKING): BodyMode.SITTING,
+        (BodyRequest.SIT, BodyMode.POSING): BodyMode.SITTING,
+        (BodyRequest.SIT, BodyMode.HELD): BodyMode.SITTING,
     }
 )
 """Requests that change the mode directly."""
-STARTED: Mapping[BodyRequest, Mode] = MappingProxyType(
+STARTED: Mapping[BodyRequest, BodyMode] = MappingProxyType(
     {
-        BodyRequest.STAND: Mode.RISING,
-        BodyRequest.POSE: Mode.POSING,
-        BodyRequest.RECOVER: Mode.RECOVERING,
-        BodyRequest.CHECK: Mode.CHECKING,
+        BodyRequest.STAND: BodyMode.RISING,
+        BodyRequest.POSE: BodyMode.POSING,
+        BodyRequest.RECOVER: BodyMode.RECOVERING,
+        BodyRequest.CHECK: BodyMode.CHECKING,
     }
 )
 """Requests that enable the drives of a robot that is off, and the mode that follows."""
 
 
-def refusal(ask: BodyRequest, mode: Mode, fault: str, imu: Imu | None, *, can_roll: bool) -> str:
+def refusal(ask: BodyRequest, mode: BodyMode, fault: str, imu: Imu | None, *, can_roll: bool) -> str:
     """Return the reason against enabling the drives for a request; empty if there is none.
 
     ``fault``: the latched fault; ``can_roll``: the description has roll poses.
     """
-    if mode is not Mode.OFF or ask not in STARTED:
+    if mode is not BodyMode.OFF or ask not in STARTED:
         return f"it is {mode.value}; stop it first" if ask is BodyRequest.POSE else f"it is {mode.value}"
     if fault:
         return f"a fault is latched: {fault}; look at the dog, then send reset_faults"

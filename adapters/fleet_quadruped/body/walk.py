@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fleet_quadruped.body.balance import GRAVITY
-from fleet_quadruped.body.gait import Steps, Twist
+from fleet_quadruped.body.gait import GaitSteps, Twist
 from fleet_quadruped.body.legs import Point
 from fleet_quadruped.body.measured import Sense, Targets
 from fleet_quadruped.body.odometry import LegOdometry
@@ -28,7 +28,7 @@ class Walker:
 
     def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
-        self._steps = Steps(dog.gait, dog.legs, dog.geometry.foot_radius)
+        self._steps = GaitSteps(dog.gait, dog.legs, dog.geometry.foot_radius)
         self.odometry = LegOdometry(dog.legs, dog.geometry.foot_radius)
         self._ramped = Twist()
         self._added = Twist()

@@ -29,7 +29,7 @@ from fleet_quadruped.can.capture import Capture, Captured
 from fleet_quadruped.can.relay import RelaySender
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.exchange import SharedValue
-from fleet_quadruped.control.loop import Loop
+from fleet_quadruped.control.loop import ControlLoop
 from fleet_quadruped.control.orders import DogState, Order
 from fleet_quadruped.control.plan import ControlPlan, StatusMessage
 from fleet_quadruped.robot.description import DogDescription
@@ -102,7 +102,7 @@ def _run(plan: ControlPlan, clock: Clock) -> None:
         _send(StatusMessage(ready=True))
         moved = machine.advance if machine else None
         owner = sys.stdin.fileno()
-        Loop(
+        ControlLoop(
             controller, buses, Memory(plan), clock, owner=owner, moved=moved, capture=capture, relay=relay
         ).run()
 

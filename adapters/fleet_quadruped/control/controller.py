@@ -15,15 +15,15 @@ from fleet_quadruped.control.holding import failed, holding, not_enabled, silent
 from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.off_watch import OffWatch
 from fleet_quadruped.control.order_tracker import OrderTracker
-from fleet_quadruped.control.orders import DogState, Order, Timing
+from fleet_quadruped.control.orders import DogState, LoopTiming, Order
 from fleet_quadruped.control.sensors import BodySensors
 from fleet_quadruped.control.target_writer import TargetWriter
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback, Joints
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import Twelve
-from fleet_quadruped.safety.monitor import Monitor, Observed
-from fleet_quadruped.safety.stages import Mode, Trip
+from fleet_quadruped.safety.monitor import Monitor, ObservedCycle
+from fleet_quadruped.safety.stages import BodyMode, Trip
 
 _GONE = 1.0  # s of silence after which the drives of a robot at rest are configured again
 log = logging.getLogger(__name__)
@@ -77,7 +77,7 @@ class Controller:
     @property
     def resting(self) -> bool:
         """True when the process may end: every drive has reported that its torque is off, or is silent."""
-        return self._feedback_complete and self.body.mode is Mode.OFF and self._off.over
+        return self._feedback_complete and self.body.mode is BodyMode.OFF and self._off.over
 
     def complete(self) -> bool:
         """Return True once all drives have answered since ``begin``."""
@@ -100,9 +100,9 @@ class Controller:
         self._joints, self._looked = self.drives.feedback(now), now
         self._check_link(now)
         self._sensors.look(now)
-        braked = self._braked() if self.body.mode is Mode.DAMPED else ""
+        braked = self._braked() if self.body.mode is BodyMode.DAMPED else ""
         sense = Sense(self._joints.angles, self._joints.speeds, self._sensors.imu, braked)
-        self._off.look(self._joints, dt, off=self.body.mode is Mode.OFF)
+        self._off.look(self._joints, dt, off=self.body.mode is BodyMode.OFF)
         self._trip = self._monitor.check(self._observed(now, dt))
         if self._trip is not None:
             self.body.trip(self._trip)
@@ -127,13 +127,13 @@ class Controller:
         """
         if not self._feedback_complete:
             return
-        if self.body.mode is Mode.OFF:
+        if self.body.mode is BodyMode.OFF:
             self.drives.disable()
         else:
             self.drives.damp(self.dog.safety.kd)
         self.drives.begin_cycle(0.0)  # sends the SYNC at which they apply it
 
-    def state(self, now: float, timing: Timing) -> DogState:
+    def state(self, now: float, timing: LoopTiming) -> DogState:
         """Return the newest state."""
         imu, odometry = self._sensors.imu, self.body.walker.odometry
         turn = imu.rotation if imu else quaternion_from_yaw(odometry.yaw)
@@ -197,10 +197,10 @@ class Controller:
             self.body.lower()
         return True
 
-    def _observed(self, now: float, dt: float) -> Observed:
+    def _observed(self, now: float, dt: float) -> ObservedCycle:
         """Return the monitor's input for this cycle; values of a silent battery are left out."""
         battery = self._sensors.fresh_battery(now)
-        return Observed(
+        return ObservedCycle(
             mode=self.body.mode,
             joints=self._joints,
             targets=self._writer.last,
@@ -228,11 +228,11 @@ class Controller:
         """
         self._begun = now if self._begun is None else self._begun
         told = self._joints
-        if self.body.mode is Mode.DAMPED:
+        if self.body.mode is BodyMode.DAMPED:
             bus = silent_bus(self.dog.all_joints, told.ages, _GONE)
             if bus:
                 raise LinkLost(f"bus {bus!r}: all its drives are silent; their own stop holds them, or none")
-        if self._feedback_complete and (self.body.mode is not Mode.OFF or self.body.fault):
+        if self._feedback_complete and (self.body.mode is not BodyMode.OFF or self.body.fault):
             return
         for number, joint in enumerate(self.dog.all_joints):
             if told.restarted[number]:
@@ -242,7 +242,7 @@ class Controller:
 
     def _warning(self, now: float) -> str:
         """Return the warning for the operator, empty without one."""
-        if self.body.mode is Mode.DAMPED and not self.body.fault:
+        if self.body.mode is BodyMode.DAMPED and not self.body.fault:
             return "it may have been held by its drives, and is lowered"
         share = self.body.walker.speed_share
         if share < 1.0:

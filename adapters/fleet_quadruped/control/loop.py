@@ -15,7 +15,7 @@ import msgspec
 from fleet import CanBus, CanFrame, Clock, interpreter_settings
 from fleet_quadruped.can.capture import Capture
 from fleet_quadruped.can.relay import RelaySender
-from fleet_quadruped.control.orders import DogState, Order, Timing
+from fleet_quadruped.control.orders import DogState, LoopTiming, Order
 from fleet_quadruped.safety.stages import MEANT
 
 log = logging.getLogger(__name__)
@@ -27,7 +27,7 @@ _ALL_MEMORY = 3  # MCL_CURRENT | MCL_FUTURE
 _WAIT = 0.002  # s of waiting on one bus before the next
 
 
-class Controlled(Protocol):
+class LoopController(Protocol):
     """Controller of a robot with our drives, or of a self-walking machine."""
 
     @property
@@ -58,14 +58,14 @@ class Controlled(Protocol):
     def finish(self, now: float, dt: float, order: Order) -> None:
         """Decide, and write."""
 
-    def state(self, now: float, timing: Timing) -> DogState:
+    def state(self, now: float, timing: LoopTiming) -> DogState:
         """Return the newest state."""
 
     def abandon(self) -> None:
         """Make the robot as safe as it can still be: this controller ends without a successor."""
 
 
-class Exchange(Protocol):
+class OrderExchange(Protocol):
     """Source of orders and sink of states."""
 
     def order(self) -> Order:
@@ -87,7 +87,7 @@ def realtime() -> bool:
     return True
 
 
-class Loop:
+class ControlLoop:
     """Runs a controller on open buses until it is dismissed and the robot is off.
 
     ``moved`` is called with the cycle time (s) after each cycle, to advance a robot simulated in this
@@ -98,9 +98,9 @@ class Loop:
 
     def __init__(
         self,
-        controller: Controlled,
+        controller: LoopController,
         buses: Mapping[str, CanBus],
-        exchange: Exchange,
+        exchange: OrderExchange,
         clock: Clock,
         *,
         owner: int | None = None,
@@ -212,9 +212,9 @@ class Loop:
             self._worst = self._window[2]
             self._window = (now, 0, 0.0)
 
-    def _timing(self) -> Timing:
+    def _timing(self) -> LoopTiming:
         """Return the timing statistics."""
-        return Timing(
+        return LoopTiming(
             realtime=self._priority,
             rate=self._rate,
             cycles=self._cycles,

@@ -8,9 +8,9 @@ from fleet_quadruped.body.machine import BodyStateMachine
 from fleet_quadruped.body.measured import Sense
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.orders import Order
-from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, Mode, Stage, Trip
+from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, BodyMode, StopStage, Trip
 
-_STOP_TRIP = Trip(Stage.DAMP, EMERGENCY_STOP)
+_STOP_TRIP = Trip(StopStage.DAMP, EMERGENCY_STOP)
 _POWERS = frozenset({BodyRequest.STAND, BodyRequest.RECOVER, BodyRequest.CHECK, BodyRequest.POSE})
 
 
@@ -44,12 +44,12 @@ class OrderTracker:
         if order.stop > self.stopped:
             self.stopped = order.stop
             body.trip(_STOP_TRIP)
-            if body.mode is Mode.OFF:
+            if body.mode is BodyMode.OFF:
                 body.fault = body.fault or _STOP_TRIP.cause
         silent = now - order.alive
         if order.leave or silent > self._abandoned:
             why = TOLD_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s"
-            body.trip(Trip(Stage.SIT, why))
+            body.trip(Trip(StopStage.SIT, why))
 
     def _release(self, ask: BodyRequest) -> None:
         """Clear the fault of an emergency stop, which the host has released, on a request to get up."""
@@ -58,4 +58,4 @@ class OrderTracker:
 
     def _powers_up(self, ask: BodyRequest) -> bool:
         """Return True if the request enables the drives; a latched fault is refused by the body itself."""
-        return ask in _POWERS and self._body.mode is Mode.OFF and not self._body.fault
+        return ask in _POWERS and self._body.mode is BodyMode.OFF and not self._body.fault

@@ -48,7 +48,7 @@ class Order(msgspec.Struct, frozen=True):
         return Twist(self.x, self.y, self.turn)
 
 
-class Timing(msgspec.Struct, frozen=True):
+class LoopTiming(msgspec.Struct, frozen=True):
     """Timing statistics since the start; times in seconds."""
 
     realtime: bool = False  # the scheduler granted a real-time priority
@@ -94,5 +94,5 @@ class DogState(msgspec.Struct, frozen=True):
     battery: dict[str, float] = {}
     battery_age: float | None = None
     loads: dict[str, float] = {}
-    timing: Timing = Timing()
+    timing: LoopTiming = LoopTiming()
     capture: str = ""  # path of the capture file of the fault

@@ -26,7 +26,7 @@ class Requestable(Protocol):
 RequestableT = TypeVar("RequestableT", bound=Requestable)
 
 
-class Requester:
+class DriveRequester:
     """Sends requests to drives; ``take`` is called with each frame received in the meantime."""
 
     def __init__(self, buses: Mapping[str, CanBus], take: Callable[[str, CanFrame, float], None]) -> None:

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from fleet import CanBus, CanFrame
 from fleet_quadruped.body.measured import Targets
-from fleet_quadruped.drives.asking import Requester
+from fleet_quadruped.drives.asking import DriveRequester
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.group import DriveGroup, ReportingDrive
 from fleet_quadruped.drives.motor_units import Units
@@ -57,7 +57,7 @@ class DampingGroup(DriveGroup[DampingT], ABC):
 
     def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], drives: Sequence[DampingT]) -> None:
         super().__init__(dog, buses, drives)
-        self._requester = Requester(buses, self.take)
+        self._requester = DriveRequester(buses, self.take)
         self._wanted = Power.DISABLED
         self._most: float | None = None  # torque limit, N m of a joint
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from pydantic import Field, model_validator
 
 from fleet import ConfigError
-from fleet_quadruped.body.legs import Angles, Leg
+from fleet_quadruped.body.legs import Angles, DogLeg
 from fleet_quadruped.robot.busload import HIGHEST, bus_loads
 from fleet_quadruped.robot.names import (
     EULER,
@@ -97,7 +97,7 @@ class DogDescription(Section):
         return tuple(self._joint(name) for name in JOINTS)
 
     @cached_property
-    def legs(self) -> tuple[Leg, ...]:
+    def legs(self) -> tuple[DogLeg, ...]:
         """The four legs in the order of ``LEGS``."""
         return tuple(self._leg(name) for name in LEGS)
 
@@ -150,12 +150,12 @@ class DogDescription(Section):
             low, high = -high, -low
         return Joint(name, wiring.bus, wiring.id, wiring.sign, wiring.offset, low, high, kind)
 
-    def _leg(self, name: str) -> Leg:
+    def _leg(self, name: str) -> DogLeg:
         """Return the geometry of one leg: FL, FR, RL or RR."""
         shape = self.geometry
         knees = shape.front_knees if name[0] == "F" else shape.rear_knees
         side = 1 if name[1] == "L" else -1
-        return Leg(
+        return DogLeg(
             x=shape.hip_x if name[0] == "F" else -shape.hip_x,
             y=side * shape.hip_y,
             side=side,

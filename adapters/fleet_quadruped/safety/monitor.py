@@ -12,7 +12,7 @@ from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.drives.base import Joints, Power
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.names import Twelve
-from fleet_quadruped.safety.stages import POSITIONED, UPRIGHT, Mode, Stage, Trip
+from fleet_quadruped.safety.stages import POSITIONED, UPRIGHT, BodyMode, StopStage, Trip
 
 _ALONE = 3  # times the limit for which the joints of a single leg may be silent
 # Times the maximum speed for the apparent change of an angle: a joint catches up after lost frames.
@@ -23,10 +23,10 @@ _FROZEN = 0.3  # s for which the IMU of a walking robot may repeat a measurement
 _LASTS = 1.5  # s of low supply before it counts: a single odd value, or a moment under load, does not
 
 
-class Observed(msgspec.Struct, frozen=True, gc=False):
+class ObservedCycle(msgspec.Struct, frozen=True, gc=False):
     """One cycle: ``targets`` are the last written angles, ages are in s, ``voltage`` is the battery's."""
 
-    mode: Mode
+    mode: BodyMode
     joints: Joints
     targets: Twelve
     imu: Imu | None
@@ -55,7 +55,7 @@ class Monitor:
         self._imu: Imu | None = None
         self._same = 0.0  # s for which the IMU has repeated its measurement
 
-    def check(self, seen: Observed) -> Trip | None:
+    def check(self, seen: ObservedCycle) -> Trip | None:
         """Return the trip with the hardest stage; None without one."""
         hardest: Trip | None = None
         for rule in _RULES:
@@ -86,22 +86,22 @@ class Monitor:
             self._cool = temperatures
         return warm
 
-    def drives(self, seen: Observed) -> Iterator[Trip]:
+    def drives(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Stop for a drive with a fault, or one that is not enabled."""
         told = seen.joints
-        if seen.mode is Mode.OFF or told.all_enabled:
+        if seen.mode is BodyMode.OFF or told.all_enabled:
             return
         for joint, power, fault in zip(self._joints, told.powers, told.faults, strict=True):
             if power is Power.FAULT:
-                yield Trip(Stage.DAMP, f"{joint.name}: {fault or 'the drive reports a fault'}")
+                yield Trip(StopStage.DAMP, f"{joint.name}: {fault or 'the drive reports a fault'}")
             elif power is not Power.ENABLED and seen.mode in POSITIONED:
                 why = fault or f"wanted enabled, the drive is {power.value}"
-                yield Trip(Stage.DAMP, f"{joint.name}: {why}")
+                yield Trip(StopStage.DAMP, f"{joint.name}: {why}")
 
-    def feedback(self, seen: Observed) -> Iterator[Trip]:
+    def feedback(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Stop if joints of two legs are silent, or one leg for longer."""
         most = self._stale
-        if seen.mode is Mode.OFF or max(seen.joints.ages) <= most:
+        if seen.mode is BodyMode.OFF or max(seen.joints.ages) <= most:
             return
         silent = [
             (joint, age) for joint, age in zip(self._joints, seen.joints.ages, strict=True) if age > most
@@ -110,11 +110,11 @@ class Monitor:
         for joint, age in silent:
             if len(legs) > 1 or age > _ALONE * most:
                 yield Trip(
-                    Stage.DAMP,
+                    StopStage.DAMP,
                     f"{joint.name}: no feedback from id {joint.id} on bus {joint.bus} for {age:.2f} s",
                 )
 
-    def following(self, seen: Observed) -> Iterator[Trip]:
+    def following(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Stop for a joint that does not follow its target."""
         safety, before = self._dog.safety, self._far
         most = safety.following * 0.98  # targets are clamped to the full distance
@@ -128,12 +128,12 @@ class Monitor:
             if lasts > safety.following_time:
                 wanted, actual = seen.targets[number], seen.joints.angles[number]
                 yield Trip(
-                    Stage.DAMP,
+                    StopStage.DAMP,
                     f"{self._joints[number].name}: following error, "
                     f"wanted {wanted:.2f} rad, is at {actual:.2f}",
                 )
 
-    def encoders(self, seen: Observed) -> Iterator[Trip]:
+    def encoders(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Stop for an angle that changes faster than the joint can move, or not at all."""
         positioned, dt, told, sent = seen.mode in POSITIONED, seen.dt, seen.joints, self._sent
         known = zip(told.angles, told.ages, self._angles, self._quiet, self._fastest, strict=True)
@@ -149,7 +149,7 @@ class Monitor:
                 del sent[number]
             if positioned and abs(angle - before) > fastest * (quiet + dt):
                 name = self._joints[number].name
-                yield Trip(Stage.DAMP, f"{name}: its encoder jumped from {before:.2f} to {angle:.2f} rad")
+                yield Trip(StopStage.DAMP, f"{name}: its encoder jumped from {before:.2f} to {angle:.2f} rad")
 
     def _stuck(self, number: int, target: float) -> Iterator[Trip]:
         """Stop for a joint whose targets move while its angle stays the same to the last count."""
@@ -158,14 +158,14 @@ class Monitor:
         if high - low > _STUCK:
             name, angle = self._joints[number].name, self._angles[number]
             yield Trip(
-                Stage.DAMP,
+                StopStage.DAMP,
                 f"{name}: stays at exactly {angle:.3f} rad, wanted {low:.2f} to {high:.2f}: "
                 "its encoder is stuck, or the joint is blocked",
             )
 
-    def places(self, seen: Observed) -> Iterator[Trip]:
+    def places(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Stop for a joint that is measured outside its limits."""
-        if seen.mode not in POSITIONED and seen.mode is not Mode.ENABLING:
+        if seen.mode not in POSITIONED and seen.mode is not BodyMode.ENABLING:
             return
         told = seen.joints
         if all(map(le, self._lowest, told.angles)) and all(map(ge, self._highest, told.angles)):
@@ -173,36 +173,36 @@ class Monitor:
         for joint, angle, power in zip(self._joints, told.angles, told.powers, strict=True):
             if power is not Power.ABSENT and not joint.low - _BEYOND <= angle <= joint.high + _BEYOND:
                 yield Trip(
-                    Stage.DAMP,
+                    StopStage.DAMP,
                     f"{joint.name}: is at {angle:.2f} rad, outside its limits {joint.low:g} to "
                     f"{joint.high:g}: check its sign and offset",
                 )
 
-    def tilt(self, seen: Observed) -> Iterator[Trip]:
+    def tilt(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Stop for a robot that tips over, or has lost its IMU."""
         if self._dog.imu is None or seen.mode not in POSITIONED:
             return
         if seen.imu is None or seen.imu_age > self._dog.imu.timeout:
-            yield Trip(Stage.DAMP, f"imu: no valid frame for {seen.imu_age:.2f} s")
+            yield Trip(StopStage.DAMP, f"imu: no valid frame for {seen.imu_age:.2f} s")
             return
         if seen.mode not in UPRIGHT:
             return
-        self._same = self._same + seen.dt if seen.mode is Mode.WALKING and seen.imu == self._imu else 0.0
+        self._same = self._same + seen.dt if seen.mode is BodyMode.WALKING and seen.imu == self._imu else 0.0
         self._imu = seen.imu
         if self._same > _FROZEN:
-            yield Trip(Stage.DAMP, f"imu: frozen, exactly the same for {self._same:.2f} s of walking")
+            yield Trip(StopStage.DAMP, f"imu: frozen, exactly the same for {self._same:.2f} s of walking")
         tilt, most = seen.imu.tilt, self._dog.safety.tilt
         if tilt > most:
-            yield Trip(Stage.DAMP, f"imu: tilted {tilt:.2f} rad, more than {most:g}")
+            yield Trip(StopStage.DAMP, f"imu: tilted {tilt:.2f} rad, more than {most:g}")
 
-    def heat(self, seen: Observed) -> Iterator[Trip]:
+    def heat(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Sit down for an overheated joint."""
         for joint, told in self._warm(seen.joints.temperatures):
             most = joint.kind.temperature_max
             if told >= most:
-                yield Trip(Stage.SIT, f"{joint.name}: {told:.0f} C, {most:g} is its limit")
+                yield Trip(StopStage.SIT, f"{joint.name}: {told:.0f} C, {most:g} is its limit")
 
-    def battery(self, seen: Observed) -> Iterator[Trip]:
+    def battery(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Sit down for an empty battery."""
         battery = self._dog.battery
         if battery is None or seen.battery is None or seen.battery > battery.sit_at:
@@ -210,9 +210,9 @@ class Monitor:
             return
         self._empty += seen.dt
         if self._empty > _LASTS:
-            yield Trip(Stage.SIT, f"battery: {seen.battery:.0f} %, it sits down at {battery.sit_at:g} %")
+            yield Trip(StopStage.SIT, f"battery: {seen.battery:.0f} %, it sits down at {battery.sit_at:g} %")
 
-    def supply(self, seen: Observed) -> Iterator[Trip]:
+    def supply(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Sit down before the drives fail from undervoltage."""
         lowest = self._dog.safety.lowest_voltage
         if lowest is None:
@@ -225,10 +225,10 @@ class Monitor:
         self._sagging += seen.dt
         if self._sagging > _LASTS:
             who = self._joints[voltages.index(least)].name if least in voltages else "battery"
-            yield Trip(Stage.SIT, f"{who}: supply at {least:.1f} V, it sits down at {lowest:g} V")
+            yield Trip(StopStage.SIT, f"{who}: supply at {least:.1f} V, it sits down at {lowest:g} V")
 
 
-_RULES: tuple[Callable[[Monitor, Observed], Iterator[Trip]], ...] = (
+_RULES: tuple[Callable[[Monitor, ObservedCycle], Iterator[Trip]], ...] = (
     Monitor.drives,
     Monitor.feedback,
     Monitor.following,

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 
-class Stage(enum.IntEnum):
+class StopStage(enum.IntEnum):
     """Ordered: higher is harder."""
 
     NONE = 0
@@ -20,7 +20,7 @@ class Stage(enum.IntEnum):
     DAMP = 3  # damp and lower at once, then off; latched
 
 
-class Mode(enum.StrEnum):
+class BodyMode(enum.StrEnum):
     """Mode of the body."""
 
     OFF = "off"
@@ -50,41 +50,41 @@ MEANT = frozenset({EMERGENCY_STOP, TOLD_TO_LEAVE})
 class Trip(NamedTuple):
     """Stage and cause of a stop; the cause names joint, object, target and actual value."""
 
-    stage: Stage
+    stage: StopStage
     cause: str
 
 
-FORCED: Mapping[Stage, Mapping[Mode, Mode]] = MappingProxyType(
+FORCED: Mapping[StopStage, Mapping[BodyMode, BodyMode]] = MappingProxyType(
     {
-        Stage.SIT: MappingProxyType(
+        StopStage.SIT: MappingProxyType(
             {
-                Mode.ENABLING: Mode.OFF,
-                Mode.RISING: Mode.SITTING,
-                Mode.STANDING: Mode.SITTING,
-                Mode.WALKING: Mode.SITTING,
-                Mode.RECOVERING: Mode.DAMPED,
-                Mode.CHECKING: Mode.DAMPED,
-                Mode.POSING: Mode.SITTING,
-                Mode.HELD: Mode.SITTING,
+                BodyMode.ENABLING: BodyMode.OFF,
+                BodyMode.RISING: BodyMode.SITTING,
+                BodyMode.STANDING: BodyMode.SITTING,
+                BodyMode.WALKING: BodyMode.SITTING,
+                BodyMode.RECOVERING: BodyMode.DAMPED,
+                BodyMode.CHECKING: BodyMode.DAMPED,
+                BodyMode.POSING: BodyMode.SITTING,
+                BodyMode.HELD: BodyMode.SITTING,
             }
         ),
-        Stage.DAMP: MappingProxyType(
-            {mode: Mode.DAMPED for mode in Mode if mode not in {Mode.OFF, Mode.DAMPED}}
+        StopStage.DAMP: MappingProxyType(
+            {mode: BodyMode.DAMPED for mode in BodyMode if mode not in {BodyMode.OFF, BodyMode.DAMPED}}
         ),
     }
 )
 """Mode after a trip; other modes stay."""
 
-POSED = frozenset({Mode.POSING, Mode.HELD})
+POSED = frozenset({BodyMode.POSING, BodyMode.HELD})
 """Modes that hold a posture independent of the gait."""
 
-UPRIGHT = POSED | {Mode.RISING, Mode.STANDING, Mode.WALKING, Mode.SITTING, Mode.CHECKING}
+UPRIGHT = POSED | {BodyMode.RISING, BodyMode.STANDING, BodyMode.WALKING, BodyMode.SITTING, BodyMode.CHECKING}
 """Modes in which a tilt means that the robot is falling."""
 
-POSITIONED = UPRIGHT | {Mode.RECOVERING}
+POSITIONED = UPRIGHT | {BodyMode.RECOVERING}
 """Modes in which the drives hold positions."""
 
 
-def forced(stage: Stage, mode: Mode) -> Mode:
+def forced(stage: StopStage, mode: BodyMode) -> BodyMode:
     """Return the mode that a trip of this stage leads to."""
     return FORCED.get(stage, {}).get(mode, mode)

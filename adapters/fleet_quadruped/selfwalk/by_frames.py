@@ -10,7 +10,7 @@ from fleet import CanFrame
 from fleet_quadruped.frame_integrity import ProtectedFrame
 from fleet_quadruped.frames import FrameMap, encode
 from fleet_quadruped.robot.parts import Section
-from fleet_quadruped.selfwalk.wire import AXES, COMMANDS, Wire
+from fleet_quadruped.selfwalk.wire import AXES, COMMANDS, WalkerWire
 
 
 def _axes(frame: FrameMap) -> FrameMap:
@@ -79,11 +79,11 @@ class Frames(Section):
         return (self.velocity, *self.start, *(frame for frame in named if frame is not None))
 
 
-def wire_of(frames: Frames) -> Wire:
+def wire_of(frames: Frames) -> WalkerWire:
     """Return the messages of the machine."""
     fixed: dict[str, FixedFrame | None] = {name: getattr(frames, name) for name in COMMANDS}
     height = frames.height
-    return Wire(
+    return WalkerWire(
         velocity=(frames.velocity,),
         commands={name: one.frame for name, one in fixed.items() if one},
         height=(lambda metres: CanFrame(height.id, encode(height, {"height": metres}))) if height else None,

@@ -18,7 +18,7 @@ from fleet_quadruped.drives.cia402.setup import Object, pdo_objects
 from fleet_quadruped.frames import FieldMap, FrameMap, Number, encode
 from fleet_quadruped.robot.busload import SLOW_EVERY
 from fleet_quadruped.robot.parts import Section
-from fleet_quadruped.selfwalk.wire import AXES, COMMANDS, Wire
+from fleet_quadruped.selfwalk.wire import AXES, COMMANDS, WalkerWire
 
 SDO_ABORT = 0x80
 RPDO, TPDO = 0x200, 0x180  # COB-ID of the first PDO; each further one adds 100h
@@ -27,7 +27,7 @@ _AT_ONCE, _AT_SYNC = 255, 1  # transmission types
 _SIZES: Mapping[str, int] = {"u8": 1, "i8": 1, "u16": 2, "i16": 2, "u32": 4, "i32": 4, "f32": 4}
 
 
-class Entry(Number):
+class PdoEntry(Number):
     """A number in the object dictionary."""
 
     index: int = Field(ge=0x1000, le=0xFFFF, description="Index of the object.")
@@ -56,13 +56,13 @@ class Setting(Section):
         return Object(self.index, self.sub, _SIZES[self.type], self.value, what)
 
 
-def _axes(entries: dict[str, Entry]) -> dict[str, Entry]:
+def _axes(entries: dict[str, PdoEntry]) -> dict[str, PdoEntry]:
     if set(entries) != set(AXES):
         raise ValueError(f"a velocity has the entries {', '.join(AXES)}")
     return entries
 
 
-def _fit(entries: dict[str, Entry]) -> dict[str, Entry]:
+def _fit(entries: dict[str, PdoEntry]) -> dict[str, PdoEntry]:
     if len(list(_groups(entries))) > _MOST_PDOS:
         raise ValueError(f"these do not fit into {_MOST_PDOS} PDOs of eight bytes")
     return entries
@@ -73,7 +73,7 @@ class Objects(Section):
 
     node: int = Field(ge=1, le=126, description="Node ID.")
     setup: tuple[Setting, ...] = Field((), description="Written after the bus is opened, and read back.")
-    velocity: Annotated[dict[str, Entry], AfterValidator(_axes), AfterValidator(_fit)] = Field(
+    velocity: Annotated[dict[str, PdoEntry], AfterValidator(_axes), AfterValidator(_fit)] = Field(
         description="Velocity: x, y, turn."
     )
     stand_up: Setting
@@ -81,12 +81,16 @@ class Objects(Section):
     emergency_stop: Setting = Field(description="Fastest stop that lowers the machine gently.")
     recovery_stand: Setting | None = None
     reset_faults: Setting | None = None
-    height: Entry | None = Field(None, description="Standing height.")
-    state: Annotated[dict[str, Entry], AfterValidator(_fit)] = Field(description="State sent in every cycle.")
-    slow: dict[str, Entry] = Field({}, description="Values sent at a lower rate: percent, voltage, current.")
+    height: PdoEntry | None = Field(None, description="Standing height.")
+    state: Annotated[dict[str, PdoEntry], AfterValidator(_fit)] = Field(
+        description="State sent in every cycle."
+    )
+    slow: dict[str, PdoEntry] = Field(
+        {}, description="Values sent at a lower rate: percent, voltage, current."
+    )
 
 
-def wire_of(objects: Objects, silence: float) -> Wire:
+def wire_of(objects: Objects, silence: float) -> WalkerWire:
     """Return the messages of the machine; raises ValueError if they need too many PDOs."""
     node, height = objects.node, objects.height
     velocity = _pdos(objects.velocity, RPDO + node, _AT_ONCE)
@@ -98,7 +102,7 @@ def wire_of(objects: Objects, silence: float) -> Wire:
     setup = [Object(0x1016, 1, 4, MASTER << 16 | round(silence * 1000), "time until our silence stops it")]
     setup += [one.object("setup") for one in objects.setup]
     setup += _mapped(velocity, 0x1400, 0x1600) + _mapped(told, 0x1800, 0x1A00)
-    return Wire(
+    return WalkerWire(
         velocity=tuple(_frame(pdo.cob, pdo.entries) for pdo in velocity),
         commands=_commands(objects),
         height=(lambda metres: _raised(node, height, metres)) if height else None,
@@ -115,10 +119,10 @@ class _Pdo(NamedTuple):
 
     cob: int
     kind: int
-    entries: dict[str, Entry]
+    entries: dict[str, PdoEntry]
 
 
-def _pdos(entries: Mapping[str, Entry], cob: int, kind: int, first: int = 0) -> list[_Pdo]:
+def _pdos(entries: Mapping[str, PdoEntry], cob: int, kind: int, first: int = 0) -> list[_Pdo]:
     """Return the PDOs that carry the entries; ``first``: number of PDOs already used in this direction."""
     groups = enumerate(_groups(entries), first)
     return [_Pdo(cob + 0x100 * number, kind, group) for number, group in groups]
@@ -143,9 +147,9 @@ def _commands(objects: Objects) -> dict[str, CanFrame]:
     }
 
 
-def _groups(entries: Mapping[str, Entry]) -> Iterator[dict[str, Entry]]:
+def _groups(entries: Mapping[str, PdoEntry]) -> Iterator[dict[str, PdoEntry]]:
     """Yield the entries in groups, each small enough for a PDO, in their order."""
-    group: dict[str, Entry] = {}
+    group: dict[str, PdoEntry] = {}
     for name, entry in entries.items():
         if sum(_SIZES[one.type] for one in group.values()) + _SIZES[entry.type] > 8:
             yield group
@@ -155,7 +159,7 @@ def _groups(entries: Mapping[str, Entry]) -> Iterator[dict[str, Entry]]:
         yield group
 
 
-def _frame(identifier: int, group: Mapping[str, Entry]) -> FrameMap:
+def _frame(identifier: int, group: Mapping[str, PdoEntry]) -> FrameMap:
     """Return a PDO as a frame map."""
     fields, place = {}, 0
     for name, entry in group.items():
@@ -164,7 +168,7 @@ def _frame(identifier: int, group: Mapping[str, Entry]) -> FrameMap:
     return FrameMap(id=identifier, fields=fields)
 
 
-def _raised(node: int, entry: Entry, metres: float) -> CanFrame:
+def _raised(node: int, entry: PdoEntry, metres: float) -> CanFrame:
     """Return the frame that writes the height (m)."""
     data = encode(FrameMap(id=0, fields={"height": entry.at(0)}), {"height": metres})
     return _written(node, Object(entry.index, entry.sub, len(data), 0, "height"), data)

@@ -11,10 +11,10 @@ from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.body.velocity_ramp import limited, ramped
 from fleet_quadruped.can.bus_guard import Address
 from fleet_quadruped.control.lamp import Lamp
-from fleet_quadruped.control.orders import DogState, Order, Timing
+from fleet_quadruped.control.orders import DogState, LoopTiming, Order
 from fleet_quadruped.drives.cia402.commission import NodeName, write_node
 from fleet_quadruped.drives.cia402.frames import SDO_RESPONSE
-from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, Mode
+from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, BodyMode
 from fleet_quadruped.selfwalk.by_objects import SDO_ABORT
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.height import StandingHeight
@@ -24,8 +24,8 @@ from fleet_quadruped.selfwalk.stop_repeat import StopRepeat
 from fleet_quadruped.selfwalk.telemetry import Telemetry
 from fleet_quadruped.selfwalk.velocity_check import VelocityCheck
 
-_STANDS = frozenset({Mode.STANDING, Mode.WALKING})
-_LOOSE = frozenset({Mode.OFF, Mode.DAMPED})
+_STANDS = frozenset({BodyMode.STANDING, BodyMode.WALKING})
+_LOOSE = frozenset({BodyMode.OFF, BodyMode.DAMPED})
 _GONE = 2.0  # s of silence after which the link is lost
 _SIT_EVERY = 0.2  # s between two commands to sit down
 _STILL = Twist()
@@ -119,7 +119,7 @@ class SelfWalkController:
         """Make it stand still, if it can still be reached: this controller ends without a successor."""
         self._sender.send(_STILL)
 
-    def state(self, now: float, timing: Timing) -> DogState:
+    def state(self, now: float, timing: LoopTiming) -> DogState:
         """Return the newest state."""
         told = self._told
         turn, imu = told.rotation, told.imu
@@ -217,7 +217,7 @@ class SelfWalkController:
         """Return why it cannot get up now; a request that the host lets through clears an emergency stop."""
         if self._told.is_stale:
             return "the machine reports no state"
-        if self._told.mode is not Mode.OFF and self._told.mode not in TAKEN[ask]:
+        if self._told.mode is not BodyMode.OFF and self._told.mode not in TAKEN[ask]:
             return f"it is {self._told.mode.value}"
         if self.fault == EMERGENCY_STOP:
             self.fault = ""
@@ -231,7 +231,7 @@ class SelfWalkController:
 
     def _sit(self, cause: str) -> None:
         """Sit down while it stands; the command is repeated until the mode changes."""
-        if self._told.mode in _STANDS or self._told.mode is Mode.RISING:
+        if self._told.mode in _STANDS or self._told.mode is BodyMode.RISING:
             self.fault = self.fault or cause
             if self._told.now >= self._sit_at:
                 self._sit_at = self._told.now + _SIT_EVERY

@@ -11,15 +11,15 @@ from fleet import STANDARD_ID
 from fleet_quadruped.frames import FrameMap
 from fleet_quadruped.robot.busload import HIGHEST, frame_bits
 from fleet_quadruped.robot.parts import Bus, Machine, Pace, Positive, Section, Sensor, Switch, Watch
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.selfwalk import by_frames, by_objects
 from fleet_quadruped.selfwalk.by_frames import Frames
 from fleet_quadruped.selfwalk.by_objects import Objects
-from fleet_quadruped.selfwalk.wire import AXES, Wire
+from fleet_quadruped.selfwalk.wire import AXES, WalkerWire
 
 _LEAVE = 6.0  # s to sit down
 _MUST_TELL = ("mode", *AXES)
-_MUST_BE = (Mode.OFF, Mode.STANDING)
+_MUST_BE = (BodyMode.OFF, BodyMode.STANDING)
 
 
 def _word(mode: object) -> object:
@@ -45,7 +45,7 @@ class SelfWalker(Section):
     height: Positive = Field(0.27, description="Standing height after standing up, m.")
     lowest: Positive = Field(0.15, description="Lowest standing height, m.")
     highest: Positive = Field(0.32, description="Highest standing height, m.")
-    modes: dict[int, Annotated[Mode, BeforeValidator(_word)]] = Field(
+    modes: dict[int, Annotated[BodyMode, BeforeValidator(_word)]] = Field(
         description="Meaning of its mode numbers."
     )
     errors: dict[int, str] = Field({}, description="Meaning of its error numbers; 0 is no error.")
@@ -101,7 +101,7 @@ class SelfWalker(Section):
         return _LEAVE
 
     @cached_property
-    def wire(self) -> Wire:
+    def wire(self) -> WalkerWire:
         """Frames to and from the machine."""
         if self.objects is not None:
             return by_objects.wire_of(self.objects, self.silence)

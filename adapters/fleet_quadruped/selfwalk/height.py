@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from fleet import CanFrame
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.selfwalk.description import SelfWalker
 
-_STANDS = frozenset({Mode.STANDING, Mode.WALKING})
+_STANDS = frozenset({BodyMode.STANDING, BodyMode.WALKING})
 
 
 class StandingHeight:
@@ -17,7 +17,7 @@ class StandingHeight:
         self._walker = walker
         self._frame = walker.wire.height
 
-    def change(self, change: float, mode: Mode) -> tuple[CanFrame | None, str]:
+    def change(self, change: float, mode: BodyMode) -> tuple[CanFrame | None, str]:
         """Return the frame that changes the height by ``change`` (m), and why not; empty if accepted."""
         if self._frame is None:
             return None, "this machine's description has no height"

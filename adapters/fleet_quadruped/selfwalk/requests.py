@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from fleet import CanFrame
 from fleet_quadruped.body.requests import BodyRequest
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 
 NAMES: Mapping[BodyRequest, str] = MappingProxyType(
     {
@@ -18,12 +18,14 @@ NAMES: Mapping[BodyRequest, str] = MappingProxyType(
         BodyRequest.RESET: "reset_faults",
     }
 )
-TAKEN: Mapping[BodyRequest, frozenset[Mode]] = MappingProxyType(
+TAKEN: Mapping[BodyRequest, frozenset[BodyMode]] = MappingProxyType(
     {
-        BodyRequest.STAND: frozenset({Mode.ENABLING, Mode.RISING, Mode.STANDING, Mode.WALKING}),
-        BodyRequest.SIT: frozenset({Mode.SITTING, Mode.SETTLING, Mode.OFF}),
+        BodyRequest.STAND: frozenset(
+            {BodyMode.ENABLING, BodyMode.RISING, BodyMode.STANDING, BodyMode.WALKING}
+        ),
+        BodyRequest.SIT: frozenset({BodyMode.SITTING, BodyMode.SETTLING, BodyMode.OFF}),
         BodyRequest.RECOVER: frozenset(
-            {Mode.ENABLING, Mode.RECOVERING, Mode.RISING, Mode.STANDING, Mode.WALKING}
+            {BodyMode.ENABLING, BodyMode.RECOVERING, BodyMode.RISING, BodyMode.STANDING, BodyMode.WALKING}
         ),
     }
 )
@@ -67,7 +69,7 @@ class RequestTracker:
         if self._pending is not None:
             self.answered, self.refusal, self._pending = self._pending.number, refusal, None
 
-    def step(self, now: float, mode: Mode, error: str) -> CanFrame | None:
+    def step(self, now: float, mode: BodyMode, error: str) -> CanFrame | None:
         """Return the frame to send now, or None; ends a request that was accepted, or has timed out."""
         pending = self._pending
         if pending is None:
@@ -86,7 +88,7 @@ class RequestTracker:
         return pending.frame
 
 
-def _is_taken(pending: PendingRequest, mode: Mode, error: str, now: float) -> bool:
+def _is_taken(pending: PendingRequest, mode: BodyMode, error: str, now: float) -> bool:
     """Return True if the state shows it; a height is not reported, so it is sent a few times."""
     if pending.ask is BodyRequest.HEIGHT:
         return now - pending.since > _HEIGHT_REPEATS * EVERY

@@ -6,13 +6,13 @@ from fleet import CanBus, CanFrame
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.frame_integrity import FrameIntegrity
 from fleet_quadruped.frames import FrameEncoder
-from fleet_quadruped.selfwalk.wire import AXES, Wire
+from fleet_quadruped.selfwalk.wire import AXES, WalkerWire
 
 
 class FrameSender:
     """Sends frames to a machine on its bus."""
 
-    def __init__(self, bus: CanBus, wire: Wire) -> None:
+    def __init__(self, bus: CanBus, wire: WalkerWire) -> None:
         self._bus = bus
         self._integrity = {
             number: FrameIntegrity(number, protected) for number, protected in wire.protected.items()

@@ -8,7 +8,7 @@ from fleet import CanFrame, Quaternion, quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.control.sensors import SensorValues, imu_of
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.wire import AXES
 
@@ -21,7 +21,7 @@ class Telemetry:
     """
 
     def __init__(self, walker: SelfWalker) -> None:
-        self.mode = Mode.OFF
+        self.mode = BodyMode.OFF
         self.error = self.unnamed = ""
         self.imu: Imu | None = None
         self.x = self.y = self.yaw = 0.0
@@ -44,7 +44,7 @@ class Telemetry:
         if self.is_stale:
             return
         number = round(values.get("mode", -1))
-        self.mode = self._walker.modes.get(number, Mode.OFF)
+        self.mode = self._walker.modes.get(number, BodyMode.OFF)
         known = number in self._walker.modes
         self.unnamed = "" if known else f"it reports mode {number}, which is not in modes"
         error = round(values.get("error", 0))

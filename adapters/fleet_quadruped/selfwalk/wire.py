@@ -18,7 +18,7 @@ COMMANDS = ("stand_up", "sit_down", "emergency_stop", "recovery_stand", "reset_f
 """Commands with a constant frame; the last two are optional."""
 
 
-class Wire(NamedTuple):
+class WalkerWire(NamedTuple):
     """Frames out and in. ``alive`` is sent before each velocity; ``node``: node id of a CANopen machine.
 
     ``protected``: counters and checksums of outgoing frames, by identifier.

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from fleet_quadruped.sim.world import Motor
+from fleet_quadruped.sim.world import SimMotor
 
 QUICK_STOP_OPTION, DISABLE_OPTION, FAULT_OPTION = (0x605A, 0), (0x605C, 0), (0x605E, 0)
 STIFF, DAMPING = 150.0, 3.0  # N m/rad, N m s/rad: the drive's position loop
@@ -55,7 +55,7 @@ FAULTS: Mapping[int, BrakeEnd] = MappingProxyType(
 class MotorBrake:
     """One stop of one motor, from its position and speed at the start."""
 
-    def __init__(self, ending: BrakeEnd, motor: Motor) -> None:
+    def __init__(self, ending: BrakeEnd, motor: SimMotor) -> None:
         self.holds = ending.holds
         self._ramp = ending.ramp
         self._speed = motor.speed if _AT_ONCE < ending.ramp < math.inf else 0.0
@@ -67,7 +67,7 @@ class MotorBrake:
         """True once the motor is at rest, or has no torque."""
         return self._speed == 0.0
 
-    def step(self, motor: Motor, dt: float) -> None:
+    def step(self, motor: SimMotor, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds."""
         before = self._speed
         change = self._ramp * dt if self.torque else 0.0
@@ -79,6 +79,6 @@ class MotorBrake:
         self._speed = after
 
 
-def release(motor: Motor) -> None:
+def release(motor: SimMotor) -> None:
     """Take the torque off."""
     motor.kp = motor.kd = motor.feed = motor.target_speed = motor.slope = 0.0

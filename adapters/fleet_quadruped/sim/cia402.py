@@ -14,11 +14,11 @@ from fleet_quadruped.robot.busload import SLOW_EVERY
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.brakes import DAMPING, STIFF, release
-from fleet_quadruped.sim.cia402_dictionary import ERROR_BEHAVIOUR, Cia402Dictionary, Configuration
+from fleet_quadruped.sim.cia402_dictionary import ERROR_BEHAVIOUR, Cia402Dictionary, DriveConfiguration
 from fleet_quadruped.sim.cia402_power import PowerStage
 from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears, SimEncoder
 from fleet_quadruped.sim.sensors import FULL
-from fleet_quadruped.sim.world import Motor
+from fleet_quadruped.sim.world import SimMotor
 
 _STATUS: Mapping[DriveState, int] = MappingProxyType(
     {
@@ -44,11 +44,11 @@ _CODES: Mapping[str, int] = MappingProxyType({"overcurrent": 0x2310, "hot": 0x43
 class SimDrive:
     """One drive at one joint; ``send`` sends its frames."""
 
-    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:
+    def __init__(self, joint: Joint, motor: SimMotor, send: Callable[[CanFrame], None], drive: Drive) -> None:
         self.joint = joint
         self.motor = motor
         self.encoder = SimEncoder(motor)
-        self._units = wire.Units(joint)
+        self._units = wire.CountUnits(joint)
         self._send = send
         self._warm_since: float | None = None
         self._scale = drive.temperature.scale if drive.temperature else None
@@ -65,7 +65,7 @@ class SimDrive:
         self._time = 0.0
         self._look_at = 0.0
         self._next_beat = math.inf
-        self._config = Configuration()
+        self._config = DriveConfiguration()
         self._master_at: float | None = None
         self._syncs = 0
         self.hears: Mapping[int, Hears] = {

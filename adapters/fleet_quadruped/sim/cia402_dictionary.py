@@ -11,13 +11,13 @@ from fleet_quadruped.drives.cia402.setup import MAX_TORQUE, MODE_DISPLAY, OPTION
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.brakes import DISABLE_OPTION, FAULT_OPTION, QUICK_STOP_OPTION, STIFF
-from fleet_quadruped.sim.sdo import Entry, SdoServer
+from fleet_quadruped.sim.sdo import DictionaryEntry, SdoServer
 
 ERROR_BEHAVIOUR = (0x1029, 1)
 _NO_LIMIT = 0xFFFF  # in 6072h
 
 
-class Configuration(NamedTuple):
+class DriveConfiguration(NamedTuple):
     """Written values: heartbeat timeout of the master and own heartbeat period (s, infinite for none).
 
     ``reach``: largest effective position error (rad) under the torque limit. ``cycle``: interpolation period,
@@ -38,12 +38,12 @@ class Cia402Dictionary(SdoServer):
         self._rated_torque = joint.kind.rated_torque
         self.objects[MODE_DISPLAY] = self.objects[0x6060, 0]
 
-    def configuration(self) -> Configuration:
+    def configuration(self) -> DriveConfiguration:
         """Return the written values."""
         value = {place: entry.value for place, entry in self.objects.items()}
         limit = value.get(MAX_TORQUE, _NO_LIMIT)
         exponent = value[0x60C2, 2]
-        return Configuration(
+        return DriveConfiguration(
             (value[0x1016, 1] & 0xFFFF) / 1000 or math.inf,
             value[0x1017, 0] / 1000 or math.inf,
             math.inf if limit == _NO_LIMIT else limit / 1000 * self._rated_torque / STIFF,
@@ -52,7 +52,7 @@ class Cia402Dictionary(SdoServer):
 
     def keep_mode(self) -> None:
         """Keep the present mode, whatever is requested."""
-        self.objects[MODE_DISPLAY] = Entry(1, 1)
+        self.objects[MODE_DISPLAY] = DictionaryEntry(1, 1)
 
     def pretend(self) -> None:
         """Identify as an I/O module."""

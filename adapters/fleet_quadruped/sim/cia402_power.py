@@ -17,8 +17,8 @@ from fleet_quadruped.sim.brakes import (
     MotorBrake,
     release,
 )
-from fleet_quadruped.sim.sdo import Entry
-from fleet_quadruped.sim.world import Motor
+from fleet_quadruped.sim.sdo import DictionaryEntry
+from fleet_quadruped.sim.world import SimMotor
 
 _STEPS: Mapping[tuple[DriveState, int], DriveState] = MappingProxyType(
     {
@@ -39,7 +39,7 @@ class PowerStage:
     ``dozing``: number of enable commands that it still ignores.
     """
 
-    def __init__(self, motor: Motor, objects: Mapping[tuple[int, int], Entry]) -> None:
+    def __init__(self, motor: SimMotor, objects: Mapping[tuple[int, int], DictionaryEntry]) -> None:
         self.state = DriveState.SWITCH_ON_DISABLED
         self.dozing = 0
         self._motor = motor

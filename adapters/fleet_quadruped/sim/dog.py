@@ -13,7 +13,7 @@ from fleet_quadruped.sim.drive import AnyDrive, Hears
 from fleet_quadruped.sim.faults import ALL_FAULTS, ON_CIA402, ON_DRIVE
 from fleet_quadruped.sim.sensors import SENSOR_FAULTS, Sensors
 from fleet_quadruped.sim.wires import BadBuses
-from fleet_quadruped.sim.world import Motor, World
+from fleet_quadruped.sim.world import SimMotor, World
 
 _LOOP = 0.01  # s, approximate control period of the drives, which interpolate in between
 
@@ -38,7 +38,7 @@ class SimDog:
         self._heard = heard
         self._wires = BadBuses(dog.buses, seed)
         self._sensors = Sensors(dog, world)
-        self._weak: list[Motor] = []
+        self._weak: list[SimMotor] = []
         self._senders = {bus: self._sender(bus) for bus in dog.buses}
         self._listeners: dict[str, dict[int, list[Hears]]] = {}
         self.drives: list[AnyDrive] = []
@@ -66,7 +66,7 @@ class SimDog:
         """Activate a fault of one drive."""
         drive = self.drives[joint]
         if name == "twin":
-            self._add(self.dog.all_joints[joint], Motor(angle=self.world.motors[joint].angle + 0.1))
+            self._add(self.dog.all_joints[joint], SimMotor(angle=self.world.motors[joint].angle + 0.1))
         elif name == "weak":
             self._weak.append(self.world.motors[joint])
         elif name in ON_DRIVE:
@@ -77,7 +77,7 @@ class SimDog:
             raise ValueError(f"fault {name} is one of CiA 402 drives")
         self._listen()
 
-    def _add(self, joint: Joint, motor: Motor) -> None:
+    def _add(self, joint: Joint, motor: SimMotor) -> None:
         """Connect a drive to its bus."""
         drive = self._make(joint, motor, self._senders[joint.bus], self.dog.drive)
         self.drives.append(drive)

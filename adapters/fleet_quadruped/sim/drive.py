@@ -10,7 +10,7 @@ from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.sim.brakes import release
 from fleet_quadruped.sim.sensors import FULL
-from fleet_quadruped.sim.world import Motor
+from fleet_quadruped.sim.world import SimMotor
 
 STUBBORN = 3  # number of enable commands that a lazy drive ignores
 COOL, WARMING = 40.0, 10.0  # degrees C, degrees C per s
@@ -21,7 +21,7 @@ Hears = Callable[[CanFrame], None]
 class SimEncoder:
     """Encoder of a motor; ``off`` is its error, rad."""
 
-    def __init__(self, motor: Motor) -> None:
+    def __init__(self, motor: SimMotor) -> None:
         self.off = 0.0
         self._motor = motor
         self._stuck: float | None = None  # rad that it reports for ever
@@ -87,7 +87,7 @@ class AnyDrive(Protocol):
 class SimDampingDrive:
     """Shared part of simulated drives that damp by themselves; ``send`` sends their frames."""
 
-    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None]) -> None:
+    def __init__(self, joint: Joint, motor: SimMotor, send: Callable[[CanFrame], None]) -> None:
         self.joint = joint
         self.motor = motor
         self.encoder = SimEncoder(motor)

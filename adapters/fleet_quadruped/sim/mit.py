@@ -13,7 +13,7 @@ from fleet_quadruped.drives.mit.profiles import profile_of
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.drive import SimDampingDrive
-from fleet_quadruped.sim.world import Motor
+from fleet_quadruped.sim.world import SimMotor
 
 _STATUS = {"overcurrent": 0xA, "hot": 0xC}
 _LOST = 0xD
@@ -22,7 +22,7 @@ _LOST = 0xD
 class SimMitDrive(SimDampingDrive):
     """One motor at one joint; ``send`` sends its frames."""
 
-    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:
+    def __init__(self, joint: Joint, motor: SimMotor, send: Callable[[CanFrame], None], drive: Drive) -> None:
         super().__init__(joint, motor, send)
         self._profile = profile_of(drive, joint.kind)
         self._layout = wire.Layout(self._profile)

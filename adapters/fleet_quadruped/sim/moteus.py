@@ -15,7 +15,7 @@ from fleet_quadruped.drives.moteus.frames import Subframe
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.drive import SimDampingDrive
-from fleet_quadruped.sim.world import Motor
+from fleet_quadruped.sim.world import SimMotor
 
 _FAULTS = {"overcurrent": 33, "hot": 38}
 _KP, _KD = 120.0, 5.0  # N m/rad, N m s/rad of the joint: configured gains
@@ -29,7 +29,7 @@ _LATCHED = frozenset({wire.FAILED, wire.TIMED_OUT})
 class SimMoteus(SimDampingDrive):
     """One servo at one joint; ``send`` sends its frames."""
 
-    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:  # noqa: ARG002 - factory settings
+    def __init__(self, joint: Joint, motor: SimMotor, send: Callable[[CanFrame], None], drive: Drive) -> None:  # noqa: ARG002 - factory settings
         super().__init__(joint, motor, send)
         self.home = wire.REFERS_TO_OUTPUT
         self.stored = {

@@ -8,12 +8,12 @@ from typing import Any
 import mujoco
 
 from fleet import Quaternion, Vector3
-from fleet_quadruped.body.legs import Leg, Point
+from fleet_quadruped.body.legs import DogLeg, Point
 from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.body.turning import to_body
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import LEGS
-from fleet_quadruped.sim.world import Motor
+from fleet_quadruped.sim.world import SimMotor
 
 STEP = 0.0025  # s; divides the cycle times of 50, 100, 200 and 400 Hz
 _TRUNK = 0.55  # share of the total mass
@@ -58,7 +58,7 @@ def model_of(dog: DogDescription, friction: float = 0.8) -> str:
 </mujoco>"""
 
 
-def _leg(dog: DogDescription, name: str, leg: Leg, mass: float) -> str:
+def _leg(dog: DogDescription, name: str, leg: DogLeg, mass: float) -> str:
     """Return one leg: hip block, thigh, calf with a round foot."""
     joints = {joint.name: joint for joint in dog.all_joints}
     ranges = {
@@ -97,7 +97,7 @@ class MujocoWorld:
         self._addresses = [int(self._model.joint(joint.name).qposadr[0]) for joint in dog.all_joints]
         self._speeds = [int(self._model.joint(joint.name).dofadr[0]) for joint in dog.all_joints]
         fold = dog.posture(dog.poses.fold)
-        self.motors: Sequence[Motor] = [Motor(angle=angle, target=angle) for angle in fold]
+        self.motors: Sequence[SimMotor] = [SimMotor(angle=angle, target=angle) for angle in fold]
         for address, angle in zip(self._addresses, fold, strict=True):
             self.data.qpos[address] = angle
         self._rest = 0.0

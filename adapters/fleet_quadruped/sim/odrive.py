@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping
 
 from fleet import CanFrame
 from fleet_quadruped.drives.odrive import frames as wire
-from fleet_quadruped.drives.odrive.frames import Cmd, State
+from fleet_quadruped.drives.odrive.frames import OdriveCommand, State
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.drive import SimDampingDrive
-from fleet_quadruped.sim.world import Motor
+from fleet_quadruped.sim.world import SimMotor
 
 _BEAT = 0.1  # s, heartbeat period
 _ERRORS = {"overcurrent": 1 << 10, "hot": 1 << 13}
@@ -29,7 +29,7 @@ _OFF, _ON = b"\x00", b"\x01"
 class SimOdrive(SimDampingDrive):
     """One drive at one joint; ``send`` sends its frames."""
 
-    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:
+    def __init__(self, joint: Joint, motor: SimMotor, send: Callable[[CanFrame], None], drive: Drive) -> None:
         self._serial = next(_SERIALS).to_bytes(6, "little")
         super().__init__(joint, motor, send)
         self._endpoints = drive.endpoints
@@ -37,24 +37,24 @@ class SimOdrive(SimDampingDrive):
         self._version = wire.OLDEST
         self._beat_in = _BEAT
         self._commands: Mapping[int, Callable[[bytes], None]] = {
-            Cmd.STATE: self._request,
-            Cmd.MODES: self._set_modes,
-            Cmd.INPUT_POS: self._input,
-            Cmd.POS_GAIN: self._set_position_gain,
-            Cmd.VEL_GAINS: self._set_velocity_gains,
-            Cmd.CLEAR: self._clear,
-            Cmd.PARAMETER: self._parameter,
+            OdriveCommand.STATE: self._request,
+            OdriveCommand.MODES: self._set_modes,
+            OdriveCommand.INPUT_POS: self._input,
+            OdriveCommand.POS_GAIN: self._set_position_gain,
+            OdriveCommand.VEL_GAINS: self._set_velocity_gains,
+            OdriveCommand.CLEAR: self._clear,
+            OdriveCommand.PARAMETER: self._parameter,
         }
         self._answers: Mapping[int, Callable[[], bytes]] = {
-            Cmd.VERSION: lambda: wire.pack_version(*self._version),
-            Cmd.HEARTBEAT: lambda: wire.pack_heartbeat(self.errors, self.state),
-            Cmd.ADDRESS: lambda: bytes([self.joint.id]) + self._serial + bytes(1),
-            Cmd.ESTIMATES: self._estimates,
-            Cmd.TORQUES: self._torques,
-            Cmd.TEMPERATURE: lambda: wire.pack_pair(self._temperature, math.nan),
-            Cmd.SUPPLY: lambda: wire.pack_pair(self.voltage, 3.0),
+            OdriveCommand.VERSION: lambda: wire.pack_version(*self._version),
+            OdriveCommand.HEARTBEAT: lambda: wire.pack_heartbeat(self.errors, self.state),
+            OdriveCommand.ADDRESS: lambda: bytes([self.joint.id]) + self._serial + bytes(1),
+            OdriveCommand.ESTIMATES: self._estimates,
+            OdriveCommand.TORQUES: self._torques,
+            OdriveCommand.TEMPERATURE: lambda: wire.pack_pair(self._temperature, math.nan),
+            OdriveCommand.SUPPLY: lambda: wire.pack_pair(self.voltage, 3.0),
         }
-        self.hears = {wire.identifier(joint.id, command): self._hear for command in Cmd}
+        self.hears = {wire.identifier(joint.id, command): self._hear for command in OdriveCommand}
         self.boot()
 
     def boot(self) -> None:
@@ -99,7 +99,7 @@ class SimOdrive(SimDampingDrive):
         self._beat_in -= dt
         if self._beat_in <= 0:
             self._beat_in += _BEAT
-            self._say(Cmd.HEARTBEAT)
+            self._say(OdriveCommand.HEARTBEAT)
         if self.state != State.CLOSED_LOOP:
             return
         self._unfed += dt
@@ -124,7 +124,9 @@ class SimOdrive(SimDampingDrive):
         if command in self._answers:
             data = self._answers[command]()
             self._send(
-                CanFrame(wire.identifier(self.joint.id, Cmd(command)), data[:2] if self._terse else data)
+                CanFrame(
+                    wire.identifier(self.joint.id, OdriveCommand(command)), data[:2] if self._terse else data
+                )
             )
 
     def _request(self, data: bytes) -> None:
@@ -173,7 +175,7 @@ class SimOdrive(SimDampingDrive):
             self._parameters[endpoint] = kept if self._refusing else value[: len(kept)]
             return
         answer = struct.pack("<BHx", 0, endpoint) + self._parameters[endpoint]
-        self._send(CanFrame(wire.identifier(self.joint.id, Cmd.TOLD), answer))
+        self._send(CanFrame(wire.identifier(self.joint.id, OdriveCommand.TOLD), answer))
 
     def _estimates(self) -> bytes:
         angle, speed, _ = self._units.motor(self.encoder.angle, self.motor.speed, 0.0)

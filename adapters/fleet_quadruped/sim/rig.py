@@ -9,9 +9,9 @@ import msgspec
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.controller import Controller
-from fleet_quadruped.control.orders import Activity, DogState, Order, Timing
+from fleet_quadruped.control.orders import Activity, DogState, LoopTiming, Order
 from fleet_quadruped.robot.description import DogDescription
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import lockstep
 from fleet_quadruped.sim.world import World
 
@@ -40,7 +40,7 @@ class Rig:
         self.watch: Callable[[], None] = lambda: None
 
     @property
-    def mode(self) -> Mode:
+    def mode(self) -> BodyMode:
         """Mode of the body."""
         return self.controller.body.mode
 
@@ -51,7 +51,7 @@ class Rig:
 
     def state(self) -> DogState:
         """Return the controller's state."""
-        return self.controller.state(self.sim.time + self.skew, Timing())
+        return self.controller.state(self.sim.time + self.skew, LoopTiming())
 
     def cycle(self) -> None:
         """Run one control cycle."""
@@ -71,7 +71,7 @@ class Rig:
         """Return True if joints (by number) damp, or are near the targets of the lowering."""
         targets = self.controller.targets
         motors = ((self.sim.world.motors[number], targets[number]) for number in joints)
-        return self.mode is Mode.DAMPED and all(
+        return self.mode is BodyMode.DAMPED and all(
             motor.kd >= 2.9 and (motor.kp == 0 or abs(motor.target - target) < _NEAR)
             for motor, target in motors
         )
@@ -104,7 +104,7 @@ class Rig:
     def settle(self) -> None:
         """Advance until the robot is at rest: at the start its drives may be holding it."""
         self.go(0.1)
-        while self.mode is Mode.DAMPED:
+        while self.mode is BodyMode.DAMPED:
             self.cycle()
 
     def stand(self) -> None:
@@ -112,5 +112,5 @@ class Rig:
         self.settle()
         refusal = self.ask(BodyRequest.STAND)
         self.go(3.0)
-        if self.mode is not Mode.STANDING:
+        if self.mode is not BodyMode.STANDING:
             raise AssertionError(refusal or self.fault or f"it is {self.mode}")

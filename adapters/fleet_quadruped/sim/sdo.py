@@ -15,7 +15,7 @@ _PDO_OFF = 1 << 31
 
 
 @dataclass(slots=True)
-class Entry:
+class DictionaryEntry:
     """One object: its size in bytes and its value, unsigned."""
 
     size: int
@@ -30,7 +30,7 @@ class SdoServer:
     ) -> None:
         self._node = node
         self._send = send
-        self.objects = {place: Entry(size, value) for place, (size, value) in objects.items()}
+        self.objects = {place: DictionaryEntry(size, value) for place, (size, value) in objects.items()}
         self.refusals: dict[tuple[int, int], int] = {}
         self.unmappable: frozenset[int] = frozenset()  # values that no mapping may have
         self.changed = True  # since the owner last looked
@@ -71,7 +71,7 @@ class SdoServer:
         self.changed = True
         self._answer(0x60, place, b"")
 
-    def _refusal(self, place: tuple[int, int], entry: Entry, size: int) -> int:
+    def _refusal(self, place: tuple[int, int], entry: DictionaryEntry, size: int) -> int:
         """Return the abort code for a write, 0 if it is permitted now."""
         if place in self.refusals:
             return self.refusals[place]

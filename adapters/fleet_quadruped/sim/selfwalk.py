@@ -14,7 +14,7 @@ from fleet_quadruped.drives.cia402.frames import HEARTBEAT, OPERATIONAL, SDO_REQ
 from fleet_quadruped.drives.cia402.setup import final_values
 from fleet_quadruped.frame_integrity import FrameIntegrity
 from fleet_quadruped.frames import FrameDecoder, FrameMap, encode
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.wire import AXES
 from fleet_quadruped.sim.faults import WALKER_FAULTS
@@ -33,28 +33,30 @@ class _Step(NamedTuple):
     """Automatic transition of a mode: delay in seconds, next mode."""
 
     after: float
-    then: Mode
+    then: BodyMode
 
 
-_NEXT: Mapping[Mode, _Step] = MappingProxyType(
+_NEXT: Mapping[BodyMode, _Step] = MappingProxyType(
     {
-        Mode.RISING: _Step(1.0, Mode.STANDING),
-        Mode.SITTING: _Step(1.0, Mode.OFF),
-        Mode.DAMPED: _Step(1.0, Mode.OFF),
-        Mode.RECOVERING: _Step(1.5, Mode.RISING),
+        BodyMode.RISING: _Step(1.0, BodyMode.STANDING),
+        BodyMode.SITTING: _Step(1.0, BodyMode.OFF),
+        BodyMode.DAMPED: _Step(1.0, BodyMode.OFF),
+        BodyMode.RECOVERING: _Step(1.5, BodyMode.RISING),
     }
 )
-_ON_COMMAND: Mapping[str, Mapping[Mode, Mode]] = MappingProxyType(
+_ON_COMMAND: Mapping[str, Mapping[BodyMode, BodyMode]] = MappingProxyType(
     {
-        "stand_up": {Mode.OFF: Mode.RISING},
-        "sit_down": dict.fromkeys((Mode.RISING, Mode.STANDING, Mode.WALKING), Mode.SITTING),
-        "emergency_stop": {mode: Mode.DAMPED for mode in Mode if mode not in {Mode.OFF, Mode.DAMPED}},
-        "recovery_stand": {Mode.OFF: Mode.RECOVERING},
+        "stand_up": {BodyMode.OFF: BodyMode.RISING},
+        "sit_down": dict.fromkeys((BodyMode.RISING, BodyMode.STANDING, BodyMode.WALKING), BodyMode.SITTING),
+        "emergency_stop": {
+            mode: BodyMode.DAMPED for mode in BodyMode if mode not in {BodyMode.OFF, BodyMode.DAMPED}
+        },
+        "recovery_stand": {BodyMode.OFF: BodyMode.RECOVERING},
         "reset_faults": {},
     }
 )
-_ALIKE: Mapping[Mode, Mode] = MappingProxyType(
-    {Mode.RISING: Mode.OFF, Mode.WALKING: Mode.STANDING, Mode.SITTING: Mode.STANDING}
+_ALIKE: Mapping[BodyMode, BodyMode] = MappingProxyType(
+    {BodyMode.RISING: BodyMode.OFF, BodyMode.WALKING: BodyMode.STANDING, BodyMode.SITTING: BodyMode.STANDING}
 )
 """Mode to report if the machine has no number for the present one; off by default."""
 
@@ -67,7 +69,7 @@ class SimWalker:
     ) -> None:
         self.walker = walker
         self.time = 0.0
-        self.mode = Mode.OFF
+        self.mode = BodyMode.OFF
         self.twist = Twist()
         self.place = (0.0, 0.0, 0.0)  # m, m, rad
         self.height = walker.height
@@ -170,7 +172,7 @@ class SimWalker:
             self._error = 0
         self._enter(_ON_COMMAND[name].get(self.mode, self.mode))
 
-    def _enter(self, mode: Mode) -> None:
+    def _enter(self, mode: BodyMode) -> None:
         if mode is not self.mode:
             self.mode, self._since = mode, self.time
 
@@ -179,7 +181,7 @@ class SimWalker:
         step = _NEXT.get(self.mode)
         if step is not None and self.time - self._since >= step.after:
             self._enter(step.then)
-        stands = self.mode in {Mode.STANDING, Mode.WALKING}
+        stands = self.mode in {BodyMode.STANDING, BodyMode.WALKING}
         fresh = stands and self.time - self._asked_at <= self.walker.silence and not self._error
         goal = Twist(*(self._asked.get(name, 0.0) if fresh and not self._idle else 0.0 for name in AXES))
         goal = _RUNAWAY if self._runs_away else goal
@@ -190,7 +192,7 @@ class SimWalker:
         if not stands:
             self.twist = Twist()
             return
-        self._enter(Mode.WALKING if any(abs(each) > 0.01 for each in self.twist) else Mode.STANDING)
+        self._enter(BodyMode.WALKING if any(abs(each) > 0.01 for each in self.twist) else BodyMode.STANDING)
         x, y, yaw = self.place
         cos, sin = math.cos(yaw), math.sin(yaw)
         forward, left, turn = self.twist
@@ -208,7 +210,7 @@ class SimWalker:
 
     def _values(self) -> dict[str, float]:
         """Return all values that such a machine can report."""
-        alike = self.mode if self.mode in self._numbers else _ALIKE.get(self.mode, Mode.OFF)
+        alike = self.mode if self.mode in self._numbers else _ALIKE.get(self.mode, BodyMode.OFF)
         yaw = self.place[2]
         lean = Quaternion(math.cos(self._tilt / 2), math.sin(self._tilt / 2), 0.0, 0.0)
         turn = lean if self._tilt else quaternion_from_yaw(yaw)

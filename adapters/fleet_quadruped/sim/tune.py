@@ -18,13 +18,13 @@ from fleet import Quaternion, quaternion_from_euler
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.robot.description import DogDescription, load_description
 from fleet_quadruped.robot.parts import Pose
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 
 _STEP = 0.01  # s
 _HEARD = 0.1  # s until all drives have sent feedback
-_ON_THE_WAY = frozenset({Mode.ENABLING, Mode.RECOVERING, Mode.RISING})
+_ON_THE_WAY = frozenset({BodyMode.ENABLING, BodyMode.RECOVERING, BodyMode.RISING})
 
 
 def random_turn(chance: random.Random) -> Quaternion:
@@ -56,7 +56,7 @@ def tries_needed(dog: DogDescription, turn: Quaternion, most: int = 3) -> int | 
     body = rig.controller.body
     while rig.mode in _ON_THE_WAY and body.recovery.tries <= most:
         rig.cycle()
-    return body.recovery.tries if rig.mode is Mode.STANDING else None
+    return body.recovery.tries if rig.mode is BodyMode.STANDING else None
 
 
 def with_roll(dog: DogDescription, near: Pose, far: Pose) -> DogDescription:

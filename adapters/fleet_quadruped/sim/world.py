@@ -22,7 +22,7 @@ _GROUNDED = 0.008  # m above the lowest foot that counts as standing
 
 
 @dataclass(slots=True)
-class Motor:
+class SimMotor:
     """One joint between its drive and the world: rad, rad/s, N m of the joint.
 
     The drive sets the second half: torque = kp (target - angle) + kd (target_speed - speed) + feed; the
@@ -44,7 +44,7 @@ class World(Protocol):
     """A body with twelve motors."""
 
     @property
-    def motors(self) -> Sequence[Motor]:
+    def motors(self) -> Sequence[SimMotor]:
         """The motors in the order of ``JOINTS``."""
 
     def step(self, dt: float) -> None:
@@ -65,7 +65,7 @@ class KinematicWorld:
 
     def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
-        self.motors = [Motor(angle=angle, target=angle) for angle in dog.posture(dog.poses.fold)]
+        self.motors = [SimMotor(angle=angle, target=angle) for angle in dog.posture(dog.poses.fold)]
         self._x = self._y = self._yaw = 0.0
         self._turn = self._passed = 0.0
         self._feet = self._all_feet()

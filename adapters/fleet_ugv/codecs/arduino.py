@@ -14,7 +14,7 @@ from typing import ClassVar
 import msgspec
 
 from fleet_ugv.codecs.base import LineCodec
-from fleet_ugv.model import Event, Feedback, Motion, Steering, Trouble, Wheels
+from fleet_ugv.model import AckermannCommand, BaseFault, Event, Feedback, Motion, Wheels
 
 PID_RATE = 30.0  # Hz
 LONGEST_LINE = 256  # bytes, more than the longest line of the board
@@ -49,14 +49,14 @@ class ArduinoCodec(LineCodec):
             left, right = int(counters[1]), int(counters[2])
             return Feedback(distances=(left / self._ticks, right / self._ticks))
         if line.startswith(b"Invalid Command"):
-            return Trouble("the board does not know a command; is it ros_arduino_bridge?")
+            return BaseFault("the board does not know a command; is it ros_arduino_bridge?")
         if line != b"OK":
             self.garbage += 1
         return None
 
     def motion(self, motion: Motion) -> bytes:
         """Return ``m``, preceded by ``s`` for a robot with steering."""
-        if isinstance(motion, Steering):
+        if isinstance(motion, AckermannCommand):
             angle = self._servo.centre + self._servo.gain * motion.angle
             turned = b"s %d %d\r" % (self._servo.number, min(max(round(angle), 0), 180))
             return turned + self._speeds(Wheels(motion.speed, motion.speed))

@@ -15,7 +15,7 @@ import msgspec
 
 from fleet import Vector3
 from fleet_ugv.codecs.base import LineCodec
-from fleet_ugv.model import Confirmed, Event, Feedback, Motion, Trouble, Wheels
+from fleet_ugv.model import BaseFault, Confirmed, Event, Feedback, Motion, Wheels
 
 FASTEST = 2.0  # m/s; the firmware ignores more
 LONGEST_LINE = 1024  # bytes, more than the longest line of the board
@@ -64,7 +64,7 @@ class WaveshareCodec(LineCodec):
         if kind == 136 and said.get("cmd") == self._timeout:
             return Confirmed()
         if kind == 1005:
-            return Trouble("a servo of the configured module does not answer; is it attached?")
+            return BaseFault("a servo of the configured module does not answer; is it attached?")
         if kind not in COMMANDS and kind not in {129, 139, 405, 1002, 1003, 1004}:
             self.garbage += 1
         return None

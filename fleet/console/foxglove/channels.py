@@ -8,7 +8,7 @@ from collections.abc import Set as AbstractSet
 
 import msgspec
 
-from fleet.console.foxglove.protocol import Channel
+from fleet.console.foxglove.protocol import FoxgloveChannel
 from fleet.record.messages import Message
 from fleet.record.samples import SampleReader
 
@@ -37,7 +37,7 @@ class Channels:
     """The channels in ``all``, in the order of their numbers; ``newest`` is the newest sample of each."""
 
     def __init__(self) -> None:
-        self.all: list[Channel] = []
+        self.all: list[FoxgloveChannel] = []
         self.newest: dict[int, Sample] = {}
         self._is_full = False
         self._reader = SampleReader()
@@ -78,7 +78,7 @@ class Channels:
                 self._leave_out(message.topic)
                 return None
             number = self._numbers[name] = len(self.all) + 1
-            self.all.append(Channel(number, *name))
+            self.all.append(FoxgloveChannel(number, *name))
         sample = self.newest[number] = Sample(number, received, message.payload)
         return sample
 

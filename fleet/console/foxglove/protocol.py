@@ -28,7 +28,7 @@ _encode = msgspec.json.Encoder().encode
 Number = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 
 
-class Channel(msgspec.Struct, frozen=True):
+class FoxgloveChannel(msgspec.Struct, frozen=True):
     """A topic with its schema; ``number`` is its identity for clients."""
 
     number: int
@@ -36,7 +36,7 @@ class Channel(msgspec.Struct, frozen=True):
     schema: str
 
 
-class Subscription(msgspec.Struct, frozen=True, rename="camel"):
+class FoxgloveSubscription(msgspec.Struct, frozen=True, rename="camel"):
     """Subscription to a channel; ``id`` is the client's number for it."""
 
     id: Number
@@ -46,7 +46,7 @@ class Subscription(msgspec.Struct, frozen=True, rename="camel"):
 class Subscribe(msgspec.Struct, frozen=True, rename="camel", tag_field="op", tag="subscribe"):
     """Subscribes to channels."""
 
-    subscriptions: Annotated[tuple[Subscription, ...], msgspec.Meta(max_length=MOST_AT_ONCE)]
+    subscriptions: Annotated[tuple[FoxgloveSubscription, ...], msgspec.Meta(max_length=MOST_AT_ONCE)]
 
 
 class Unsubscribe(msgspec.Struct, frozen=True, rename="camel", tag_field="op", tag="unsubscribe"):
@@ -85,7 +85,7 @@ def server_info(session: str) -> str:
     return _encode(told).decode()
 
 
-def advertisement(channels: Iterable[Channel]) -> str:
+def advertisement(channels: Iterable[FoxgloveChannel]) -> str:
     """Return the message that offers channels."""
     offered = [
         {

@@ -12,9 +12,9 @@ from fleet.console.foxglove.backlog import Backlog
 from fleet.console.foxglove.channels import Channels, Sample
 from fleet.console.foxglove.protocol import (
     Asked,
-    Channel,
+    FoxgloveChannel,
+    FoxgloveSubscription,
     Subscribe,
-    Subscription,
     advertisement,
     message_data,
     read_asked,
@@ -84,7 +84,7 @@ class Viewer:
                     await self._socket.send_bytes(message_data(subscription, sample.received, sample.payload))
             await self._tell_lost()
 
-    def _new_channels(self) -> list[Channel]:
+    def _new_channels(self) -> list[FoxgloveChannel]:
         """Return the channels that were not offered yet."""
         new = self._channels.all[self._offered :]
         self._offered += len(new)
@@ -125,7 +125,7 @@ class Viewer:
             }
         self._changed()
 
-    def _subscribe(self, asked: Subscription) -> None:
+    def _subscribe(self, asked: FoxgloveSubscription) -> None:
         """Begin one subscription; raises WireError."""
         if not 1 <= asked.channel_id <= len(self._channels.all):
             raise WireError(f"there is no channel {asked.channel_id}")

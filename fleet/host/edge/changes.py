@@ -58,7 +58,7 @@ LOOSER = "it was rebuilt; what is looser waits until it rests: {}"
 BEFORE = "it has its configuration of before"
 
 
-class Changes:
+class ConfigurationChanges:
     """Running configuration of one edge, and its changes; on the event loop.
 
     ``configured`` are called with the running configuration after each change. ``hindrance`` returns why a

@@ -15,7 +15,7 @@ from fleet.config.other_edges import PartnerConfig
 from fleet.host.safety.admission import LEAVE
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.missions.coordination import CoordinatorLeases, Lapsed, LeaseAnswer, LeaseAsk
-from fleet.missions.run import Robot
+from fleet.missions.run import RunPort
 from fleet.missions.run_robots import COMES_DOWN
 from fleet.model.command import Origin, Reply, Transport
 from fleet.model.event import EventKind, EventReport, Severity
@@ -36,7 +36,7 @@ class Coordinators:
         self,
         edge: str,
         partners: Mapping[str, PartnerConfig],
-        robots: Mapping[str, Robot],
+        robots: Mapping[str, RunPort],
         policies: Mapping[str, SourcePolicy],
         *,
         site: tuple[float, float, float] | None,
@@ -117,7 +117,7 @@ class Coordinators:
         if lapsed.do != "hold":  # else it is landing already, which only makes it safer
             self._ask(robot, lapsed.do, lapsed)
 
-    def _ask(self, robot: Robot, command: str, lapsed: Lapsed) -> None:
+    def _ask(self, robot: RunPort, command: str, lapsed: Lapsed) -> None:
         """Command a robot in the name of this edge; if it refuses, stop it."""
 
         def answered(reply: Reply) -> None:

@@ -22,7 +22,7 @@ from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.edge.bridge_to_cloud import bridge_of
 from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of
-from fleet.host.edge.changes import Changes
+from fleet.host.edge.changes import ConfigurationChanges
 from fleet.host.edge.cloud_claims import CloudClaims
 from fleet.host.edge.cloud_presence import CloudPresence
 from fleet.host.edge.drop_in_watch import DropInWatch, watched_files
@@ -164,7 +164,7 @@ class Edge:
         self._worker_changes = workers = WorkerChanges(
             config.edge.id, self.bus.control, self._workers.managers, self.remote
         )
-        self._changes = Changes(
+        self._changes = ConfigurationChanges(
             loaded,
             self.process,
             self.remote,

@@ -20,7 +20,7 @@ from fleet.missions.filling import mission_state
 from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started, ended_state
 from fleet.missions.runs import Runs
 from fleet.missions.state import Head, Member
-from fleet.missions.store import About, RunLogEntry, Store
+from fleet.missions.store import About, RunLogEntry, RunStore
 from fleet.model.command import Transport
 from fleet.runtime.decoding import decode_json
 
@@ -42,7 +42,7 @@ class MissionQueries:
         starts: StartRequests,
         rehearsals: Rehearsals,
         results: RunResults,
-        store: Store,
+        store: RunStore,
         soon: Callable[[Callable[[], None]], None],
     ) -> None:
         self._edge = edge

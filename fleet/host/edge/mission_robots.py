@@ -14,8 +14,8 @@ from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.missions.plan import plans_taken
-from fleet.missions.roles import Candidate
-from fleet.missions.run import Robot
+from fleet.missions.roles import RoleCandidate
+from fleet.missions.run import RunPort
 from fleet.missions.state import Facts
 from fleet.model.command import Request, Transport
 from fleet.model.description import RobotDescription
@@ -102,8 +102,8 @@ class MissionRobots:
         self._edge, self._sender = edge, sender
         self.here: dict[str, RobotHere] = {}
         self.elsewhere: dict[str, RobotElsewhere] = {}
-        self.ours: dict[str, Robot] = {}
-        self.everyones: dict[str, Robot] = dict(partners)
+        self.ours: dict[str, RunPort] = {}
+        self.everyones: dict[str, RunPort] = dict(partners)
         self.edges = {name: robot.edge for name, robot in partners.items()}
         self.names: dict[str, str] = {}
         self.senders: dict[str, Callable[[Report], None]] = {}
@@ -113,7 +113,7 @@ class MissionRobots:
     def join(self, robot: LocalRobot | RemoteRobot) -> None:
         """Add a robot of this edge."""
         name = robot.name
-        ours: Robot
+        ours: RunPort
         if isinstance(robot, LocalRobot):
             ours = self.here[name] = RobotHere(robot)
         else:
@@ -191,12 +191,12 @@ def trouble(state: RobotState, description: RobotDescription | None) -> str:
 
 def candidate(
     state: RobotState, description: RobotDescription | None, groups: Mapping[str, Iterable[str]]
-) -> Candidate:
+) -> RoleCandidate:
     """Return a robot as a candidate for a run."""
     at = state.site or state.position
     position = (at.x, at.y, at.z) if at is not None else None
     facts = Facts(state.name, state.health, state.battery, position, state.activity)
-    return Candidate(
+    return RoleCandidate(
         state.name,
         state.adapter,
         can(description),

@@ -29,10 +29,10 @@ from fleet.host.requests.stop_cause import StopCause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.missions.results import EVERY as TRACK_EVERY
-from fleet.missions.roles import Candidate
-from fleet.missions.run import Robot
+from fleet.missions.roles import RoleCandidate
+from fleet.missions.run import RunPort
 from fleet.missions.runs import Runs
-from fleet.missions.store import Store
+from fleet.missions.store import RunStore
 from fleet.model.command import Origin
 from fleet.model.event import EventReport
 
@@ -78,7 +78,7 @@ class Missions:
             process.outbox.sender,
         )
         self._descriptions = Descriptions(self._bus_session, self._soon, robots.edges)
-        self.store = Store(folder)
+        self.store = RunStore(folder)
         routes = MissionRoutes(loaded, lambda robot: self.runs.robots[robot].state())
         self.runs = Runs(
             self._edge,
@@ -240,10 +240,10 @@ class Missions:
 
     # -- capabilities and permissions ------------------------------------------------------------------
 
-    def _candidates(self) -> list[Candidate]:
+    def _candidates(self) -> list[RoleCandidate]:
         """Return state and capabilities of each robot."""
         here = [(robot.state(), robot.describe()) for robot in self._robots.here.values()]
-        others: dict[str, Robot] = {**self._robots.elsewhere, **self.partners.robots}
+        others: dict[str, RunPort] = {**self._robots.elsewhere, **self.partners.robots}
         elsewhere = [(robot.state(), self._descriptions.of(name)) for name, robot in others.items()]
         return [candidate(*each, self._groups) for each in (*here, *elsewhere)]
 

@@ -14,7 +14,7 @@ from fleet.clock import Clock
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.runtime.threads import run_in_thread
 from fleet.runtime.exception_barrier import contained
-from fleet.standby.lease import Entry
+from fleet.standby.lease import LeaseEntry
 from fleet.standby.stops import FollowedStops, OwnStop
 
 log = logging.getLogger(__name__)
@@ -44,14 +44,14 @@ class PairStops:
         stopped = {name: each.controller.latch for name, each in list(self._robots.items()) if _is_set(each)}
         return {name: latch.why[:LONGEST_CAUSE] for name, latch in stopped.items()}
 
-    def take_over(self, entry: Entry | None) -> None:
+    def take_over(self, entry: LeaseEntry | None) -> None:
         """Set the stops that were set when the lease was taken; all, if unknown. No robot runs yet."""
         if entry is None:
             self._engage(dict.fromkeys(self._robots, NOT_KNOWN))
         elif entry.edge == self._other:
             self._engage({name: self._cause(why) for name, why in entry.stops.items()})
 
-    def follow(self, entry: Entry) -> None:
+    def follow(self, entry: LeaseEntry) -> None:
         """Set and release stops as the holder has them; forward those that only this edge received."""
         own = {
             name: OwnStop(each.controller.latched, each.controller.latch.asked)

@@ -13,8 +13,8 @@ from fleet.bus.zenoh_session import Query
 from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.missions.report import RunState
-from fleet.missions.results import Result, Results
-from fleet.missions.run import Robot
+from fleet.missions.results import Results, RunFile
+from fleet.missions.run import RunPort
 from fleet.missions.runs import Runs
 from fleet.model.report import PhotoReport
 from fleet.wire.databus import decode_report
@@ -24,7 +24,7 @@ class RunResults:
     """Results of the runs of one edge. ``twins`` maps twins to the names of the robots."""
 
     def __init__(
-        self, folder: Path, runs: Runs, robots: Mapping[str, Robot], twins: Mapping[str, str], clock: Clock
+        self, folder: Path, runs: Runs, robots: Mapping[str, RunPort], twins: Mapping[str, str], clock: Clock
     ) -> None:
         self._runs, self._robots, self._twins, self._clock = runs, robots, twins, clock
         self._results = Results(folder)
@@ -71,7 +71,7 @@ class RunResults:
         self._results.of(run, partial(_tell, question, key))
 
 
-def _tell(question: Query, key: str, found: list[Result]) -> None:
+def _tell(question: Query, key: str, found: list[RunFile]) -> None:
     """Answer a query for results."""
     if found:
         question.reply(msgspec.json.encode(found), key)

@@ -22,7 +22,7 @@ from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.schedules.model import ScheduleConfig
 from fleet.schedules.runner import Schedules, Starter
-from fleet.schedules.store import Store
+from fleet.schedules.store import FiringStore
 
 log = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ class EdgeSchedules:
             self._events = asyncio.Queue(WAITING)
         await self._needed.wait()
         try:
-            store = await asyncio.to_thread(Store, self._folder)
+            store = await asyncio.to_thread(FiringStore, self._folder)
         except StateError as error:
             self._problem = f"no schedule fires: {error}"
             log.error("%s", self._problem)  # noqa: TRY400 - one line for a person

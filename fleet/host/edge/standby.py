@@ -31,7 +31,7 @@ from fleet.model.command import Reply, ReplyStatus
 from fleet.robot_config import AdapterConfig
 from fleet.standby.bound import Bound, motion_from
 from fleet.standby.keeper import LeaseKeeper
-from fleet.standby.lease import Entry, Lease, LeaseState, Takeover, Terms
+from fleet.standby.lease import Lease, LeaseEntry, LeaseState, Takeover, Terms
 from fleet.standby.store import LeaseStore, ServiceSettings
 
 log = logging.getLogger(__name__)
@@ -158,7 +158,7 @@ class Standby:
         else:
             self._soon(self._waits)
 
-    def saw(self, entry: Entry | None) -> None:
+    def saw(self, entry: LeaseEntry | None) -> None:
         """Follow the stops of the lease's holder."""
         if entry is not None and entry.edge != self._edge:
             self._soon(partial(self._follow, entry))
@@ -233,7 +233,7 @@ class Standby:
         self._holders[twin] = holder
         self._show_holder(twin, holder or (self._other if self._barred else ""))
 
-    def _follow(self, entry: Entry) -> None:
+    def _follow(self, entry: LeaseEntry) -> None:
         """Follow the holder's stops, and show that it is the holder."""
         if self._keeper.lease.state is LeaseState.STANDBY:
             self._stops.follow(entry)

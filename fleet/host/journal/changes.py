@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
-from fleet.host.journal.execution_journal import Latched, Row, Started
+from fleet.host.journal.execution_journal import Latched, Row, StartedCommand
 from fleet.host.journal.past_commands import PastCommand
 
 ROW = 64  # bytes of a command's row besides its texts
@@ -32,7 +32,7 @@ class NetChanges:
     """
 
     def __init__(self) -> None:
-        self.begun: dict[tuple[str, str], tuple[Started, str]] = {}
+        self.begun: dict[tuple[str, str], tuple[StartedCommand, str]] = {}
         self.ended: dict[tuple[str, str], CommandEnd] = {}
         self.latches: dict[str, str] = {}
 
@@ -45,7 +45,7 @@ class NetChanges:
         return any(self.latches.values())
 
     @property
-    def started(self) -> Iterator[Started]:
+    def started(self) -> Iterator[StartedCommand]:
         """The new commands, oldest first."""
         return (started for started, _ in self.begun.values())
 
@@ -56,7 +56,7 @@ class NetChanges:
                 self.latches[change.robot] = change.why
                 continue
             key = change.robot, change.identity
-            if isinstance(change, Started):
+            if isinstance(change, StartedCommand):
                 self.begun.pop(key, None)  # the newest is last
                 self.begun[key] = change, ""
             elif key in self.begun:

@@ -27,7 +27,7 @@ from fleet.runtime.state_format import refuse_newer
 log = logging.getLogger(__name__)
 
 
-class Started(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
+class StartedCommand(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
     """A command or action being executed; ``stamp`` is Unix seconds.
 
     ``way`` is the transport over which its end must be reported even after a restart; empty for none.
@@ -54,7 +54,7 @@ class Form(msgspec.Struct, frozen=True, array_like=True, tag="format"):
     number: int
 
 
-Row = Started | Latched
+Row = StartedCommand | Latched
 
 ANY = "*"
 """The robot name that stands for all robots, when it is unknown which were stopped."""

@@ -21,7 +21,7 @@ from pathlib import Path
 from fleet.clock import Clock
 from fleet.errors import StateError
 from fleet.host.journal.changes import Change, CommandEnd, NetChanges
-from fleet.host.journal.execution_journal import ExecutionJournal, Latched, Row, Started
+from fleet.host.journal.execution_journal import ExecutionJournal, Latched, Row, StartedCommand
 from fleet.host.journal.journal_file import LOST, JournalFile
 from fleet.host.journal.past_commands import DONE, InterruptedCommand, PastCommand, answer_to
 from fleet.host.journal.unwritten_mark import UnwrittenMark
@@ -77,7 +77,7 @@ class RobotJournal:
     def note(self, identity: str, name: str, *, action: bool = False, transport: str = "") -> None:
         """Record that a command is being executed; without an identity it cannot repeat and is not kept."""
         if identity and self._clock is not None:
-            self._put(Started(self._robot, identity, name, action, self._clock.time(), transport))
+            self._put(StartedCommand(self._robot, identity, name, action, self._clock.time(), transport))
 
     def end(self, identity: str, outcome: str) -> None:
         """Record the outcome of a command, as one word."""

@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.host.journal.changes import NetChanges
-from fleet.host.journal.execution_journal import ANY, Latched, Row, Started
+from fleet.host.journal.execution_journal import ANY, Latched, Row, StartedCommand
 from fleet.host.journal.past_commands import InterruptedCommand, PastCommand
 from fleet.host.journal.unwritten_mark import UnwrittenMark, remove
 from fleet.host.safety.dedup_cache import KEPT
@@ -49,7 +49,7 @@ _INTERRUPTED = (
 _TOLD = "UPDATE begun SET way = '' WHERE outcome = '' AND way <> '' AND robot = ?"
 _END = "UPDATE begun SET outcome = ? WHERE robot = ? AND identity = ?"
 _LATCH = "INSERT OR REPLACE INTO latch VALUES (?, ?)"
-_RECOVERED = {Started: _RECOVER, Latched: _LATCH}
+_RECOVERED = {StartedCommand: _RECOVER, Latched: _LATCH}
 _FORGET = "DELETE FROM begun WHERE stamp < ?"
 
 

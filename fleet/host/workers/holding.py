@@ -25,7 +25,7 @@ from fleet.runtime.decoding import decode_json
 log = logging.getLogger(__name__)
 
 
-class Holding:
+class HoldService:
     """Serves such requests to one worker. ``folder`` is the base of relative paths in its configurations.
 
     ``groups`` are those of its edge, by which stops find robots.

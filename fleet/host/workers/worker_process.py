@@ -35,7 +35,7 @@ from fleet.host.process.stop_service import serve_stops
 from fleet.host.robot.robot_positions import RobotPositions
 from fleet.host.runtime.shutdown import shutdown
 from fleet.host.runtime.termination_signals import end_by_signal
-from fleet.host.workers.holding import Holding
+from fleet.host.workers.holding import HoldService
 from fleet.host.workers.reload import RELOADED, Reload
 from fleet.host.workers.worker_task import Importer, WorkerTask, read_task, task_of
 from fleet.runtime.event_loop import run as run_loop
@@ -84,7 +84,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
         process.scheduler.every(TELL, held.look)
     reload = Reload(task, process.robots.values, end=ended.set, started_by_hand=parent is None)
     bus.control.answer(keys.reload(edge, name), reload.asked)
-    bus.control.answer(keys.hold(edge, name), Holding(process.robots, task.groups, task.folder).asked)
+    bus.control.answer(keys.hold(edge, name), HoldService(process.robots, task.groups, task.folder).asked)
     recall = HistoryService(history)
     if parent is None:  # on another computer, with a history of its own
         bus.control.answer(keys.history(edge), recall.asked)

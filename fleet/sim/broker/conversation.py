@@ -9,7 +9,7 @@ import mqtt5
 
 from fleet.cloud.topics import check_filter, check_topic
 from fleet.sim.broker.hub import BrokerCore, BrokerPeer
-from fleet.sim.broker.session import BrokerSession, Subscription
+from fleet.sim.broker.session import BrokerSession, BrokerSubscription
 
 _GRACE = 1.5
 """Keep-alive intervals of silence after which a client counts as gone (MQTT 5, section 3.1.2.10)."""
@@ -156,12 +156,12 @@ class Conversation:
     def _on_subscribe(self, packet: mqtt5.SubscribePacket, session: BrokerSession) -> _Answers:
         """Add subscriptions; shared ones, and those beyond the limit, are refused."""
         codes = [
-            self._subscribe(Subscription(each, packet.subscription_id), session)
+            self._subscribe(BrokerSubscription(each, packet.subscription_id), session)
             for each in packet.topic_filters
         ]
         return [mqtt5.SubAckPacket(packet.packet_id, codes)]
 
-    def _subscribe(self, subscription: Subscription, session: BrokerSession) -> mqtt5.SubAckReasonCode:
+    def _subscribe(self, subscription: BrokerSubscription, session: BrokerSession) -> mqtt5.SubAckReasonCode:
         """Add one subscription and return the answer."""
         pattern = subscription.options.pattern
         if _is_wrong(check_filter, pattern):

@@ -7,7 +7,7 @@ import msgspec
 
 from fleet.cloud.topics import matches
 from fleet.sim.broker.limits import ClientLimits
-from fleet.sim.broker.session import BrokerSession, Subscription
+from fleet.sim.broker.session import BrokerSession, BrokerSubscription
 
 _REMEMBERED = 10_000
 """Maximum number of topics whose matches are cached."""
@@ -20,7 +20,7 @@ class RetainedMessage(msgspec.Struct, frozen=True):
     deadline: float | None
 
 
-class Subscriptions:
+class SubscriptionDirectory:
     """Routing tables of the broker; no I/O, no clock."""
 
     def __init__(self, limits: ClientLimits) -> None:
@@ -28,7 +28,7 @@ class Subscriptions:
         self._limits = limits
         self._retained_bytes = 0
         self._retained: dict[str, RetainedMessage] = {}
-        self._matches: dict[str, list[tuple[BrokerSession, list[Subscription]]]] = {}
+        self._matches: dict[str, list[tuple[BrokerSession, list[BrokerSubscription]]]] = {}
 
     def add(self, session: BrokerSession) -> None:
         """Add a session, in place of an older one of the same client."""
@@ -40,7 +40,7 @@ class Subscriptions:
         self.sessions.pop(session.client_id, None)
         self._matches.clear()
 
-    def subscribe(self, session: BrokerSession, subscription: Subscription) -> bool:
+    def subscribe(self, session: BrokerSession, subscription: BrokerSubscription) -> bool:
         """Add a subscription or replace the one with the same filter; return True if it is new."""
         pattern = subscription.options.pattern
         new = pattern not in session.subscriptions
@@ -53,7 +53,7 @@ class Subscriptions:
         self._matches.clear()
         return session.subscriptions.pop(pattern, None) is not None
 
-    def match(self, topic: str) -> list[tuple[BrokerSession, list[Subscription]]]:
+    def match(self, topic: str) -> list[tuple[BrokerSession, list[BrokerSubscription]]]:
         """Return the sessions that subscribe to a topic, each with its matching subscriptions."""
         if (known := self._matches.get(topic)) is not None:
             return known

@@ -12,10 +12,10 @@ import mqtt5
 
 from fleet.clock import Clock
 from fleet.cloud.topics import matches
-from fleet.sim.broker.directory import RetainedMessage, Subscriptions
+from fleet.sim.broker.directory import RetainedMessage, SubscriptionDirectory
 from fleet.sim.broker.faults import BrokerFaults
 from fleet.sim.broker.limits import ClientLimits
-from fleet.sim.broker.session import NEVER, BrokerSession, QueuedCopy, Subscription
+from fleet.sim.broker.session import NEVER, BrokerSession, BrokerSubscription, QueuedCopy
 
 logger = logging.getLogger(__name__)
 
@@ -51,7 +51,7 @@ class BrokerCore:
         self.peers: dict[str, BrokerPeer] = {}
         self._check = check
         self._tells_unheard = tells_unheard
-        self._directory = Subscriptions(limits)
+        self._directory = SubscriptionDirectory(limits)
         self._behind: set[BrokerPeer] = set()
         self._wills: dict[str, asyncio.TimerHandle] = {}
 
@@ -123,7 +123,7 @@ class BrokerCore:
             self._deliver_all(kept, receivers)
         return bool(receivers) or not self._tells_unheard
 
-    def subscribe(self, session: BrokerSession, subscription: Subscription) -> None:
+    def subscribe(self, session: BrokerSession, subscription: BrokerSubscription) -> None:
         """Add a subscription and queue the retained messages that it requests."""
         options = subscription.options
         new = self._directory.subscribe(session, subscription)
@@ -148,7 +148,7 @@ class BrokerCore:
         return len(self._directory.sessions) >= self.limits.sessions
 
     def _deliver_all(
-        self, kept: RetainedMessage, receivers: list[tuple[BrokerSession, list[Subscription]]]
+        self, kept: RetainedMessage, receivers: list[tuple[BrokerSession, list[BrokerSubscription]]]
     ) -> None:
         """Deliver one message to all its receivers."""
         times = 2 if self.faults.duplicate and matches(self.faults.duplicate, kept.packet.topic) else 1
@@ -205,7 +205,7 @@ class BrokerCore:
         self.publish(packet, session)
 
 
-def _copy(kept: RetainedMessage, wanted: list[Subscription], *, retain: bool) -> QueuedCopy:
+def _copy(kept: RetainedMessage, wanted: list[BrokerSubscription], *, retain: bool) -> QueuedCopy:
     """Return one client's copy: its highest subscribed QoS, at most the published one."""
     best = max(int(one.options.max_qos) for one in wanted)
     return QueuedCopy(

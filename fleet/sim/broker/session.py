@@ -14,7 +14,7 @@ NEVER = 0xFFFF_FFFF
 """Session expiry interval of a session that never expires."""
 
 
-class Subscription(msgspec.Struct, frozen=True):
+class BrokerSubscription(msgspec.Struct, frozen=True):
     """One filter of a client, with its options and the subscription identifier sent with each match."""
 
     options: mqtt5.TopicFilter
@@ -36,7 +36,7 @@ class BrokerSession:
 
     def __init__(self, client_id: str, limits: ClientLimits) -> None:
         self.client_id = client_id
-        self.subscriptions: dict[str, Subscription] = {}
+        self.subscriptions: dict[str, BrokerSubscription] = {}
         self.received: set[int] = set()
         self.expiry = 0
         self.window = 0xFFFF

@@ -16,7 +16,7 @@ from fleet_mavlink.codec import Parser
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.sim.vehicle import SimVehicle
-from fleet_mavlink.sim.wire import Wire
+from fleet_mavlink.sim.wire import MavlinkWire
 from fleet_mavlink.vehicle import Vehicle
 
 RECORDINGS = Path(__file__).parents[2] / "data" / "mavlink"
@@ -88,7 +88,7 @@ class Sky(Operator):
 
     def __init__(self, flavour, *, vehicle="multirotor", ready=0.0, faults=None, accessories=(), **config):
         self.sim = SimVehicle(flavour, vehicle=vehicle, ready_after=ready, faults=faults)
-        self.wire = Wire(self.sim, accessories)
+        self.wire = MavlinkWire(self.sim, accessories)
         self.commands = []  # every COMMAND_LONG and COMMAND_INT that was heard
         self.setpoints = []  # (time, SET_POSITION_TARGET_LOCAL_NED)
         self.order = []  # the command, or 0 for a setpoint, of all that was heard

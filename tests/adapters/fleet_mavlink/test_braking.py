@@ -19,8 +19,8 @@ from fleet.model.report import (
     TelemetryReport,
 )
 from fleet_mavlink.braking import Brakes
-from fleet_mavlink.commander import Commander, Timing
-from fleet_mavlink.constants import Cmd, Result, type_name
+from fleet_mavlink.commander import Commander, CommandTimeouts
+from fleet_mavlink.constants import MavCmd, MavResult, type_name
 from fleet_mavlink.flavours import kind_of
 from fleet_mavlink.messages import CommandAck, ExtendedSysState, GlobalPositionInt, Heartbeat
 from fleet_mavlink.state import VehicleState
@@ -264,7 +264,7 @@ def test_a_hovering_quadplane_is_sent_to_where_it_comes_to_stand():
         velocity=Vector3(4.0, 0.0, 0.0),
     )
     ask = kind_of(Heartbeat(1, ARDUPILOT), state).brakes(state)[0].ask
-    assert (ask.command, ask.frame, ask.z) == (Cmd.DO_REPOSITION, 5, 500.0)
+    assert (ask.command, ask.frame, ask.z) == (MavCmd.DO_REPOSITION, 5, 500.0)
     assert (ask.x - 470_000_000) * 0.0111 == pytest.approx(4.0, abs=0.1), "4 m/s at 2 m/s2"
 
 
@@ -322,7 +322,7 @@ class Bench:
         self.slows = True
         vehicle = self.it.vehicle
         vehicle._send = self._sent
-        timing = Timing(answer=0.05, tries=2, patience=0.0, pause=0.0, words=0.0, heartbeat=0.1)
+        timing = CommandTimeouts(answer=0.05, tries=2, patience=0.0, pause=0.0, words=0.0, heartbeat=0.1)
         self.brakes = Brakes(vehicle, Commander(vehicle, timing))
         self.asked = []
         self.beat()
@@ -340,18 +340,18 @@ class Bench:
 
     def _sent(self, message, _address):
         self.asked.append(message)
-        result = Result.FAILED if message.command in self.refuses else Result.ACCEPTED
+        result = MavResult.FAILED if message.command in self.refuses else MavResult.ACCEPTED
         asyncio.get_running_loop().call_soon(self._answer, message, result)
 
     def _answer(self, message, result):
         self.it.clock.advance(0.2)
         self.it.say(CommandAck(message.command, int(result)))
-        if result == Result.ACCEPTED and message.command == Cmd.DO_SET_MODE:
+        if result == MavResult.ACCEPTED and message.command == MavCmd.DO_SET_MODE:
             self.mode = int(message.param2)
-        elif result == Result.ACCEPTED and message.command == Cmd.DO_REPOSITION:
+        elif result == MavResult.ACCEPTED and message.command == MavCmd.DO_REPOSITION:
             self.mode = LOITER_PX4
         self.beat()
-        if self.slows and result == Result.ACCEPTED:
+        if self.slows and result == MavResult.ACCEPTED:
             self.speed = 0.0
         self.moves()
 
@@ -360,7 +360,7 @@ async def test_a_px4_plane_that_circles_has_done_what_it_can(told):
     it = Bench(told, PX4, 1)
     it.slows = False
     await it.brakes.brake()
-    assert [each.command for each in it.asked] == [Cmd.DO_REPOSITION]
+    assert [each.command for each in it.asked] == [MavCmd.DO_REPOSITION]
     assert math.isnan(it.asked[0].param5)
 
 
@@ -380,7 +380,7 @@ async def test_a_sub_without_a_place_keeps_its_depth(told):
 
     def without_a_place(message, result):
         modes.append(int(message.param2))
-        answer(message, Result.FAILED if message.param2 == 16 else result)
+        answer(message, MavResult.FAILED if message.param2 == 16 else result)
 
     it._answer = without_a_place
     await it.brakes.brake()
@@ -390,19 +390,19 @@ async def test_a_sub_without_a_place_keeps_its_depth(told):
 async def test_an_unknown_autopilot_is_asked_to_pause_and_must_stand(told):
     it = Bench(told, OTHER, 10)
     await it.brakes.brake()
-    assert [each.command for each in it.asked] == [Cmd.DO_PAUSE_CONTINUE]
+    assert [each.command for each in it.asked] == [MavCmd.DO_PAUSE_CONTINUE]
 
 
 async def test_an_unknown_autopilot_that_refuses_is_told(told):
     it = Bench(told, OTHER, 10)
-    it.refuses.add(Cmd.DO_PAUSE_CONTINUE)
+    it.refuses.add(MavCmd.DO_PAUSE_CONTINUE)
     with pytest.raises(Refused, match="was not stopped"):
         await it.brakes.brake()
 
 
 async def test_a_plane_that_takes_no_mode_is_told_and_never_disarmed(told):
     it = Bench(told, ARDUPILOT, 1)
-    it.refuses.add(Cmd.DO_SET_MODE)
+    it.refuses.add(MavCmd.DO_SET_MODE)
     with pytest.raises(Refused, match="fixed_wing on ardupilot was not stopped"):
         await it.brakes.brake()
-    assert {each.command for each in it.asked} == {Cmd.DO_SET_MODE}
+    assert {each.command for each in it.asked} == {MavCmd.DO_SET_MODE}

@@ -5,13 +5,13 @@ import asyncio
 import pytest
 
 from fleet import GeoPoint, NotReady, Refused, TimedOut, Unsupported
-from fleet_mavlink.commander import NEVER_SENT, Commander, Timing
-from fleet_mavlink.constants import Cmd, Result
+from fleet_mavlink.commander import NEVER_SENT, Commander, CommandTimeouts
+from fleet_mavlink.constants import MavCmd, MavResult
 from fleet_mavlink.messages import CommandAck, CommandInt, CommandLong, StatusTextMessage
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import VehicleState
 
-ARM = CommandLong(Cmd.COMPONENT_ARM_DISARM, param1=1.0)
+ARM = CommandLong(MavCmd.COMPONENT_ARM_DISARM, param1=1.0)
 LOITER, OFFBOARD = 0x03040000, 0x00060000
 MODE = Px4().mode_of
 
@@ -23,7 +23,7 @@ class Talk:
         loop = asyncio.get_running_loop()
         self.told = told()
         self.told.clock.monotonic = self.told.vehicle.now = loop.time
-        self.commander = Commander(self.told.vehicle, Timing())
+        self.commander = Commander(self.told.vehicle, CommandTimeouts())
         self.loop = loop
         self.told.beat()
 
@@ -48,13 +48,13 @@ async def _with(test, told):
     await test(Talk(told))
 
 
-def ack(result, command=Cmd.COMPONENT_ARM_DISARM):
+def ack(result, command=MavCmd.COMPONENT_ARM_DISARM):
     return CommandAck(command, result)
 
 
 def test_an_accepted_command_is_sent_once_and_addressed(talk):
     async def test(it):
-        it.later(0.01, ack(Result.ACCEPTED))
+        it.later(0.01, ack(MavResult.ACCEPTED))
         await it.commander.ask(ARM)
         (sent,) = it.sent
         assert (sent.target_system, sent.target_component, sent.confirmation) == (1, 1, 0)
@@ -75,8 +75,8 @@ def test_an_unanswered_command_is_sent_four_times_a_second_apart_counting(talk):
 
 def test_a_command_with_a_place_is_repeated_as_it_is(talk):
     async def test(it):
-        it.later(1.5, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
-        await it.commander.ask(CommandInt(Cmd.DO_REPOSITION, x=5))
+        it.later(1.5, ack(MavResult.ACCEPTED, MavCmd.DO_REPOSITION))
+        await it.commander.ask(CommandInt(MavCmd.DO_REPOSITION, x=5))
         assert it.sent[0] == it.sent[1]
 
     talk(test)
@@ -84,8 +84,8 @@ def test_a_command_with_a_place_is_repeated_as_it_is(talk):
 
 def test_the_answer_to_another_command_is_none_to_this_one(talk):
     async def test(it):
-        it.later(0.1, ack(Result.FAILED, Cmd.NAV_TAKEOFF))
-        it.later(0.2, ack(Result.ACCEPTED))
+        it.later(0.1, ack(MavResult.FAILED, MavCmd.NAV_TAKEOFF))
+        it.later(0.2, ack(MavResult.ACCEPTED))
         await it.commander.ask(ARM)
 
     talk(test)
@@ -93,7 +93,9 @@ def test_the_answer_to_another_command_is_none_to_this_one(talk):
 
 def test_answers_to_what_was_never_asked_are_counted_and_late_ones_are_not(talk):
     async def test(it):
-        it.later(0.1, ack(Result.ACCEPTED), ack(Result.ACCEPTED), ack(Result.ACCEPTED, Cmd.NAV_TAKEOFF))
+        it.later(
+            0.1, ack(MavResult.ACCEPTED), ack(MavResult.ACCEPTED), ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF)
+        )
         await it.commander.ask(ARM)
         await asyncio.sleep(0.1)
         assert it.told.vehicle.trust.counts == {NEVER_SENT: 1}
@@ -103,8 +105,8 @@ def test_answers_to_what_was_never_asked_are_counted_and_late_ones_are_not(talk)
 
 def test_an_answer_that_came_before_is_none_to_this_one(talk):
     async def test(it):
-        it.told.say(ack(Result.FAILED))
-        it.later(0.2, ack(Result.ACCEPTED))
+        it.told.say(ack(MavResult.FAILED))
+        it.later(0.2, ack(MavResult.ACCEPTED))
         await it.commander.ask(ARM)
 
     talk(test)
@@ -118,7 +120,7 @@ def test_a_refusal_is_told_in_the_autopilots_words_whether_they_come_first_or_la
             StatusTextMessage(2, "Arm: Need Position Estimate"),
             StatusTextMessage(2, "Arm: Gyros inconsistent"),
         )
-        it.later(0.01, ack(Result.FAILED))
+        it.later(0.01, ack(MavResult.FAILED))
         with pytest.raises(Refused) as refused:
             await it.commander.ask(ARM)
         assert refused.value.reason == "Arm: Need Position Estimate; Arm: Gyros inconsistent"
@@ -132,7 +134,7 @@ def test_what_was_said_before_the_command_is_no_reason(talk):
     async def test(it):
         it.told.say(StatusTextMessage(2, "PreArm: Old news"))
         await asyncio.sleep(1)
-        it.later(0.01, ack(Result.DENIED))
+        it.later(0.01, ack(MavResult.DENIED))
         with pytest.raises(Refused, match="the autopilot answered DENIED to COMPONENT_ARM_DISARM"):
             await it.commander.ask(ARM)
 
@@ -146,7 +148,7 @@ def test_small_talk_is_no_reason_where_there_is_trouble(talk):
             StatusTextMessage(6, "EKF3 IMU0 is using GPS"),
             StatusTextMessage(2, "Arm: Throttle too high"),
         )
-        it.later(0.01, ack(Result.FAILED))
+        it.later(0.01, ack(MavResult.FAILED))
         with pytest.raises(Refused) as refused:
             await it.commander.ask(ARM)
         assert refused.value.reason == "Arm: Throttle too high"
@@ -157,11 +159,11 @@ def test_small_talk_is_no_reason_where_there_is_trouble(talk):
 @pytest.mark.parametrize(
     ("result", "error"),
     [
-        (Result.DENIED, Refused),
-        (Result.FAILED, Refused),
-        (Result.CANCELLED, Refused),
-        (Result.UNSUPPORTED, Unsupported),
-        (Result.COMMAND_INT_ONLY, Unsupported),
+        (MavResult.DENIED, Refused),
+        (MavResult.FAILED, Refused),
+        (MavResult.CANCELLED, Refused),
+        (MavResult.UNSUPPORTED, Unsupported),
+        (MavResult.COMMAND_INT_ONLY, Unsupported),
         (99, Refused),
     ],
 )
@@ -178,8 +180,8 @@ def test_each_refusal_has_its_meaning_and_is_not_asked_again(talk, result, error
 
 def test_what_is_rejected_for_the_moment_is_asked_again(talk):
     async def test(it):
-        it.later(0.01, ack(Result.TEMPORARILY_REJECTED))
-        it.later(0.6, ack(Result.ACCEPTED))
+        it.later(0.01, ack(MavResult.TEMPORARILY_REJECTED))
+        it.later(0.6, ack(MavResult.ACCEPTED))
         await it.commander.ask(ARM)
         assert len(it.sent) == 2
 
@@ -189,7 +191,7 @@ def test_what_is_rejected_for_the_moment_is_asked_again(talk):
 def test_what_stays_rejected_is_not_ready(talk):
     async def test(it):
         for at in range(1, 10):
-            it.later(at * 0.5, ack(Result.TEMPORARILY_REJECTED))
+            it.later(at * 0.5, ack(MavResult.TEMPORARILY_REJECTED))
         with pytest.raises(NotReady) as refused:
             await it.commander.ask(ARM)
         assert refused.value.device_result == "TEMPORARILY_REJECTED"
@@ -201,8 +203,8 @@ def test_what_stays_rejected_is_not_ready(talk):
 def test_work_in_progress_is_waited_for_and_not_asked_again(talk):
     async def test(it):
         for at in (0.1, 3.0, 7.0):
-            it.later(at, ack(Result.IN_PROGRESS))
-        it.later(10.0, ack(Result.ACCEPTED))
+            it.later(at, ack(MavResult.IN_PROGRESS))
+        it.later(10.0, ack(MavResult.ACCEPTED))
         await it.commander.ask(ARM)
         assert len(it.sent) == 1
 
@@ -211,7 +213,7 @@ def test_work_in_progress_is_waited_for_and_not_asked_again(talk):
 
 def test_work_that_never_ends_is_told(talk):
     async def test(it):
-        it.later(0.1, ack(Result.IN_PROGRESS))
+        it.later(0.1, ack(MavResult.IN_PROGRESS))
         with pytest.raises(TimedOut, match="did not say how it ended"):
             await it.commander.ask(ARM)
         assert len(it.sent) == 1
@@ -230,7 +232,7 @@ def test_what_was_seen_to_be_done_is_not_sent_again(talk):
 
 def test_a_refused_repetition_of_what_was_done_is_no_refusal(talk):
     async def test(it):
-        it.later(1.1, ack(Result.FAILED))
+        it.later(1.1, ack(MavResult.FAILED))
         it.beats_later(1.5, armed=True)
         await it.commander.ask(ARM, seen=lambda state: state.armed)
         assert len(it.sent) == 2
@@ -241,12 +243,12 @@ def test_a_refused_repetition_of_what_was_done_is_no_refusal(talk):
 def test_commands_go_one_after_the_other(talk):
     async def test(it):
         first = asyncio.ensure_future(it.commander.ask(ARM))
-        second = asyncio.ensure_future(it.commander.ask(CommandLong(Cmd.NAV_TAKEOFF)))
+        second = asyncio.ensure_future(it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF)))
         await asyncio.sleep(0.1)
-        assert [sent.command for sent in it.sent] == [Cmd.COMPONENT_ARM_DISARM]
-        it.told.say(ack(Result.ACCEPTED))
+        assert [sent.command for sent in it.sent] == [MavCmd.COMPONENT_ARM_DISARM]
+        it.told.say(ack(MavResult.ACCEPTED))
         await first
-        it.later(0.1, ack(Result.ACCEPTED, Cmd.NAV_TAKEOFF))
+        it.later(0.1, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
         await second
 
     talk(test)
@@ -269,15 +271,18 @@ def test_what_is_nobodys_wish_holds_up_no_command_though_it_is_not_answered(talk
     """A stream that is asked for, and not answered, kept commands waiting for a second."""
 
     async def test(it):
-        rate = CommandLong(Cmd.SET_MESSAGE_INTERVAL, param1=32.0)
+        rate = CommandLong(MavCmd.SET_MESSAGE_INTERVAL, param1=32.0)
         asked = [asyncio.ensure_future(it.commander.ask(rate, tries=1, yields=True)) for _ in range(2)]
         await asyncio.sleep(0.1)
         began = it.loop.time()
-        it.later(0.05, ack(Result.ACCEPTED))
+        it.later(0.05, ack(MavResult.ACCEPTED))
         await it.commander.ask(ARM)
         assert it.loop.time() - began == pytest.approx(0.05)
         assert all(isinstance(end, Refused) for end in await asyncio.gather(*asked, return_exceptions=True))
-        assert [sent.command for sent in it.sent] == [Cmd.SET_MESSAGE_INTERVAL, Cmd.COMPONENT_ARM_DISARM]
+        assert [sent.command for sent in it.sent] == [
+            MavCmd.SET_MESSAGE_INTERVAL,
+            MavCmd.COMPONENT_ARM_DISARM,
+        ]
 
     talk(test)
 
@@ -286,9 +291,9 @@ def test_what_yields_waits_for_a_command_that_is_under_way(talk):
     async def test(it):
         doing = asyncio.ensure_future(it.commander.ask(ARM))
         await asyncio.sleep(0.1)
-        it.later(0.2, ack(Result.ACCEPTED))
-        it.later(0.3, ack(Result.ACCEPTED, Cmd.SET_MESSAGE_INTERVAL))
-        await it.commander.ask(CommandLong(Cmd.SET_MESSAGE_INTERVAL), tries=1, yields=True)
+        it.later(0.2, ack(MavResult.ACCEPTED))
+        it.later(0.3, ack(MavResult.ACCEPTED, MavCmd.SET_MESSAGE_INTERVAL))
+        await it.commander.ask(CommandLong(MavCmd.SET_MESSAGE_INTERVAL), tries=1, yields=True)
         assert doing.done()
 
     talk(test)
@@ -300,12 +305,12 @@ def test_what_is_more_urgent_does_not_wait_behind_what_waits_for_its_turn(talk):
         await asyncio.sleep(0.1)
         began = it.loop.time()
         it.commander.turns.supersede("stop")
-        it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_SET_MODE))
+        it.later(0.1, ack(MavResult.ACCEPTED, MavCmd.DO_SET_MODE))
         await it.commander.ask(offboard())
         assert it.loop.time() - began == pytest.approx(0.1)
         ends = await asyncio.gather(*queue, return_exceptions=True)
         assert [str(end) for end in ends] == ["superseded: stop"] * 4
-        assert [sent.command for sent in it.sent] == [Cmd.COMPONENT_ARM_DISARM, Cmd.DO_SET_MODE]
+        assert [sent.command for sent in it.sent] == [MavCmd.COMPONENT_ARM_DISARM, MavCmd.DO_SET_MODE]
 
     talk(test)
 
@@ -313,7 +318,7 @@ def test_what_is_more_urgent_does_not_wait_behind_what_waits_for_its_turn(talk):
 def test_what_was_superseded_while_it_waited_to_ask_again_is_not_sent_again(talk):
     async def test(it):
         doing = asyncio.ensure_future(it.commander.ask(ARM))
-        it.later(0.1, ack(Result.TEMPORARILY_REJECTED))
+        it.later(0.1, ack(MavResult.TEMPORARILY_REJECTED))
         await asyncio.sleep(0.2)
         it.commander.turns.supersede("stop")
         with pytest.raises(Refused, match="superseded: stop"):
@@ -329,7 +334,7 @@ def offboard():
 
 def test_a_mode_is_believed_from_the_heartbeat_only(talk):
     async def test(it):
-        it.later(0.003, ack(Result.ACCEPTED, Cmd.DO_SET_MODE))
+        it.later(0.003, ack(MavResult.ACCEPTED, MavCmd.DO_SET_MODE))
         it.beats_later(0.9, mode=OFFBOARD)
         await it.commander.enter("OFFBOARD", MODE, offboard())
         assert MODE(it.told.vehicle.state) == "OFFBOARD"
@@ -339,8 +344,8 @@ def test_a_mode_is_believed_from_the_heartbeat_only(talk):
 
 def test_px4s_second_answer_refuses_a_mode(talk):
     async def test(it):
-        it.later(0.003, ack(Result.ACCEPTED, Cmd.DO_SET_MODE))
-        it.later(0.012, ack(Result.TEMPORARILY_REJECTED, Cmd.DO_SET_MODE))
+        it.later(0.003, ack(MavResult.ACCEPTED, MavCmd.DO_SET_MODE))
+        it.later(0.012, ack(MavResult.TEMPORARILY_REJECTED, MavCmd.DO_SET_MODE))
         it.later(0.013, StatusTextMessage(2, "Switching to Offboard is currently not available\t"))
         it.beats_later(0.8)
         with pytest.raises(NotReady, match="Switching to Offboard is currently not available"):
@@ -351,7 +356,7 @@ def test_px4s_second_answer_refuses_a_mode(talk):
 
 def test_a_late_refusal_of_the_last_mode_is_not_taken_for_this_one(talk):
     async def test(it):
-        it.later(0.001, ack(Result.TEMPORARILY_REJECTED, Cmd.DO_SET_MODE))
+        it.later(0.001, ack(MavResult.TEMPORARILY_REJECTED, MavCmd.DO_SET_MODE))
         it.beats_later(0.002)
         it.beats_later(0.9, mode=OFFBOARD)
         await it.commander.enter("OFFBOARD", MODE, offboard())
@@ -372,7 +377,7 @@ def test_a_mode_that_never_shows_is_asked_for_four_times(talk):
 
 def test_a_mode_that_it_is_in_is_asked_for_all_the_same(talk):
     async def test(it):
-        it.later(0.01, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
+        it.later(0.01, ack(MavResult.ACCEPTED, MavCmd.DO_REPOSITION))
         await it.commander.enter("AUTO.LOITER", MODE, Px4().hold_command(VehicleState()))
         assert len(it.sent) == 1
 
@@ -399,8 +404,8 @@ def test_a_late_answer_to_where_it_was_to_go_is_not_taken_for_the_holds(talk):
         await asyncio.sleep(0.1)
         it.commander.turns.supersede("stop")
         await asyncio.gather(going, return_exceptions=True)
-        it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))  # to ``go``; the first hold is lost
-        it.later(1.5, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
+        it.later(0.1, ack(MavResult.ACCEPTED, MavCmd.DO_REPOSITION))  # to ``go``; the first hold is lost
+        it.later(1.5, ack(MavResult.ACCEPTED, MavCmd.DO_REPOSITION))
         await it.commander.enter("AUTO.LOITER", MODE, px4.hold_command(VehicleState()))
         assert [type(sent) for sent in it.sent] == [CommandInt, CommandLong, CommandLong]
 
@@ -411,7 +416,7 @@ def test_an_answer_that_came_in_time_is_not_waited_for_twice(talk):
     async def test(it):
         hold = Px4().hold_command(VehicleState())
         for _ in range(2):
-            it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
+            it.later(0.1, ack(MavResult.ACCEPTED, MavCmd.DO_REPOSITION))
             await it.commander.enter("AUTO.LOITER", MODE, hold)
         assert len(it.sent) == 2
 

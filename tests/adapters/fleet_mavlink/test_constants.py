@@ -3,7 +3,7 @@
 import pytest
 from pymavlink.dialects.v20 import all as dialect
 
-from fleet_mavlink.constants import VEHICLE_TYPES, VTOLS, Result
+from fleet_mavlink.constants import VEHICLE_TYPES, VTOLS, MavResult
 from fleet_mavlink.event_messages import Event
 
 
@@ -11,10 +11,10 @@ def test_event_is_described_here_only_as_long_as_the_dialect_lacks_it():
     assert Event.message_id not in dialect.mavlink_map
 
 
-@pytest.mark.parametrize("result", Result)
+@pytest.mark.parametrize("result", MavResult)
 def test_a_result_has_a_number_of_its_own_only_as_long_as_the_dialect_lacks_it(result):
     known = getattr(dialect, f"MAV_RESULT_{result.name}", None)
-    own = {Result.CANCELLED, Result.COMMAND_UNSUPPORTED_MAV_FRAME}
+    own = {MavResult.CANCELLED, MavResult.COMMAND_UNSUPPORTED_MAV_FRAME}
     assert known == (None if result in own else result)
 
 

@@ -12,7 +12,7 @@ from fleet.model.health import Level
 from fleet.testing.robot import RecordingRobot, serve
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.config import MavlinkConfig
-from fleet_mavlink.constants import Cmd, Frame
+from fleet_mavlink.constants import MavCmd, MavFrame
 from fleet_mavlink.mission_messages import MissionItemInt
 from fleet_mavlink.plans import PlanType
 
@@ -20,7 +20,14 @@ AUTOPILOT = Path(__file__).with_name("cpp_autopilot.py")
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 ITEMS = tuple(
     MissionItemInt(
-        0, 0, 0, Frame.GLOBAL_RELATIVE_ALT_INT, Cmd.NAV_WAYPOINT, x=470_000_000 + east, y=80_000_000, z=9.5
+        0,
+        0,
+        0,
+        MavFrame.GLOBAL_RELATIVE_ALT_INT,
+        MavCmd.NAV_WAYPOINT,
+        x=470_000_000 + east,
+        y=80_000_000,
+        z=9.5,
     )
     for east in range(30)
 )

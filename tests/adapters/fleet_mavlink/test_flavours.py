@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from fleet import GeoPoint, Vector3, Velocity
 from fleet_mavlink.ardupilot import ArduCopter
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.flavour import arm_command, setpoint
 from fleet_mavlink.flavours import flavour_of
 from fleet_mavlink.messages import CommandInt, CommandLong, Heartbeat, SetPositionTargetGlobalInt
@@ -54,9 +54,11 @@ def test_a_mode_without_a_name_is_told_by_its_number(flavour):
 
 
 def test_modes_are_set_as_each_autopilot_wants_it():
-    assert ARDUPILOT.mode_command("BRAKE") == CommandLong(Cmd.DO_SET_MODE, param1=1.0, param2=17.0)
-    assert PX4.mode_command("AUTO.LAND") == CommandLong(Cmd.DO_SET_MODE, param1=1.0, param2=4.0, param3=6.0)
-    assert PX4.mode_command("OFFBOARD") == CommandLong(Cmd.DO_SET_MODE, param1=1.0, param2=6.0, param3=0.0)
+    assert ARDUPILOT.mode_command("BRAKE") == CommandLong(MavCmd.DO_SET_MODE, param1=1.0, param2=17.0)
+    assert PX4.mode_command("AUTO.LAND") == CommandLong(
+        MavCmd.DO_SET_MODE, param1=1.0, param2=4.0, param3=6.0
+    )
+    assert PX4.mode_command("OFFBOARD") == CommandLong(MavCmd.DO_SET_MODE, param1=1.0, param2=6.0, param3=0.0)
 
 
 def test_ardupilot_never_holds_in_a_mode_that_needs_a_stick():
@@ -85,7 +87,7 @@ def test_speed_goes_with_px4s_command_and_after_ardupilots():
     assert PX4.go_command(PLACE, 488.0, 3.0, 1.0).param1 == 3.0
     assert PX4.after_go(3.0, VehicleState()) is None
     assert ARDUPILOT.after_go(3.0, VehicleState()) == CommandLong(
-        Cmd.DO_CHANGE_SPEED, param1=1.0, param2=3.0, param3=-1.0
+        MavCmd.DO_CHANGE_SPEED, param1=1.0, param2=3.0, param3=-1.0
     )
 
 

@@ -8,7 +8,7 @@ from fleet import Goal, GoTo, NotReady, Refused, Vector3, Velocity
 from fleet.errors import CommandError
 from fleet.model.health import Level
 from fleet.model.report import FlightStateReport
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}
@@ -121,7 +121,7 @@ def test_lost_acknowledgements_do_not_make_it_do_things_twice(fly, sky, flavour)
             it.sim.set_fault("no_ack", 1.0)
             await it.do("takeoff", altitude=5.0)
             assert it.height == pytest.approx(5.0, abs=0.7)
-            assert len(it.asked(Cmd.COMPONENT_ARM_DISARM)) <= 2
+            assert len(it.asked(MavCmd.COMPONENT_ARM_DISARM)) <= 2
 
     fly(main())
 

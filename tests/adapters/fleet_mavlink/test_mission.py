@@ -9,7 +9,7 @@ import pytest
 from fleet import FlyMission, GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Vector3
 from fleet.model.geodesy import geo_from_world
 from fleet.model.navigation import Constraints, PlanItem
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.mission import plan_of
 from fleet_mavlink.plans import PlanType
 from fleet_mavlink.sim.ardupilot_modes import MODES as ARDUPILOT_MODES
@@ -306,7 +306,7 @@ def test_a_vehicle_that_says_nothing_ends_the_transfer(fly, sky):
             it.radio = False
             with pytest.raises((TimedOut, NotReady)):
                 await it.adapter._session.plans.download(PlanType.MISSION)
-            assert it.asked(Cmd.MISSION_START) == []
+            assert it.asked(MavCmd.MISSION_START) == []
 
     fly(main())
 

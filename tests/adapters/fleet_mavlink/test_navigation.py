@@ -19,7 +19,7 @@ from fleet import (
 )
 from fleet.errors import CommandError
 from fleet.model.report import PoseReport
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}
@@ -118,7 +118,9 @@ def test_goals_beyond_the_limits_are_refused_before_anything_is_sent(fly, sky, f
                     await anext(aiter(it.adapter.navigate(GoTo(Goal(position=place)))))
             with pytest.raises(Refused):
                 await it.do("takeoff", altitude=21.0)
-            assert [each for each in it.commands[before:] if each.command != Cmd.SET_MESSAGE_INTERVAL] == []
+            assert [
+                each for each in it.commands[before:] if each.command != MavCmd.SET_MESSAGE_INTERVAL
+            ] == []
 
     fly(main())
 
@@ -139,7 +141,9 @@ def test_a_goal_that_can_only_be_a_mistake_is_refused_without_any_limit(fly, sky
             for goal in mistakes:
                 with pytest.raises(Refused, match=r"100 km|limit of 100000 m"):
                     await anext(aiter(it.adapter.navigate(GoTo(goal))))
-            assert [each for each in it.commands[before:] if each.command != Cmd.SET_MESSAGE_INTERVAL] == []
+            assert [
+                each for each in it.commands[before:] if each.command != MavCmd.SET_MESSAGE_INTERVAL
+            ] == []
 
     fly(main())
 

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from fleet import Fault, NotReady, Refused, Unsupported
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 GIMBAL = {"accessories": ("gimbal",)}
@@ -79,7 +79,7 @@ def test_angles_beyond_the_gimbals_are_refused(fly, sky, flavour):
                     await it.do("gimbal_rotate", **bad)
             with pytest.raises(Refused):
                 await it.do("gimbal_pitch_up", rate=1000.0)
-            assert not it.asked(Cmd.DO_GIMBAL_MANAGER_PITCHYAW)
+            assert not it.asked(MavCmd.DO_GIMBAL_MANAGER_PITCHYAW)
 
     fly(main())
 
@@ -116,7 +116,7 @@ def test_a_picture_is_taken_and_seen_to_be(fly, sky, flavour):
             await it.until(lambda: it.adapter._session.vehicle.camera)
             assert await it.do("take_photo") == {"index": 1, "url": "/DCIM/0001.jpg"}
             assert (await it.do("take_photo"))["index"] == 2
-            assert it.asked(Cmd.IMAGE_START_CAPTURE)[0].target_component != 1
+            assert it.asked(MavCmd.IMAGE_START_CAPTURE)[0].target_component != 1
 
     fly(main())
 

@@ -9,7 +9,7 @@ from fleet import LinkLost
 from fleet.link.memory import MemoryRobot
 from fleet.model.health import Level
 from fleet_mavlink.config import MavlinkConfig
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.redundant_links import open_ways
 
 
@@ -76,7 +76,7 @@ def test_what_comes_by_both_is_believed_once_and_no_alarm(fly, two_ways):
             await it.do("takeoff", altitude=5.0)
             vehicle = it.adapter._session.vehicle
             assert not vehicle.clashing
-            assert len(it.asked(Cmd.NAV_TAKEOFF)) == 1
+            assert len(it.asked(MavCmd.NAV_TAKEOFF)) == 1
             assert vehicle.trust.counts["messages of a second vehicle with this id"] == 0
 
     fly(main())
@@ -87,9 +87,9 @@ def test_rates_are_asked_for_again_on_the_other_link(fly, two_ways):
         async with two_ways("ardupilot") as it:
             await it.met()
             await asyncio.sleep(3.0)
-            before = len(it.asked(Cmd.SET_MESSAGE_INTERVAL))
+            before = len(it.asked(MavCmd.SET_MESSAGE_INTERVAL))
             it.cut.add("main")
-            await it.until(lambda: len(it.asked(Cmd.SET_MESSAGE_INTERVAL)) >= before + 8, within=8.0)
+            await it.until(lambda: len(it.asked(MavCmd.SET_MESSAGE_INTERVAL)) >= before + 8, within=8.0)
 
     fly(main())
 

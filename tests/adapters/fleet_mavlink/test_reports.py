@@ -17,7 +17,7 @@ from fleet_mavlink.constants import Landed
 from fleet_mavlink.frames import origin_of, pose_of
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.px4 import Px4
-from fleet_mavlink.state import Angles, Battery, Fix, VehicleState, reduce
+from fleet_mavlink.state import Angles, BatteryReading, Fix, VehicleState, reduce
 from fleet_mavlink.texts import Sentence
 
 HOME = GeoOrigin(47.397742, 8.545594, 488.0)
@@ -67,7 +67,10 @@ def test_the_origin_is_home_at_the_height_of_home():
 def test_a_fix_and_a_battery_are_told_as_known():
     place = GeoPoint(47.0, 8.0, 500.0)
     state = VehicleState(
-        fix=Fix(place, "3d", 12, 0.9, None), fix_at=8.0, battery=Battery(50.0, 15.3, None), heading=270.0
+        fix=Fix(place, "3d", 12, 0.9, None),
+        fix_at=8.0,
+        battery=BatteryReading(50.0, 15.3, None),
+        heading=270.0,
     )
     gps = reports.gps_report(state, 9.0, 7.0)
     assert (gps.point, gps.fix_type, gps.satellites, gps.heading) == (place, "3d", 12, 270.0)

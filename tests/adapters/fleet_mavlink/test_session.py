@@ -19,7 +19,7 @@ from fleet.model.report import (
 from fleet.testing.robot import LoopRobot, serve
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.config import MavlinkConfig
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 
@@ -88,7 +88,7 @@ def test_slow_answers_are_waited_for(fly, sky, flavour):
             it.sim.set_fault("slow_ack", 2.5)
             await it.do("arm")
             assert it.armed
-            assert len(it.asked(Cmd.COMPONENT_ARM_DISARM)) == 1
+            assert len(it.asked(MavCmd.COMPONENT_ARM_DISARM)) == 1
 
     fly(main())
 
@@ -298,7 +298,7 @@ def test_a_plain_stop_of_a_silent_vehicle_leaves_it_to_its_pilot_and_says_so(fly
         async with sky("ardupilot") as it:
             await it.met()
             await it.do("takeoff")
-            it.hears(mav.MAVLink_command_long_message(1, 1, Cmd.DO_SET_MODE, 0, 1, POSHOLD, 0, 0, 0, 0, 0))
+            it.hears(mav.MAVLink_command_long_message(1, 1, MavCmd.DO_SET_MODE, 0, 1, POSHOLD, 0, 0, 0, 0, 0))
             await it.until(lambda: it.robot.losses)
             it.mute = True
             await asyncio.sleep(4.0)
@@ -320,7 +320,7 @@ def test_a_stop_is_written_to_a_vehicle_that_was_never_heard_as_any_autopilot_ta
             assert it.state.heartbeat is None
             assert it.adapter.halt_unheard("stop")
             await asyncio.sleep(0.1)
-            assert it.order[-2:] == [0, Cmd.DO_PAUSE_CONTINUE]
+            assert it.order[-2:] == [0, MavCmd.DO_PAUSE_CONTINUE]
             with pytest.raises(NotReady, match="no heartbeat from system 1: the stop was written"):
                 await it.adapter.stop("emergency_stop")
 

@@ -4,8 +4,8 @@ import asyncio
 
 import pytest
 
-from fleet_mavlink.commander import Commander, Timing
-from fleet_mavlink.constants import Cmd, Result
+from fleet_mavlink.commander import Commander, CommandTimeouts
+from fleet_mavlink.constants import MavCmd, MavResult
 from fleet_mavlink.messages import Attitude, CommandAck, CommandLong, RequestDataStream
 from fleet_mavlink.streams import Streams, wanted_rates
 
@@ -13,14 +13,14 @@ from fleet_mavlink.streams import Streams, wanted_rates
 class Vehicle:
     """A vehicle that beats, and answers each request for a message with ``result``."""
 
-    def __init__(self, told, flavour, *, result=Result.ACCEPTED, attitude=True):
+    def __init__(self, told, flavour, *, result=MavResult.ACCEPTED, attitude=True):
         loop = asyncio.get_running_loop()
         self.told = told(flavour)
         self.told.clock.monotonic = self.told.vehicle.now = loop.time
         self.result = result
         self.attitude = attitude
         self.told.vehicle._send = self._hear
-        self.streams = Streams(self.told.vehicle, Commander(self.told.vehicle, Timing()), 10.0)
+        self.streams = Streams(self.told.vehicle, Commander(self.told.vehicle, CommandTimeouts()), 10.0)
 
     def _hear(self, message, _address):
         self.told.sent.append(message)
@@ -51,7 +51,7 @@ def test_every_message_is_asked_for_with_its_interval(fly, told, flavour):
         wanted = wanted_rates(10.0, vehicle.told.vehicle.flavour)
         asks = {each.param1: each.param2 for each in vehicle.told.sent}
         assert asks == {float(each): pytest.approx(1e6 / rate) for each, rate in wanted.items()}
-        assert {each.command for each in vehicle.told.sent} == {Cmd.SET_MESSAGE_INTERVAL}
+        assert {each.command for each in vehicle.told.sent} == {MavCmd.SET_MESSAGE_INTERVAL}
 
     fly(main())
 
@@ -68,7 +68,7 @@ def test_what_does_not_come_is_asked_for_again_and_what_comes_is_not(fly, told):
 
 def test_what_was_refused_is_not_asked_for_again(fly, told):
     async def main():
-        vehicle = Vehicle(told, "px4", result=Result.DENIED)
+        vehicle = Vehicle(told, "px4", result=MavResult.DENIED)
         await vehicle.live(40)
         assert len(vehicle.asked(33.0)) == 1
 

@@ -6,7 +6,7 @@ import contextlib
 import pytest
 
 from fleet import Goal, GoTo, NotReady, Refused, Vector3
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 HEIGHTS = [2.0, 3.0, 5.0, 12.0]
@@ -179,10 +179,10 @@ def test_a_takeoff_does_not_take_the_drone_from_its_pilot(fly, sky, flavour):
             await it.do("takeoff", altitude=5.0)
             it.sim.set_fault("pilot_takeover", 1.0)
             await it.until(lambda: it.robot.losses, within=5.0)
-            asked = len(it.asked(Cmd.NAV_TAKEOFF))
+            asked = len(it.asked(MavCmd.NAV_TAKEOFF))
             with pytest.raises(NotReady, match="a pilot or a fail-safe has it"):
                 await it.do("takeoff", altitude=9.0)
-            assert len(it.asked(Cmd.NAV_TAKEOFF)) == asked
+            assert len(it.asked(MavCmd.NAV_TAKEOFF)) == asked
 
     fly(main())
 

@@ -7,10 +7,10 @@ import pytest
 
 from fleet import GeoPoint, Goal, GoTo, Refused, Vector3
 from fleet_mavlink.ardupilot_plane import arduplane_of
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.px4_plane import px4_plane_of
-from fleet_mavlink.sim.wire import Wire
+from fleet_mavlink.sim.wire import MavlinkWire
 from fleet_mavlink.state import VehicleState
 
 TO_FORWARD, TO_HOVER, HOVERS, FORWARD = 1, 2, 3, 4  # MAV_VTOL_STATE
@@ -126,7 +126,7 @@ def test_a_transition_that_does_not_end_fails_the_stop(fly, sky):
             going = await goes_over(await hovering(it))
             it.sim.pilot.commands = {
                 **it.sim.pilot.commands,
-                Cmd.DO_VTOL_TRANSITION: lambda _pilot, _ask: 4,
+                MavCmd.DO_VTOL_TRANSITION: lambda _pilot, _ask: 4,
             }
             with pytest.raises(Exception, match="not seen to hover again"):
                 await it.adapter.stop("emergency_stop")
@@ -154,7 +154,7 @@ def test_the_first_stop_after_a_reconnect_leaves_a_hovering_vtol_hovering(fly, s
         async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as before:
             await hovering(before)
         async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
-            it.sim, it.wire = before.sim, Wire(before.sim, ())
+            it.sim, it.wire = before.sim, MavlinkWire(before.sim, ())
             it._origin -= before.sim.time
             await it.until(lambda: it.robot.is_connected)
             await it.until(lambda: it.state.heartbeat is not None)
@@ -215,7 +215,7 @@ def seen(mode, vtol=None, *, here=True, **settings):
 def orders(state):
     """Return what is sent by the best stop: the command, and the mode or the place."""
     return [
-        (Cmd(ask.command).name, ask.param2 if ask.command == Cmd.DO_SET_MODE else round(ask.z))
+        (MavCmd(ask.command).name, ask.param2 if ask.command == MavCmd.DO_SET_MODE else round(ask.z))
         for ask in arduplane_of(state).holding(state).asks
     ]
 
@@ -245,5 +245,5 @@ def test_a_stop_of_an_arduplane_is_the_one_for_what_is_known_of_it(state, sent):
 def test_a_px4_vtol_is_called_back_to_its_hover_first():
     state = VehicleState(vtol_state=TO_FORWARD)
     back, hold = px4_plane_of(22, state).holding(state).asks
-    assert (back.command, back.param1) == (Cmd.DO_VTOL_TRANSITION, 3.0)
-    assert hold.command == Cmd.DO_REPOSITION
+    assert (back.command, back.param1) == (MavCmd.DO_VTOL_TRANSITION, 3.0)
+    assert hold.command == MavCmd.DO_REPOSITION

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from fleet import Goal, GoTo, NotReady, Refused, Vector3, Velocity
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}
@@ -104,7 +104,7 @@ def test_px4_hears_setpoints_before_it_is_asked_to_obey_them_and_moves_as_soon_a
             it.order.clear()
             await it.drive(FORWARD, 2.0)
             assert it.mode == "OFFBOARD"
-            assert it.order[: it.order.index(Cmd.DO_SET_MODE)].count(0) >= 5
+            assert it.order[: it.order.index(MavCmd.DO_SET_MODE)].count(0) >= 5
             assert it.speed > 0.5
             assert "Failsafe activated" not in [said.text for said in it.adapter._session.vehicle.sentences]
 
@@ -289,7 +289,7 @@ def test_a_plain_stop_holds_a_vehicle_that_was_on_its_way_and_does_not_take_velo
             vehicle = it.adapter._session.vehicle
             send = vehicle._send
             vehicle._send = lambda message, address: (
-                None if getattr(message, "command", 0) == Cmd.DO_SET_MODE else send(message, address)
+                None if getattr(message, "command", 0) == MavCmd.DO_SET_MODE else send(message, address)
             )
             it.adapter.drive(FORWARD)
             await it.adapter.stop("stop")

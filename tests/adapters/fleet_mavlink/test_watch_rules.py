@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.ardupilot import ArduCopter
-from fleet_mavlink.constants import Cmd
+from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.message_targets import number_of, target_of
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import VehicleState
@@ -63,8 +63,8 @@ def item(current):
         (mav.MAVLink_mission_clear_all_message(1, 1, 0), Need.TAKES_OVER),
         (item(0), Need.TAKES_OVER),
         (item(2), Need.TAKES_OVER),  # a place to fly to at once
-        (asked(Cmd.COMPONENT_ARM_DISARM, 1), Need.TAKES_OVER),
-        (asked(Cmd.NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10), Need.TAKES_OVER),
+        (asked(MavCmd.COMPONENT_ARM_DISARM, 1), Need.TAKES_OVER),
+        (asked(MavCmd.NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10), Need.TAKES_OVER),
         (asked(21), Need.TAKES_OVER),
         (asked(60_000), Need.TAKES_OVER),  # what nobody knows moves it for all that is known
         (mav.MAVLink_mission_set_current_message(1, 1, 0), Need.TAKES_OVER),
@@ -82,25 +82,25 @@ def test_who_may_send_what(message, need):
 @pytest.mark.parametrize(
     ("stops", "message", "need"),
     [
-        (COPTER, asked(Cmd.DO_SET_MODE, 1, BRAKE), Need.STOP),
-        (COPTER, asked(Cmd.DO_SET_MODE, 1, LOITER), Need.TAKES_OVER),  # sinks without a remote control
-        (COPTER, asked(Cmd.DO_SET_MODE, 0, BRAKE), Need.TAKES_OVER),
-        (COPTER, asked(Cmd.DO_PAUSE_CONTINUE, 0), Need.STOP),
-        (COPTER, asked(Cmd.DO_PAUSE_CONTINUE, 1), Need.TAKES_OVER),  # goes on
+        (COPTER, asked(MavCmd.DO_SET_MODE, 1, BRAKE), Need.STOP),
+        (COPTER, asked(MavCmd.DO_SET_MODE, 1, LOITER), Need.TAKES_OVER),  # sinks without a remote control
+        (COPTER, asked(MavCmd.DO_SET_MODE, 0, BRAKE), Need.TAKES_OVER),
+        (COPTER, asked(MavCmd.DO_PAUSE_CONTINUE, 0), Need.STOP),
+        (COPTER, asked(MavCmd.DO_PAUSE_CONTINUE, 1), Need.TAKES_OVER),  # goes on
         (COPTER, mav.MAVLink_set_mode_message(1, 1, BRAKE), Need.STOP),
         (COPTER, mav.MAVLink_set_mode_message(1, 1, LOITER), Need.TAKES_OVER),
-        (PX4, asked(Cmd.DO_SET_MODE, 1, 4, 3), Need.STOP),
-        (PX4, asked(Cmd.DO_SET_MODE, 1, 4, 5), Need.TAKES_OVER),
-        (PX4, asked(Cmd.DO_REPOSITION, -1, 1, 0, NAN, NAN, NAN, NAN), Need.STOP),
-        (PX4, asked(Cmd.DO_REPOSITION, -1, 1, 0, NAN, 47.4, 8.5, 500), Need.TAKES_OVER),
-        (PX4, asked(Cmd.DO_REPOSITION, -1, 1, 0, 1.0, NAN, NAN, NAN), Need.TAKES_OVER),  # turns it
+        (PX4, asked(MavCmd.DO_SET_MODE, 1, 4, 3), Need.STOP),
+        (PX4, asked(MavCmd.DO_SET_MODE, 1, 4, 5), Need.TAKES_OVER),
+        (PX4, asked(MavCmd.DO_REPOSITION, -1, 1, 0, NAN, NAN, NAN, NAN), Need.STOP),
+        (PX4, asked(MavCmd.DO_REPOSITION, -1, 1, 0, NAN, 47.4, 8.5, 500), Need.TAKES_OVER),
+        (PX4, asked(MavCmd.DO_REPOSITION, -1, 1, 0, 1.0, NAN, NAN, NAN), Need.TAKES_OVER),  # turns it
         (PX4, mav.MAVLink_set_mode_message(1, 4, 0x03040000), Need.TAKES_OVER),  # starts its mission
         (COPTER, mav.MAVLink_set_mode_message(1, 128, BRAKE), Need.TAKES_OVER),  # the safety switch
         (COPTER, mav.MAVLink_set_mode_message(1, 1, BRAKE << 16 | 3), Need.TAKES_OVER),  # AUTO, for ArduPilot
         (PX4, mav.MAVLink_set_mode_message(1, 1, 0x03040000), Need.STOP),
-        (PX4, asked(Cmd.COMPONENT_ARM_DISARM, 0, 21196), Need.TAKES_OVER),  # falls
+        (PX4, asked(MavCmd.COMPONENT_ARM_DISARM, 0, 21196), Need.TAKES_OVER),  # falls
         (PX4, asked(185, 1), Need.TAKES_OVER),  # flight termination
-        ([], asked(Cmd.DO_SET_MODE, 1, BRAKE), Need.TAKES_OVER),  # of an unknown vehicle
+        ([], asked(MavCmd.DO_SET_MODE, 1, BRAKE), Need.TAKES_OVER),  # of an unknown vehicle
     ],
 )
 def test_a_stop_is_everybodys_and_nothing_else_is_one(stops, message, need):

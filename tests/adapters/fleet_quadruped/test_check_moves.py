@@ -1,7 +1,7 @@
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.check_moves import CheckMoves
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 
@@ -19,7 +19,7 @@ def test_a_key_makes_it_give_way_at_once_and_be_off(dog):
     rig, clock = Rig(dog, MujocoWorld(dog)), ManualClock()
     moves = CheckMoves(dog, clock, lambda: rig.sim.time > 5.0)
     run(rig, moves, clock)
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
     assert rig.sim.time < 8.0
     assert moves.ended == "emergency stop"
 
@@ -36,4 +36,4 @@ def test_it_is_off_and_folded_at_its_end(rig):
     rig.go(0.1)
     assert rig.ask(BodyRequest.CHECK) == ""
     rig.go(30.0)
-    assert (rig.mode, rig.fault) == (Mode.OFF, "")
+    assert (rig.mode, rig.fault) == (BodyMode.OFF, "")

@@ -12,7 +12,7 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.robot.names import JOINTS
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.rig import Rig
 
 HEARD = {"cia402": 0.005, "mit": 0.015, "odrive": 0.025, "moteus": 0.015}
@@ -37,14 +37,14 @@ def test_nothing_moves_before_it_is_asked_to_stand_up(rig):
     before = angles(rig)
     rig.go(1.0, Twist(0.5, 0.2, 0.5))
     assert angles(rig) == before
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
 
 
 def test_enabling_holds_the_place_and_is_seen_on_all_drives(rig):
     rig.go(0.1)
     before = angles(rig)
     rig.ask(BodyRequest.STAND)
-    while rig.mode is Mode.ENABLING:
+    while rig.mode is BodyMode.ENABLING:
         rig.cycle()
     assert powers(rig) == {Power.ENABLED}
     assert max(abs(a - b) for a, b in zip(before, angles(rig), strict=True)) < 0.02
@@ -56,7 +56,7 @@ def test_twelve_drives_are_enabled_within_a_tenth_of_a_second(rig):
     rig.go(0.1)
     begun = rig.sim.time
     rig.ask(BodyRequest.STAND)
-    while rig.mode is Mode.ENABLING:
+    while rig.mode is BodyMode.ENABLING:
         rig.cycle()
     assert rig.sim.time - begun < 0.1
 
@@ -66,19 +66,19 @@ def test_a_drive_that_does_not_come_up_disables_all_others(rig):
     rig.ask(BodyRequest.STAND)
     rig.sim.fault("mute", RL_HIP)
     rig.go(4.0)
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
     assert rig.fault.startswith("RL_hip: ")
     assert all(motor.kp == 0 for number, motor in enumerate(rig.sim.world.motors) if number != RL_HIP - 1)
 
 
 def test_it_stands_walks_and_sits_down(standing):
     standing.go(2.0, Twist(0.4))
-    assert standing.mode is Mode.WALKING
+    assert standing.mode is BodyMode.WALKING
     standing.go(2.0)
-    assert standing.mode is Mode.STANDING
+    assert standing.mode is BodyMode.STANDING
     assert standing.ask(BodyRequest.SIT) == ""
     standing.go(3.0)
-    assert standing.mode is Mode.OFF
+    assert standing.mode is BodyMode.OFF
     assert powers(standing) == {Power.DISABLED}
     assert standing.fault == ""
 
@@ -88,7 +88,7 @@ def test_sitting_down_and_standing_up_can_be_repeated(rig):
         rig.stand()
         rig.ask(BodyRequest.SIT)
         rig.go(3.0)
-        assert rig.mode is Mode.OFF
+        assert rig.mode is BodyMode.OFF
 
 
 @pytest.mark.combinations
@@ -98,7 +98,7 @@ def test_an_emergency_stop_damps_every_joint_in_the_next_cycle(standing, cycles)
     standing.emergency()
     standing.cycle()
     standing.cycle()  # a frame that is written in one cycle is obeyed by the drives in the next
-    assert standing.mode is Mode.DAMPED
+    assert standing.mode is BodyMode.DAMPED
     if standing.dog.drive.protocol == "cia402":
         standing.cycle()  # and on the way there they interpolate
     assert standing.gives_way()
@@ -107,7 +107,7 @@ def test_an_emergency_stop_damps_every_joint_in_the_next_cycle(standing, cycles)
 def test_a_damped_dog_goes_off_and_needs_a_new_command(standing):
     standing.emergency()
     standing.go(3.0, Twist(0.5))
-    assert (standing.mode, standing.fault) == (Mode.OFF, "emergency stop")
+    assert (standing.mode, standing.fault) == (BodyMode.OFF, "emergency stop")
     assert powers(standing) == {Power.DISABLED}
     standing.stand()
     assert standing.fault == ""
@@ -118,7 +118,7 @@ def test_an_emergency_stop_that_comes_with_a_command_to_stand_up_wins(rig):
     rig.emergency()
     assert rig.ask(BodyRequest.STAND) == ""
     rig.go(3.0)
-    assert (rig.mode, rig.fault) == (Mode.OFF, "emergency stop")
+    assert (rig.mode, rig.fault) == (BodyMode.OFF, "emergency stop")
 
 
 @pytest.mark.parametrize("ask", [BodyRequest.STAND, BodyRequest.SIT, BodyRequest.RECOVER])
@@ -130,14 +130,14 @@ def test_an_emergency_stop_works_while_it_rises_and_sits(rig, ask):
     rig.go(0.5)
     rig.emergency()
     rig.go(0.05)
-    assert rig.mode is Mode.DAMPED
+    assert rig.mode is BodyMode.DAMPED
 
 
 def test_a_failed_drive_damps_all_and_stays_latched_until_a_reset(standing):
     standing.go(1.0, Twist(0.5))
     standing.sim.fault("overcurrent", RL_HIP)
     standing.go(0.03)
-    assert standing.mode is Mode.DAMPED
+    assert standing.mode is BodyMode.DAMPED
     assert standing.fault.startswith("RL_hip: over-current")
     standing.go(3.0)
     assert "reset_faults" in standing.ask(BodyRequest.STAND)
@@ -149,7 +149,7 @@ def test_a_failed_drive_damps_all_and_stays_latched_until_a_reset(standing):
 def test_an_empty_battery_makes_it_sit_down(standing):
     standing.sim.fault("battery", 8.0)
     standing.go(6.0)
-    assert standing.mode is Mode.OFF
+    assert standing.mode is BodyMode.OFF
     assert standing.fault == "battery: 8 %, it sits down at 10 %"
 
 
@@ -160,9 +160,9 @@ def test_without_fresh_orders_it_stands_and_then_sits(any_dog):
     rig.go(0.5, Twist(0.4))
     rig.alive = False
     rig.go(2.3, Twist(0.4))
-    assert rig.mode is Mode.STANDING
+    assert rig.mode is BodyMode.STANDING
     rig.go(4.0, Twist(0.4))
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
 
 
 def test_silence_is_found_within_the_time_that_was_set(standing, stopped_alone):
@@ -172,16 +172,19 @@ def test_silence_is_found_within_the_time_that_was_set(standing, stopped_alone):
         standing.sim.advance(0.002)
     assert standing.sim.time - last <= standing.dog.drive.timeout + standing.dog.dt
     standing.go(0.02)
-    assert standing.mode is Mode.DAMPED
+    assert standing.mode is BodyMode.DAMPED
 
 
 def test_the_fault_of_a_drive_damps_all_others_in_the_cycle_that_hears_of_it(standing):
     standing.go(1.0, Twist(0.5))
     began = standing.sim.time
     standing.sim.fault("overcurrent", RL_HIP)
-    while standing.mode is not Mode.DAMPED and standing.sim.time < began + HEARD[standing.dog.drive.protocol]:
+    while (
+        standing.mode is not BodyMode.DAMPED
+        and standing.sim.time < began + HEARD[standing.dog.drive.protocol]
+    ):
         standing.cycle()
-    assert standing.mode is Mode.DAMPED
+    assert standing.mode is BodyMode.DAMPED
     standing.go(0.02)
     assert standing.gives_way(set(range(12)) - {RL_HIP - 1})
 
@@ -193,7 +196,7 @@ def test_two_dogs_do_not_hear_each_other(any_dog):
     one.emergency()
     for rig in (one, other):
         rig.go(1.0, Twist(0.4))
-    assert (one.mode, other.mode) == (Mode.DAMPED, Mode.WALKING)
+    assert (one.mode, other.mode) == (BodyMode.DAMPED, BodyMode.WALKING)
 
 
 def test_the_drives_stop_by_themselves_when_the_controller_dies(standing, stopped_alone):
@@ -212,7 +215,7 @@ def test_a_mirrored_sign_is_found_before_anything_moves(any_dog):
     before = angles(rig)
     rig.ask(BodyRequest.STAND)
     rig.go(1.0)
-    assert rig.mode in {Mode.DAMPED, Mode.OFF}
+    assert rig.mode in {BodyMode.DAMPED, BodyMode.OFF}
     assert rig.fault.startswith("RL_knee: is at")
     assert "check its sign and offset" in rig.fault
     assert max(abs(a - b) for a, b in zip(before, angles(rig), strict=True)) < 0.02
@@ -241,7 +244,7 @@ def test_no_sequence_of_commands_takes_a_target_beyond_the_limits(dogs, protocol
     with contextlib.suppress(LinkLost):
         for kind, first, second in sequence:
             do(rig, kind, first, second)
-    assert written.targets or rig.mode is Mode.OFF or not stands
+    assert written.targets or rig.mode is BodyMode.OFF or not stands
 
 
 def do(rig, kind, first, second):
@@ -294,5 +297,5 @@ class Written:
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_what_is_no_number_moves_nothing(standing, value):
     standing.go(1.0, Twist(value, value, value))
-    assert standing.mode is Mode.STANDING
+    assert standing.mode is BodyMode.STANDING
     assert standing.ask(BodyRequest.HEIGHT, value) == f"{value} is not a height"

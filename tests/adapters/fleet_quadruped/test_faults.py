@@ -16,7 +16,7 @@ from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.reports import health_of
 from fleet_quadruped.robot.names import JOINTS
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import lockstep
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
@@ -34,45 +34,55 @@ class Case(NamedTuple):
     fault: str
     value: float
     within: float
-    mode: Mode
+    mode: BodyMode
     cause: str  # a pattern
     drives: tuple[str, ...] = PROTOCOLS
 
 
 CASES = [
-    Case("overcurrent", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: over-current"),
-    Case("hot", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: (temperature|rotor too hot|(motor )?over temperature)"),
-    Case("short", RL_HIP, 0.25, Mode.DAMPED, r"RL_hip: over-current \(emergency 2310h", ("cia402",)),
-    Case("short", RL_HIP, 0.25, Mode.DAMPED, r"RL_hip: no feedback from id 8 on bus a", SILENT),
-    Case("mute", RL_HIP, 0.18, Mode.DAMPED, r"RL_hip: no feedback from id 8 on bus a for 0\.1\d s"),
-    Case("reboot", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: id 8 (has restarted|switched its torque off)"),
-    Case("deaf", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: .*ignores its target \(bit 12 of 6041h", ("cia402",)),
-    Case("jump", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: its encoder jumped"),
+    Case("overcurrent", RL_HIP, 0.03, BodyMode.DAMPED, r"RL_hip: over-current"),
     Case(
-        "stuck", RL_HIP, 0.5, Mode.DAMPED, r"RL_hip: stays at exactly .* its encoder is stuck, or the joint"
+        "hot", RL_HIP, 0.03, BodyMode.DAMPED, r"RL_hip: (temperature|rotor too hot|(motor )?over temperature)"
     ),
-    Case("weak", RL_HIP, 0.5, Mode.DAMPED, r"RL_hip: stays at exactly .* wanted .* or the joint is blocked"),
-    Case("warm", RL_HIP, 7.0, Mode.SITTING, r"RL_hip: 8\d C, 85 is its limit"),
-    Case("battery", 8.0, 3.0, Mode.SITTING, r"battery: 8 %, it sits down at 10 %"),
+    Case("short", RL_HIP, 0.25, BodyMode.DAMPED, r"RL_hip: over-current \(emergency 2310h", ("cia402",)),
+    Case("short", RL_HIP, 0.25, BodyMode.DAMPED, r"RL_hip: no feedback from id 8 on bus a", SILENT),
+    Case("mute", RL_HIP, 0.18, BodyMode.DAMPED, r"RL_hip: no feedback from id 8 on bus a for 0\.1\d s"),
+    Case("reboot", RL_HIP, 0.03, BodyMode.DAMPED, r"RL_hip: id 8 (has restarted|switched its torque off)"),
+    Case(
+        "deaf", RL_HIP, 0.03, BodyMode.DAMPED, r"RL_hip: .*ignores its target \(bit 12 of 6041h", ("cia402",)
+    ),
+    Case("jump", RL_HIP, 0.03, BodyMode.DAMPED, r"RL_hip: its encoder jumped"),
+    Case(
+        "stuck",
+        RL_HIP,
+        0.5,
+        BodyMode.DAMPED,
+        r"RL_hip: stays at exactly .* its encoder is stuck, or the joint",
+    ),
+    Case(
+        "weak", RL_HIP, 0.5, BodyMode.DAMPED, r"RL_hip: stays at exactly .* wanted .* or the joint is blocked"
+    ),
+    Case("warm", RL_HIP, 7.0, BodyMode.SITTING, r"RL_hip: 8\d C, 85 is its limit"),
+    Case("battery", 8.0, 3.0, BodyMode.SITTING, r"battery: 8 %, it sits down at 10 %"),
     Case(
         "volts",
         38.0,
         3.0,
-        Mode.SITTING,
+        BodyMode.SITTING,
         r"FL_abad: supply at 38.0 V, it sits down at 40 V",
         TELL_VOLTAGE,
     ),
-    Case("volts", 38.0, 3.0, Mode.SITTING, r"battery: supply at 38.0 V, it sits down at 40 V", ("mit",)),
-    Case("frozen", 1.0, 0.4, Mode.DAMPED, r"imu: frozen, exactly the same for 0\.3\d s of walking"),
-    Case("upside", 1.0, 0.03, Mode.DAMPED, r"imu: tilted 3.14 rad, more than 0.785"),
-    Case("bms", 1.0, 3.0, Mode.WALKING, r""),
-    Case("lazy", RL_HIP, 3.0, Mode.WALKING, r""),
-    Case("imu", 1.0, 0.2, Mode.DAMPED, r"imu: no valid frame for 0\.\d+ s"),
-    Case("silent", 1.0, 0.2, Mode.DAMPED, r"FL_abad: no feedback from id 1 on bus a"),
-    Case("delay", 0.2, 0.5, Mode.DAMPED, r"FL_abad: no feedback from id 1 on bus a"),
-    Case("loss", 0.05, 3.0, Mode.WALKING, r""),
-    Case("duplicate", 0.2, 3.0, Mode.WALKING, r""),
-    Case("delay", 0.01, 3.0, Mode.WALKING, r""),
+    Case("volts", 38.0, 3.0, BodyMode.SITTING, r"battery: supply at 38.0 V, it sits down at 40 V", ("mit",)),
+    Case("frozen", 1.0, 0.4, BodyMode.DAMPED, r"imu: frozen, exactly the same for 0\.3\d s of walking"),
+    Case("upside", 1.0, 0.03, BodyMode.DAMPED, r"imu: tilted 3.14 rad, more than 0.785"),
+    Case("bms", 1.0, 3.0, BodyMode.WALKING, r""),
+    Case("lazy", RL_HIP, 3.0, BodyMode.WALKING, r""),
+    Case("imu", 1.0, 0.2, BodyMode.DAMPED, r"imu: no valid frame for 0\.\d+ s"),
+    Case("silent", 1.0, 0.2, BodyMode.DAMPED, r"FL_abad: no feedback from id 1 on bus a"),
+    Case("delay", 0.2, 0.5, BodyMode.DAMPED, r"FL_abad: no feedback from id 1 on bus a"),
+    Case("loss", 0.05, 3.0, BodyMode.WALKING, r""),
+    Case("duplicate", 0.2, 3.0, BodyMode.WALKING, r""),
+    Case("delay", 0.01, 3.0, BodyMode.WALKING, r""),
 ]
 
 
@@ -80,7 +90,7 @@ def walking(dog):
     rig = Rig(dog)
     rig.stand()
     rig.go(0.6, Twist(0.4))
-    assert rig.mode is Mode.WALKING
+    assert rig.mode is BodyMode.WALKING
     return rig
 
 
@@ -95,7 +105,7 @@ def test_a_fault_in_mid_trot_ends_in_its_stage_with_its_cause(any_dog, case):
     rig.sim.fault(case.fault, case.value)
     for _ in range(round(case.within / any_dog.dt)):
         rig.go(any_dog.dt, Twist(0.4))
-        if rig.mode is case.mode is not Mode.WALKING:
+        if rig.mode is case.mode is not BodyMode.WALKING:
             break
     assert rig.mode is case.mode
     assert re.match(case.cause, rig.fault)
@@ -108,13 +118,13 @@ def test_what_was_stopped_hard_is_damped_everywhere_then_off_and_told_as_a_fault
     safety = any_dog.safety.model_copy(update={"damp_time": 1.5})
     rig = walking(any_dog.model_copy(update={"safety": safety}))
     rig.sim.fault(fault, RL_HIP)
-    while rig.mode is not Mode.DAMPED:
+    while rig.mode is not BodyMode.DAMPED:
         rig.cycle()
     rig.go(0.02)
     healthy = set(range(12)) - {RL_HIP - 1}
     assert rig.gives_way(healthy)
     rig.go(1.6, Twist(0.4))
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
     assert all(rig.sim.world.motors[number].kp == 0 for number in healthy)
     health = health_of(rig.state(), 100)
     assert health.level.word == "fault"
@@ -129,7 +139,7 @@ def test_a_dog_whose_imu_falls_silent_while_it_recovers_lets_go(any_dog):
     rig.go(0.3)
     rig.sim.fault("imu")
     rig.go(0.2)
-    assert rig.mode is Mode.DAMPED
+    assert rig.mode is BodyMode.DAMPED
     assert rig.fault.startswith("imu: no valid frame for ")
 
 
@@ -138,11 +148,11 @@ def test_a_dog_that_is_told_to_sit_while_it_recovers_gives_way_where_it_lies(any
     rig.go(0.1)
     assert rig.ask(BodyRequest.RECOVER) == ""
     rig.go(0.3)
-    assert (rig.mode, rig.ask(BodyRequest.SIT)) == (Mode.RECOVERING, "")
+    assert (rig.mode, rig.ask(BodyRequest.SIT)) == (BodyMode.RECOVERING, "")
     rig.go(0.1)
-    assert rig.mode is Mode.SETTLING
+    assert rig.mode is BodyMode.SETTLING
     rig.go(1.0)
-    assert (rig.mode, rig.fault) == (Mode.OFF, "")
+    assert (rig.mode, rig.fault) == (BodyMode.OFF, "")
 
 
 # -- before it is asked to stand up ------------------------------------------------------------------
@@ -195,7 +205,7 @@ def test_two_drives_with_one_id_are_told_and_never_enabled(any_dog):
     told = r"RL_hip: two (drives|motors) answer as id 8 on bus a: give each its own"
     assert re.match(told, health_of(rig.state(), 100).cause)
     assert re.match(told, rig.ask(BodyRequest.STAND))
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
 
 
 @pytest.mark.parametrize("fault", ["overcurrent", "hot"])
@@ -292,7 +302,7 @@ def test_a_dog_whose_imu_is_upside_down_does_not_stand_up(any_dog):
         rig.ask(BodyRequest.STAND)
         == "it is not upright; send recovery_stand, or check how its IMU is mounted"
     )
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
 
 
 def test_a_motor_without_force_is_a_following_error_in_physics(any_dog):
@@ -309,7 +319,7 @@ def test_one_odd_value_of_the_battery_does_not_make_it_sit_down(any_dog):
     rig.go(1.1, Twist(0.4))
     rig.sim.clear("battery")
     rig.go(2.0, Twist(0.4))
-    assert (rig.mode, rig.fault) == (Mode.WALKING, "")
+    assert (rig.mode, rig.fault) == (BodyMode.WALKING, "")
 
 
 def test_a_battery_that_says_nothing_is_told(any_dog):
@@ -325,7 +335,7 @@ def test_a_storm_of_emergencies_is_one_fault_with_the_first_cause(dog):
     for code in range(0x1000, 0x1000 + 2000):
         rig.buses["a"].arrive(CanFrame(0x080 + 3, code.to_bytes(2, "little") + bytes([0x21]) + bytes(5)))
     rig.go(0.02, Twist(0.4))
-    assert rig.mode is Mode.DAMPED
+    assert rig.mode is BodyMode.DAMPED
     first = rig.fault
     rig.go(1.0, Twist(0.4))
     assert rig.fault == first
@@ -337,7 +347,7 @@ def test_a_burst_of_lost_frames_is_walked_through(any_dog):
     rig.go(0.03, Twist(0.4))
     rig.sim.clear("silent")
     rig.go(1.0, Twist(0.4))
-    assert (rig.mode, rig.fault) == (Mode.WALKING, "")
+    assert (rig.mode, rig.fault) == (BodyMode.WALKING, "")
 
 
 @pytest.mark.parametrize(("fault", "share"), [("reorder", 0.1), ("corrupt", 0.01)])
@@ -345,7 +355,7 @@ def test_frames_that_are_spoiled_or_out_of_order_end_with_a_cause_or_not_at_all(
     rig = walking(any_dog)
     rig.sim.fault(fault, share)
     rig.go(1.5, Twist(0.4))
-    assert rig.mode is Mode.WALKING or re.match(r"(..)_(abad|hip|knee): |imu: ", rig.fault)
+    assert rig.mode is BodyMode.WALKING or re.match(r"(..)_(abad|hip|knee): |imu: ", rig.fault)
 
 
 # -- links that go and come --------------------------------------------------------------------------
@@ -364,7 +374,7 @@ def test_a_drive_that_restarts_in_motion_is_configured_again_after_the_reset(any
     rig = walking(any_dog)
     rig.sim.fault("reboot", RL_HIP)
     rig.go(3.0)
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
     assert rig.ask(BodyRequest.RESET) == ""
     with pytest.raises(LinkLost, match="RL_hip: id 8"):
         rig.go(0.1)
@@ -381,7 +391,7 @@ def test_a_bus_that_is_unplugged_and_back_finds_a_dog_that_goes_off_and_stays_so
     rig.buses["a"].cut = False
     rig.reconnect()
     rig.go(2.5, Twist(0.4))
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
     assert all(motor.kp == motor.kd == 0 for motor in rig.sim.world.motors)
     rig.ask(BodyRequest.RESET)
     rig.go(0.1)
@@ -398,7 +408,7 @@ def test_a_controller_that_was_asleep_finds_its_drives_stopped_and_gives_up(any_
         rig.sim.advance(0.01)
     assert stopped_alone(rig)
     rig.go(0.05, Twist(0.4))
-    assert rig.mode is Mode.DAMPED
+    assert rig.mode is BodyMode.DAMPED
     assert re.match(r"FL_abad: .*(the drive is stopping|did not reach|jumped)", rig.fault)
 
 
@@ -414,16 +424,16 @@ def test_a_clock_that_jumps_ahead_counts_as_a_long_silence_and_makes_no_jump_of_
     rig.go(0.5, Twist(0.4))
     if any_dog.drive.protocol in {"cia402", "odrive"}:  # the heartbeats that came meanwhile are not seen
         assert re.match(rf"FL_abad: no heartbeat .* from id 1 for {seconds:.0f}\.", rig.fault)
-        assert rig.mode is Mode.DAMPED
+        assert rig.mode is BodyMode.DAMPED
     else:
-        assert (rig.mode, rig.fault) == (Mode.WALKING, "")
+        assert (rig.mode, rig.fault) == (BodyMode.WALKING, "")
 
 
 def test_an_order_from_before_a_jump_of_the_clock_stops_it_softly(mit_dog):
     rig = walking(mit_dog)
     rig.alive, rig.skew = False, 2.0
     rig.go(2.0, Twist(0.4))
-    assert (rig.mode, rig.fault) == (Mode.STANDING, "")
+    assert (rig.mode, rig.fault) == (BodyMode.STANDING, "")
 
 
 # -- heat --------------------------------------------------------------------------------------------

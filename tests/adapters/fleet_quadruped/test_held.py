@@ -6,14 +6,14 @@ from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.bench_tools import BenchSession
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.requests import BodyRequest
-from fleet_quadruped.control.loop import Loop
+from fleet_quadruped.control.loop import ControlLoop
 from fleet_quadruped.control.orders import Order
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.cia402.drive import Cia402Drives
 from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.reports import health_of
 from fleet_quadruped.robot.names import JOINTS
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 
@@ -60,9 +60,9 @@ def test_a_controller_that_is_started_again_lets_a_held_dog_down_gently(upright)
     assert upright.height > 0.2
     upright.reconnect()
     upright.go(0.2)
-    assert upright.mode is Mode.DAMPED
+    assert upright.mode is BodyMode.DAMPED
     upright.go(2.5)
-    assert upright.mode is Mode.OFF
+    assert upright.mode is BodyMode.OFF
     assert upright.states() == {DriveState.SWITCH_ON_DISABLED}
     assert upright.height < 0.15
     assert upright.drop < GENTLE
@@ -73,7 +73,7 @@ def test_a_held_dog_is_told_and_its_joints_are_led_from_where_they_are(upright):
     upright.pass_time(0.5)
     before = [motor.angle for motor in upright.sim.world.motors]
     upright.reconnect()
-    while upright.mode is not Mode.DAMPED:
+    while upright.mode is not BodyMode.DAMPED:
         upright.cycle()
     upright.go(0.03)
     after = [motor.target for motor in upright.sim.world.motors]
@@ -110,7 +110,7 @@ def test_a_cable_that_is_cut_and_mended_does_not_drop_it(dog, seconds, simple):
     if lost:
         rig.reconnect()
     rig.go(3.5)
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
     assert rig.states() == {DriveState.SWITCH_ON_DISABLED}
     assert rig.drop < GENTLE
 
@@ -122,7 +122,7 @@ def test_a_drive_that_does_not_go_on_keeps_the_dog_held_until_a_person_holds_it(
     rig.pass_time(0.5)
     rig.reconnect()
     rig.go(3.0)
-    assert rig.mode is Mode.DAMPED
+    assert rig.mode is BodyMode.DAMPED
     assert rig.height > 0.2
     assert rig.fault == (
         "RL_hip: its drive does not leave quick stop: it is held and cannot be lowered; "
@@ -140,7 +140,7 @@ def test_a_leg_that_fails_in_mid_trot_does_not_let_the_others_fall(dog):
     rig.go(1.5, Twist(0.5))
     rig.sim.fault("mute", RL_HIP)
     rig.go(3.0)
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
     assert rig.drop < GENTLE
 
 
@@ -229,7 +229,7 @@ class Leave:
 def leave(rig, monkeypatch):
     """Run a loop that is told to leave to its end."""
     monkeypatch.setattr("fleet_quadruped.control.loop.realtime", lambda: False)
-    loop = Loop(rig.controller, rig.buses, Leave(rig), SimTime(rig.sim), moved=rig.sim.advance)
+    loop = ControlLoop(rig.controller, rig.buses, Leave(rig), SimTime(rig.sim), moved=rig.sim.advance)
     monkeypatch.setattr(loop, "_pause", lambda _seconds: None)
     loop.run()
 
@@ -255,7 +255,7 @@ def test_a_drive_that_keeps_its_torque_is_told(dog):
     rig = Rig(dog)
     rig.stand()
     rig.ask(BodyRequest.SIT)
-    while rig.mode is not Mode.SETTLING:
+    while rig.mode is not BodyMode.SETTLING:
         rig.cycle()
     drive = rig.sim.drives[RL_HIP - 1]
     drive.hears = {frame: hears for frame, hears in drive.hears.items() if frame != 0x208}  # its RPDO

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from fleet import Refused, Vector3, Velocity
 from fleet_ugv.kinematics import Ackermann, Differential
-from fleet_ugv.model import Steering, Wheels
+from fleet_ugv.model import AckermannCommand, Wheels
 
 SPEEDS = st.floats(-5, 5)
 BEAST = Differential(track=0.141, fastest=0.5)
@@ -63,7 +63,7 @@ def test_a_car_stays_within_its_limits_or_refuses(speed, yaw_rate):
 def test_a_car_turns_left_with_wheels_to_the_left_and_backs_the_other_way_round():
     assert CAR.inverse(velocity(0.5, 0.2)).angle > 0
     assert CAR.inverse(velocity(-0.5, 0.2)).angle < 0
-    assert CAR.inverse(velocity(0.0)) == Steering()
+    assert CAR.inverse(velocity(0.0)) == AckermannCommand()
 
 
 def test_a_car_tells_how_fast_it_must_roll_for_a_turn():

@@ -9,7 +9,7 @@ from fleet.cloud.values import CloudMessage
 from fleet.errors import WireError
 from fleet.model.command import Reply, ReplyStatus
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
-from fleet.wire.rulebook import Change, Changes, of_a_twin, of_an_environment, of_any_run, rulebook
+from fleet.wire.rulebook import RuleChange, RuleChanges, of_a_twin, of_an_environment, of_any_run, rulebook
 from fleet.wire.samples import json_payload
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
@@ -29,7 +29,7 @@ class Bench:
         self.clock = clock
         self.put = []
         self.own = []
-        book = rulebook("lan", [Changes(inward={"workflow-run:status": Change(on=True)})])
+        book = rulebook("lan", [RuleChanges(inward={"workflow-run:status": RuleChange(on=True)})])
         handle = lambda topic, message: self.own.append((topic.suffix, message.payload))  # noqa: E731
         self.downlink = Downlink(
             topics,

@@ -30,8 +30,8 @@ from fleet.model.report import (
 )
 from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import (
-    Change,
-    Changes,
+    RuleChange,
+    RuleChanges,
     of_a_twin,
     of_a_workflow,
     of_an_environment,
@@ -117,7 +117,11 @@ class World:
     def __init__(self, port, clock):
         book = rulebook(
             "lan",
-            [Changes({"joint_states": Change(on=True)}, {"workflow-run:status": Change(on=True)})],
+            [
+                RuleChanges(
+                    {"joint_states": RuleChange(on=True)}, {"workflow-run:status": RuleChange(on=True)}
+                )
+            ],
         )
         self.published, self.put, self.claims = [], [], []
         self.topics = Topics("")

@@ -35,7 +35,7 @@ from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import DEADLINE
 from fleet.wire.databus import encode_report
-from fleet.wire.rulebook import Change, Changes, Channel, of_a_twin, of_an_environment, rulebook
+from fleet.wire.rulebook import ExtraChannel, RuleChange, RuleChanges, of_a_twin, of_an_environment, rulebook
 from fleet.wire.rules import CHANNEL_SUFFIXES, KIB, RULES, TrafficClass
 from fleet.wire.topics import Topics
 
@@ -224,7 +224,7 @@ def test_an_event_at_which_the_bridge_fails_takes_no_state_beside_it_along(bench
 
 
 def test_a_state_without_a_rate_that_is_reported_twice_in_one_step_crosses_as_it_was_each_time():
-    bench = Bench(rulebook("lan", [Changes({"flight_state": Change(rate=0.0)})]))
+    bench = Bench(rulebook("lan", [RuleChanges({"flight_state": RuleChange(rate=0.0)})]))
     way = bench.uplink.open(f"cw/{TWIN}/data/flight_state")
     for batch in (["A"], ["B", "C"]):
         bench.uplink.forward([(way, FlightStateReport(1.0, True, mode)) for mode in batch])
@@ -707,7 +707,7 @@ def test_a_parked_robot_s_state_is_not_repeated_into_a_network_that_takes_nothin
 
 
 def test_a_satellite_link_counts_less_as_full():
-    bench = Bench(rulebook("satellite", [Changes({"imu": Change(on=True)})]))
+    bench = Bench(rulebook("satellite", [RuleChanges({"imu": RuleChange(on=True)})]))
     bench.queued_bytes = 32 * KIB
     bench.uplink.arrived(
         f"cw/{TWIN}/data/imu", b'{"ts":1,"accel":{"x":0,"y":0,"z":0},"gyro":{"x":0,"y":0,"z":0}}'
@@ -760,7 +760,7 @@ def test_an_update_of_an_environment_goes_to_its_own_topic():
 
 
 def test_joints_cross_in_the_layout_that_fleet_yaml_asks_for():
-    bench = Bench(rulebook("lan", [Changes({"joint:update": Change(layout="single")})]))
+    bench = Bench(rulebook("lan", [RuleChanges({"joint:update": RuleChange(layout="single")})]))
     bench.uplink.arrived(f"cw/{TWIN}/data/joint_states", encode_report(JointReport(1.0, {"a": 1, "b": 2}), 0))
     bench.turn()
     told = [message for _, topic, message, _ in bench.sent]
@@ -784,7 +784,7 @@ def joints():
 
 def test_the_older_joints_topic_is_sent_when_it_is_asked_for():
     for on, suffixes in ((None, {"joint:update"}), (True, {"joint:update", "joint_states"})):
-        bench = Bench(rulebook("lan", [Changes({"joint_states": Change(on=on)})]))
+        bench = Bench(rulebook("lan", [RuleChanges({"joint_states": RuleChange(on=on)})]))
         topics = set()
         bench._publish = lambda topic, *_, topics=topics: topics.add(topic)
         bench.uplink.arrived(f"cw/{TWIN}/data/joint_states", joints())
@@ -793,7 +793,7 @@ def test_the_older_joints_topic_is_sent_when_it_is_asked_for():
 
 
 def test_a_topic_that_is_off_does_not_cross_and_its_sibling_does(pose):
-    bench = Bench(rulebook("lan", [Changes({"rotation": Change(on=False)})]))
+    bench = Bench(rulebook("lan", [RuleChanges({"rotation": RuleChange(on=False)})]))
     bench.uplink.arrived(POSITION, pose(1.0))
     bench.turn()
     assert [suffix for _, suffix, _, _ in bench.sent] == ["position"]
@@ -819,8 +819,8 @@ def test_an_event_of_a_worker_crosses_in_the_clouds_form_and_what_is_for_the_his
 
 
 def test_an_event_that_is_made_latest_is_conflated():
-    change = Change(traffic=TrafficClass.LATEST, rate=1.0)
-    bench = Bench(rulebook("lan", [Changes({"event": change})]))
+    change = RuleChange(traffic=TrafficClass.LATEST, rate=1.0)
+    bench = Bench(rulebook("lan", [RuleChanges({"event": change})]))
     for number in range(5):
         sample = json.dumps({"event_type": "x", "ts": number}).encode()
         bench.uplink.arrived(f"cw/{TWIN}/data/event", sample)
@@ -830,7 +830,7 @@ def test_an_event_that_is_made_latest_is_conflated():
 
 def test_an_unknown_channel_crosses_by_an_explicit_rule():
     bench = Bench(
-        rulebook("lan", (), {"thermal": Channel("sensors/thermal", TrafficClass.LATEST, 1.0, 0.0, 100)})
+        rulebook("lan", (), {"thermal": ExtraChannel("sensors/thermal", TrafficClass.LATEST, 1.0, 0.0, 100)})
     )
     bench.uplink.arrived(f"cw/{TWIN}/data/thermal", b'{"ts": 1, "celsius": 40}')
     bench.uplink.arrived(f"cw/{TWIN}/data/thermal/left", b'{"ts": 1, "celsius": 41}')

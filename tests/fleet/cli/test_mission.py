@@ -7,7 +7,7 @@ import pytest
 from fleet.bus import keys
 from fleet.cli.runs import robot_lines, state_line
 from fleet.missions.report import AskedNow, Controlled, MissionState, RunRobot, RunState, Started
-from fleet.missions.results import Result
+from fleet.missions.results import RunFile
 from fleet.missions.store import RunLogEntry
 
 MISSION = """
@@ -152,7 +152,7 @@ def test_on_a_terminal_runs_are_followed_until_they_have_ended(terminal, yard):
 
 
 def test_what_a_run_left_behind_is_listed(fleet, yard):
-    yard.results = [Result("track", "kestrel", "/state/results/3f2a/track-kestrel.csv", 900, 30)]
+    yard.results = [RunFile("track", "kestrel", "/state/results/3f2a/track-kestrel.csv", 900, 30)]
     listed = fleet("mission", "results", "3f2a")
     assert "track  kestrel  30 points  /state/results/3f2a/track-kestrel.csv" in listed.out
     assert "1 lines" in listed.out

@@ -7,7 +7,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.missions.rehearsal import (
-    Approach,
+    ClosestApproach,
     RehearsalNote,
     RehearsalResult,
     RehearsalState,
@@ -28,7 +28,7 @@ RESULT = RehearsalResult(
         RehearsedPart("up.1", "kestrel", "eye", "takeoff", 0.0, 9.4, "done"),
         RehearsedPart("home.2", "kestrel", "eye", "land", 9.4),
     ),
-    approaches=(Approach(("kestrel", "rex"), 4.49, 24.1, 1.9),),
+    approaches=(ClosestApproach(("kestrel", "rex"), 4.49, 24.1, 1.9),),
     assumed=("a person answers 'Sure?' with: continue",),
     took=0.5,
     pass_until=2_000_000_000.0,

@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from fleet.bus.settings import BusSettings, runtime_dirs
-from fleet.cli.outline import Outline, outline
+from fleet.cli.outline import EdgeOutline, outline
 from fleet.cli.stop import _outcomes
 from fleet.client.edges import decoded
 from fleet.errors import BusError
@@ -237,7 +237,7 @@ def test_the_edges_here_are_stopped_before_the_file_is_opened(fleet, yard, place
 
     def slow(_file):
         assert stopped.wait(DEADLINE), "the stop waited for the file"
-        return Outline(BusSettings(""))
+        return EdgeOutline(BusSettings(""))
 
     monkeypatch.setattr("fleet.cli.outline.outline", slow)
     monkeypatch.setattr("fleet.cli.stop.decoded", note)

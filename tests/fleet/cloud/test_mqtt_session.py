@@ -12,7 +12,7 @@ from fleet.cloud.outbound_queue import OutboundQueue
 from fleet.cloud.packets import PacketDecoder
 from fleet.cloud.publish import publish, qos0_route
 from fleet.cloud.values import CloudSettings, CloudStats, Will
-from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.message import DeliveryOutcome, Outgoing
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.clock import ManualClock
@@ -57,7 +57,10 @@ class Talk:
 
     def outcomes(self):
         """How many were acknowledged, held and refused."""
-        return tuple(self.stats.outcomes[one] for one in (Outcome.ACKED, Outcome.HELD, Outcome.REFUSED))
+        return tuple(
+            self.stats.outcomes[one]
+            for one in (DeliveryOutcome.ACKED, DeliveryOutcome.HELD, DeliveryOutcome.REFUSED)
+        )
 
 
 def a_box(stats=None, clock=None):

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.console.attempts import BY_ADDRESS, BY_NAME, FORGET, MOST, Attempts, Limit, address_key
+from fleet.console.attempts import BY_ADDRESS, BY_NAME, FORGET, MOST, AttemptLimit, Attempts, address_key
 
-LIMIT = Limit(3, 60.0)
+LIMIT = AttemptLimit(3, 60.0)
 
 
 def test_a_few_failures_are_free_and_each_further_one_doubles_the_wait():
@@ -41,7 +41,7 @@ def test_a_login_clears_the_failures_of_a_name_and_time_forgets_them():
 
 
 def test_memory_is_bounded_and_the_oldest_failure_goes_first():
-    attempts = Attempts(Limit(0, 60.0))
+    attempts = Attempts(AttemptLimit(0, 60.0))
     for number in range(MOST + 1):
         attempts.fail(str(number), 0.0)
     assert attempts.wait("0", 0.0) == 0.0

@@ -6,12 +6,12 @@ import pytest
 from fleet.console import control
 from fleet.console.fleet_view import FleetView
 from fleet.console.requests import ControlAsked, GiveAsked
-from fleet.console.sessions import Operator
+from fleet.console.sessions import ConsoleUser
 from fleet.errors import Refused
 from fleet.model.permission import Permission
 from fleet.model.state import RobotState
 
-ANNA, BEN = (Operator(name, Permission.OPERATE) for name in ("anna", "ben"))
+ANNA, BEN = (ConsoleUser(name, Permission.OPERATE) for name in ("anna", "ben"))
 REX = "yard/rex"
 
 

@@ -7,8 +7,8 @@ import socket
 import pytest
 
 from fleet.console import exports
-from fleet.console.exports import Exports, Window
-from fleet.console.sessions import Operator
+from fleet.console.exports import Exports, ExportWindow
+from fleet.console.sessions import ConsoleUser
 from fleet.errors import Refused
 from fleet.model.permission import Permission
 from fleet.record.export import recorded
@@ -16,7 +16,7 @@ from fleet.testing.waiting import DEADLINE, wait_until
 from tests.tools.recordings import write_recording
 
 BEGINS, SECONDS = 1_795_000_000.0, 10
-ADAM = Operator("adam", Permission.ADMIN)
+ADAM = ConsoleUser("adam", Permission.ADMIN)
 WINDOW = {"since": BEGINS + 2, "until": BEGINS + 6}
 
 
@@ -83,7 +83,7 @@ def test_what_is_no_window_of_a_recording_is_refused_with_the_reason(served, win
 
 async def exported(exports):
     """Export a window; return the bytes of its file."""
-    async with exports.export(Window(**WINDOW), ADAM) as export:
+    async with exports.export(ExportWindow(**WINDOW), ADAM) as export:
         return b"".join([block async for block in export.blocks()])
 
 
@@ -97,7 +97,7 @@ async def test_of_windows_that_are_asked_for_at_once_one_is_exported(recordings)
 
 async def test_an_export_of_which_nothing_is_read_ends_with_who_asked(recordings):
     exports = Exports(lambda: [recordings])
-    async with exports.export(Window(**WINDOW), ADAM):
+    async with exports.export(ExportWindow(**WINDOW), ADAM):
         with pytest.raises(Refused, match="another window"):
             await exported(exports)
     assert await exported(exports)

@@ -9,7 +9,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.missions.rehearsal import (
-    Approach,
+    ClosestApproach,
     RehearsalNote,
     RehearsalResult,
     RehearsalState,
@@ -41,7 +41,7 @@ RESULT = RehearsalResult(
         RehearsedPart("out", "rex", "feet", "goes to 4, 3", 0.0, 5.0, "done"),
         RehearsedPart("back", "rex", "feet", "goes to 4, 8", 5.0, 10.0, "failed", "held"),
     ),
-    approaches=(Approach(("max", "rex"), 0.4, 4.0, 0.8),),
+    approaches=(ClosestApproach(("max", "rex"), 0.4, 4.0, 0.8),),
     tracks=(RehearsedTrack("rex", ((0.0, 0.0, 0.0, 0.0), (5.0, 4.0, 3.0, 0.0), (10.0, 4.0, 8.0, 2.0))),),
 )
 

@@ -9,13 +9,13 @@ from fleet.console.sessions import (
     MOST_OF_ONE,
     MOST_SESSIONS,
     SESSION_LIFE,
-    Operator,
+    ConsoleUser,
     Permission,
     Sessions,
 )
 from fleet.testing.clock import ManualClock
 
-ANNA = Operator("anna", Permission.OPERATE)
+ANNA = ConsoleUser("anna", Permission.OPERATE)
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_links_and_sessions_are_bounded_and_the_oldest_go_first(sessions):
     assert sessions.open(tokens[0]) is None
     assert sessions.open(tokens[-1]) is not None
     opened = [
-        sessions.begin(Operator(f"anna-{number}", Permission.VIEW)) for number in range(MOST_SESSIONS)
+        sessions.begin(ConsoleUser(f"anna-{number}", Permission.VIEW)) for number in range(MOST_SESSIONS)
     ] + [sessions.open(sessions.new_link(ANNA))]
     assert sessions.operator_of({sessions.cookie: opened[0].cookie}, opened[0].proof) is None
     assert sessions.operator_of({sessions.cookie: opened[-1].cookie}, opened[-1].proof) == ANNA
@@ -118,7 +118,7 @@ def test_who_logs_out_has_no_session_any_more(logged_in):
 def test_who_logs_in_again_and_again_ends_own_sessions_and_nobody_elses(logged_in):
     sessions, cookies, proof, _ = logged_in
     for _ in range(MOST_SESSIONS):
-        sessions.begin(Operator("ben", Permission.VIEW))
+        sessions.begin(ConsoleUser("ben", Permission.VIEW))
     assert sessions.operator_of(cookies, proof) == ANNA
     for _ in range(MOST_OF_ONE):
         sessions.begin(ANNA)

@@ -18,7 +18,7 @@ from fleet.doctor.access import (
     check_state_folder,
     holders_of_devices,
 )
-from fleet.doctor.finding import Verdict
+from fleet.doctor.finding import Rating
 from fleet.service.devices import Devices
 
 STRANGER = Account("stranger", 54_321, frozenset({54_321}))
@@ -54,7 +54,7 @@ def test_root_may_everything():
 def test_a_state_folder_of_another_user_is_an_error(tmp_path):
     tmp_path.chmod(0o700)
     found = check_state_folder(tmp_path, STRANGER)
-    assert (found.verdict, found.cure) == (Verdict.ERROR, f"chown -R stranger {tmp_path}")
+    assert (found.verdict, found.cure) == (Rating.ERROR, f"chown -R stranger {tmp_path}")
 
 
 def test_a_state_folder_that_others_may_read_is_a_warning(tmp_path):
@@ -62,18 +62,18 @@ def test_a_state_folder_that_others_may_read_is_a_warning(tmp_path):
     who = Account("me", tmp_path.stat().st_uid, frozenset())
     assert check_state_folder(tmp_path, who).cure == f"chmod 700 {tmp_path}"
     tmp_path.chmod(0o700)
-    assert check_state_folder(tmp_path, who).verdict is Verdict.OK
-    assert check_state_folder(tmp_path / "none", who).verdict is Verdict.OK
+    assert check_state_folder(tmp_path, who).verdict is Rating.OK
+    assert check_state_folder(tmp_path / "none", who).verdict is Rating.OK
 
 
 def test_a_fleet_file_that_the_user_cannot_read_is_an_error(tmp_path):
     (tmp_path / "secrets.yaml").touch(mode=0o600)
     (found,) = check_readable([tmp_path / "secrets.yaml"], STRANGER)
-    assert (found.verdict, "stranger cannot read" in found.found) == (Verdict.ERROR, True)
+    assert (found.verdict, "stranger cannot read" in found.found) == (Rating.ERROR, True)
     (missing,) = check_readable([tmp_path / "gone.yaml"], STRANGER)
-    assert missing.verdict is Verdict.ERROR
+    assert missing.verdict is Rating.ERROR
     (fine,) = check_readable([], STRANGER)
-    assert fine.verdict is Verdict.OK
+    assert fine.verdict is Rating.OK
 
 
 def test_drop_ins_that_others_may_write_are_an_error(tmp_path):
@@ -91,7 +91,7 @@ def device(path):
 
 def test_a_device_that_is_not_plugged_in_is_an_error():
     assert (device("/dev/no-such").verdict, "plug it in" in device("/dev/no-such").cure) == (
-        Verdict.ERROR,
+        Rating.ERROR,
         True,
     )
 
@@ -113,15 +113,15 @@ def line():
 def test_a_device_that_the_user_may_not_open_is_told_with_its_group(line):
     line.chmod(0o600)
     found = device(line)
-    assert (found.verdict, "usermod -aG" in found.cure) == (Verdict.ERROR, True)
+    assert (found.verdict, "usermod -aG" in found.cure) == (Rating.ERROR, True)
 
 
 def test_a_device_that_another_program_holds_is_told_with_its_name(line):
     number = line.stat().st_rdev
     (found,) = check_devices(Devices((str(line),)), account("root"), {number: "minicom (process 7)"})
-    assert (found.verdict, "minicom (process 7)" in found.found) == (Verdict.WARNING, True)
+    assert (found.verdict, "minicom (process 7)" in found.found) == (Rating.WARNING, True)
     (free,) = check_devices(Devices((str(line),)), account("root"), {})
-    assert free.verdict is Verdict.OK
+    assert free.verdict is Rating.OK
 
 
 def test_programs_that_hold_a_device_are_found_by_its_number(line):
@@ -144,10 +144,10 @@ def interface(folder, *, flags="0x1", queue="10"):
 
 def test_a_can_interface_that_is_missing_down_or_queues_too_much_is_told(tmp_path):
     (missing,) = check_can(Devices(interfaces=("can0",)), tmp_path)
-    assert (missing.verdict, "no interface can0" in missing.found) == (Verdict.ERROR, True)
+    assert (missing.verdict, "no interface can0" in missing.found) == (Rating.ERROR, True)
     places = [tmp_path / name for name in "abc"]
     for place in places:
         place.mkdir()
     assert interface(places[0], flags="0x40080").found == "can0 is down"
     assert interface(places[1], queue="1000").cure == "ip link set can0 txqueuelen 16"
-    assert interface(places[2]).verdict is Verdict.OK
+    assert interface(places[2]).verdict is Rating.OK

@@ -3,7 +3,7 @@
 import pytest
 
 from fleet.doctor.disk import DiskState, check_disk, read_disk, size_of
-from fleet.doctor.finding import Verdict
+from fleet.doctor.finding import Rating
 
 GIB = 1 << 30
 
@@ -11,18 +11,18 @@ GIB = 1 << 30
 @pytest.mark.parametrize(
     ("faults", "verdict", "words"),
     [
-        ({}, Verdict.OK, "10240 MiB free"),
-        ({"read_only": True}, Verdict.ERROR, "read-only"),
-        ({"free": 1000}, Verdict.ERROR, "no room"),
-        ({"inodes": 3}, Verdict.ERROR, "no room"),
-        ({"free": GIB // 4}, Verdict.WARNING, "the edge may write 1024 MiB more"),
-        ({"kind": "tmpfs"}, Verdict.WARNING, "lost with the power"),
+        ({}, Rating.OK, "10240 MiB free"),
+        ({"read_only": True}, Rating.ERROR, "read-only"),
+        ({"free": 1000}, Rating.ERROR, "no room"),
+        ({"inodes": 3}, Rating.ERROR, "no room"),
+        ({"free": GIB // 4}, Rating.WARNING, "the edge may write 1024 MiB more"),
+        ({"kind": "tmpfs"}, Rating.WARNING, "lost with the power"),
     ],
 )
 def test_a_disk_is_judged(tmp_path, faults, verdict, words):
     found = check_disk(DiskState(**{"folder": tmp_path, "free": 10 * GIB} | faults), GIB)
     assert (found.verdict, words in found.found) == (verdict, True)
-    assert bool(found.cure) == (verdict is not Verdict.OK)
+    assert bool(found.cure) == (verdict is not Rating.OK)
 
 
 def test_a_folder_that_does_not_exist_yet_is_judged_by_the_one_above(tmp_path):

@@ -9,7 +9,7 @@ import pytest
 from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.doctor import examination
 from fleet.doctor.examination import examine
-from fleet.doctor.finding import Verdict
+from fleet.doctor.finding import Rating
 from fleet.model.state import EdgeState
 
 FILE = """\
@@ -50,13 +50,13 @@ def test_every_part_is_looked_at_and_no_plugin_is_imported(place):
     assert not (place / "imported").exists()
     assert not {name for name in set(sys.modules) - before if name.startswith("fleet_")}
     (device,) = found_in(findings, "devices")
-    assert (device.verdict, "/dev/no-such" in device.found) == (Verdict.ERROR, True)
+    assert (device.verdict, "/dev/no-such" in device.found) == (Rating.ERROR, True)
 
 
 def test_a_wrong_fleet_file_is_told_and_the_rest_is_looked_at(place):
     (place / "fleet.yaml").write_text("edge: {id: YARD}\nrobots: [{}]\n")
     findings = examine(place / "fleet.yaml")
-    assert found_in(findings, "fleet file")[0].verdict is Verdict.ERROR
+    assert found_in(findings, "fleet file")[0].verdict is Rating.ERROR
     assert found_in(findings, "clock")
 
 
@@ -70,7 +70,7 @@ def test_the_certificate_of_the_console_is_told_with_its_last_day(place):
     console = "console: {listen: '0.0.0.0:8443', tls: {cert: web.pem, key: web.key}}\n"
     (place / "fleet.yaml").write_text(FILE + console)
     (told,) = found_in(examine(place / "fleet.yaml"), "tls")
-    assert told.verdict is Verdict.OK
+    assert told.verdict is Rating.OK
     assert told.found == f"certificates are valid; web.pem is the first to end, on {end:%Y-%m-%d}"
 
 
@@ -80,7 +80,7 @@ def test_a_check_that_fails_itself_hides_no_other(place, monkeypatch):
 
     monkeypatch.setattr(examination.disk, "check_disk", broken)
     findings = examine(place / "fleet.yaml")
-    assert found_in(findings, "disk")[0].verdict is Verdict.UNKNOWN
+    assert found_in(findings, "disk")[0].verdict is Rating.UNKNOWN
     assert found_in(findings, "ports")
 
 
@@ -110,5 +110,5 @@ def test_the_edges_that_run_are_asked_over_the_bus(place, monkeypatch):
     monkeypatch.setattr(examination, "Edges", Asked)
     findings = examine(place / "fleet.yaml")
     silent, older = found_in(findings, "edges")
-    assert (silent.verdict, silent.found) == (Verdict.ERROR, Asked.unreached[0])
-    assert (older.verdict, "yard-1 runs fleet 0.0.1" in older.found) == (Verdict.WARNING, True)
+    assert (silent.verdict, silent.found) == (Rating.ERROR, Asked.unreached[0])
+    assert (older.verdict, "yard-1 runs fleet 0.0.1" in older.found) == (Rating.WARNING, True)

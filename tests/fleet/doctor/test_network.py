@@ -10,7 +10,7 @@ import pytest
 
 from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.config.schema import BusConfig, CloudConfig, EdgeConfig, Sections
-from fleet.doctor.finding import Verdict
+from fleet.doctor.finding import Rating
 from fleet.doctor.network import Port, check_broker, check_endpoints, check_ports, ports_of, taken_ports
 
 NOW = datetime.now(UTC)
@@ -40,15 +40,15 @@ def listener():
 def test_a_port_that_another_program_has_is_an_error_with_the_way_to_find_it(listener):
     number = listener.getsockname()[1]
     (found,) = check_ports([Port("tcp", number, "metrics")], taken_ports(), running=False)
-    assert (found.verdict, f"sport = :{number}" in found.cure) == (Verdict.ERROR, True)
+    assert (found.verdict, f"sport = :{number}" in found.cure) == (Rating.ERROR, True)
 
 
 def test_while_the_edge_runs_its_own_ports_are_expected_to_be_open(listener):
     mine = Port("tcp", listener.getsockname()[1], "metrics")
     (found,) = check_ports([mine], taken_ports(), running=True)
-    assert found.verdict is Verdict.OK
+    assert found.verdict is Rating.OK
     (missing,) = check_ports([Port("udp", 1, "udpin:0.0.0.0:1")], set(), running=True)
-    assert missing.verdict is Verdict.WARNING
+    assert missing.verdict is Rating.WARNING
 
 
 @contextlib.contextmanager
@@ -83,26 +83,26 @@ def broker(folder, *, host="127.0.0.1", days=365.0):
 def test_a_broker_that_is_trusted_is_ok_with_the_end_of_its_certificate(tmp_path):
     with broker(tmp_path) as cloud:
         found = check_broker(cloud, NOW)
-    assert (found.verdict, "trusted until" in found.found) == (Verdict.OK, True)
+    assert (found.verdict, "trusted until" in found.found) == (Rating.OK, True)
 
 
 def test_a_certificate_that_ends_soon_is_a_warning(tmp_path):
     with broker(tmp_path, days=10) as cloud:
         found = check_broker(cloud, NOW)
-    assert (found.verdict, "expires in" in found.found) == (Verdict.WARNING, True)
+    assert (found.verdict, "expires in" in found.found) == (Rating.WARNING, True)
 
 
 def test_a_certificate_of_another_host_is_an_error(tmp_path):
     with broker(tmp_path, host="broker.example") as cloud:
         found = check_broker(cloud, NOW)
-    assert (found.verdict, "not trusted" in found.found) == (Verdict.ERROR, True)
+    assert (found.verdict, "not trusted" in found.found) == (Rating.ERROR, True)
 
 
 def test_a_broker_that_is_away_is_an_error(listener):
     port = listener.getsockname()[1]
     listener.close()
     found = check_broker(CloudConfig(host="127.0.0.1", port=port), NOW)
-    assert (found.verdict, "not reached" in found.found) == (Verdict.ERROR, True)
+    assert (found.verdict, "not reached" in found.found) == (Rating.ERROR, True)
 
 
 def test_a_broker_without_a_name_is_told_as_such(monkeypatch):
@@ -116,7 +116,7 @@ def test_a_broker_without_a_name_is_told_as_such(monkeypatch):
 
 def test_a_broker_without_encryption_is_reached(listener):
     cloud = CloudConfig(host="127.0.0.1", port=listener.getsockname()[1], tls=False)
-    assert check_broker(cloud, NOW).verdict is Verdict.OK
+    assert check_broker(cloud, NOW).verdict is Rating.OK
 
 
 def test_endpoints_of_others_are_tried_and_those_of_udp_cannot_be(listener):
@@ -124,4 +124,4 @@ def test_endpoints_of_others_are_tried_and_those_of_udp_cannot_be(listener):
     (there,) = check_endpoints([f"tcp/127.0.0.1:{port}"])
     listener.close()
     away, hidden = check_endpoints([f"tls/127.0.0.1:{port}", "quic/127.0.0.1:7447"])
-    assert [each.verdict for each in (there, away, hidden)] == [Verdict.OK, Verdict.ERROR, Verdict.UNKNOWN]
+    assert [each.verdict for each in (there, away, hidden)] == [Rating.OK, Rating.ERROR, Rating.UNKNOWN]

@@ -4,7 +4,7 @@ import sqlite3
 
 import pytest
 
-from fleet.doctor.finding import Verdict
+from fleet.doctor.finding import Rating
 from fleet.doctor.software import AnsweredEdge, check_edges, check_extras, check_state
 from fleet.model.state import EdgeState
 
@@ -29,15 +29,15 @@ def journal(tmp_path):
 
 
 def test_state_of_this_version_is_ok_and_of_a_newer_one_an_error(journal):
-    assert [each.verdict for each in journal(2)] == [Verdict.OK]
+    assert [each.verdict for each in journal(2)] == [Rating.OK]
     (found,) = journal(3)
-    assert (found.verdict, "format 3" in found.found) == (Verdict.ERROR, True)
+    assert (found.verdict, "format 3" in found.found) == (Rating.ERROR, True)
 
 
 def test_a_state_file_that_is_none_is_an_error(tmp_path):
     (tmp_path / "journal.db").write_bytes(b"no database" * 100)
     (found,) = check_state(tmp_path, {"journal.db": 2})
-    assert (found.verdict, "cannot be read" in found.found) == (Verdict.ERROR, True)
+    assert (found.verdict, "cannot be read" in found.found) == (Rating.ERROR, True)
 
 
 def seen(edge, *, version="1.0", offset=0.0, doubt=0.01):
@@ -47,13 +47,13 @@ def seen(edge, *, version="1.0", offset=0.0, doubt=0.01):
 def test_edges_with_another_clock_or_version_are_told():
     found = check_edges([seen("a"), seen("b", offset=2.0), seen("c", version="0.9")], ["d is silent"], "1.0")
     assert [(each.verdict, each.found) for each in found] == [
-        (Verdict.ERROR, "d is silent"),
-        (Verdict.OK, "a answers, version 1.0, clock +0.00 s"),
-        (Verdict.ERROR, "the clock of b differs by +2.0 s"),
-        (Verdict.WARNING, "c runs fleet 0.9, this is 1.0"),
+        (Rating.ERROR, "d is silent"),
+        (Rating.OK, "a answers, version 1.0, clock +0.00 s"),
+        (Rating.ERROR, "the clock of b differs by +2.0 s"),
+        (Rating.WARNING, "c runs fleet 0.9, this is 1.0"),
     ]
 
 
 def test_a_slow_answer_is_no_wrong_clock():
     (found,) = check_edges([seen("a", offset=0.9, doubt=0.8)], [], "1.0")
-    assert found.verdict is Verdict.OK
+    assert found.verdict is Rating.OK

@@ -9,7 +9,7 @@ from fleet.missions.state import (
     Ended,
     Facts,
     Member,
-    Outcome,
+    PartOutcome,
     Prepare,
     Replied,
     Start,
@@ -65,7 +65,7 @@ class Play:
     def of(self, kind):
         return [each for each in self.effects if isinstance(each, kind)]
 
-    def reply(self, robot, outcome=Outcome.DONE, reason="so it was", words=None):
+    def reply(self, robot, outcome=PartOutcome.DONE, reason="so it was", words=None):
         """Let a robot say how what it does ended."""
         parts = [part for part in self.engine.robots.active() if part.robot == robot]
         found = [part for part in parts if words in (None, part.act.words)]

@@ -39,8 +39,8 @@ from fleet.missions.state import (
     NotStarted,
     Occupied,
     Occupy,
-    Outcome,
     Part,
+    PartOutcome,
     Pause,
     Phase,
     Prepare,
@@ -55,8 +55,15 @@ from fleet.missions.state import (
 
 ROBOTS = {"kestrel": "eye", "beast": "feet", "rover": "feet"}
 SPARE = "spot"
-GONE = [Outcome.LOST, Outcome.TAKEN, Outcome.STOPPED]
-ENDS = [Outcome.DONE, Outcome.DONE, Outcome.DONE, Outcome.FAILED, Outcome.REFUSED, Outcome.UNKNOWN]
+GONE = [PartOutcome.LOST, PartOutcome.TAKEN, PartOutcome.STOPPED]
+ENDS = [
+    PartOutcome.DONE,
+    PartOutcome.DONE,
+    PartOutcome.DONE,
+    PartOutcome.FAILED,
+    PartOutcome.REFUSED,
+    PartOutcome.UNKNOWN,
+]
 CONDITIONS = st.sampled_from(
     [
         None,
@@ -281,8 +288,8 @@ class Life(RuleBasedStateMachine):
     @rule(data=st.data())
     def an_answer_comes_twice(self, data):
         identity = data.draw(st.sampled_from(sorted(self.waiting)))
-        self.send(Replied(identity, Outcome.DONE))
-        self.send(Replied(identity, Outcome.FAILED, "no"))
+        self.send(Replied(identity, PartOutcome.DONE))
+        self.send(Replied(identity, PartOutcome.FAILED, "no"))
 
     @precondition(lambda self: self.preparing)
     @rule(data=st.data(), refusal=st.sampled_from(["", "", "", "no"]))

@@ -25,15 +25,15 @@ from fleet.missions.state import (
     Member,
     NotStarted,
     Occupied,
-    Outcome,
     Part,
+    PartOutcome,
     Phase,
     Prepared,
     Restarted,
     RunOutcome,
     StopAll,
 )
-from fleet.missions.store import Store
+from fleet.missions.store import RunStore
 from fleet.model.command import Transport
 from tests.fleet.missions.conftest import do
 from tests.fleet.missions.yard import MISSION
@@ -71,7 +71,7 @@ def test_one_robot_refuses_in_prepare(play):
 
 def test_robot_fails_in_a_step(play):
     run = play(do(), do("home"))
-    run.reply("beast", Outcome.FAILED, "its motor stalls")
+    run.reply("beast", PartOutcome.FAILED, "its motor stalls")
     assert ("beast", "stop") in run.begun()
     run.stands("beast").reply("kestrel").reply("rover")
     assert [robot for robot, _ in run.begun()[-2:]] == ["kestrel", "rover"]
@@ -82,7 +82,7 @@ def test_robot_fails_in_a_step(play):
 
 def test_below_its_quorum_the_run_fails(play):
     run = play(do(undo=LAND), on_failure="undo")
-    run.reply("kestrel", Outcome.FAILED, "no")
+    run.reply("kestrel", PartOutcome.FAILED, "no")
     assert run.engine.head.phase is Phase.HALTING
     run.stands(*EVERYBODY)
     assert run.begun()[-3:] == [(robot, "land") for robot in EVERYBODY]
@@ -92,7 +92,7 @@ def test_below_its_quorum_the_run_fails(play):
 
 def test_its_link_falls(play):
     run = play(do(), do("home"))
-    run.take(Left("rover", Outcome.LOST, "no heartbeat for 3 s"))
+    run.take(Left("rover", PartOutcome.LOST, "no heartbeat for 3 s"))
     run.reply("kestrel").reply("beast").reply("kestrel").reply("beast")
     assert run.ended is RunOutcome.WITH_LOSSES
     assert [words for robot, words in run.begun() if robot == "rover"] == ["goto"], "not commanded again"
@@ -100,7 +100,7 @@ def test_its_link_falls(play):
 
 def test_pilot_or_other_operator_takes_it(play):
     run = play(do(undo=LAND), on_failure="undo")
-    run.take(Left("kestrel", Outcome.TAKEN, "authority lost: pilot"))
+    run.take(Left("kestrel", PartOutcome.TAKEN, "authority lost: pilot"))
     run.stands("beast", "rover").reply("beast").reply("rover")
     assert run.ended is RunOutcome.UNDONE
     assert [words for robot, words in run.begun() if robot == "kestrel"] == ["goto"], "no undo for it"
@@ -108,10 +108,10 @@ def test_pilot_or_other_operator_takes_it(play):
 
 def test_emergency_stop_of_one_robot(play):
     run = play(do(), do("home"))
-    run.take(Left("beast", Outcome.STOPPED, "anna"))
+    run.take(Left("beast", PartOutcome.STOPPED, "anna"))
     run.reply("kestrel").reply("rover").reply("kestrel").reply("rover")
     assert run.ended is RunOutcome.WITH_LOSSES
-    assert run.outcomes()["beast"] is Outcome.STOPPED
+    assert run.outcomes()["beast"] is PartOutcome.STOPPED
     assert [words for robot, words in run.begun() if robot == "beast"] == ["goto"]
 
 
@@ -132,7 +132,7 @@ def test_emergency_stop_of_a_group_with_some_of_its_robots(play):
 
 def test_battery_policy_acts(play):
     run = play(do(), do("home"))
-    run.take(Left("rover", Outcome.TAKEN, "return_to_home by battery"))
+    run.take(Left("rover", PartOutcome.TAKEN, "return_to_home by battery"))
     run.reply("kestrel").reply("beast").reply("kestrel").reply("beast")
     assert run.ended is RunOutcome.WITH_LOSSES
     assert [words for robot, words in run.begun() if robot == "rover"] == ["goto"], "its way home goes on"
@@ -143,7 +143,7 @@ def test_require_is_missed_before_a_step(play):
 
     run = play(do(), do("home"), require=Require(battery_min=60))
     run.take(Facts("beast", "ok", 55.0)).reply("kestrel").reply("beast").reply("rover")
-    assert run.outcomes()["beast"] is Outcome.REFUSED
+    assert run.outcomes()["beast"] is PartOutcome.REFUSED
     assert "55 %, 60 % is required" in run.engine.robots.members["beast"].reason
 
 
@@ -161,7 +161,7 @@ def test_edge_process_killed_within_a_step(play, policy):
     run = restarted(play(do(), do("home"), on_restart=policy))
     assert run.begun() == [(robot, "stop") for robot in EVERYBODY], "a begun step is never begun again"
     assert {part.outcome for part in run.engine.robots.parts.values() if part.kind == "do"} == {
-        Outcome.UNKNOWN
+        PartOutcome.UNKNOWN
     }
     run.stands(*EVERYBODY).take(Answer(1, goes_on=True, by="anna"))
     assert run.begun()[3:] == [(robot, "goto") for robot in EVERYBODY]
@@ -173,7 +173,7 @@ def test_edge_process_killed_within_the_last_step(play):
     run.stands(*EVERYBODY).take(Answer(1, goes_on=True, by="anna"))
     assert run.ended is RunOutcome.WITH_LOSSES, "nobody saw that it was completed"
     assert {(each.outcome, each.reason) for each in run.engine.robots.members.values()} == {
-        (Outcome.UNKNOWN, "nobody saw how step go.1 ended")
+        (PartOutcome.UNKNOWN, "nobody saw how step go.1 ended")
     }
 
 
@@ -192,7 +192,7 @@ def test_edge_process_killed_with_on_restart_fail(play):
 
 def test_edge_process_killed_while_it_is_undone(play):
     run = play(do(undo=LAND), on_failure="undo")
-    run.reply("kestrel", Outcome.FAILED, "no").stands(*EVERYBODY)
+    run.reply("kestrel", PartOutcome.FAILED, "no").stands(*EVERYBODY)
     restarted(run)
     assert run.ended is RunOutcome.UNDO_FAILED
     assert run.begun() == [], "what may still be landing is left to it"
@@ -201,7 +201,7 @@ def test_edge_process_killed_while_it_is_undone(play):
 def test_what_lands_is_not_broken_off(play):
     land = {"eye": (Act("command", "land", timeout=60.0),), "feet": (Act("goto", [1, 1], timeout=60.0),)}
     run = play(do(acts=land))
-    run.take(Left("beast", Outcome.LOST, "x")).take(Left("rover", Outcome.LOST, "x"))
+    run.take(Left("beast", PartOutcome.LOST, "x")).take(Left("rover", PartOutcome.LOST, "x"))
     assert run.ended is None, "it waits for the landing"
     assert run.begun()[-1] == ("rover", "goto"), "nobody is stopped"
     run.reply("kestrel")
@@ -220,7 +220,7 @@ def test_a_place_is_not_free_in_time(play):
 
 def test_a_robot_is_lost_that_has_a_spare(play):
     run = play(do(), do("home"), spares={"spot": "feet"}, quorum={"feet": 2})
-    run.take(Left("beast", Outcome.LOST, "gone")).reply("kestrel").reply("rover")
+    run.take(Left("beast", PartOutcome.LOST, "gone")).reply("kestrel").reply("rover")
     run.take(Enlisted("spot")).reply("kestrel").reply("rover").reply("spot")
     assert run.ended is RunOutcome.WITH_LOSSES
     assert run.outcomes()["spot"] == "done"
@@ -228,8 +228,8 @@ def test_a_robot_is_lost_that_has_a_spare(play):
 
 def test_undo_fails(play):
     run = play(do(undo=LAND), on_failure="undo")
-    run.reply("kestrel", Outcome.FAILED, "no").stands(*EVERYBODY)
-    run.reply("beast", Outcome.REFUSED, "it has a fault").stands("beast").reply("kestrel").reply("rover")
+    run.reply("kestrel", PartOutcome.FAILED, "no").stands(*EVERYBODY)
+    run.reply("beast", PartOutcome.REFUSED, "it has a fault").stands("beast").reply("kestrel").reply("rover")
     assert run.ended is RunOutcome.UNDO_FAILED
     assert "beast could not undo go.1: it has a fault" in run.engine.head.reason
 
@@ -247,7 +247,7 @@ def test_bus_partition_two_edges(play):
     run = play(do(failed_do="land"), do("home"))
     leases = CoordinatorLeases()
     leases.grant(LeaseAsk("run", "yard", {"rover": run.program.steps[0].failed_do}), 0.0)
-    run.take(Left("rover", Outcome.LOST, "edge barn does not answer"))
+    run.take(Left("rover", PartOutcome.LOST, "edge barn does not answer"))
     assert [(each.robot, each.do) for each in leases.lapsed(LAPSES_AFTER)] == [("rover", "land")]
     assert "rover" not in [robot for robot, _ in run.begun()[3:]]
     run.reply("kestrel").reply("beast").reply("kestrel").reply("beast")
@@ -276,7 +276,7 @@ def test_computer_power_cut(yard, tmp_path_factory):
     folder = tmp_path_factory.mktemp("disk")
     for file in yard.folder.iterdir():  # as it is on the disk at this instant: nothing is closed
         shutil.copy(file, folder)
-    (kept,) = Store(folder).unfinished()
+    (kept,) = RunStore(folder).unfinished()
     yard.folder = folder
     yard.begin()
     for robot in yard.robots.values():
@@ -322,7 +322,7 @@ def test_mission_is_edited_or_a_robot_is_removed(yard):
     yard.turn()
     robots = {each.robot: (each.outcome, each.reason) for each in yard.last.robots}
     assert robots["beast"] == ("lost", "fleet.yaml has it no more")
-    (kept,) = Store(yard.folder).unfinished()
+    (kept,) = RunStore(yard.folder).unfinished()
     assert [step.id for step in kept.program.steps] == ["up", "go"], "the run has a copy of its own"
 
 
@@ -338,7 +338,7 @@ def test_a_mission_within_the_mission_fails(play):
     inner = do("in.go", acts={"in.all": (Act("goto", [1, 1], timeout=60.0),)})
     plays = {"beast": {"in.a": 0, "in.all": 0}}
     run = play(enter, inner, Leave(0, "in"), do("home"), plays=plays, quorum={"eye": 1})
-    run.reply("beast", Outcome.FAILED, "no").stands("beast").reply("kestrel").reply("rover")
+    run.reply("beast", PartOutcome.FAILED, "no").stands("beast").reply("kestrel").reply("rover")
     assert run.ended is RunOutcome.WITH_LOSSES
     assert run.outcomes()["beast"] == "failed"
 

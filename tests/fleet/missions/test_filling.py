@@ -7,7 +7,7 @@ from fleet.errors import Refused
 from fleet.missions.filling import Filling, members_of, needs_of
 from fleet.missions.plan import plans_taken
 from fleet.missions.report import StartAsk
-from fleet.missions.roles import Candidate
+from fleet.missions.roles import RoleCandidate
 from fleet.missions.state import Facts
 
 SCAN = {
@@ -26,7 +26,7 @@ OUTER = {
 
 
 def robot(name, *can, battery=80.0):
-    return Candidate(name, "ugv", frozenset(can), Facts(name, "ok", battery))
+    return RoleCandidate(name, "ugv", frozenset(can), Facts(name, "ok", battery))
 
 
 def fill(*robots, scan=SCAN, outer=OUTER):

@@ -3,13 +3,13 @@ import pytest
 from fleet.errors import Refused
 from fleet.missions.model import CountConfig, RoleConfig
 from fleet.missions.program import Require
-from fleet.missions.roles import Candidate, filled, runs_in_the_way
+from fleet.missions.roles import RoleCandidate, filled, runs_in_the_way
 from fleet.missions.state import Facts
 
 
 def robot(name, kind="ugv", *, can=("goto",), battery=80.0, groups=(), trouble="", health="ok", run=""):
     facts = Facts(name, health, battery)
-    return Candidate(name, kind, frozenset(can), facts, frozenset(groups), trouble, run)
+    return RoleCandidate(name, kind, frozenset(can), facts, frozenset(groups), trouble, run)
 
 
 def role(least=1, most=1, **fields):

@@ -2,7 +2,7 @@
 
 from fleet.missions.observed import SHOWN_WITHIN
 from fleet.missions.report import ControlAsk
-from fleet.missions.store import Store
+from fleet.missions.store import RunStore
 
 TOGETHER = {
     "version": 1,
@@ -19,7 +19,7 @@ def test_all_are_prepared_recorded_and_then_begin_at_one_instant(yard):
     (start,) = yard.starts
     assert sorted(start.told) == ["beast", "kestrel"]
     assert yard.robots["kestrel"].names == yard.robots["beast"].names == [], "nobody moves before"
-    (kept,) = Store(yard.folder).unfinished()
+    (kept,) = RunStore(yard.folder).unfinished()
     assert sorted(part.identity for part in kept.parts) == ["3f2a/go.1/beast/1", "3f2a/go.1/kestrel/1"]
     start.instant()
     for robot in ("kestrel", "beast"):

@@ -9,7 +9,7 @@ from fleet.errors import Refused
 from fleet.missions.filling import rehearse_command
 from fleet.missions.report import ControlAsk, StartAsk
 from fleet.missions.runs import BACK_WITHIN, JOIN_WITHIN
-from fleet.missions.store import Store
+from fleet.missions.store import RunStore
 from fleet.model.command import Transport
 from tests.fleet.missions.yard import MISSION
 
@@ -49,7 +49,7 @@ def test_what_is_begun_is_on_disk_before_the_robot_hears_of_it(yard):
     assert yard.robots["kestrel"].names == [], "the disk has not said so yet"
     yard.settle()
     assert yard.robots["kestrel"].names == ["takeoff"]
-    (kept,) = Store(yard.folder).unfinished()
+    (kept,) = RunStore(yard.folder).unfinished()
     assert [part.identity for part in kept.parts] == ["3f2a/up.1/kestrel/1"]
 
 

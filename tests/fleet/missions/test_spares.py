@@ -6,7 +6,7 @@ from fleet.missions.state import (
     Enlisted,
     Facts,
     Left,
-    Outcome,
+    PartOutcome,
     Phase,
     RunOutcome,
     StopAll,
@@ -27,7 +27,7 @@ MISSION = {
 def lost(play, spares=SPARES):
     """Play a run whose beast is lost in the first step, and whose step is over."""
     run = play(do(), do("home"), spares=spares, quorum={"eye": 1, "feet": 2})
-    run.take(Left("beast", Outcome.LOST, "no heartbeat"))
+    run.take(Left("beast", PartOutcome.LOST, "no heartbeat"))
     assert run.engine.head.phase is Phase.STEP, "it may still come to its quorum"
     return run.reply("kestrel").reply("rover")
 
@@ -82,14 +82,16 @@ def test_one_that_joins_too_late_is_given_back(play):
 
 def test_one_that_does_not_have_what_is_required_any_more_is_not_asked(play):
     run = play(do(), do("home"), spares=SPARES, quorum={"eye": 1})
-    run.take(Facts("spot", "fault")).take(Left("beast", Outcome.LOST, "gone")).reply("kestrel").reply("rover")
+    run.take(Facts("spot", "fault")).take(Left("beast", PartOutcome.LOST, "gone")).reply("kestrel").reply(
+        "rover"
+    )
     assert run.of(Enlist) == []
     assert run.begun()[-2:] == [("kestrel", "goto"), ("rover", "goto")]
 
 
 def test_a_spare_of_another_role_is_not_asked(play):
     run = play(do(), do("home"), spares={"spot": "feet"}, quorum={"feet": 2})
-    run.take(Left("kestrel", Outcome.LOST, "gone")).reply("beast").reply("rover")
+    run.take(Left("kestrel", PartOutcome.LOST, "gone")).reply("beast").reply("rover")
     assert run.of(Enlist) == []
 
 

@@ -3,7 +3,18 @@
 import pytest
 
 from fleet.missions.program import Act, Enter, Leave, Require, Wait
-from fleet.missions.state import Abort, Answer, Facts, Hold, Left, Outcome, Pause, Phase, Resume, RunOutcome
+from fleet.missions.state import (
+    Abort,
+    Answer,
+    Facts,
+    Hold,
+    Left,
+    PartOutcome,
+    Pause,
+    Phase,
+    Resume,
+    RunOutcome,
+)
 from tests.fleet.missions.conftest import do
 
 LAND = (Act("command", "land", timeout=60.0),)
@@ -43,13 +54,13 @@ def test_only_its_robots_carry_it_out_and_then_the_run_goes_on(run):
 
 def test_a_robot_that_it_can_do_without_is_lost_alone(run):
     found = run(go())
-    found.reply("rover", Outcome.FAILED, "its motor stalls").stands("rover").reply("beast")
+    found.reply("rover", PartOutcome.FAILED, "its motor stalls").stands("rover").reply("beast")
     assert found.begun()[-2:] == [("kestrel", "land"), ("beast", "land")]
 
 
 def test_when_it_fails_its_robots_have_failed_and_the_others_go_on(run):
     found = run(go(), go("in.on"))
-    found.reply("beast", Outcome.FAILED, "its motor stalls")
+    found.reply("beast", PartOutcome.FAILED, "its motor stalls")
     assert found.outcomes() == {"kestrel": None, "beast": "failed", "rover": "failed"}
     assert ("kestrel", "land") not in found.begun(), "nobody goes on before they stand"
     found.stands("beast", "rover")
@@ -63,13 +74,13 @@ def test_when_it_fails_its_robots_have_failed_and_the_others_go_on(run):
 
 def test_what_the_step_that_carries_it_says_of_failed_robots_is_done(run):
     found = run(go(), failed_do="land")
-    found.take(Left("beast", Outcome.LOST, "no heartbeat"))
+    found.take(Left("beast", PartOutcome.LOST, "no heartbeat"))
     assert found.begun()[-1] == ("rover", "land")
 
 
 def test_a_person_is_asked_whether_to_go_on_without_it(run):
     found = run(go(), then="wait")
-    found.reply("beast", Outcome.FAILED, "no").stands("beast", "rover")
+    found.reply("beast", PartOutcome.FAILED, "no").stands("beast", "rover")
     assert found.engine.head.phase is Phase.ASKING
     assert "Continue without it?" in found.engine.head.question.text
     found.take(Answer(1, goes_on=True, by="anna"))
@@ -80,7 +91,7 @@ def test_a_person_is_asked_whether_to_go_on_without_it(run):
 def test_the_run_fails_with_it_where_it_cannot_do_without_its_robots(run, options):
     outer = {"quorum": options["quorum"]} if "quorum" in options else {}
     found = run(go(undo={"in.all": LAND}), on_failure="undo", then=options.get("then", "continue"), **outer)
-    found.reply("beast", Outcome.FAILED, "no").stands("beast", "rover", "kestrel")
+    found.reply("beast", PartOutcome.FAILED, "no").stands("beast", "rover", "kestrel")
     assert found.begun()[-2:] == [("beast", "land"), ("rover", "land")], "its steps are undone too"
     found.reply("beast").reply("rover")
     assert found.ended is RunOutcome.UNDONE
@@ -111,7 +122,7 @@ def test_a_run_that_has_lost_its_robots_does_not_begin_it(play):
     steps = inner(go())
     found = play(do("first"), Enter("in", "scan", "in.all", 4, {"in.a": 1}), *steps[1:2], Leave(1, "in"))
     found.engine.robots.members["beast"].plays = {"in.a": 0, "in.all": 0}
-    found.take(Left("beast", Outcome.LOST, "gone")).reply("kestrel").reply("rover")
+    found.take(Left("beast", PartOutcome.LOST, "gone")).reply("kestrel").reply("rover")
     assert found.ended is RunOutcome.WITH_LOSSES
     assert [words for _, words in found.begun()].count("goto") == 3
 
@@ -149,7 +160,7 @@ def test_who_follows_follows_until_the_others_are_through(play, finish):
     run.reply("kestrel")
     assert ("beast", "stop") in run.begun()
     run.stands("beast", "rover")
-    assert {part.outcome for part in run.engine.robots.parts_of("round.1")} == {Outcome.DONE}
+    assert {part.outcome for part in run.engine.robots.parts_of("round.1")} == {PartOutcome.DONE}
     for robot in ("kestrel", "beast", "rover"):
         run.reply(robot, words="land")
     assert run.ended is RunOutcome.COMPLETED
@@ -157,9 +168,13 @@ def test_who_follows_follows_until_the_others_are_through(play, finish):
 
 def test_who_follows_has_failed_when_the_robot_ahead_is_lost(play):
     run = play(following(), quorum={"eye": 0, "feet": 0})
-    run.take(Left("kestrel", Outcome.TAKEN, "a pilot has it"))
+    run.take(Left("kestrel", PartOutcome.TAKEN, "a pilot has it"))
     outcomes = run.outcomes()
-    assert outcomes == {"kestrel": Outcome.TAKEN, "beast": Outcome.FAILED, "rover": Outcome.FAILED}
+    assert outcomes == {
+        "kestrel": PartOutcome.TAKEN,
+        "beast": PartOutcome.FAILED,
+        "rover": PartOutcome.FAILED,
+    }
     assert run.engine.robots.members["beast"].reason == "it followed kestrel, which is out of the run"
     assert ("beast", "stop") in run.begun()
     assert ("kestrel", "stop") not in run.begun(), "it is not ours any more"
@@ -167,21 +182,21 @@ def test_who_follows_has_failed_when_the_robot_ahead_is_lost(play):
 
 def test_a_step_that_says_so_ends_the_run_when_the_robot_ahead_fails(play):
     run = play(following(failed_then="fail"), quorum={"eye": 0, "feet": 0})
-    run.reply("kestrel", Outcome.FAILED, "the motor stopped").stands("kestrel", "beast", "rover")
+    run.reply("kestrel", PartOutcome.FAILED, "the motor stopped").stands("kestrel", "beast", "rover")
     assert run.ended is RunOutcome.FAILED
 
 
 def test_one_that_cannot_follow_any_more_has_failed_alone(play):
     run = play(following(), quorum={"eye": 1, "feet": 1})
-    run.reply("beast", Outcome.FAILED, "kestrel has not reported its position for 2.1 s")
-    assert run.outcomes() == {"kestrel": None, "beast": Outcome.FAILED, "rover": None}
+    run.reply("beast", PartOutcome.FAILED, "kestrel has not reported its position for 2.1 s")
+    assert run.outcomes() == {"kestrel": None, "beast": PartOutcome.FAILED, "rover": None}
     assert doing(run) == {"kestrel": ("goto", [1, 1]), "rover": ("follow", "kestrel")}
 
 
 def test_with_nobody_left_to_follow_it_is_not_begun(play):
     run = play(Wait("rest", 5.0), following(), quorum={"eye": 0, "feet": 0})
-    run.take(Left("kestrel", Outcome.LOST, "gone")).wait(6.0)
-    assert run.outcomes()["beast"] is Outcome.REFUSED
+    run.take(Left("kestrel", PartOutcome.LOST, "gone")).wait(6.0)
+    assert run.outcomes()["beast"] is PartOutcome.REFUSED
     assert not doing(run)
 
 

@@ -6,8 +6,8 @@ import sqlite3
 import pytest
 
 from fleet.missions.program import Act, Program, Wait
-from fleet.missions.state import Head, Member, Note, Part, Phase, RunOutcome, UndoableStep
-from fleet.missions.store import MISSIONS, About, Change, Store
+from fleet.missions.state import Head, LogNote, Member, Part, Phase, RunOutcome, UndoableStep
+from fleet.missions.store import MISSIONS, About, RunChange, RunStore
 
 ABOUT = About("r1", "patrol", "ab12", 1000.0, "anna", inputs={"height": 5})
 PROGRAM = Program("patrol", (Wait("rest", 5.0),), {"eye": 1})
@@ -22,7 +22,7 @@ def store(tmp_path):
     def store():
         while opened:
             opened.pop().close()
-        opened.append(Store(tmp_path))
+        opened.append(RunStore(tmp_path))
         return opened[-1]
 
     yield store
@@ -34,7 +34,7 @@ def save(store, head, touched=(), notes=(), *, new=False, run="r1"):
     """Record a change; returns whether it is on disk."""
     done = queue.Queue()
     about = ABOUT if new else None
-    change = Change(run, head, touched, notes, 1000.0, 1.5, about, PROGRAM if new else None)
+    change = RunChange(run, head, touched, notes, 1000.0, 1.5, about, PROGRAM if new else None)
     store.save(change, done.put)
     return done.get(timeout=60)
 
@@ -43,7 +43,7 @@ def test_a_run_is_found_as_it_was_by_the_next_process(store):
     first = store()
     head = Head(Phase.STEP, at=1, begun=[UndoableStep(0, "up.1")], loops={"0": 2})
     member = Member("kestrel", "eye", 0)
-    assert save(first, head, [member, PART], [Note("takeoff begun", "kestrel", "up.1")], new=True)
+    assert save(first, head, [member, PART], [LogNote("takeoff begun", "kestrel", "up.1")], new=True)
     (kept,) = store().unfinished()
     assert (kept.about, kept.program, kept.head) == (ABOUT, PROGRAM, head)
     assert (kept.members, kept.parts, kept.elapsed) == ([member], [PART], 1.5)
@@ -51,8 +51,8 @@ def test_a_run_is_found_as_it_was_by_the_next_process(store):
 
 def test_an_ended_run_is_history_with_its_story(store):
     first = store()
-    save(first, Head(), [Member("kestrel", "eye", 0)], [Note("one")], new=True)
-    save(first, Head(Phase.ENDED, outcome=RunOutcome.ABORTED), notes=[Note("two")])
+    save(first, Head(), [Member("kestrel", "eye", 0)], [LogNote("one")], new=True)
+    save(first, Head(Phase.ENDED, outcome=RunOutcome.ABORTED), notes=[LogNote("two")])
     second = store()
     assert second.unfinished() == []
     told = queue.Queue()
@@ -110,7 +110,7 @@ def test_only_so_many_ended_runs_are_kept(store, monkeypatch):
         about = About(run, "patrol", "", 1000.0 + number)
         done = queue.Queue()
         head = Head(Phase.ENDED, outcome=RunOutcome.COMPLETED)
-        change = Change(run, head, [], [Note("x")], 1000.0 + number, 0.0, about, PROGRAM)
+        change = RunChange(run, head, [], [LogNote("x")], 1000.0 + number, 0.0, about, PROGRAM)
         opened.save(change, done.put)
         assert done.get(timeout=60)
     told = queue.Queue()

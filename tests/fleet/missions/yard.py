@@ -7,10 +7,10 @@ import msgspec
 from fleet.config.missions import mission_of
 from fleet.missions.points import SiteMap
 from fleet.missions.report import StartAsk
-from fleet.missions.roles import Candidate
+from fleet.missions.roles import RoleCandidate
 from fleet.missions.runs import Runs
 from fleet.missions.state import Facts
-from fleet.missions.store import Store
+from fleet.missions.store import RunStore
 from fleet.model.command import Reply, ReplyStatus, Request, Transport
 from fleet.model.geodesy import GeoOrigin
 from fleet.model.geometry import Vector3
@@ -143,13 +143,13 @@ class Yard:
         """Be another process with the same disk."""
         if self.store is not None:
             self.store.close()
-        self.store = Store(self.folder)
+        self.store = RunStore(self.folder)
         self.soon.clear()
         self.runs = Runs(
             "yard",
             self.robots,
             candidates=lambda: [
-                Candidate(name, "toy", frozenset(self.can), Facts(name, "ok", 80.0), run=robot.now.run)
+                RoleCandidate(name, "toy", frozenset(self.can), Facts(name, "ok", 80.0), run=robot.now.run)
                 for name, robot in self.robots.items()
             ],
             allowed=lambda robot, origin, _commands, _navigates: self.denied.get((robot, origin.transport)),

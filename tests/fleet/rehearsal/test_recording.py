@@ -1,7 +1,7 @@
 """What is noted of a rehearsal: where robots went, and the nearest that they came to each other."""
 
 from fleet.host.safety.separation import Occupant
-from fleet.missions.rehearsal import Approach, RehearsedTrack
+from fleet.missions.rehearsal import ClosestApproach, RehearsedTrack
 from fleet.model.geometry import Vector3
 from fleet.rehearsal.recording import MOST_POINTS, Distances, Tracks
 
@@ -40,8 +40,8 @@ def test_who_comes_nearer_than_both_radii_is_too_near_and_who_began_so_is_not():
 def test_the_nearest_approach_of_each_pair_is_kept_with_its_moment_the_nearest_pair_first():
     looks = [(t, [at("a", t), at("b", 5.0), at("c", 7.04)]) for t in (1.0, 4.0, 6.0)]
     assert nearest(*looks) == (
-        Approach(("a", "b"), 1.0, 4.0, 0.8),
-        Approach(("a", "c"), 1.04, 6.0, 0.8),
+        ClosestApproach(("a", "b"), 1.0, 4.0, 0.8),
+        ClosestApproach(("a", "c"), 1.04, 6.0, 0.8),
     )
 
 

@@ -20,7 +20,7 @@ from fleet.model.state import EdgeState, RobotState
 from fleet.record.file import RecordingFile
 from fleet.record.messages import Message, report_messages
 from fleet.record.samples import event_message
-from fleet.replay.player import Window, play, replay_directory
+from fleet.replay.player import PlayedWindow, play, replay_directory
 from fleet.runtime.decoding import decode_json
 from fleet.testing.waiting import DEADLINE
 from fleet.wire.databus import decode_report, encode_report
@@ -78,7 +78,7 @@ async def test_its_reports_are_put_in_their_order_and_time_with_a_stamp_of_now(p
         bus.reports.subscribe(f"cw/{TWIN}/data/battery", lambda _key, data: heard.append(data))
 
     began = time.time()
-    await played(Window(speed=5.0), look=look)
+    await played(PlayedWindow(speed=5.0), look=look)
     reports = [decode_report("battery", each) for each in heard]
     percents = [report.percent for report in reports]
     assert percents == sorted(percents, reverse=True)
@@ -88,7 +88,7 @@ async def test_its_reports_are_put_in_their_order_and_time_with_a_stamp_of_now(p
 
 
 async def test_a_window_begins_with_what_was_so_before(played):
-    count, _ = await played(Window(start=3.0, length=1.5, speed=10.0))
+    count, _ = await played(PlayedWindow(start=3.0, length=1.5, speed=10.0))
     assert count == 7  # state, health, stop, charge and event before it, and two charges in it
 
 
@@ -101,7 +101,7 @@ def playing(recording, directory):
         running = asyncio.create_task(
             play(
                 recording,
-                Window(speed=0.01),
+                PlayedWindow(speed=0.01),
                 directory,
                 ended,
                 SystemClock(),
@@ -174,4 +174,4 @@ def test_the_folder_of_its_sockets_is_one_where_nobody_looks_for_edges(directory
 
 async def test_a_window_with_nothing_in_it_is_told(played):
     with pytest.raises(StateError, match="nothing in that window"):
-        await played(Window(start=100.0))
+        await played(PlayedWindow(start=100.0))

@@ -17,13 +17,18 @@ from fleet.errors import StateError, StateNewer
 from fleet.history import reader as history_look
 from fleet.history.event_filter import EventFilter
 from fleet.history.store import HISTORY, History
-from fleet.host.journal.execution_journal import FORMAT, ExecutionJournal, Started, execution_journal_file
+from fleet.host.journal.execution_journal import (
+    FORMAT,
+    ExecutionJournal,
+    StartedCommand,
+    execution_journal_file,
+)
 from fleet.host.journal.journal import Journal
 from fleet.host.journal.journal_file import LOST
 from fleet.model.event import EventKind, EventReport
 from fleet.runtime.state_format import format_of, refuse_newer
 from fleet.spool import inspection as spool_look
-from fleet.spool.message import Outcome
+from fleet.spool.message import DeliveryOutcome
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.spool.state_folder import JOURNAL, SPOOL
 from fleet.testing.clock import ManualClock
@@ -98,7 +103,7 @@ def delivered(folder, clock):
 
     def nothing_waits():
         batch = spool.take(clock.monotonic(), window=100, reserve=0, size=10**6)
-        spool.settle([(message, Outcome.ACKED) for message in batch])
+        spool.settle([(message, DeliveryOutcome.ACKED) for message in batch])
         sent.extend((message.topic, message.payload) for message in batch)
         return not spool.waiting
 
@@ -214,8 +219,8 @@ def test_begun_commands_begin_with_their_format(tmp_path):
     begun = ExecutionJournal(tmp_path / "begun-yard-1.main")
     for identity in ("r1", "r2"):
         begun.clear()
-        begun.add(Started("rex", identity, "land", False, 1.0))
-        begun.add(Started("rex", identity, "land", False, 2.0))
+        begun.add(StartedCommand("rex", identity, "land", False, 1.0))
+        begun.add(StartedCommand("rex", identity, "land", False, 2.0))
         content = (tmp_path / "begun-yard-1.main").read_bytes().partition(b"\0")[0]
         assert [json.loads(line)[0] for line in content.splitlines()] == ["format", "begin", "begin"]
         assert json.loads(content.splitlines()[0]) == ["format", FORMAT]

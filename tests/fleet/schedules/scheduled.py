@@ -9,7 +9,7 @@ from pathlib import Path
 from fleet.schedules import runner
 from fleet.schedules.model import ScheduleConfig
 from fleet.schedules.runner import Schedules, StartResult
-from fleet.schedules.store import Store
+from fleet.schedules.store import FiringStore
 
 SPEED = 100.0
 
@@ -63,7 +63,7 @@ async def main(folder, began):
         events.flush()
 
     schedules = Schedules(
-        configs, Store(folder), Runs(folder / "runs"), clock=FastClock(began), tell=tell, stopped=dict
+        configs, FiringStore(folder), Runs(folder / "runs"), clock=FastClock(began), tell=tell, stopped=dict
     )
     await schedules.begin()
     await schedules.run()

@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from fleet.schedules.store import DUE, SKIPPED, STARTED, Store
+from fleet.schedules.store import DUE, SKIPPED, STARTED, FiringStore
 from fleet.testing.waiting import wait_until
 
 KILLS = int(os.environ.get("FLEET_SOAK_KILLS", "5"))
@@ -32,7 +32,7 @@ def test_firings_are_neither_lost_nor_doubled_by_kills_at_random_instants(tmp_pa
             process.send_signal(signal.SIGKILL if kill < KILLS else signal.SIGINT)
     keys = started()
     assert len(keys) == len(set(keys)), "a firing was started twice"
-    store = Store(tmp_path)
+    store = FiringStore(tmp_path)
     for name, every in (("often", 10.0), ("seldom", 70.0)):
         firings = list(reversed(store.last(name, 1000)))
         known = {firing.key for firing in firings}

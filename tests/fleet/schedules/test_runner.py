@@ -10,7 +10,7 @@ from fleet.model.event import EventKind, EventReport
 from fleet.model.schedule import Firing
 from fleet.schedules.model import ScheduleConfig
 from fleet.schedules.runner import Schedules, StartResult, next_of
-from fleet.schedules.store import DUE, SKIPPED, STARTED, Store
+from fleet.schedules.store import DUE, SKIPPED, STARTED, FiringStore
 from fleet.schedules.triggers import Trigger, firings
 from fleet.testing.clock import ManualClock
 
@@ -51,7 +51,7 @@ class Yard:
     async def serve(self, *, afresh=False, **configs):
         """Begin a process with these schedules."""
         self.configs = {name: ScheduleConfig(mission="patrol", **each) for name, each in configs.items()}
-        self.store = Store(self.folder)
+        self.store = FiringStore(self.folder)
         self.schedules = Schedules(
             self.configs,
             self.store,
@@ -260,7 +260,7 @@ async def test_what_cannot_be_recorded_is_not_started_and_told(yard, monkeypatch
     def full(*_):
         raise StateError("the disk is full")
 
-    monkeypatch.setattr(Store, "record", full)
+    monkeypatch.setattr(FiringStore, "record", full)
     await yard.after(3600.0)
     assert yard.runs.wanted == []
     assert yard.told() == ["schedule dawn: skipped: it cannot be recorded: the disk is full"]

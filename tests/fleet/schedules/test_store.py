@@ -5,12 +5,12 @@ import threading
 import pytest
 
 from fleet.errors import StateError
-from fleet.schedules.store import Store
+from fleet.schedules.store import FiringStore
 from fleet.testing.waiting import DEADLINE
 
 
 def test_closing_waits_for_the_thread_that_uses_it_and_later_use_is_refused(tmp_path):
-    store = Store(tmp_path)
+    store = FiringStore(tmp_path)
     closing = threading.Thread(target=store.close)
     with store._writing() as database:
         closing.start()

@@ -1,7 +1,7 @@
 import pytest
 
 from fleet.spool.losses import Reason
-from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.message import DeliveryOutcome, Outgoing
 from fleet.spool.queue import NEWEST_FIRST, SpoolQueue
 from fleet.spool.spool import AGES, Spool, SpoolSettings
 from fleet.testing.clock import ManualClock
@@ -36,7 +36,7 @@ class Opened:
     def send(self):
         """Send and acknowledge what may go now."""
         batch = self.spool.take(self.clock.monotonic(), window=100, reserve=0, size=10**6)
-        self.spool.settle([(message, Outcome.ACKED) for message in batch])
+        self.spool.settle([(message, DeliveryOutcome.ACKED) for message in batch])
         return [(message.topic, message.payload) for message in batch]
 
     def drain(self):
@@ -75,7 +75,7 @@ class Bench:
     def take(self, window=100, reserve=0):
         return self.queue.take(self.now, window=window, reserve=reserve, size=10**6)
 
-    def send(self, window=100, outcome=Outcome.ACKED):
+    def send(self, window=100, outcome=DeliveryOutcome.ACKED):
         """Send what may go and have the broker answer; return the payloads."""
         batch = self.take(window)
         for message in batch:

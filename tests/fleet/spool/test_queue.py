@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from fleet.spool.losses import Reason
-from fleet.spool.message import OVERHEAD, Outcome
+from fleet.spool.message import OVERHEAD, DeliveryOutcome
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import AGES
 from fleet.wire.rules import TrafficClass
@@ -48,7 +48,7 @@ def test_a_topic_that_nobody_hears_is_tried_again_ever_more_slowly_and_others_go
     bench.put("deaf")
     tried = []
     for _ in range(600):
-        tried += [bench.now] * len(bench.send(outcome=Outcome.HELD))
+        tried += [bench.now] * len(bench.send(outcome=DeliveryOutcome.HELD))
         bench.now += 0.1
         bench.queue.tick(bench.now, bench.wall)
     waits = [round(after - before) for before, after in pairwise(tried)]
@@ -62,12 +62,12 @@ def test_what_waits_for_somebody_to_hear_it_is_counted_apart(make_bench):
     for topic in ("deaf", "deaf", "deaf", "heard"):
         bench.put(topic)
     deaf, heard = bench.take()
-    bench.queue.settle(deaf, Outcome.HELD, bench.now, bench.wall)
+    bench.queue.settle(deaf, DeliveryOutcome.HELD, bench.now, bench.wall)
     assert (bench.queue.waiting, bench.queue.unheard) == (3, 3)
-    bench.queue.settle(heard, Outcome.ACKED, bench.now, bench.wall)
+    bench.queue.settle(heard, DeliveryOutcome.ACKED, bench.now, bench.wall)
     bench.now += 60.0
     bench.queue.tick(bench.now, bench.wall)
-    bench.queue.settle(bench.take()[0], Outcome.ACKED, bench.now, bench.wall)
+    bench.queue.settle(bench.take()[0], DeliveryOutcome.ACKED, bench.now, bench.wall)
     assert (bench.queue.waiting, bench.queue.unheard) == (2, 0)
 
 
@@ -76,14 +76,14 @@ def test_somebody_who_comes_back_hears_all_topics_at_once(make_bench):
     for topic in "ab":
         bench.put(topic)
     for _ in range(6):
-        bench.send(outcome=Outcome.HELD)
+        bench.send(outcome=DeliveryOutcome.HELD)
         bench.now += 20.0
         bench.queue.tick(bench.now, bench.wall)
     first = bench.take(window=1)
     assert bench.queue.held == 0
-    bench.queue.settle(first[0], Outcome.HELD, bench.now, bench.wall)
+    bench.queue.settle(first[0], DeliveryOutcome.HELD, bench.now, bench.wall)
     (second,) = bench.take()
-    bench.queue.settle(second, Outcome.ACKED, bench.now, bench.wall)
+    bench.queue.settle(second, DeliveryOutcome.ACKED, bench.now, bench.wall)
     bench.queue.tick(bench.now, bench.wall)
     assert [message.topic for message in bench.take()] == [first[0].topic]
 
@@ -151,7 +151,7 @@ def test_a_refused_message_is_lost_and_counted_and_the_next_goes(make_bench):
     bench = make_bench(messages=100).online()
     bench.put()
     bench.put()
-    assert bench.send(outcome=Outcome.REFUSED) == [b"0"]
+    assert bench.send(outcome=DeliveryOutcome.REFUSED) == [b"0"]
     assert bench.send() == [b"1"]
     assert bench.queue.losses.total == 1
 
@@ -163,7 +163,7 @@ def test_an_inbox_that_was_answered_is_forgotten(make_bench):
     bench.send()
     assert bench.queue._queues == {}
     bench.put("gone", REPLY)
-    bench.send(outcome=Outcome.HELD)
+    bench.send(outcome=DeliveryOutcome.HELD)
     bench.now += AGES[REPLY]
     bench.queue.tick(bench.now, bench.wall)
     bench.take()

@@ -3,7 +3,7 @@
 import pytest
 
 from fleet.spool.losses import Reason
-from fleet.spool.message import Outcome
+from fleet.spool.message import DeliveryOutcome
 from fleet.spool.topic_queues import LOW_IN_NEED
 from fleet.spool.unwritten import GRACE
 from fleet.wire.rules import TrafficClass
@@ -86,7 +86,7 @@ def test_what_was_under_way_when_the_disk_could_be_read_at_last_is_not_fetched_f
     flying = bench.take()
     bench.look(there=True)
     bench.disk()
-    bench.queue.settle(flying[0], Outcome.ACKED, bench.now, bench.wall)
+    bench.queue.settle(flying[0], DeliveryOutcome.ACKED, bench.now, bench.wall)
     assert bench.drain() == [*numbers(0, 3), b"4"]
     assert (bench.queue.on_disk, bench.queue.waiting, bench.rows) == (0, 0, {})
 
@@ -153,7 +153,7 @@ def test_what_is_evicted_from_disk_is_lost_unless_it_is_under_way(make_bench):
     removed = [bench.rows.pop(seq).seq for seq in sorted(bench.rows)[:6]]
     bench.queue.disk.removed("t", removed, Reason.ROOM, bench.wall)
     assert [(gap.reason, gap.lost) for gap in bench.queue.losses.take()] == [(Reason.ROOM, 5)]
-    bench.queue.settle(flying[0], Outcome.ACKED, bench.now, bench.wall)
+    bench.queue.settle(flying[0], DeliveryOutcome.ACKED, bench.now, bench.wall)
     assert bench.drain() == numbers(6, 8)
 
 

@@ -13,7 +13,7 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from fleet.spool.message import Outcome
+from fleet.spool.message import DeliveryOutcome
 from fleet.spool.topic_queues import LOW_IN_NEED
 from fleet.wire.rules import TrafficClass
 
@@ -78,7 +78,7 @@ class Life(RuleBasedStateMachine):
             count = len(self.flying)
         answered, self.flying = self.flying[:count], self.flying[count:]
         for message in answered:
-            outcome = Outcome.ACKED if heard else Outcome.HELD
+            outcome = DeliveryOutcome.ACKED if heard else DeliveryOutcome.HELD
             self.bench.queue.settle(message, outcome, self.bench.now, self.bench.wall)
             if heard:
                 self.arrive(message.topic, message.payload)

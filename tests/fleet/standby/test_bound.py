@@ -3,7 +3,7 @@
 import pytest
 
 from fleet.standby.bound import Bound, motion_from
-from fleet.standby.lease import Entry, Takeover, Terms
+from fleet.standby.lease import LeaseEntry, Takeover, Terms
 
 
 @pytest.mark.parametrize(
@@ -11,7 +11,7 @@ from fleet.standby.lease import Entry, Takeover, Terms
     [(0.5, False, 104.0), (0.5, True, 101.0), (3.0, False, 106.5), (None, False, None), (None, True, None)],
 )
 def test_a_robot_is_moved_after_lease_setpoint_lease_and_its_own_failsafe(failsafe, orderly, begins):
-    takeover = Takeover(Entry("a", "a-1", 7), 100.0, orderly)
+    takeover = Takeover(LeaseEntry("a", "a-1", 7), 100.0, orderly)
     assert motion_from(Bound(0.5, failsafe), takeover, Terms()) == begins
 
 

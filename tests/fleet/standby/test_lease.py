@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fleet.standby.lease import TRANSITIONS, Entry, Lease, LeaseEvent, LeaseState, Terms, Wish
+from fleet.standby.lease import TRANSITIONS, Lease, LeaseEntry, LeaseEvent, LeaseState, Terms, Wish
 
 TERMS = Terms()
 STEP = 0.1  # s between two turns of a node
@@ -88,7 +88,7 @@ def test_a_renewal_whose_answer_was_lost_is_found_in_the_store(a):
     assert (a.state, a.wish(101.0), a.revision) == (LeaseState.HOLDER, Wish.RENEW, 8)
 
 
-@pytest.mark.parametrize("entry", [None, Entry("b", "b-1", 9)])
+@pytest.mark.parametrize("entry", [None, LeaseEntry("b", "b-1", 9)])
 def test_a_holder_that_does_not_find_its_entry_is_fenced(a, entry):
     holder(a)
     a.begin(Wish.RENEW, {}, 100.5)
@@ -98,25 +98,30 @@ def test_a_holder_that_does_not_find_its_entry_is_fenced(a, entry):
 
 
 def test_a_standby_takes_a_lease_that_was_handed_to_it_at_once(b):
-    b.see(Entry("a", "a-1", 7, released=True, to="b"), 9, 50.0)
+    b.see(LeaseEntry("a", "a-1", 7, released=True, to="b"), 9, 50.0)
     assert b.wish(50.0) is Wish.TAKE
 
 
 def test_an_edge_with_another_file_does_not_take_over_until_that_is_accepted(b):
     b.config = "mine"
-    entry = Entry("a", "a-1", 7, released=True, config="other")
+    entry = LeaseEntry("a", "a-1", 7, released=True, config="other")
     b.see(entry, 9, 50.0)
     assert (b.wish(60.0), b.differs) == (None, True)
     b.accept()
     assert (b.wish(60.0), b.differs) == (Wish.TAKE, False)
-    b.see(Entry("a", "a-1", 7, config="yet another"), 10, 61.0)
+    b.see(LeaseEntry("a", "a-1", 7, config="yet another"), 10, 61.0)
     assert b.wish(70.0) is None, "only that file was accepted"
     b.config = "yet another"
     assert b.wish(70.0) is Wish.TAKE
 
 
 @pytest.mark.parametrize(
-    "entry", [Entry("a", "a-1", 7), Entry("b", "b-0", 7, config="before"), Entry("a", "a-1", config="mine")]
+    "entry",
+    [
+        LeaseEntry("a", "a-1", 7),
+        LeaseEntry("b", "b-0", 7, config="before"),
+        LeaseEntry("a", "a-1", config="mine"),
+    ],
 )
 def test_a_file_that_is_not_told_or_is_our_own_keeps_no_edge_from_taking_over(b, entry):
     """An older edge tells none, and an edge that starts again has changed its own."""
@@ -127,7 +132,7 @@ def test_a_file_that_is_not_told_or_is_our_own_keeps_no_edge_from_taking_over(b,
 
 
 def test_nobody_else_takes_a_lease_that_was_handed_to_an_edge_before_its_length_has_passed(a):
-    a.see(Entry("c", "c-1", 7, released=True, to="b"), 9, 50.0)
+    a.see(LeaseEntry("c", "c-1", 7, released=True, to="b"), 9, 50.0)
     assert a.wish(52.9) is None
     assert a.wish(53.0) is Wish.TAKE
 
@@ -160,7 +165,7 @@ def test_news_of_a_stop_is_written_at_once(a):
 
 
 def test_a_takeover_knows_whether_the_robots_were_let_go_of(a, b):
-    b.see(Entry("a", "a-1", 7, released=True), 9, 50.0)
+    b.see(LeaseEntry("a", "a-1", 7, released=True), 9, 50.0)
     b.written(b.begin(Wish.TAKE, {}, 50.1), 10, 50.2)
     assert (b.takeover.orderly, b.takeover.since) == (True, 50.0)
     holder(a)

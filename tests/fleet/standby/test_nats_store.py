@@ -7,12 +7,12 @@ import nats
 import pytest
 
 from fleet.errors import StateError
-from fleet.standby.lease import Entry
+from fleet.standby.lease import LeaseEntry
 from fleet.standby.nats_store import BUCKET, NatsLease
 from fleet.standby.store import ServiceSettings
 from tests.tools.lease_service import lease_service
 
-ENTRY = Entry("a", "a-1", stops={"rover": "asked by anna"})
+ENTRY = LeaseEntry("a", "a-1", stops={"rover": "asked by anna"})
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +49,8 @@ async def test_what_was_written_is_read_with_its_revision(lease):
 
 async def test_only_one_of_two_writes_in_the_place_of_a_revision_is_taken(lease):
     first = await lease.write(ENTRY, 0)
-    assert await lease.write(Entry("b", "b-1"), 0) is None
-    assert await lease.write(Entry("b", "b-1"), first) > first
+    assert await lease.write(LeaseEntry("b", "b-1"), 0) is None
+    assert await lease.write(LeaseEntry("b", "b-1"), first) > first
 
 
 async def test_a_deleted_entry_leaves_a_revision_and_can_be_written_anew(lease, bucket):

@@ -12,7 +12,7 @@ from fleet.clock import SystemClock
 from fleet.errors import CommandError, Refused, TimedOut, WireError
 from fleet.video import peer, sender, track
 from fleet.video.sender import VideoSender
-from fleet.video.signals import Candidate
+from fleet.video.signals import IceCandidate
 
 WITHIN = 60.0  # s; nothing waits for it when all is well
 
@@ -58,7 +58,7 @@ class Studio:
         if trickle:
             gatherer = viewer.getReceivers()[0].transport.transport.iceGatherer
             for each in gatherer.getLocalCandidates():
-                await self.sender.add(Candidate(candidate_to_sdp(each), "0", 0))
+                await self.sender.add(IceCandidate(candidate_to_sdp(each), "0", 0))
             lines = answer.splitlines(keepends=True)
             answer = "".join(line for line in lines if "candidate" not in line)
         await self.sender.answered(answer)
@@ -248,11 +248,11 @@ async def test_what_cannot_be_used_is_refused_and_the_offer_stands(studio):
         await studio.sender.answered("m=video nonsense")
     await frame_of(await studio.view())
     with pytest.raises(WireError, match="candidate"):
-        await studio.sender.add(Candidate("nonsense", "0", 0))
-    await studio.sender.add(Candidate(""))
+        await studio.sender.add(IceCandidate("nonsense", "0", 0))
+    await studio.sender.add(IceCandidate(""))
 
 
 async def test_answers_and_candidates_without_an_offer_are_left_alone(studio):
     await studio.sender.answered("v=0")
-    await studio.sender.add(Candidate("nonsense", "0", 0))
+    await studio.sender.add(IceCandidate("nonsense", "0", 0))
     assert studio.sender.state() is None

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from fleet.errors import WireError
-from fleet.video.signals import Candidate, VideoStream, answer_for, candidate_in, offer_message
+from fleet.video.signals import IceCandidate, VideoStream, answer_for, candidate_in, offer_message
 from fleet.wire.documents import document_in, document_out
 
 SDP = "v=0\r\nm=video 9 UDP/TLS/RTP/SAVPF 97\r\n"
@@ -66,11 +66,11 @@ def test_an_answer_for_another_is_left_alone(more):
     ],
 )
 def test_a_candidate_is_read_in_each_published_form(message):
-    assert candidate_in(carried("webrtc-candidate", message)) == Candidate(LINE, "0", 0)
+    assert candidate_in(carried("webrtc-candidate", message)) == IceCandidate(LINE, "0", 0)
 
 
 def test_the_end_of_candidates_needs_no_place():
-    assert candidate_in(b'{"candidate": ""}') == Candidate("")
+    assert candidate_in(b'{"candidate": ""}') == IceCandidate("")
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from fleet.wire.rulebook import (
     PROFILES,
-    Change,
-    Changes,
-    Channel,
+    ExtraChannel,
+    RuleChange,
+    RuleChanges,
     of_a_twin,
     of_a_workflow,
     of_an_environment,
@@ -18,7 +18,7 @@ from fleet.wire.rulebook import (
 from fleet.wire.rules import CHANNEL_SUFFIXES, ENVIRONMENT, INWARD, RULES, TopicForm, TrafficClass
 
 CHANGES = st.builds(
-    Change,
+    RuleChange,
     st.none() | st.booleans(),
     st.none() | st.floats(0.01, 100),
     st.none()
@@ -56,8 +56,8 @@ def test_a_slower_way_never_carries_more():
 
 
 def test_what_a_robot_says_wins_over_the_fleet_and_that_over_the_profile():
-    fleet = Changes({"position": Change(rate=7), "imu": Change(on=True)})
-    robot = Changes({"position": Change(rate=9)})
+    fleet = RuleChanges({"position": RuleChange(rate=7), "imu": RuleChange(on=True)})
+    robot = RuleChanges({"position": RuleChange(rate=9)})
     assert rulebook("satellite", [fleet]).outward["position"].max_rate == 7
     book = rulebook("satellite", [fleet, robot])
     assert book.outward["position"].max_rate == 9
@@ -66,7 +66,7 @@ def test_what_a_robot_says_wins_over_the_fleet_and_that_over_the_profile():
 
 @given(st.dictionaries(st.sampled_from(sorted(RULES)), CHANGES, max_size=6))
 def test_whatever_is_changed_the_rules_hold_together(changes):
-    book = rulebook("lan", [Changes(changes)])
+    book = rulebook("lan", [RuleChanges(changes)])
     for rule in book.outward.values():
         assert rule.repeat == 0 or rule.repeat <= rule.max_rate or rule.max_rate == 0
         if rule.traffic.durable:
@@ -76,21 +76,23 @@ def test_whatever_is_changed_the_rules_hold_together(changes):
 
 
 def test_a_rate_never_thins_what_is_asked_of_a_robot():
-    inward = {suffix: Change(rate=0.001, size=10) for suffix in INWARD}
-    book = rulebook("lan", [Changes(inward=inward)])
+    inward = {suffix: RuleChange(rate=0.001, size=10) for suffix in INWARD}
+    book = rulebook("lan", [RuleChanges(inward=inward)])
     for rule in book.inward.values():
         assert rule.size == 10
         assert rule.max_rate == (0 if rule.taker.asks else 0.001)
 
 
 def test_a_topic_from_the_cloud_can_be_left_alone():
-    book = rulebook("lan", [Changes(inward={"alert": Change(on=False)})])
+    book = rulebook("lan", [RuleChanges(inward={"alert": RuleChange(on=False)})])
     assert "alert" not in book.inward
     assert "alert" in rulebook().inward
 
 
 def test_an_added_channel_is_a_document_of_its_own():
-    book = rulebook("lan", (), {"thermal": Channel("sensors/thermal", TrafficClass.EVENT, 2.0, 5.0, 100)})
+    book = rulebook(
+        "lan", (), {"thermal": ExtraChannel("sensors/thermal", TrafficClass.EVENT, 2.0, 5.0, 100)}
+    )
     rule = book.outward["thermal"]
     assert (rule.suffix, rule.qos, rule.max_rate, rule.max_age, rule.size) == (
         "sensors/thermal",
@@ -103,7 +105,7 @@ def test_an_added_channel_is_a_document_of_its_own():
 
 
 def test_twins_environments_and_runs_have_each_their_own_part():
-    book = rulebook("lan", [Changes(inward={"workflow-run:status": Change(on=True)})])
+    book = rulebook("lan", [RuleChanges(inward={"workflow-run:status": RuleChange(on=True)})])
     twin, place, run = of_a_twin(book), of_an_environment(book), of_any_run(book)
     assert set(place.outward) == {"environment"}
     assert (set(place.inward), set(run.inward)) == ({ENVIRONMENT}, {"workflow-run:status"})

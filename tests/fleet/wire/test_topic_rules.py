@@ -1,7 +1,7 @@
 import pytest
 from pydantic import ValidationError
 
-from fleet.wire.rulebook import Change
+from fleet.wire.rulebook import RuleChange
 from fleet.wire.rules import INWARD, RULES, Recipient, TopicForm, TrafficClass
 from fleet.wire.topic_rules import INWARD_NAMES, OUTWARD_NAMES, ChannelConfig, TopicsConfig
 
@@ -24,10 +24,10 @@ def test_what_is_written_becomes_the_bridges_changes():
     )
     changes = topics.changes()
     assert changes.outward == {
-        "joint:update": Change(rate=5, traffic=TrafficClass.STREAM),
-        "imu": Change(on=False),
+        "joint:update": RuleChange(rate=5, traffic=TrafficClass.STREAM),
+        "imu": RuleChange(on=False),
     }
-    assert changes.inward == {"alert": Change(size=100)}
+    assert changes.inward == {"alert": RuleChange(size=100)}
 
 
 @pytest.mark.parametrize(

@@ -23,8 +23,8 @@ from fleet_quadruped.drives.cia402.frames import (
     SYNC,
     TPDO1,
     TPDO2,
+    CountUnits,
     Rpdos,
-    Units,
 )
 from fleet_quadruped.drives.cia402.node import Cia402Node
 from fleet_quadruped.drives.cia402.setup import TORQUE_OFFSET
@@ -197,4 +197,4 @@ def _node(joint: Joint, dog: DogDescription) -> Cia402Node:
     """Return the drive of a joint, without feedback yet."""
     temperature = dog.drive.temperature
     scale = None if temperature is None else temperature.scale
-    return Cia402Node(joint, Units(joint), dog.dt / 2, _SILENT * dog.drive.heartbeat, scale)
+    return Cia402Node(joint, CountUnits(joint), dog.dt / 2, _SILENT * dog.drive.heartbeat, scale)

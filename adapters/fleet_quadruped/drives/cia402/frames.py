@@ -117,7 +117,7 @@ def unpack_emergency(data: bytes) -> Emergency | None:
     return Emergency(*_EMERGENCY.unpack_from(data.ljust(_EMERGENCY.size, b"\x00")))
 
 
-class Units:
+class CountUnits:
     """Conversion for one joint: rad and N m of the joint, counts and per mille of the motor."""
 
     __slots__ = ("_counts", "_per_mille", "_zero")
@@ -154,7 +154,7 @@ class Rpdos:
     """Encoder of RPDO1 for several joints at once, because each cycle needs them all."""
 
     def __init__(self, joints: Sequence[Joint]) -> None:
-        self._units = [Units(joint) for joint in joints]
+        self._units = [CountUnits(joint) for joint in joints]
         self._factors = [units.factors for units in self._units]
         self._layout = struct.Struct("<" + _CYCLIC.format.lstrip("<") * len(joints))
 

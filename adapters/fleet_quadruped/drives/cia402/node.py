@@ -10,7 +10,7 @@ from fleet_quadruped.drives.cia402.frames import (
     BOOT_UP,
     OPERATIONAL,
     OUR_SILENCE,
-    Units,
+    CountUnits,
     meaning,
     unpack_emergency,
     unpack_slow,
@@ -28,7 +28,7 @@ class Cia402Node(ReportingDrive):
     with the next control word.
     """
 
-    units: Units
+    units: CountUnits
     half_cycle: float
     silence: float
     scale: float | None

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Sequence
 
 from fleet import CanFrame, LinkRefused
-from fleet_quadruped.drives.asking import Requester
+from fleet_quadruped.drives.asking import DriveRequester
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.motor import MitMotor
 from fleet_quadruped.drives.mit.profiles import profile_name
@@ -19,7 +19,7 @@ _NAMES = ("PMAX", "VMAX", "TMAX")
 class DamiaoRegisters:
     """Registers of some Damiao motors, as read."""
 
-    def __init__(self, motors: Sequence[MitMotor], requester: Requester) -> None:
+    def __init__(self, motors: Sequence[MitMotor], requester: DriveRequester) -> None:
         self._motors = motors
         self._requester = requester
         self._values: dict[tuple[str, int, int], bytes] = {}  # by bus, motor and register

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from fleet import CanFrame, LinkRefused
-from fleet_quadruped.drives.asking import Requester
+from fleet_quadruped.drives.asking import DriveRequester
 from fleet_quadruped.drives.base import NEVER
 from fleet_quadruped.drives.moteus import frames as wire
 from fleet_quadruped.drives.moteus.servo import MoteusServo
@@ -20,7 +20,7 @@ _LONGEST_TEXT = 512  # bytes kept; another host tool may read text from the same
 class Diagnostics:
     """Diagnostic channel of some servos: reads and sets configuration values by lines of text."""
 
-    def __init__(self, servos: Sequence[MoteusServo], requester: Requester) -> None:
+    def __init__(self, servos: Sequence[MoteusServo], requester: DriveRequester) -> None:
         self._servos = servos
         self._requester = requester
         self._lines = dict.fromkeys((one.joint.name for one in servos), "")  # by joint, to be sent
@@ -58,7 +58,7 @@ class Diagnostics:
 
 
 def commission(
-    servos: Sequence[MoteusServo], requester: Requester, diagnostics: Diagnostics, safety_kd: float
+    servos: Sequence[MoteusServo], requester: DriveRequester, diagnostics: Diagnostics, safety_kd: float
 ) -> None:
     """Check position reference and gains; set the servos to damp after silence.
 

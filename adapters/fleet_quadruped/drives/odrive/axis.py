@@ -10,7 +10,7 @@ from fleet import CanFrame
 from fleet_quadruped.drives.base import NEVER, Power
 from fleet_quadruped.drives.damping import DampingDrive
 from fleet_quadruped.drives.odrive import frames as wire
-from fleet_quadruped.drives.odrive.frames import Cmd, State
+from fleet_quadruped.drives.odrive.frames import OdriveCommand, State
 
 _STATE_AGE = 0.35  # s without a heartbeat until a fault
 
@@ -60,9 +60,9 @@ class OdriveAxis(DampingDrive):
     def stay(self) -> None:
         """Send the present position as the target; nothing to a drive that was never heard."""
         if self.reported_at > NEVER:
-            self.send(Cmd.INPUT_POS, wire.pack_input(*self.units.motor(self.angle, 0.0, 0.0)))
+            self.send(OdriveCommand.INPUT_POS, wire.pack_input(*self.units.motor(self.angle, 0.0, 0.0)))
 
-    def send(self, command: Cmd, data: bytes) -> None:
+    def send(self, command: OdriveCommand, data: bytes) -> None:
         """Send a command."""
         self.bus.send(CanFrame(wire.identifier(self.id, command), data))
 
@@ -117,13 +117,13 @@ class OdriveAxis(DampingDrive):
 
 _TAKES: Mapping[int, Callable[[OdriveAxis, bytes, float], None]] = MappingProxyType(
     {
-        Cmd.ESTIMATES: OdriveAxis.take_estimates,
-        Cmd.HEARTBEAT: OdriveAxis.take_heartbeat,
-        Cmd.TORQUES: OdriveAxis.take_torques,
-        Cmd.TEMPERATURE: OdriveAxis.take_temperatures,
-        Cmd.SUPPLY: OdriveAxis.take_supply,
-        Cmd.VERSION: OdriveAxis.take_version,
-        Cmd.ADDRESS: OdriveAxis.take_address,
-        Cmd.TOLD: OdriveAxis.take_parameter,
+        OdriveCommand.ESTIMATES: OdriveAxis.take_estimates,
+        OdriveCommand.HEARTBEAT: OdriveAxis.take_heartbeat,
+        OdriveCommand.TORQUES: OdriveAxis.take_torques,
+        OdriveCommand.TEMPERATURE: OdriveAxis.take_temperatures,
+        OdriveCommand.SUPPLY: OdriveAxis.take_supply,
+        OdriveCommand.VERSION: OdriveAxis.take_version,
+        OdriveCommand.ADDRESS: OdriveAxis.take_address,
+        OdriveCommand.TOLD: OdriveAxis.take_parameter,
     }
 )

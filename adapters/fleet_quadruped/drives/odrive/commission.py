@@ -7,10 +7,10 @@ import struct
 from collections.abc import Sequence
 
 from fleet import CanFrame, LinkRefused
-from fleet_quadruped.drives.asking import Requester
+from fleet_quadruped.drives.asking import DriveRequester
 from fleet_quadruped.drives.odrive import frames as wire
 from fleet_quadruped.drives.odrive.axis import OdriveAxis
-from fleet_quadruped.drives.odrive.frames import Cmd
+from fleet_quadruped.drives.odrive.frames import OdriveCommand
 from fleet_quadruped.robot.parts import Drive
 
 log = logging.getLogger(__name__)
@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 _ON = struct.pack("<?", True)
 
 
-def commission(axes: Sequence[OdriveAxis], requester: Requester, drive: Drive) -> None:
+def commission(axes: Sequence[OdriveAxis], requester: DriveRequester, drive: Drive) -> None:
     """Check that all drives answer with a supported firmware; set their watchdog.
 
     Raises LinkLost or LinkRefused.
@@ -27,17 +27,21 @@ def commission(axes: Sequence[OdriveAxis], requester: Requester, drive: Drive) -
         axis.restarted, axis.version = False, None
         axis.serials.clear()
         axis.parameters.clear()
-    requester.ask(axes, lambda axis: wire.ask(axis.id, Cmd.VERSION), lambda axis: axis.version is not None)
+    requester.ask(
+        axes, lambda axis: wire.ask(axis.id, OdriveCommand.VERSION), lambda axis: axis.version is not None
+    )
     for axis in axes:
         version = axis.version or (0, 0)
         if version < wire.OLDEST:
             told = ".".join(map(str, version))
             raise LinkRefused(f"{axis.joint.name}: firmware {told}, wanted 0.6 or newer (command 00h)")
-    requester.ask(axes, lambda axis: wire.ask(axis.id, Cmd.ADDRESS), lambda axis: bool(axis.serials))
+    requester.ask(
+        axes, lambda axis: wire.ask(axis.id, OdriveCommand.ADDRESS), lambda axis: bool(axis.serials)
+    )
     _set_watchdog(axes, requester, drive)
 
 
-def _set_watchdog(axes: Sequence[OdriveAxis], requester: Requester, drive: Drive) -> None:
+def _set_watchdog(axes: Sequence[OdriveAxis], requester: DriveRequester, drive: Drive) -> None:
     """Set the timeout, enable the watchdog, and verify both."""
     endpoints = drive.endpoints
     if endpoints is None:
@@ -50,15 +54,15 @@ def _set_watchdog(axes: Sequence[OdriveAxis], requester: Requester, drive: Drive
     timeout = struct.pack("<f", drive.timeout)
     for endpoint, value in ((endpoints.watchdog_timeout, timeout), (endpoints.enable_watchdog, _ON)):
         for axis in axes:
-            axis.send(Cmd.PARAMETER, wire.write_parameter(endpoint, value))
+            axis.send(OdriveCommand.PARAMETER, wire.write_parameter(endpoint, value))
         _verify(axes, requester, endpoint, value)
 
 
-def _verify(axes: Sequence[OdriveAxis], requester: Requester, endpoint: int, wanted: bytes) -> None:
+def _verify(axes: Sequence[OdriveAxis], requester: DriveRequester, endpoint: int, wanted: bytes) -> None:
     """Read a parameter of all drives; raises LinkRefused for a different value."""
 
     def question(axis: OdriveAxis) -> CanFrame:
-        return CanFrame(wire.identifier(axis.id, Cmd.PARAMETER), wire.read_parameter(endpoint))
+        return CanFrame(wire.identifier(axis.id, OdriveCommand.PARAMETER), wire.read_parameter(endpoint))
 
     requester.ask(axes, question, lambda axis: endpoint in axis.parameters)
     for axis in axes:

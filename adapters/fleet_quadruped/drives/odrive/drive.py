@@ -17,13 +17,17 @@ from fleet_quadruped.drives.motor_units import Units, near
 from fleet_quadruped.drives.odrive import frames as wire
 from fleet_quadruped.drives.odrive.axis import OdriveAxis
 from fleet_quadruped.drives.odrive.commission import commission
-from fleet_quadruped.drives.odrive.frames import Cmd, State
+from fleet_quadruped.drives.odrive.frames import OdriveCommand, State
 from fleet_quadruped.robot.busload import frame_bits
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.parts import Bus, Drive
 
 _STATE_EVERY = 3  # cycles between two polls for the state of one drive
-_SLOW = (Cmd.TORQUES, Cmd.TEMPERATURE, Cmd.SUPPLY)  # one value of one drive in each cycle
+_SLOW = (
+    OdriveCommand.TORQUES,
+    OdriveCommand.TEMPERATURE,
+    OdriveCommand.SUPPLY,
+)  # one value of one drive in each cycle
 _GEARING = 4  # cycles in which gains are sent to all drives; afterwards to one per cycle
 _FED = 4  # control cycles that the drives' watchdog must cover
 
@@ -66,7 +70,7 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
     @staticmethod
     def identifiers(drive: Drive, joint: Joint) -> tuple[int, ...]:  # noqa: ARG004 - independent of the model
         """Return the identifiers of the node's commands."""
-        return tuple(wire.identifier(joint.id, command) for command in Cmd)
+        return tuple(wire.identifier(joint.id, command) for command in OdriveCommand)
 
     @staticmethod
     def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - independent of the model
@@ -76,7 +80,7 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
     @property
     def addresses(self) -> frozenset[Address]:
         """Identifiers of each node's commands for a position and for a state."""
-        orders = (Cmd.INPUT_POS, Cmd.STATE)
+        orders = (OdriveCommand.INPUT_POS, OdriveCommand.STATE)
         return frozenset(
             (bus, wire.identifier(node, order)) for bus, node in self._by_node for order in orders
         )
@@ -96,7 +100,7 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         """Return joint and target of a position command."""
         node, command = wire.split(frame.id)
         axis = self._by_node.get((bus, node))
-        told = wire.unpack_input(frame.data) if command == Cmd.INPUT_POS else None
+        told = wire.unpack_input(frame.data) if command == OdriveCommand.INPUT_POS else None
         return None if axis is None or told is None else (axis.joint, axis.joint.angle(told[0]))
 
     def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - not needed here
@@ -105,9 +109,9 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         hurry = self._wanted is Power.ENABLED and not all(axis.held for axis in self._drives)
         for number, axis in enumerate(self._drives):
             axis.answers.begin()
-            axis.bus.send(wire.ask(axis.id, Cmd.ESTIMATES))
+            axis.bus.send(wire.ask(axis.id, OdriveCommand.ESTIMATES))
             if hurry or (number + self._cycle) % _STATE_EVERY == 0 or axis.state is None:
-                axis.bus.send(wire.ask(axis.id, Cmd.HEARTBEAT))
+                axis.bus.send(wire.ask(axis.id, OdriveCommand.HEARTBEAT))
         turn, number = divmod(self._cycle, len(self._drives))
         axis = self._drives[number]
         axis.bus.send(wire.ask(axis.id, _SLOW[turn % len(_SLOW)]))
@@ -119,24 +123,24 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
             if axis.state == State.CLOSED_LOOP:
                 axis.stay()
             elif step == 0:
-                axis.send(Cmd.MODES, wire.pack_modes())
-                axis.send(Cmd.POS_GAIN, wire.pack_gain(0.0))
+                axis.send(OdriveCommand.MODES, wire.pack_modes())
+                axis.send(OdriveCommand.POS_GAIN, wire.pack_gain(0.0))
             elif step == 1:
-                axis.send(Cmd.VEL_GAINS, wire.pack_pair(0.0, 0.0))
+                axis.send(OdriveCommand.VEL_GAINS, wire.pack_pair(0.0, 0.0))
                 axis.stay()
             else:
-                axis.send(Cmd.STATE, wire.pack_state(State.CLOSED_LOOP))
+                axis.send(OdriveCommand.STATE, wire.pack_state(State.CLOSED_LOOP))
 
     def write(self, targets: Targets) -> None:
         """Send targets, and gains: to all drives at first, then to one per cycle."""
         self._count(Power.ENABLED)
         for axis, angle, speed, torque in zip(self._drives, *targets, strict=True):
             nearer = near(axis.joint, axis.angle, angle, self._most)
-            axis.send(Cmd.INPUT_POS, wire.pack_input(*axis.units.motor(nearer, speed, torque)))
+            axis.send(OdriveCommand.INPUT_POS, wire.pack_input(*axis.units.motor(nearer, speed, torque)))
         for axis in self._next_geared():
-            axis.send(Cmd.MODES, wire.pack_modes())
-            axis.send(Cmd.POS_GAIN, axis.position_gain)
-            axis.send(Cmd.VEL_GAINS, axis.velocity_gains)
+            axis.send(OdriveCommand.MODES, wire.pack_modes())
+            axis.send(OdriveCommand.POS_GAIN, axis.position_gain)
+            axis.send(OdriveCommand.VEL_GAINS, axis.velocity_gains)
 
     def _next_geared(self) -> Sequence[OdriveAxis]:
         """Return the drives whose gains are sent in this cycle: every second one at first, later one."""
@@ -152,8 +156,8 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         for axis in self._drives:
             if count % 2 == 0:
                 _, velocity = wire.gains(0.0, kd / axis.joint.kind.ratio**2)
-                axis.send(Cmd.POS_GAIN, wire.pack_gain(0.0))
-                axis.send(Cmd.VEL_GAINS, wire.pack_pair(velocity, 0.0))
+                axis.send(OdriveCommand.POS_GAIN, wire.pack_gain(0.0))
+                axis.send(OdriveCommand.VEL_GAINS, wire.pack_pair(velocity, 0.0))
             if count % 2 == 1 or count == 0:
                 axis.stay()
 
@@ -161,12 +165,12 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         """Take the torque off."""
         self._count(Power.DISABLED)
         for axis in self._drives:
-            axis.send(Cmd.STATE, wire.pack_state(State.IDLE))
+            axis.send(OdriveCommand.STATE, wire.pack_state(State.IDLE))
 
     def reset_fault(self) -> None:
         """Clear errors."""
         for axis in self._drives:
-            axis.send(Cmd.CLEAR, bytes(1))
+            axis.send(OdriveCommand.CLEAR, bytes(1))
 
     def _count(self, wanted: Power) -> int:
         """Set the wanted state of the drives; return the number of cycles for which it was wanted before."""

@@ -23,7 +23,7 @@ _MILLI = 0.001
 _WORD = 0x7FFF
 
 
-class Cmd(enum.IntEnum):
+class OdriveCommand(enum.IntEnum):
     """Commands in use, by number."""
 
     VERSION = 0x00
@@ -90,14 +90,14 @@ _PARAMETER = struct.Struct("<BHx")  # operation, endpoint
 _READ, _WRITE = 0, 1
 
 
-class Heartbeat(NamedTuple):
+class OdriveHeartbeat(NamedTuple):
     """Active errors, and state of the axis."""
 
     errors: int
     state: int
 
 
-def identifier(node: int, command: Cmd) -> int:
+def identifier(node: int, command: OdriveCommand) -> int:
     """Return the identifier for a command of a node."""
     return node << _SHIFT | command
 
@@ -107,7 +107,7 @@ def split(number: int) -> tuple[int, int]:
     return number >> _SHIFT, number & _COMMAND
 
 
-def ask(node: int, command: Cmd) -> CanFrame:
+def ask(node: int, command: OdriveCommand) -> CanFrame:
     """Return the remote frame that requests the value of a command."""
     return CanFrame(identifier(node, command), b"", remote=True)
 
@@ -124,12 +124,12 @@ def pack_heartbeat(errors: int, state: int) -> bytes:
     return _HEARTBEAT.pack(errors, state, 0, 0)
 
 
-def unpack_heartbeat(data: bytes) -> Heartbeat | None:
+def unpack_heartbeat(data: bytes) -> OdriveHeartbeat | None:
     """Decode a heartbeat; None if it is too short."""
     if len(data) < _HEARTBEAT.size:
         return None
     errors, state, _result, _done = _HEARTBEAT.unpack_from(data)
-    return Heartbeat(errors, state)
+    return OdriveHeartbeat(errors, state)
 
 
 def pack_version(major: int, minor: int) -> bytes:

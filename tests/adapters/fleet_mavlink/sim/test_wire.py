@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.vehicle import SimVehicle
-from fleet_mavlink.sim.wire import Wire
+from fleet_mavlink.sim.wire import MavlinkWire
 
 HEARTBEAT = mav.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
 
@@ -20,7 +20,7 @@ def parsed(frames):
 
 
 def made(flavour="ardupilot", accessories=(), **setup):
-    return Wire(SimVehicle(flavour, ready_after=0.0, **setup), accessories)
+    return MavlinkWire(SimVehicle(flavour, ready_after=0.0, **setup), accessories)
 
 
 def version_request():

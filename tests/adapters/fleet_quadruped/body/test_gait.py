@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from fleet_quadruped.body.gait import Steps, Twist
+from fleet_quadruped.body.gait import GaitSteps, Twist
 from fleet_quadruped.body.pattern import walk as slow
 from fleet_quadruped.body.velocity_ramp import limited, ramped
 from fleet_quadruped.robot.description import EXAMPLE, load_description
@@ -16,7 +16,7 @@ speeds = st.builds(Twist, st.floats(-0.8, 0.8), st.floats(-0.3, 0.3), st.floats(
 
 
 def trot():
-    return Steps(DOG.gait, DOG.legs, DOG.geometry.foot_radius)
+    return GaitSteps(DOG.gait, DOG.legs, DOG.geometry.foot_radius)
 
 
 def walk(gait, twist, seconds, dt=0.01):

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet_quadruped.body.legs import Leg
+from fleet_quadruped.body.legs import DogLeg
 
-LEGS = [Leg(0.19, 0.05 * side, side, knee, 0.07, 0.2, 0.21) for side in (1, -1) for knee in (-1, 1)]
+LEGS = [DogLeg(0.19, 0.05 * side, side, knee, 0.07, 0.2, 0.21) for side in (1, -1) for knee in (-1, 1)]
 legs = st.sampled_from(LEGS)
 abads = st.floats(-0.9, 0.9)
 hips = st.floats(-0.9, 1.2)

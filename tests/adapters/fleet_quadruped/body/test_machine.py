@@ -6,7 +6,7 @@ import pytest
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.robot.description import leg_angles
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.rig import Rig
 
 
@@ -20,12 +20,12 @@ def rise_and_leave(rig, after):
     """Have a dog stand up, and tell it to leave meanwhile; return its heights, cycle by cycle."""
     assert rig.ask(BodyRequest.STAND) == ""
     rig.go(after)
-    assert rig.mode is Mode.RISING
+    assert rig.mode is BodyMode.RISING
     rig.order = msgspec.structs.replace(rig.order, leave=True)
     seen = []
-    while rig.mode is not Mode.OFF:
+    while rig.mode is not BodyMode.OFF:
         rig.cycle()
-        if rig.mode is Mode.SITTING:
+        if rig.mode is BodyMode.SITTING:
             seen.append(heights(rig))
     return seen
 
@@ -50,7 +50,7 @@ def test_a_dog_in_its_walk_is_given_the_time_of_the_walk_until_it_sits_down(mit_
         rig.cycle()
     assert not rig.controller.body.walker.walking
     rig.go(2.0)
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
 
 
 def test_a_walk_that_an_emergency_stop_cut_off_is_not_taken_up_by_sitting_down(any_dog):

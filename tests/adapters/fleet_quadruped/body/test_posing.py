@@ -8,7 +8,7 @@ import pytest
 
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.requests import BodyRequest
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 
@@ -38,7 +38,7 @@ def standing(rig):
     rig.stand()
     assert rig.ask(BodyRequest.POSE) == ""
     rig.go(0.1)
-    assert rig.mode is Mode.POSING
+    assert rig.mode is BodyMode.POSING
     return rig
 
 
@@ -68,11 +68,11 @@ def test_wherever_its_joints_are_led_a_standing_dog_goes_on_standing(standing, p
         abs(now - then) for a, b in itertools.pairwise(sent) for then, now in zip(a, b, strict=True)
     )
     assert fastest <= 2 * speed * standing.dog.dt + 1e-3
-    assert standing.mode is Mode.POSING
+    assert standing.mode is BodyMode.POSING
     assert standing.fault == ""
     assert standing.ask(BodyRequest.STAND) == ""
     standing.go(2.0)
-    assert standing.mode is Mode.STANDING
+    assert standing.mode is BodyMode.STANDING
 
 
 WORST = random.Random(3)
@@ -91,10 +91,10 @@ def test_in_physics_it_does_not_fall_wherever_its_joints_are_led(any_dog, patter
     rig.go(0.1)
     lead(rig, 1.5, [at + 5 * sign for at, sign in zip(posture(rig), pattern, strict=True)])
     assert rig.tilt < TILTED
-    assert rig.mode in {Mode.POSING, Mode.HELD}  # held: it leans, and is led no further
+    assert rig.mode in {BodyMode.POSING, BodyMode.HELD}  # held: it leans, and is led no further
     assert rig.ask(BodyRequest.STAND) == ""
     rig.go(2.0)
-    assert (rig.mode, rig.fault) == (Mode.STANDING, "")
+    assert (rig.mode, rig.fault) == (BodyMode.STANDING, "")
     assert rig.sim.world.imu().tilt < 0.05
 
 
@@ -106,7 +106,7 @@ def test_joints_that_nobody_leads_any_more_hold_where_they_are(standing):
     assert 0.03 < held - at < 0.19
     standing.go(1.0)
     assert standing.controller.targets[2] == pytest.approx(held, abs=0.005)
-    assert standing.mode is Mode.POSING
+    assert standing.mode is BodyMode.POSING
 
 
 def test_any_stop_holds_the_posture_and_ends_the_mode_though_targets_come(standing):
@@ -115,7 +115,7 @@ def test_any_stop_holds_the_posture_and_ends_the_mode_though_targets_come(standi
     halt(standing)
     held = standing.controller.targets[2]
     lead(standing, 1.0, [None, None, at - 0.2])
-    assert standing.mode is Mode.HELD
+    assert standing.mode is BodyMode.HELD
     assert standing.controller.targets[2] == pytest.approx(held, abs=0.005)
     assert standing.ask(BodyRequest.POSE) == ""
     lead(standing, 1.0, [None, None, at])
@@ -130,7 +130,7 @@ def test_a_stop_on_the_way_back_to_standing_stops_that_too(standing):
     halt(standing)
     held = standing.controller.targets[2]
     standing.go(1.0)
-    assert standing.mode is Mode.HELD
+    assert standing.mode is BodyMode.HELD
     assert standing.controller.targets[2] == pytest.approx(held, abs=0.005)
 
 
@@ -142,7 +142,7 @@ def test_it_sits_down_from_the_posture_that_it_has(standing, stopped):
         halt(standing)
     assert standing.ask(BodyRequest.SIT) == ""
     standing.go(3.0)
-    assert standing.mode is Mode.OFF
+    assert standing.mode is BodyMode.OFF
     assert standing.tilt < TILTED
     assert standing.fault == ""
 
@@ -151,9 +151,9 @@ def test_an_emergency_stop_lets_it_down(standing):
     lead(standing, 1.0, [at + 0.15 for at in posture(standing)])
     standing.emergency()
     standing.go(0.1)
-    assert standing.mode is Mode.DAMPED
+    assert standing.mode is BodyMode.DAMPED
     standing.go(4.0)
-    assert standing.mode is Mode.OFF
+    assert standing.mode is BodyMode.OFF
     assert standing.ask(BodyRequest.POSE) != ""
 
 
@@ -165,21 +165,21 @@ def test_without_its_host_it_holds_and_then_sits_down(standing):
     standing.go(1.0)
     assert standing.controller.targets == pytest.approx(held, abs=0.005)
     standing.go(standing.dog.safety.abandoned + 3.0)
-    assert standing.mode is Mode.OFF
+    assert standing.mode is BodyMode.OFF
 
 
 def test_a_dog_that_lies_is_held_as_it_is_found_and_led_from_there(rig):
     rig.settle()
     assert rig.ask(BodyRequest.POSE) == ""
     rig.go(1.5)
-    assert rig.mode is Mode.POSING
+    assert rig.mode is BodyMode.POSING
     start = posture(rig)
     lead(rig, 1.5, [None, None, None, None, start[4] + 0.1])
     assert rig.controller.targets[4] == pytest.approx(start[4] + 0.1, abs=0.01)
     halt(rig)
     assert rig.ask(BodyRequest.SIT) == ""
     rig.go(3.0)
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
 
 
 def test_a_stop_before_its_drives_are_enabled_leaves_a_lying_dog_off(rig):
@@ -187,7 +187,7 @@ def test_a_stop_before_its_drives_are_enabled_leaves_a_lying_dog_off(rig):
     rig.order = msgspec.structs.replace(rig.order, halts=rig.order.halts + 1)
     rig.ask(BodyRequest.POSE)
     rig.go(2.0)
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
 
 
 def test_a_dog_that_walks_is_not_led(rig):

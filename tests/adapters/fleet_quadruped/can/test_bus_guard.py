@@ -12,7 +12,7 @@ from fleet_quadruped.bench_tools import BenchSession, listen, scan
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.can.bus_guard import LISTEN, require_sole_controller
 from fleet_quadruped.robot.description import EXAMPLE
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import SimBus
 from fleet_quadruped.sim.rig import Rig
 
@@ -51,7 +51,7 @@ def test_a_tool_says_nothing_to_a_dog_that_somebody_drives(walking, tool):
     with pytest.raises(LinkLost, match=OTHER):
         tool(walking.dog, bus, clock) if tool else scan(bus, clock)
     assert bus.said == []
-    assert walking.mode is Mode.WALKING
+    assert walking.mode is BodyMode.WALKING
 
 
 def test_nor_to_one_that_rests_under_another_controller(any_dog):

@@ -6,10 +6,10 @@ from fleet.errors import LinkLost
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.control import orders
-from fleet_quadruped.control.loop import Loop
+from fleet_quadruped.control.loop import ControlLoop
 from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.robot.description import DogDescription
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.rig import Rig
 
 
@@ -43,10 +43,10 @@ class Orders:
 def test_drives_on_the_other_bus_give_way_or_brake_when_one_bus_dies(two_buses, monkeypatch):
     rig = two_buses
     monkeypatch.setattr("fleet_quadruped.control.loop.realtime", lambda: False)
-    assert rig.mode is Mode.WALKING, rig.fault
+    assert rig.mode is BodyMode.WALKING, rig.fault
     rig.buses["a"].cut = True
     with pytest.raises(LinkLost, match="bus 'a' is gone"):
-        Loop(rig.controller, rig.buses, Orders(rig), ManualClock()).run()
+        ControlLoop(rig.controller, rig.buses, Orders(rig), ManualClock()).run()
     rig.sim.advance(0.002)  # long before the drives' own watchdogs, which some do not have
     right = [
         motor
@@ -79,5 +79,5 @@ def test_what_was_on_the_buses_is_kept_when_one_dies_in_motion(two_buses, monkey
     monkeypatch.setattr("fleet_quadruped.control.loop.realtime", lambda: False)
     rig.buses["a"].cut = True
     with pytest.raises(LinkLost):
-        Loop(rig.controller, rig.buses, Orders(rig), ManualClock(), capture=noted).run()
+        ControlLoop(rig.controller, rig.buses, Orders(rig), ManualClock(), capture=noted).run()
     assert noted.written == ["bus 'a' is gone"]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from fleet import CanFrame
 from fleet_quadruped.drives import drive_kind, drives_of
 from fleet_quadruped.drives.moteus import frames as moteus
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import lockstep
 from fleet_quadruped.sim.rig import Rig
 
@@ -76,10 +76,10 @@ def test_any_frames_leave_the_control_loop_running(any_dog, data):
         for frame in data.draw(any_frames(any_dog)):
             rig.buses["a"].arrive(frame)
         rig.cycle()
-    assert rig.state().mode in {each.value for each in Mode}
+    assert rig.state().mode in {each.value for each in BodyMode}
     rig.emergency()
     rig.cycle()
-    assert rig.mode in {Mode.DAMPED, Mode.OFF}
+    assert rig.mode in {BodyMode.DAMPED, BodyMode.OFF}
 
 
 @pytest.mark.parametrize(
@@ -93,5 +93,5 @@ def test_another_host_tool_that_reads_the_servos_disturbs_no_standing_dog(dogs, 
         for joint in rig.dog.all_joints:
             rig.sim.take("a", CanFrame(moteus.to_servo(joint.id), moteus.padded(query), fd=True))
         rig.cycle()
-        assert (rig.mode, rig.fault) == (Mode.STANDING, "")
+        assert (rig.mode, rig.fault) == (BodyMode.STANDING, "")
         assert rig.state().angles == pytest.approx(before, abs=0.01)

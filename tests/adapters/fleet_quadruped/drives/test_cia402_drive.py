@@ -5,7 +5,7 @@ import pytest
 from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import Power
-from fleet_quadruped.drives.cia402.frames import EMERGENCY, HEARTBEAT, TPDO1, Units
+from fleet_quadruped.drives.cia402.frames import EMERGENCY, HEARTBEAT, TPDO1, CountUnits
 from fleet_quadruped.sim.lockstep import SimBus
 
 
@@ -25,7 +25,7 @@ class Deaf:
 
 def answer(dog, angle):
     joint = dog.all_joints[0]
-    return CanFrame(TPDO1 + joint.id, Units(joint).pack(0x1237, angle, 0.0))
+    return CanFrame(TPDO1 + joint.id, CountUnits(joint).pack(0x1237, angle, 0.0))
 
 
 @pytest.mark.parametrize("late", [0.0, 0.004, 0.007, 0.0095])

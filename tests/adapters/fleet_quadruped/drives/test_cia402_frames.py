@@ -75,7 +75,7 @@ def test_a_cleared_emergency_is_told_from_an_error():
 
 @given(st.sampled_from(DOG.all_joints), st.floats(-3, 3))
 def test_angles_and_torques_come_back_from_the_drives_units(joint, value):
-    units = wire.Units(joint)
+    units = wire.CountUnits(joint)
     data = units.pack(0x0F, value, value)
     counts = wire.unpack_status_pdo(data).counts
     assert counts == pytest.approx(joint.motor(value) * joint.kind.counts_per_rad, abs=0.6)
@@ -123,9 +123,9 @@ numbers = st.lists(st.floats(-1e9, 1e9), min_size=12, max_size=12)
 @given(words, numbers, numbers)
 def test_frames_made_at_once_are_those_made_one_by_one(control, angles, torques):
     told = zip(DOG.all_joints, control, angles, torques, strict=True)
-    single = [wire.Units(joint).pack(word, angle, torque) for joint, word, angle, torque in told]
+    single = [wire.CountUnits(joint).pack(word, angle, torque) for joint, word, angle, torque in told]
     assert wire.Rpdos(DOG.all_joints).pack(control, angles, torques) == single
     assert [data[: wire.SHORT] for data in single] == [
-        wire.Units(joint).pack(word, angle, None)
+        wire.CountUnits(joint).pack(word, angle, None)
         for joint, word, angle in zip(DOG.all_joints, control, angles, strict=True)
     ]

@@ -6,7 +6,7 @@ from fleet.errors import LinkRefused
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.moteus import frames as wire
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import lockstep
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
@@ -79,10 +79,10 @@ def test_servos_whose_controller_dies_damp_and_are_off_only_when_they_are_told(s
     assert drop < 0.5
     rig.reconnect()
     rig.go(0.05)
-    assert rig.mode is Mode.DAMPED
+    assert rig.mode is BodyMode.DAMPED
     assert set(rig.controller.drives.feedback(rig.sim.time).powers) == {Power.STOPPING}
     rig.go(3.0)
-    assert rig.mode is Mode.OFF
+    assert rig.mode is BodyMode.OFF
     assert {drive.mode for drive in rig.sim.drives} == {wire.STOPPED}
     rig.stand()
 

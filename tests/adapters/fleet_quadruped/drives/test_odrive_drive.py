@@ -7,8 +7,8 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.odrive import frames as wire
-from fleet_quadruped.drives.odrive.frames import Cmd, State
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.drives.odrive.frames import OdriveCommand, State
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.lockstep import lockstep
 from fleet_quadruped.sim.rig import Rig
 
@@ -56,7 +56,7 @@ def test_a_drive_in_a_state_of_its_own_is_not_trusted(odrives):
     rig.go(0.1)
     calibrating = wire.pack_heartbeat(0, 3)  # it turns its motor
     drives = rig.controller.drives
-    drives.take("a", CanFrame(wire.identifier(8, Cmd.HEARTBEAT), calibrating), rig.sim.time)
+    drives.take("a", CanFrame(wire.identifier(8, OdriveCommand.HEARTBEAT), calibrating), rig.sim.time)
     told = drives.feedback(rig.sim.time)
     assert told.powers[7] is Power.FAULT
     assert told.faults[7] == "id 8 is in state 3, in which it moves its motor by itself"
@@ -65,9 +65,9 @@ def test_a_drive_in_a_state_of_its_own_is_not_trusted(odrives):
 def test_a_drive_whose_heartbeat_does_not_come_is_not_trusted(odrives):
     rig = Rig(odrives)
     rig.stand()
-    rig.sim.drives[7]._answers = {Cmd.ESTIMATES: rig.sim.drives[7]._estimates}
+    rig.sim.drives[7]._answers = {OdriveCommand.ESTIMATES: rig.sim.drives[7]._estimates}
     rig.go(0.5)
-    assert rig.mode is Mode.DAMPED
+    assert rig.mode is BodyMode.DAMPED
     assert rig.fault.startswith("RL_hip: no heartbeat (command 01h) from id 8 for 0.3")
 
 
@@ -83,7 +83,11 @@ def test_nothing_is_enabled_before_its_gains_are_zero(odrives):
         order += [wire.split(frame.id)[1] for frame in buses["a"].sent if wire.split(frame.id)[0] == 1]
         for frame in buses["a"].receive(0.0):
             drives.take("a", frame, 0.01 * cycle)
-    assert order.index(Cmd.POS_GAIN) < order.index(Cmd.VEL_GAINS) < order.index(Cmd.STATE)
+    assert (
+        order.index(OdriveCommand.POS_GAIN)
+        < order.index(OdriveCommand.VEL_GAINS)
+        < order.index(OdriveCommand.STATE)
+    )
     assert set(drives.feedback(0.06).powers) == {Power.ENABLED}
     sim.advance(0.002)
     assert all(motor.kp == motor.kd == 0 for motor in sim.world.motors)
@@ -92,6 +96,6 @@ def test_nothing_is_enabled_before_its_gains_are_zero(odrives):
 def test_a_position_on_the_bus_is_told_as_its_joints_target(odrives):
     _, buses = lockstep(odrives)
     drives, joint = drives_of(odrives, buses), odrives.all_joints[4]
-    frame = CanFrame(wire.identifier(5, Cmd.INPUT_POS), wire.pack_input(joint.motor(0.7), 0.0, 0.0))
+    frame = CanFrame(wire.identifier(5, OdriveCommand.INPUT_POS), wire.pack_input(joint.motor(0.7), 0.0, 0.0))
     found, angle = drives.target("a", frame)
     assert (found.name, angle) == (joint.name, pytest.approx(0.7))

@@ -5,14 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet_quadruped.drives.odrive import frames as wire
-from fleet_quadruped.drives.odrive.frames import Cmd, State
+from fleet_quadruped.drives.odrive.frames import OdriveCommand, State
 
 numbers = st.floats(-1e4, 1e4)
 
 
 def test_the_identifier_is_the_node_and_the_command():
-    assert wire.identifier(1, Cmd.INPUT_POS) == 0x2C  # the example of the protocol's document
-    assert wire.split(0x2C) == (1, Cmd.INPUT_POS)
+    assert wire.identifier(1, OdriveCommand.INPUT_POS) == 0x2C  # the example of the protocol's document
+    assert wire.split(0x2C) == (1, OdriveCommand.INPUT_POS)
 
 
 def test_golden_frames():
@@ -20,8 +20,8 @@ def test_golden_frames():
     assert wire.pack_state(State.CLOSED_LOOP).hex() == "08000000"
     assert wire.pack_modes().hex() == "0300000001000000"
     assert wire.pack_gain(20.0).hex() == "0000a041"
-    assert wire.ask(3, Cmd.ESTIMATES).id == 0x69
-    assert wire.ask(3, Cmd.ESTIMATES).remote
+    assert wire.ask(3, OdriveCommand.ESTIMATES).id == 0x69
+    assert wire.ask(3, OdriveCommand.ESTIMATES).remote
     assert wire.write_parameter(241, b"\x01").hex() == "01f1000001"
     assert wire.read_parameter(241).hex() == "00f10000"
 

@@ -5,8 +5,8 @@ from fleet.model.geometry import quaternion_from_euler
 from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.drives.base import JointFeedback, Joints, Power
 from fleet_quadruped.robot.names import JOINTS
-from fleet_quadruped.safety.monitor import Monitor, Observed
-from fleet_quadruped.safety.stages import Mode, Stage
+from fleet_quadruped.safety.monitor import Monitor, ObservedCycle
+from fleet_quadruped.safety.stages import BodyMode, StopStage
 
 LEVEL = Imu(Quaternion(), Vector3(), Vector3(0, 0, 9.81))
 
@@ -20,8 +20,8 @@ def look(dog):
         told = [JointFeedback(angle, power=Power.ENABLED, age=0.0) for angle in stance]
         number = JOINTS.index(joint)
         told[number] = told[number]._replace(**(change or {}))
-        plain = {"imu": LEVEL, "targets": stance, "imu_age": 0.0, "battery": 80.0, "mode": Mode.WALKING}
-        seen = Observed(joints=Joints.of(told), dt=0.01, **(plain | changes))
+        plain = {"imu": LEVEL, "targets": stance, "imu_age": 0.0, "battery": 80.0, "mode": BodyMode.WALKING}
+        seen = ObservedCycle(joints=Joints.of(told), dt=0.01, **(plain | changes))
         return [monitor.check(seen) for _ in range(cycles)][-1]
 
     return check
@@ -33,7 +33,7 @@ def test_a_healthy_dog_walks_on(look):
 
 def test_a_fault_of_a_drive_damps_and_names_it(look):
     trip = look("RR_knee", {"power": Power.FAULT, "fault": "over-current"})
-    assert trip == (Stage.DAMP, "RR_knee: over-current")
+    assert trip == (StopStage.DAMP, "RR_knee: over-current")
 
 
 def test_a_drive_that_lets_go_damps(look):
@@ -48,7 +48,7 @@ def test_one_silent_joint_is_waited_for_and_then_damps(look):
 def test_a_joint_that_does_not_follow_damps_after_a_while(look):
     assert look(change={"angle": 1.3}, cycles=9) is None
     trip = look(change={"angle": 1.3}, cycles=5)
-    assert trip == (Stage.DAMP, "FL_hip: following error, wanted 0.89 rad, is at 1.30")
+    assert trip == (StopStage.DAMP, "FL_hip: following error, wanted 0.89 rad, is at 1.30")
 
 
 def test_a_joint_outside_its_limits_points_at_sign_and_offset(look):
@@ -62,34 +62,34 @@ def test_a_tilted_dog_is_damped(look):
 
 def test_a_dog_that_rolls_over_on_purpose_may_be_tilted(look):
     tilted = LEVEL._replace(rotation=quaternion_from_euler(3.0, 0, 0))
-    assert look(imu=tilted, mode=Mode.RECOVERING) is None
+    assert look(imu=tilted, mode=BodyMode.RECOVERING) is None
 
 
 def test_a_silent_imu_damps(look):
-    assert look(imu=None, imu_age=0.3) == (Stage.DAMP, "imu: no valid frame for 0.30 s")
+    assert look(imu=None, imu_age=0.3) == (StopStage.DAMP, "imu: no valid frame for 0.30 s")
 
 
 def test_a_hot_joint_makes_it_sit_down(look):
-    assert look(change={"temperature": 86.0}) == (Stage.SIT, "FL_hip: 86 C, 85 is its limit")
+    assert look(change={"temperature": 86.0}) == (StopStage.SIT, "FL_hip: 86 C, 85 is its limit")
 
 
 def test_an_empty_battery_makes_it_sit_down(look):
-    assert look(mode=Mode.STANDING, battery=9.0, cycles=140) is None
-    assert look(mode=Mode.STANDING, battery=9.0, cycles=20).stage is Stage.SIT
+    assert look(mode=BodyMode.STANDING, battery=9.0, cycles=140) is None
+    assert look(mode=BodyMode.STANDING, battery=9.0, cycles=20).stage is StopStage.SIT
 
 
 def test_a_low_supply_makes_it_sit_down_and_names_who_saw_it(look):
-    assert look(mode=Mode.STANDING, change={"voltage": 39.0}, cycles=140) is None
-    assert look(mode=Mode.STANDING, change={"voltage": 39.0}, cycles=20) == (
-        Stage.SIT,
+    assert look(mode=BodyMode.STANDING, change={"voltage": 39.0}, cycles=140) is None
+    assert look(mode=BodyMode.STANDING, change={"voltage": 39.0}, cycles=20) == (
+        StopStage.SIT,
         "FL_hip: supply at 39.0 V, it sits down at 40 V",
     )
 
 
 def test_a_supply_that_sags_under_load_for_a_moment_does_not(look):
-    assert look(mode=Mode.STANDING, voltage=39.0, cycles=100) is None
+    assert look(mode=BodyMode.STANDING, voltage=39.0, cycles=100) is None
     assert look(voltage=47.0) is None
-    assert look(mode=Mode.STANDING, voltage=39.0, cycles=100) is None
+    assert look(mode=BodyMode.STANDING, voltage=39.0, cycles=100) is None
 
 
 def test_an_angle_that_never_changes_while_its_target_does_is_a_stuck_encoder(dog, look):
@@ -100,7 +100,7 @@ def test_an_angle_that_never_changes_while_its_target_does_is_a_stuck_encoder(do
 
 
 def test_an_imu_that_says_the_same_counts_only_while_it_walks(look):
-    assert look(cycles=100, mode=Mode.STANDING) is None
+    assert look(cycles=100, mode=BodyMode.STANDING) is None
     assert look(cycles=32).cause == "imu: frozen, exactly the same for 0.32 s of walking"
 
 
@@ -110,7 +110,7 @@ def test_the_hardest_reason_wins(look):
 
 
 def test_a_dog_that_is_off_needs_no_feedback(look):
-    assert look(change={"age": float("inf"), "power": Power.ABSENT}, mode=Mode.OFF, imu=None) is None
+    assert look(change={"age": float("inf"), "power": Power.ABSENT}, mode=BodyMode.OFF, imu=None) is None
 
 
 def test_a_warm_joint_slows_the_dog_down(dog):

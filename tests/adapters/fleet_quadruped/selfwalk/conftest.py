@@ -3,7 +3,7 @@ import pytest
 
 from fleet_quadruped.any_description import load_body
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.control.orders import Activity, Order, Timing
+from fleet_quadruped.control.orders import Activity, LoopTiming, Order
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.sim.simulated_machine import on_buses
@@ -23,7 +23,7 @@ class Paddock:
 
     @property
     def state(self):
-        return self.controller.state(self.machine.time, Timing())
+        return self.controller.state(self.machine.time, LoopTiming())
 
     def cycle(self):
         now, dt = self.machine.time, self.walker.dt

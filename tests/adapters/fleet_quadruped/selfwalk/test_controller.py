@@ -15,7 +15,7 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.frames import FrameDecoder
 from fleet_quadruped.robot.description import EXAMPLE
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 
 NOWHERE = {"index": 0x5FFF, "type": "u8", "value": 1}
 
@@ -64,7 +64,7 @@ def test_it_turns_and_knows_its_heading(standing):
 def test_one_that_lies_is_sent_no_velocity(paddock):
     paddock.go(1.0, Twist(0.5))
     assert all(set(each.values()) == {0.0} for each in asked(paddock))
-    assert paddock.machine.mode is Mode.OFF
+    assert paddock.machine.mode is BodyMode.OFF
 
 
 def test_without_a_fresh_order_it_stands_still(standing):
@@ -86,7 +86,7 @@ def test_an_emergency_stop_is_obeyed_in_its_cycle_and_latched(standing):
     standing.go(1.0, Twist(0.5))
     standing.emergency()
     standing.cycle()
-    assert standing.machine.mode is Mode.DAMPED
+    assert standing.machine.mode is BodyMode.DAMPED
     standing.go(2.0, Twist(0.5))
     assert (standing.state.mode, standing.state.fault) == ("off", "emergency stop")
     assert standing.state.stopped == 1
@@ -100,7 +100,7 @@ def test_with_lost_frames_all_commands_come_through(standing):
     assert standing.machine.twist.x == pytest.approx(0.5, abs=0.1)
     standing.emergency()
     standing.go(2.0)
-    assert standing.machine.mode is Mode.OFF
+    assert standing.machine.mode is BodyMode.OFF
     assert standing.ask(BodyRequest.STAND) == ""
 
 
@@ -137,11 +137,11 @@ def test_a_reset_does_not_end_an_emergency_stop_that_the_machine_has_not_obeyed(
     assert set(asked(standing)[-1].values()) == {0.0}
     standing.machine._commands = obeyed
     standing.go(0.1)
-    assert standing.machine.mode is Mode.DAMPED
+    assert standing.machine.mode is BodyMode.DAMPED
 
 
 def test_a_mode_that_the_description_does_not_name_is_told_and_not_left_alone(standing):
-    standing.machine._numbers[Mode.STANDING] = 9
+    standing.machine._numbers[BodyMode.STANDING] = 9
     standing.go(0.2)
     assert standing.state.warning == "it reports mode 9, which is not in modes"
     assert not standing.controller.resting
@@ -164,7 +164,7 @@ def test_a_machine_that_tips_is_stopped(make_paddock):
     paddock.machine.fault("tip", 1.0)
     paddock.go(2.0)
     assert paddock.state.fault == "imu: tilted 1.00 rad, more than 0.785"
-    assert paddock.machine.mode is Mode.OFF
+    assert paddock.machine.mode is BodyMode.OFF
 
 
 def test_with_an_empty_battery_it_sits_down(standing):
@@ -190,7 +190,7 @@ def test_a_command_that_is_not_taken_is_told(walker, make_paddock):
     paddock = make_paddock(changed(walker, **{section: {"stand_up": other}}), real=walker)
     paddock.go(0.2)
     assert re.search("was not taken within 1 s|SDO abort 06020000h", paddock.ask(BodyRequest.STAND))
-    assert paddock.machine.mode is Mode.OFF
+    assert paddock.machine.mode is BodyMode.OFF
 
 
 def test_a_description_without_recovery_refuses_it(make_paddock):

@@ -4,7 +4,7 @@ from fleet.errors import ConfigError
 from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.any_description import load_body
 from fleet_quadruped.robot.description import EXAMPLE
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 
 OWN = EXAMPLE.with_name("self-walking.yaml")
 CANOPEN = EXAMPLE.with_name("self-walking-canopen.yaml")
@@ -53,7 +53,7 @@ def test_what_cannot_be_walked_with_is_refused(write, example, old, new, told):
 
 
 def test_a_bare_off_of_yaml_is_the_mode_off(write):
-    assert load_body(write(OWN, '0: "off"', "0: off")).modes[0] is Mode.OFF
+    assert load_body(write(OWN, '0: "off"', "0: off")).modes[0] is BodyMode.OFF
 
 
 def test_objects_become_pdos_in_their_order():

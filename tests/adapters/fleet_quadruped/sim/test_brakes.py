@@ -6,7 +6,7 @@ from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.drives.cia402.frames import OPERATIONAL, RPDO1, SYNC, pack_target
 from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.sim.cia402 import SimDrive
-from fleet_quadruped.sim.world import Motor
+from fleet_quadruped.sim.world import SimMotor
 
 QUICK_STOP, DISABLE_OPERATION, ENABLE, VOLTAGE_OFF = 0x02, 0x07, 0x0F, 0x00
 
@@ -15,7 +15,7 @@ class Turning:
     """One enabled drive, whose motor turns at 2 rad/s and does what its drive says at once."""
 
     def __init__(self, dog, **options):
-        self.motor = Motor(speed=2.0)
+        self.motor = SimMotor(speed=2.0)
         self.drive = SimDrive(dog.all_joints[0], self.motor, lambda frame: None, dog.drive)
         for place, value in options.items():
             self.drive.sdo.objects[int(place[1:], 16), 0].value = value

@@ -5,7 +5,7 @@ import pytest
 
 from fleet.model.geometry import quaternion_from_euler
 from fleet_quadruped.body.requests import BodyRequest
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 from fleet_quadruped.sim.tune import drop, random_turn, tries_needed
@@ -31,9 +31,9 @@ def test_it_gets_up_from_whatever_it_lies_on(any_dog, turn):
     assert rig.ask(BodyRequest.RECOVER) == ""
     for _ in range(24):
         rig.go(1.0)
-        if rig.mode is Mode.STANDING:
+        if rig.mode is BodyMode.STANDING:
             break
-    assert (rig.mode, rig.fault) == (Mode.STANDING, "")
+    assert (rig.mode, rig.fault) == (BodyMode.STANDING, "")
 
 
 def orientations(count):

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 from fleet_quadruped.sim.wander import wander
@@ -49,7 +49,7 @@ def test_the_gait_walk_is_slow_and_keeps_three_feet_on_the_ground(walker):
     assert min(fewest) == 3
     walker.order = msgspec.structs.replace(walker.order, gait="trot")
     walker.go(4.5, Twist(0.4))
-    assert walker.mode is Mode.WALKING
+    assert walker.mode is BodyMode.WALKING
     assert walker.controller.body.walker.odometry.twist.x > 0.3
     assert walker.fault == ""
 
@@ -75,7 +75,7 @@ def test_its_odometry_is_within_a_tenth(walker):
 def test_five_percent_of_lost_frames_do_not_make_it_fall(walker):
     walker.sim.fault("loss", 0.05)
     walker.go(5.0, Twist(0.6))
-    assert (walker.mode, walker.fault) == (Mode.WALKING, "")
+    assert (walker.mode, walker.fault) == (BodyMode.WALKING, "")
 
 
 @pytest.mark.combinations
@@ -85,7 +85,7 @@ def test_it_stays_up_on_ice_and_with_late_frames(any_dog, twist):
     rig.stand()
     rig.sim.fault("delay", 0.01)  # a cycle, each way
     rig.go(3.0, twist)
-    assert (rig.mode, rig.fault) == (Mode.WALKING, "")
+    assert (rig.mode, rig.fault) == (BodyMode.WALKING, "")
     assert math.degrees(rig.tilt) < 8
 
 
@@ -100,7 +100,7 @@ def test_an_emergency_stop_lowers_it_gently(walker, phase, twist):
     walker.go(2.5)
     assert max(drops) < 0.5
     assert min(nearest) > 0.0
-    assert walker.mode is Mode.OFF
+    assert walker.mode is BodyMode.OFF
     assert walker.sim.world.place()[2] < 0.15
 
 
@@ -115,7 +115,7 @@ def test_a_push_that_throws_it_over_is_noticed(walker):
     walker.go(0.6)
     walker.sim.world.push((0.0, 0.0, 0.0))
     walker.go(0.5)
-    assert walker.mode is Mode.DAMPED
+    assert walker.mode is BodyMode.DAMPED
     assert walker.fault.startswith("imu: tilted")
 
 

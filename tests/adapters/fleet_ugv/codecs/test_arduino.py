@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from fleet.testing.wires import OneByteAtATime
 from fleet_ugv.codecs.arduino import ArduinoCodec, Servo
-from fleet_ugv.model import Feedback, Steering, Trouble, Wheels
+from fleet_ugv.model import AckermannCommand, BaseFault, Feedback, Wheels
 
 
 def make(**fields):
@@ -24,8 +24,8 @@ def test_golden_bytes():
 
 def test_a_car_is_steered_by_a_servo():
     codec = make(servo=Servo(number=1, centre=90.0, gain=math.degrees(1)))
-    assert codec.motion(Steering(0.5, math.radians(20))) == b"s 1 110\rm 50 50\r"
-    assert codec.motion(Steering(0.5, -3.0)) == b"s 1 0\rm 50 50\r"
+    assert codec.motion(AckermannCommand(0.5, math.radians(20))) == b"s 1 110\rm 50 50\r"
+    assert codec.motion(AckermannCommand(0.5, -3.0)) == b"s 1 0\rm 50 50\r"
 
 
 def test_counters_become_metres():
@@ -36,7 +36,7 @@ def test_an_acknowledgement_says_nothing_and_an_unknown_command_is_a_trouble():
     codec = make()
     assert codec.feed(b"OK\r\n") == []
     assert codec.garbage == 0
-    assert isinstance(codec.feed(b"Invalid Command\r\n")[0], Trouble)
+    assert isinstance(codec.feed(b"Invalid Command\r\n")[0], BaseFault)
 
 
 @pytest.mark.parametrize("line", [b"1 2 3", b"12", b"1.5 2", b"99999999999 1", b"\xff\xfe", b"O K"])

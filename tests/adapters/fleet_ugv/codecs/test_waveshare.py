@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fleet.testing.wires import Corrupt, Lossy, OneByteAtATime
 from fleet_ugv.codecs.waveshare import WaveshareCodec
-from fleet_ugv.model import Confirmed, Feedback, Trouble, Wheels
+from fleet_ugv.model import BaseFault, Confirmed, Feedback, Wheels
 
 ROS = (
     b'{"T":1001,"L":0.12,"R":-0.1,"ax":0,"ay":0,"az":8192,"gx":0,"gy":0,"gz":164,"mx":0,"my":0,"mz":0,'
@@ -122,7 +122,7 @@ def test_a_line_of_a_megabyte_is_skipped_to_its_end_and_the_next_is_read():
 
 
 def test_a_servo_that_is_not_there_is_a_trouble():
-    assert isinstance(make().feed(b'{"T":1005,"id":1,"status":0}\n')[0], Trouble)
+    assert isinstance(make().feed(b'{"T":1005,"id":1,"status":0}\n')[0], BaseFault)
 
 
 def test_lines_are_the_same_however_they_are_cut():

@@ -5,9 +5,9 @@ import json
 import pytest
 
 from fleet.console.foxglove.protocol import (
-    Channel,
+    FoxgloveChannel,
+    FoxgloveSubscription,
     Subscribe,
-    Subscription,
     Unsubscribe,
     advertisement,
     message_data,
@@ -30,7 +30,7 @@ def test_a_server_that_is_read_only_offers_no_capability():
 
 
 def test_a_channel_is_offered_with_its_schema():
-    told = json.loads(advertisement([Channel(7, "/yard-1/rex/position", "foxglove.PoseInFrame")]))
+    told = json.loads(advertisement([FoxgloveChannel(7, "/yard-1/rex/position", "foxglove.PoseInFrame")]))
     assert told == {
         "op": "advertise",
         "channels": [
@@ -52,7 +52,7 @@ def test_a_warning_is_a_status():
 
 def test_subscriptions_are_read_also_with_members_of_later_versions():
     subscribe = '{"op": "subscribe", "subscriptions": [{"id": 0, "channelId": 3, "x": 1}], "y": 2}'
-    assert read_asked(subscribe) == Subscribe((Subscription(0, 3),))
+    assert read_asked(subscribe) == Subscribe((FoxgloveSubscription(0, 3),))
     assert read_asked('{"op": "unsubscribe", "subscriptionIds": [0, 1]}') == Unsubscribe((0, 1))
 
 

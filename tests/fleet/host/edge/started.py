@@ -17,16 +17,16 @@ import msgspec
 from fleet.config.missions import mission_of
 from fleet.host.edge.mission_starter import MissionStarter
 from fleet.missions.points import SiteMap
-from fleet.missions.roles import Candidate
+from fleet.missions.roles import RoleCandidate
 from fleet.missions.runs import Runs
 from fleet.missions.state import Facts
-from fleet.missions.store import Store as MissionStore
+from fleet.missions.store import RunStore as MissionStore
 from fleet.model.command import Reply, ReplyStatus, Request
 from fleet.model.state import RobotState
 from fleet.schedules import runner
 from fleet.schedules.model import ScheduleConfig
 from fleet.schedules.runner import Schedules
-from fleet.schedules.store import Store
+from fleet.schedules.store import FiringStore
 
 SPEED = 100.0
 PATROL = {
@@ -96,7 +96,9 @@ async def main(folder, began, trigger, kill):
             "yard",
             robots,
             candidates=lambda: [
-                Candidate(name, "toy", frozenset({"walk"}), Facts(name, "ok", 80.0), run=robot.state().run)
+                RoleCandidate(
+                    name, "toy", frozenset({"walk"}), Facts(name, "ok", 80.0), run=robot.state().run
+                )
                 for name, robot in robots.items()
             ],
             allowed=lambda *_: None,
@@ -116,7 +118,7 @@ async def main(folder, began, trigger, kill):
         begins = starter({"patrol": mission_of("patrol", PATROL)}.get, runs, lambda then: then(), clock)
         fires = json.loads(trigger)
         configs = {"round": ScheduleConfig(mission="patrol", late="10 h", busy="queue", **fires)}
-        kept = Store(folder)
+        kept = FiringStore(folder)
         kept.seen("round", configs["round"].digest(), began)  # however long it took to come here
         schedules = Schedules(configs, kept, begins, clock=clock, tell=lambda _: None, stopped=dict)
         await schedules.begin()

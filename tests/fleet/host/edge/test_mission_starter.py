@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from fleet.missions.store import MISSIONS
-from fleet.schedules.store import DUE, SKIPPED, STARTED, Store
+from fleet.schedules.store import DUE, SKIPPED, STARTED, FiringStore
 from fleet.testing.waiting import wait_until
 
 KILLS = int(os.environ.get("FLEET_SOAK_KILLS", "5"))
@@ -43,7 +43,7 @@ class Edge:
 
     def firings(self):
         """Return the firings, the oldest first."""
-        with contextlib.closing(Store(self.folder)) as store:
+        with contextlib.closing(FiringStore(self.folder)) as store:
             return list(reversed(store.last("round", 1000)))
 
     def runs(self):

@@ -10,7 +10,7 @@ from fleet.bus import keys
 from fleet.host.edge.pair_stops import NOT_KNOWN, PairStops
 from fleet.host.runtime.threads import NAME
 from fleet.host.safety.emergency_stop import EmergencyStopLatch
-from fleet.standby.lease import Entry
+from fleet.standby.lease import LeaseEntry
 from fleet.standby.stops import AGAIN_AFTER
 from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import DEADLINE, wait_until
@@ -54,7 +54,7 @@ def edge():
 
 def listed(**stops):
     """Return the holder's entry."""
-    return Entry("yard-a", "1", 1, stops=stops)
+    return LeaseEntry("yard-a", "1", 1, stops=stops)
 
 
 def test_a_stop_is_passed_on_beside_the_loop_which_a_full_link_does_not_hold_up(edge):

@@ -13,7 +13,7 @@ import pytest
 from fleet.cli.main import main
 from fleet.model.event import EventKind, EventReport
 from fleet.schedules.runner import Schedules, StartResult
-from fleet.schedules.store import Store
+from fleet.schedules.store import FiringStore
 from fleet.testing.waiting import wait_until
 
 HERE = {"worker": "main"}
@@ -124,13 +124,13 @@ async def test_a_disk_that_is_slow_does_not_hold_up_the_robots_when_the_edge_end
     scheduled, run_edge, fleet, monkeypatch
 ):
     _, edge, _ = scheduled
-    close, closed_by = Store.close, []
+    close, closed_by = FiringStore.close, []
 
     def noted(store):
         closed_by.append(threading.current_thread())
         close(store)
 
-    monkeypatch.setattr(Store, "close", noted)
+    monkeypatch.setattr(FiringStore, "close", noted)
     async with run_edge(edge):
         await fleet("schedule", "ls")
     assert closed_by
@@ -156,7 +156,7 @@ async def test_an_edge_whose_schedules_cannot_be_kept_says_so_and_runs(
     def full(*_):
         raise StateError("the disk is full")
 
-    monkeypatch.setattr("fleet.host.edge.schedules.Store", full)
+    monkeypatch.setattr("fleet.host.edge.schedules.FiringStore", full)
     _, edge, _ = scheduled
     async with run_edge(edge):
         await asyncio.to_thread(wait_until, "it says so", lambda: edge.schedules.problem)

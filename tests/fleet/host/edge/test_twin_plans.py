@@ -7,7 +7,7 @@ import pytest
 
 from fleet.host.edge.twin_plans import STATES, status_of
 from fleet.missions.report import AskedNow, RunState
-from fleet.missions.state import Outcome, Replied, RunOutcome
+from fleet.missions.state import PartOutcome, Replied, RunOutcome
 from fleet.model.command import Transport
 from fleet.model.navigation import ActionState
 from fleet.model.report import NavigationReport
@@ -85,7 +85,7 @@ async def test_a_plan_of_the_cloud_is_a_run_that_carries_its_authority(cloud, as
     (part,) = run.engine.robots.active()
     await asks.until(lambda: ("running", "") in cloud.told())
     assert cloud.robot.state().run == RUN
-    run.take(Replied(part.identity, Outcome.DONE, ""))
+    run.take(Replied(part.identity, PartOutcome.DONE, ""))
     await asks.until(lambda: cloud.terminal)
     told = [(each["status"], each["current_step"]) for each in cloud.statuses]
     assert told[0] == ("queued", 0)
@@ -100,7 +100,7 @@ async def test_a_repeat_is_the_same_run_also_after_its_end(cloud, asks):
     assert again[0].ok
     assert cloud.run() is run
     (part,) = run.engine.robots.active()
-    run.take(Replied(part.identity, Outcome.DONE, ""))
+    run.take(Replied(part.identity, PartOutcome.DONE, ""))
     await asks.until(lambda: cloud.terminal)
     before = len(cloud.statuses)
     late = cloud.say(START)
@@ -232,6 +232,6 @@ async def test_the_item_that_a_robot_is_at_is_told_with_the_end(cloud, asks):
     report = NavigationReport(1.0, part.identity, ActionState.RUNNING, 50.0, "", 4)
     cloud.edge.missions.plans.heard(encode_report(report, 1))
     cloud.edge.missions.plans.heard(b"no report")
-    run.take(Replied(part.identity, Outcome.DONE, ""))
+    run.take(Replied(part.identity, PartOutcome.DONE, ""))
     await asks.until(lambda: cloud.terminal)
     assert (cloud.statuses[-1]["status"], cloud.statuses[-1]["current_step"]) == ("completed", 4)

@@ -1,7 +1,7 @@
 """The net effect of what the database does not have yet."""
 
 from fleet.host.journal.changes import ROW, CommandEnd, NetChanges
-from fleet.host.journal.execution_journal import Latched, Started
+from fleet.host.journal.execution_journal import Latched, StartedCommand
 from fleet.host.journal.past_commands import PastCommand
 
 
@@ -13,7 +13,7 @@ def net(*changes):
 
 
 def started(identity, robot="rex"):
-    return Started(robot, identity, "land", False, 1.0)
+    return StartedCommand(robot, identity, "land", False, 1.0)
 
 
 def known(changes, robot="rex", before=()):

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from fleet.history.store import HISTORY, History
 from fleet.host.journal.changes import CommandEnd
-from fleet.host.journal.execution_journal import SIZE, ExecutionJournal, Latched, Started
+from fleet.host.journal.execution_journal import SIZE, ExecutionJournal, Latched, StartedCommand
 from fleet.host.journal.journal import RETRY, Journal
 from fleet.host.journal.journal_file import LOST, REMEMBERED
 from fleet.model.command import Origin, ReplyStatus, Transport
@@ -329,7 +329,12 @@ NOW = ManualClock().time()
 NAMES = st.sampled_from(["rex", "max", "e\0v"])
 CHANGES = st.lists(
     st.builds(
-        Started, NAMES, st.sampled_from("abc"), st.just("land"), st.booleans(), st.floats(NOW, NOW + 9.0)
+        StartedCommand,
+        NAMES,
+        st.sampled_from("abc"),
+        st.just("land"),
+        st.booleans(),
+        st.floats(NOW, NOW + 9.0),
     )
     | st.builds(CommandEnd, st.sampled_from(["completed", "failed"]), NAMES, st.sampled_from("abc"))
     | st.builds(Latched, NAMES, st.sampled_from(["", "fire", "smoke"])),
@@ -354,7 +359,7 @@ def test_changes_come_to_the_same_in_one_commit_or_in_many(tmp_path_factory, cha
 
 def test_more_commands_than_one_statement_takes_are_remembered(opened):
     journal = opened()
-    commit(journal, [Started("rex", f"r{number}", "land", False, NOW) for number in range(257)])
+    commit(journal, [StartedCommand("rex", f"r{number}", "land", False, NOW) for number in range(257)])
     assert len(opened().robot("rex").past) == 257
 
 

@@ -6,7 +6,7 @@ import sqlite3
 
 import pytest
 
-from fleet.host.journal.execution_journal import ExecutionJournal, Latched, Started
+from fleet.host.journal.execution_journal import ExecutionJournal, Latched, StartedCommand
 from fleet.host.journal.journal import RETRY, Journal
 from fleet.host.journal.journal_file import LOST
 from fleet.spool.state_folder import JOURNAL
@@ -289,7 +289,10 @@ def test_of_many_commands_that_no_disk_takes_the_newest_are_known_to_the_next_pr
 
 def test_what_earlier_processes_left_and_what_has_just_come_is_kept_when_it_is_shortened(edge, monkeypatch):
     begun = ExecutionJournal(edge.memory / BEGUN)
-    for row in (Latched("gone", "fire"), Started("rex", "of before", "land", False, edge.clock.time())):
+    for row in (
+        Latched("gone", "fire"),
+        StartedCommand("rex", "of before", "land", False, edge.clock.time()),
+    ):
         begun.add(row)
     begun.close()
     edge.block_folder()
@@ -334,7 +337,7 @@ def test_rows_are_replaced_all_or_none(tmp_path, monkeypatch):
         patch.setattr("os.pwrite", lambda _file, data, _at: len(data) - 1)
         with pytest.raises(OSError, match="No space left"):
             begun.replace([Latched("max", "fire")])
-    begun.add(Started("rex", "r1", "land", False, 1.0))
+    begun.add(StartedCommand("rex", "r1", "land", False, 1.0))
     assert path.read_bytes().count(b"fire") == 1
     begun.replace([Latched("max", "fire")])
     begun.add(Latched("eve", "fire"))
