@@ -22,7 +22,7 @@ class UpkeepCommands(SessionAdapter):
     @command("check_ready", moves=False, safe=True)
     async def check_ready(self) -> dict[str, object]:
         """Check whether it would take off now: a list of checks, with the autopilot's own texts."""
-        found = await readiness.look(self._session.flight)
+        found = await readiness.inspect(self._session.flight)
         listed = [{"check": each.check, "ok": each.ok, "words": list(each.words)} for each in found]
         return {"ready": readiness.is_ready(found), "checks": listed}
 

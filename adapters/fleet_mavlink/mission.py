@@ -31,7 +31,7 @@ from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.turns import Superseded
 from fleet_mavlink.wings import Winged
 
-_LOOK = 0.5  # s
+_POLL_INTERVAL = 0.5  # s
 _LOWEST_TAKEOFF = 2.5  # m
 _ELSEWHERE = 1000.0  # m between planned and real home; beyond it the plan is for another place
 _OTHER_GROUND = 50.0  # m, likewise for their altitudes
@@ -227,7 +227,7 @@ class MissionPilot:
         with self._vehicle.hearing(*_TOLD) as heard:
             await self._start(flavour, resumed=mission.resumed)
             while not self._is_over(mission, watch, returns=returns):
-                watch.see(await heard.next(_LOOK))
+                watch.see(await heard.next(_POLL_INTERVAL))
                 may_end = self._may_end(mission, watch, returns=returns)
                 if may_end:
                     flight.authority.expect_also(*ends)
@@ -253,7 +253,7 @@ class MissionPilot:
             except Refused:
                 if resumed or vehicle.now() >= by:
                     raise
-                await asyncio.sleep(_LOOK)
+                await asyncio.sleep(_POLL_INTERVAL)
             else:
                 return
 

@@ -145,7 +145,7 @@ def is_ready(found: Iterable[Check]) -> bool:
     return all(check.ok or (check.ok is None and check.check in _NEED_NOT_BE_TOLD) for check in found)
 
 
-async def look(flight: Flight) -> list[Check]:
+async def inspect(flight: Flight) -> list[Check]:
     """Let the autopilot check itself, and return the list; raises NotReady when it does not answer."""
     vehicle = flight.vehicle
     require_connection(vehicle)

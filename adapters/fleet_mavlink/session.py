@@ -54,7 +54,7 @@ GENTLE = "stop"  # the reason of a plain stop, which ends a burst of velocities
 _STANDS_WITHIN = 3.0  # s
 _KEY_TOLD = 3  # times; nothing answers
 _SIGNS_WITHIN = 2.0  # s
-_LOOK = 0.25  # s between looks at the vehicle's health
+_POLL_INTERVAL = 0.25  # s between looks at the vehicle's health
 
 
 class VehicleSession:
@@ -109,7 +109,7 @@ class VehicleSession:
             fence=config.fence,
             limits=limits,
             origin=self.origin,
-            changed=self.health.look,
+            changed=self.health.check,
         )
         self.failsafes = Failsafes(
             vehicle,
@@ -118,7 +118,7 @@ class VehicleSession:
             link_loss=config.link_loss,
             station=config.own_system,
             lasting=not config.simulated,
-            changed=self.health.look,
+            changed=self.health.check,
         )
         self.logs = LogReader(vehicle)
         self.compass = Compass(self.flight)
@@ -150,7 +150,7 @@ class VehicleSession:
     async def serve(self, *losses: Awaitable[None]) -> None:
         """Serve until one of ``losses`` raises, which is raised here."""
         self._robot.every(PERIOD, self._tick)
-        self._robot.every(_LOOK, self.health.look)
+        self._robot.every(_POLL_INTERVAL, self.health.check)
         self._reporter.begin()
         remote_id = RemoteId(self.vehicle, self._config.remote_id, self._robot.clock.time)
         settings = (
@@ -309,7 +309,7 @@ class VehicleSession:
     async def _tell_loss(self, reason: str) -> None:
         """Report a loss of authority, after waiting for the autopilot's reason."""
         while not self.health.cause.text and not self.health.cause.settled(self.vehicle.now()):
-            await asyncio.sleep(_LOOK)
+            await asyncio.sleep(_POLL_INTERVAL)
             self.health.see_cause()
         why = self.health.cause.text
         self.authority.cause = why

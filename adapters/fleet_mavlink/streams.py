@@ -30,7 +30,7 @@ from fleet_mavlink.messages import (
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.vehicle_kind import VehicleKind
 
-_LOOK = 1.0  # s between checks of the arriving messages
+_POLL_INTERVAL = 1.0  # s between checks of the arriving messages
 _PATIENCE = 3.0  # s, or three periods, without a message after which it is requested again
 _ASK_AGAIN = 5.0  # s between requests for the same message
 _OLD_WAY_AFTER = 2  # requests for the attitude without effect, before REQUEST_DATA_STREAM
@@ -96,9 +96,9 @@ class Streams:
         """Wait for the next check; a vehicle that returns is checked at once."""
         vehicle = self._vehicle
         if vehicle.connected:
-            await asyncio.sleep(_LOOK)
+            await asyncio.sleep(_POLL_INTERVAL)
         else:
-            await vehicle.until(lambda state: state.connected(vehicle.now()), _LOOK)
+            await vehicle.until(lambda state: state.connected(vehicle.now()), _POLL_INTERVAL)
 
     def _forget(self) -> None:
         """Start over: the vehicle has lost its rates."""

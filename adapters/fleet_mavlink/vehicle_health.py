@@ -30,7 +30,7 @@ class VehicleHealth:
         self._settings_troubles = troubles
         self._began = robot.clock.monotonic()
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Check the vehicle's timeouts, and report its health once it has had time to answer."""
         self._vehicle.tick()
         self.see_cause()

@@ -42,7 +42,7 @@ __all__ = ["QuadrupedAdapter", "QuadrupedConfig"]
 
 _FOREVER = 3600.0  # s: the host ends velocities; the body's own dead-man monitors the host
 # s: periods of orders, state checks, fast reports and slow reports
-_ALIVE, _LOOK, _MOTION, _SLOW = 0.1, 0.02, 0.05, 1.0
+_ALIVE, _POLL_INTERVAL, _MOTION, _SLOW = 0.1, 0.02, 0.05, 1.0
 _EMERGENCY = "emergency_stop"
 _LAMP = "lamp"  # key in ``robot.state``: the requested lamp state
 # the command gives the direction; the body limits the height further
@@ -90,7 +90,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._reporter.begin()
         self._body.begin(process, self._dog.dt, recorded=frames.wanted)
         robot.every(_ALIVE, self._body.send)
-        robot.every(_LOOK, self._body.look)
+        robot.every(_POLL_INTERVAL, self._body.poll)
         robot.every(_MOTION, self._reporter.report_motion)
         robot.every(_SLOW, self._reporter.report_slow)
 

@@ -87,7 +87,7 @@ def _note(frame: CanFrame, found: dict[tuple[str, int], str]) -> None:
 
 
 class BenchSession:
-    """The configured drives of a robot, all or those of some joints; ``look`` keeps them disabled."""
+    """The configured drives of a robot, all or those of some joints; ``read_feedback`` keeps them disabled."""
 
     def __init__(
         self,
@@ -125,7 +125,7 @@ class BenchSession:
                 "off while it hangs"
             )
 
-    def look(self) -> tuple[JointFeedback, ...]:
+    def read_feedback(self) -> tuple[JointFeedback, ...]:
         """Run one cycle with the torque off; return the feedback of the drives."""
         return self.cycle(self.drives.disable)
 
@@ -144,9 +144,9 @@ class BenchSession:
 
     def settle(self, cycles: int = 30) -> tuple[JointFeedback, ...]:
         """Return the feedback of the drives after some cycles with the torque off."""
-        told = self.look()
+        told = self.read_feedback()
         for _ in range(cycles):
-            told = self.look()
+            told = self.read_feedback()
         return told
 
 

@@ -63,7 +63,7 @@ class BodyClient:
             )
             self.process.orders.put(self.order)
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Read the newest state; raises LinkLost if the body controller sends no more states."""
         before = self.state
         self.state = self.process.states.get()

@@ -137,7 +137,7 @@ class Jogger:
         for _ in range(math.ceil(_STOP / self._dt)):
             self._bench.cycle(drives.quick_stop)
         for _ in range(math.ceil(_OFF / self._dt)):
-            if self._bench.look()[0].power in {Power.DISABLED, Power.FAULT}:
+            if self._bench.read_feedback()[0].power in {Power.DISABLED, Power.FAULT}:
                 return
         log.warning("%s: its drive did not report off; switch its power off", self._jog.joint.name)
 

@@ -182,7 +182,7 @@ class Board:
                 f"{self._config.link}: nothing heard for {self.readiness.quiet_for(now):.1f} s; "
                 "is it the right device and speed?"
             )
-        if self.readiness.look(now):
+        if self.readiness.check(now):
             self._set_up()
         if self.readiness.refusal and self.readiness.phase is not before:
             self.halt()

@@ -105,7 +105,7 @@ class Readiness:
         if self.phase in {BoardPhase.SETUP, BoardPhase.UNGUARDED}:
             self.phase = BoardPhase.READY if self._guarded else BoardPhase.UNGUARDED
 
-    def look(self, now: float) -> bool:
+    def check(self, now: float) -> bool:
         """Check the time-outs; return True when the board must be set up again."""
         if self.phase is not BoardPhase.SILENT and self.quiet_for(now) > QUIET_AFTER:
             self.phase = BoardPhase.QUIET

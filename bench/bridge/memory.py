@@ -19,7 +19,7 @@ OFFERED = 8000  # messages per second
 FILE = 32  # MiB, the short form's spool
 HOUR = 3600  # thousands of messages
 PAD = 750  # bytes that make a message 1 kB long
-LOOK = 0.25  # s
+POLL_INTERVAL = 0.25  # s
 ROUND_TRIP = 0.05  # s
 SLOW_SECONDS = 20.0
 SLOW_RATE = 1000
@@ -35,7 +35,7 @@ def growth(pid, seconds):
     before = most = rss(pid)
     end = time.monotonic() + seconds
     while time.monotonic() < end:
-        time.sleep(LOOK)
+        time.sleep(POLL_INTERVAL)
         most = max(most, rss(pid))
     return most - before
 

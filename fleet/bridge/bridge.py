@@ -240,7 +240,7 @@ class Bridge:
         ``extra`` holds figures of the host.
         """
         states = {state.twin: state for state in robots}
-        self._conflicts.look()
+        self._conflicts.check()
         if self._pings and self.client.state is CloudState.CONNECTED:
             self.round_trip.ask()
         for port in self._served():

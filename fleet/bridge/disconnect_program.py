@@ -21,7 +21,7 @@ from fleet.runtime.decoding import decode_json
 from fleet.wire.reports import sender, to_mqtt
 
 WITHIN = 10.0  # s for the whole run
-LOOK = 0.01  # s between two checks for missing acknowledgements
+POLL_INTERVAL = 0.01  # s between two checks for missing acknowledgements
 REASON = "the edge died"
 
 
@@ -54,7 +54,7 @@ async def publish_disconnected(plan: DisconnectPlan, clock: Clock) -> bool:
     client.flush()
     end, topics = clock.monotonic() + WITHIN, len(plan.topics)
     while (open_ := _is_open(client, topics)) and clock.monotonic() < end:  # noqa: ASYNC110 - the client has counters, no event
-        await asyncio.sleep(LOOK)
+        await asyncio.sleep(POLL_INTERVAL)
     await asyncio.to_thread(client.close)
     return not open_
 

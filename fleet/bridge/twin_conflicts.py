@@ -52,7 +52,7 @@ class TwinConflictMonitor:
         if now - last <= WITHIN:
             self._hold(twin, beat.edge)
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Take back the twins whose other edge has gone silent; call it periodically."""
         now = self._clock.monotonic()
         for (twin, edge), at in list(self._seen.items()):

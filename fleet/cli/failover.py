@@ -17,7 +17,7 @@ from fleet.model.state import EdgeState
 
 HOLDER = "holder"
 GIVEN_WITHIN = 15.0  # s for the robots to hold and the lease to be released
-LOOK = 0.2  # s between polls
+POLL_INTERVAL = 0.2  # s between polls
 
 
 class HandOver(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -53,7 +53,7 @@ def failover(out: Output, edge: str | None, *, accept_file: bool, file: str | No
         while _role(edges.edges(), holder) == HOLDER:
             if time.monotonic() > end:
                 raise TimedOut(f"edge {holder} still has the lease after {GIVEN_WITHIN:g} s")
-            time.sleep(LOOK)
+            time.sleep(POLL_INTERVAL)
     out.data({"ok": True, "edge": holder})
     out.say(f"edge {holder} has let go of its robots; the other edge of the pair takes over")
     return ExitCode.OK

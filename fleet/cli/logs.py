@@ -21,7 +21,7 @@ from fleet.host.logs.line_format import FORMAT, LogLine, as_text
 from fleet.runtime.decoding import decode_with, json_decoder
 from fleet.spool.state_folder import state_folder
 
-LOOK = 0.25  # s between checks for new lines
+POLL_INTERVAL = 0.25  # s between checks for new lines
 _LAST = 100
 _decode = partial(decode_with, json_decoder(LogLine))
 
@@ -60,7 +60,7 @@ def logs(
     if newer := sum(tail.newer for tail in tails.values()):
         out.note(f"left out: {counted(newer, 'line')} of a newer fleet; this one reads up to format {FORMAT}")
     while follow:
-        time.sleep(LOOK)
+        time.sleep(POLL_INTERVAL)
         for line in _more(folders, tails):
             if _is_about(line, name):
                 _show(out, line)

@@ -16,7 +16,7 @@ from fleet.missions.rehearsal import RehearsalAsk, RehearsalNote, RehearsalResul
 from fleet.missions.report import StartAsk
 from fleet.missions.words import told_line
 
-LOOK = 0.3  # s
+POLL_INTERVAL = 0.3  # s
 QUIET = 2.0  # s without news after which the progress is shown
 
 
@@ -61,7 +61,7 @@ def _followed(out: Output, edges: Edges, key: str, begun: RehearsalState) -> Reh
             return state.result
         if state.failure or state.refusal:
             raise Refused(f"it cannot be rehearsed: {state.failure or state.refusal}")
-        time.sleep(LOOK)
+        time.sleep(POLL_INTERVAL)
 
 
 def note_line(note: RehearsalNote) -> str:

@@ -30,7 +30,7 @@ from fleet.supervisor.protocol import StopAnswer
 from fleet.supervisor.stop_request import stop_all
 from fleet.wire.stop_outcome import DONE, OPEN, SEEN_WITHIN, UNSEEN, stop_outcome
 
-LOOK = 0.2  # s between checks of the progress
+POLL_INTERVAL = 0.2  # s between checks of the progress
 
 
 class RequestedStop(msgspec.Struct, frozen=True):
@@ -253,7 +253,7 @@ def _failed(
     while time.monotonic() < end and any(
         outcome in OPEN and edge in heard for (edge, _), outcome in outcomes.items()
     ):
-        time.sleep(LOOK)
+        time.sleep(POLL_INTERVAL)
         outcomes = _outcomes(edges, hit, first)
     late = f"nothing was seen within {SEEN_WITHIN:g} s"
     inflight = {outcome for outcome in OPEN if outcome != UNSEEN}

@@ -15,11 +15,11 @@ BUSY = 0.001  # s after a check that found data
 class FallbackReader:
     """A thread that checks for unread data; it has nothing to do while the loop runs.
 
-    ``look`` returns True when it found data: more may follow.
+    ``poll`` returns True when it found data: more may follow.
     """
 
-    def __init__(self, look: Callable[[], bool]) -> None:
-        self._look = look
+    def __init__(self, poll: Callable[[], bool]) -> None:
+        self._poll = poll
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="fleet-cloud", daemon=True)
 
@@ -37,6 +37,6 @@ class FallbackReader:
         while not self._ended.wait(BUSY if found else PERIOD):
             found = False
             try:
-                found = self._look()
+                found = self._poll()
             except Exception:
                 logger.exception("the fallback reader failed")

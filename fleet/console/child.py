@@ -22,7 +22,7 @@ from fleet.host.process.side_program import SideProgram
 log = logging.getLogger(__name__)
 
 START_WITHIN = 60.0  # s; an overloaded computer takes 15
-LOOK = 0.05  # s between checks whether it serves
+POLL_INTERVAL = 0.05  # s between checks whether it serves
 EXTRA = "the console needs its extra: pip install 'zenoh-fleet[console]' (here: uv sync --extra console)"
 
 
@@ -81,7 +81,7 @@ class ConsoleChild:
                 self._program.problem = ""
                 self._served(link)
                 return
-            await asyncio.sleep(LOOK)
+            await asyncio.sleep(POLL_INTERVAL)
         self._program.problem = f"the console does not serve after {START_WITHIN:g} s"
         log.error("%s", self._program.problem)
 

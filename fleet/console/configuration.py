@@ -15,7 +15,7 @@ from fleet.runtime.decoding import decode_json
 ANSWER_WITHIN = 60.0  # s: the edge reads the file and inspects each drop-in file in a separate process
 
 
-def look(edge: str, bus_sessions: Iterable[ZenohSession]) -> dict[str, object]:
+def fetch(edge: str, bus_sessions: Iterable[ZenohSession]) -> dict[str, object]:
     """Return the configuration of an edge, for a page; raises Refused without an answer. Blocks."""
     asked = msgspec.json.encode(ChangesAsked(text=True))
     for bus_session in bus_sessions:

@@ -59,7 +59,7 @@ class Lookups:
     async def _config(self, asked: ConfigAsked) -> dict[str, object]:
         """Return the configuration of an edge."""
         bus_sessions = list(self._hub.edges.bus_sessions().values())
-        return {"config": await asyncio.to_thread(configuration.look, asked.edge, bus_sessions)}
+        return {"config": await asyncio.to_thread(configuration.fetch, asked.edge, bus_sessions)}
 
     async def _extent(self, _asked: ExtentAsked) -> dict[str, object]:
         """Return the time range of the recordings."""

@@ -19,7 +19,7 @@ from fleet.missions.rehearsal import RehearsalAsk, RehearsalState
 from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started
 from fleet.runtime.decoding import decode_json
 
-LOOK = 0.3  # s between polls of a rehearsal
+POLL_INTERVAL = 0.3  # s between polls of a rehearsal
 ANSWER_WITHIN = 15.0  # s for an edge to start a mission: its robots join the run first
 
 T = TypeVar("T")
@@ -51,7 +51,7 @@ async def rehearse(
     known = 0
     while state.result is None:
         yield state
-        await asyncio.sleep(LOOK)
+        await asyncio.sleep(POLL_INTERVAL)
         known += len(state.notes)
         state = await _state(key, RehearsalAsk(state.id, known), bus_sessions, operator, "rehearsal")
     yield state

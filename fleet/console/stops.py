@@ -30,7 +30,7 @@ from fleet.wire.stop_outcome import DONE, OPEN, SEEN_WITHIN, stop_outcome
 log = logging.getLogger(__name__)
 
 ANSWER_WITHIN = 2.0  # s for an edge to confirm that the stop is set
-LOOK = 0.05  # s between polls of the progress
+POLL_INTERVAL = 0.05  # s between polls of the progress
 THREADS = 64  # stops that may wait for answers at once; reserved for stops
 NO_ANSWER = "no confirmation that its stop is set"
 NOT_SEEN = f"not seen to stand within {SEEN_WITHIN:g} s"
@@ -226,7 +226,7 @@ class Stops:
                     record.see(robot, seen, now)
                     self._view.take_state(state, now)
             self._view.take_stop(request, record.shown())
-            await asyncio.sleep(LOOK)
+            await asyncio.sleep(POLL_INTERVAL)
         record.close()
         self._view.take_stop(request, record.shown())
 

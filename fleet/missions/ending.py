@@ -44,7 +44,7 @@ class Ending:
             self._halt_all(now)
         undo = undoes and self._program.on_failure == "undo"
         self._enter(Phase.HALTING if undo else Phase.ENDING)
-        self.look(now)
+        self.check(now)
 
     def abort(self, reason: str, now: float) -> None:
         """End the run at a person's request, as the mission defines it."""
@@ -59,7 +59,7 @@ class Ending:
             for member in self._robots.ours():
                 if not self._robots.comes_down(member.robot):
                     self._robots.begin(self._step, member.robot, act, "abort", now)
-        self.look(now)
+        self.check(now)
 
     def stopped(self, reason: str, now: float) -> None:
         """End the run after an emergency stop of several of its robots; hold the others."""
@@ -69,7 +69,7 @@ class Ending:
                 self._robots.end(part, PartOutcome.SKIPPED, "the run was stopped", now)
         self._enter(Phase.ENDING)
         self._halt_all(now)
-        self.look(now)
+        self.check(now)
 
     def restarted(self, now: float) -> None:
         """Continue an end that a restart interrupted: hold all robots; the result of an undo is unknown."""
@@ -78,7 +78,7 @@ class Ending:
             self._head.reason += "; the edge restarted while it was undone"
         self._enter(Phase.ENDING)
         self._halt_all(now)
-        self.look(now)
+        self.check(now)
 
     def ended(self, part: Part, now: float) -> None:
         """Handle the end of a part during the ending."""
@@ -94,9 +94,9 @@ class Ending:
             self._robots.halt(part.step, part.robot, now)
         elif part.kind == "halt" and part.outcome is not PartOutcome.DONE and self._head.target is not None:
             self._head.reason += f"; {part.robot} was not seen to stand still: {part.reason}"
-        self.look(now)
+        self.check(now)
 
-    def look(self, now: float) -> None:
+    def check(self, now: float) -> None:
         """Continue when all active parts have ended."""
         if self._head.phase in GOING_ON or self._head.phase is Phase.ENDED or self._robots.active():
             return

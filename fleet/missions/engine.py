@@ -149,7 +149,7 @@ class Engine:
             self.robots.begin(part.step, part.robot, part.act, "do", self._now, attempt=part.attempt + 1)
         elif event.outcome is not PartOutcome.DONE:
             self.steps.losses.lose(part.robot, event.outcome, event.reason)
-        self.steps.look()
+        self.steps.check()
 
     def _left(self, event: Left) -> None:
         """Record that a robot has left the run, and check whether the run can continue."""
@@ -157,8 +157,8 @@ class Engine:
         if member is None or not member.ours:
             return
         self.steps.losses.lose(event.robot, event.outcome, event.reason)
-        self.ending.look(self._now)
-        self.steps.look()
+        self.ending.check(self._now)
+        self.steps.check()
 
     def _stop_all(self, event: StopAll) -> None:
         """End the run; robots that are not stopped yet are halted, and nothing is undone."""
@@ -187,7 +187,7 @@ class Engine:
             self.ending.abort(f"{question.text} abort" + (f" by {by}" if by else ""), self._now)
         elif what == "fail":
             self.steps.losses.fail(f"{question.text} no answer")
-            self.steps.look()
+            self.steps.check()
         elif question.about == "resume":
             self.pausing.resume(Resume(by), confirmed=True)
         elif question.about == "robot":
@@ -206,8 +206,8 @@ class Engine:
             self._decide(question, question.on_timeout, "")
         self._time_out()
         self.steps.time_passes()
-        self.ending.look(self._now)
-        self.steps.look()
+        self.ending.check(self._now)
+        self.steps.check()
 
     def _time_out(self) -> None:
         """Time out late parts; while the run is paused, those of the mission are not timed out."""

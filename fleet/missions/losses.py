@@ -19,7 +19,7 @@ Then = Literal["continue", "wait", "fail"]
 
 
 class RobotLosses:
-    """Handles the losses of one run; ``now`` is the time of the event, ``look`` checks the step."""
+    """Handles the losses of one run; ``now`` is the time of the event, ``check`` checks the step."""
 
     def __init__(
         self,
@@ -29,14 +29,14 @@ class RobotLosses:
         inner: InnerMissions,
         *,
         ending: Ending,
-        look: Callable[[], None],
+        check: Callable[[], None],
     ) -> None:
         self._program = program
         self._head = head
         self._robots = robots
         self._inner = inner
         self._ending = ending
-        self._look = look
+        self._check = check
         self.now = 0.0
 
     def lose(self, robot: str, outcome: PartOutcome, reason: str) -> None:
@@ -92,7 +92,7 @@ class RobotLosses:
             self._robots.lose(member.robot, PartOutcome.FAILED, why, self.now)
             self._make_safe(member.robot, inner.failed_do)
         self._follow(why, inner.failed_then)
-        self._look()
+        self._check()
 
     def _make_safe(self, robot: str, how: str) -> None:
         """Halt a removed robot, or give it the command that the step defines instead."""

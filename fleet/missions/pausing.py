@@ -72,7 +72,7 @@ class Pausing:
         self._robots.note(f"{event.by or 'Somebody'} resumed the run", step=self._steps.name)
         self._hold(resumes=True)
         self.go_on_between()
-        self._steps.look()
+        self._steps.check()
 
     def go_on_between(self) -> None:
         """Continue between two steps, or before the first."""

@@ -62,7 +62,7 @@ class RunPlaces:
 
     def expire(self) -> None:
         """End the waits that are past their limit; called periodically."""
-        settled = self._occupancy.look(now=self._clock.monotonic())
+        settled = self._occupancy.settle(now=self._clock.monotonic())
         if settled:
             self._settle(settled)
             self._tell_who_waits()

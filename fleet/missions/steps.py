@@ -54,7 +54,7 @@ class StepRunner:
         self.ending = ending
         self.inner = InnerMissions(program, head, robots)
         self.spares = Spares(program, head, robots, seen)
-        self.losses = RobotLosses(program, head, robots, self.inner, ending=ending, look=self.look)
+        self.losses = RobotLosses(program, head, robots, self.inner, ending=ending, check=self.check)
         self._since = 0.0
         self._unprepared: set[str] = set()
         self._begin: Mapping[type, Callable[..., bool]] = {
@@ -127,7 +127,7 @@ class StepRunner:
             self._do(step)
         else:
             self.head.phase = Phase.STEP
-            self.look()
+            self.check()
 
     def prepared(self, robot: str, refusal: str) -> None:
         """Handle a robot's report whether it can begin; begin when all can."""
@@ -176,7 +176,7 @@ class StepRunner:
         elif late:
             self.next()
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Check the completion of the step that robots execute."""
         step = instruction_of(self.program, self.head)
         if self.head.phase is not Phase.STEP or not isinstance(step, Do | Leave):
@@ -271,7 +271,7 @@ class StepRunner:
             self.robots.begin_together(self.name, self.robots.acts_of(step.acts), self.losses.now)
         for robot, act in () if step.together else self.robots.acts_of(step.acts):
             self.robots.begin(self.name, robot, act, "do", self.losses.now)
-        self.look()
+        self.check()
 
     # -- inner missions --------------------------------------------------------------------------------
 

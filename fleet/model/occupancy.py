@@ -94,7 +94,7 @@ class Occupancy:
         self.claims = [claim for claim in self.claims if claim.holder != holder]
         return self._settle(now)
 
-    def look(self, *, now: float) -> list[Settled]:
+    def settle(self, *, now: float) -> list[Settled]:
         """Return the claims settled by now: waits that have ended, and grants that follow from these."""
         return self._settle(now)
 

@@ -25,7 +25,9 @@ from fleet.runtime.decoding import msgpack_decoder
 
 IMPORT_WITHIN = 20.0  # s for the import of a file
 CHECK_WITHIN = 5.0  # s for the check of one robot's config
-LOOK = 0.1  # s between checks whether the process has ended: an orphaned child may keep the pipe open
+POLL_INTERVAL = (
+    0.1  # s between checks whether the process has ended: an orphaned child may keep the pipe open
+)
 LONGEST = 8 << 20  # bytes of an answer
 MODULE = "fleet.host.workers.drop_in_inspector"  # the program of that process
 PASSED = (
@@ -190,7 +192,7 @@ class Probe:
             if left <= 0:
                 raise ProbeError(f"it hung {when}, and was given up")
             ended = self._process.poll() is not None
-            readable, _, _ = select.select([pipe], [], [], 0 if ended else min(left, LOOK))
+            readable, _, _ = select.select([pipe], [], [], 0 if ended else min(left, POLL_INTERVAL))
             more = os.read(pipe, size - len(data)) if readable else b""
             if not more and (ended or readable):
                 raise ProbeError(f"its process ended {when} ({_ending(self._process)})")

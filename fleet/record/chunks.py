@@ -59,7 +59,7 @@ class RawMessage(msgspec.Struct, frozen=True):
 
 
 class Chunks:
-    """The chunks of the file at ``path``, oldest first; ``look`` adds the ones written since.
+    """The chunks of the file at ``path``, oldest first; ``refresh`` adds the ones written since.
 
     Raises OSError if the file cannot be read; damaged parts are skipped. ``is_cut``: the file has no end, so
     that what followed is lost. ``damaged`` are the positions of the chunks that could not be read completely.
@@ -74,7 +74,7 @@ class Chunks:
         self._schemas: dict[int, str] = {}
         self._at = _MAGIC
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Find the records written since the last call."""
         with self.path.open("rb", buffering=0) as file:
             size = os.fstat(file.fileno()).st_size

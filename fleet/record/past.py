@@ -54,7 +54,7 @@ class Past:
         """Return the messages known at a moment (Unix s), newest first per topic; raises StateError."""
         search = _Search(round(moment * _SECOND))
         for chunks in self._chunks(moment):
-            search.look(chunks)
+            search.search(chunks)
         return search.found
 
     def track(self, moment: float, seconds: float, most: int) -> list[ReadMessage]:
@@ -109,7 +109,7 @@ class Past:
     def _looked_at(self, path: Path) -> Chunks:
         """Return the chunks of a file as it is now; raises OSError."""
         chunks = self._known.pop(path, None) or Chunks(path)
-        chunks.look()
+        chunks.refresh()
         self._known[path] = chunks
         while len(self._known) > KEPT:
             self._known.pop(next(iter(self._known)))
@@ -126,7 +126,7 @@ class _Search:
         self._counts: Counter[str] = Counter()
         self._chunks = 0
 
-    def look(self, chunks: Chunks) -> None:
+    def search(self, chunks: Chunks) -> None:
         """Search a file."""
         wanted = _mask(chunks, self._wants)
         for chunk in reversed(chunks.found):

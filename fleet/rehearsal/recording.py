@@ -72,7 +72,7 @@ class Distances:
         self._nearest: dict[tuple[str, str], ClosestApproach] = {}
         self._first: dict[tuple[str, str], float] = {}  # m between them at the first sample
 
-    def look(self, robots: Mapping[str, Occupant], at: float) -> None:
+    def sample(self, robots: Mapping[str, Occupant], at: float) -> None:
         """Add the positions of the robots at ``at`` (simulated s of the run)."""
         for one, other in itertools.combinations(sorted(robots), 2):
             first, second = robots[one], robots[other]
@@ -109,7 +109,7 @@ class Tracks:
     def __init__(self, taking_part: Iterable[str]) -> None:
         self._tracks = {name: _Track() for name in sorted(taking_part)}
 
-    def look(self, robots: Mapping[str, Occupant], at: float) -> None:
+    def sample(self, robots: Mapping[str, Occupant], at: float) -> None:
         """Add the positions of the robots at ``at`` (simulated s of the run)."""
         for name, track in self._tracks.items():
             if name in robots:

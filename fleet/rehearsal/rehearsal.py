@@ -33,7 +33,7 @@ from fleet.runtime.simulated_time import JumpingLoop, LoopClock
 
 RUN = "rehearsal"
 STEP = 0.1  # s between samples of the robots
-LOOK = 2  # steps between two polls of the run, as in the edge
+POLL_INTERVAL = 2  # steps between two polls of the run, as in the edge
 READY_WITHIN = 60.0  # s for the simulated robots to come online
 SETTLE = 10.0  # s more until aircraft can be armed
 WAITED = 30.0  # s that a rehearsal waits for conditions which it cannot produce
@@ -184,10 +184,10 @@ class Rehearsal:
             await asyncio.sleep(STEP)
             robots = ((name, self._robots.traffic.one(name)) for name in self._robots.robots)
             placed = {name: each for name, each in robots if each is not None}
-            distances.look(placed, run.now)
-            tracks.look(placed, run.now)
+            distances.sample(placed, run.now)
+            tracks.sample(placed, run.now)
             self._note_wait(run)
-            if step % LOOK == 0:
+            if step % POLL_INTERVAL == 0:
                 self._runs.poll()
                 self._answer(run)
                 self._tell_progress(run)

@@ -18,7 +18,7 @@ from fleet.rollout.messages import BundleStage, DesiredState, ObservedState, Rol
 from fleet.rollout.store import FleetStore, StoreError
 from fleet.rollout.waves import Plan, RolloutPhase, RolloutProgress, Told, aborted, limit_of, step, wave_ends
 
-LOOK_EVERY = 1.0  # s
+POLL_INTERVAL = 1.0  # s
 SILENT_FOR = 60.0  # s; the driver ends if the store does not answer for this time
 
 VERDICTS: Mapping[BundleStage, Told] = {
@@ -97,14 +97,14 @@ class Driver:
                 self._told = False  # desired states may not have been written
                 if self._clock.monotonic() - heard >= SILENT_FOR:
                     raise StoreError(f"{error}; continue with: fleet rollout resume") from error
-                await self._sleep(LOOK_EVERY)
+                await self._sleep(POLL_INTERVAL)
                 continue
             heard = self._clock.monotonic()
             if self._tell is not None:
                 self._tell(rollout, observed)
             if rollout.progress.phase is not RolloutPhase.RUNNING:
                 return rollout
-            await self._sleep(LOOK_EVERY)
+            await self._sleep(POLL_INTERVAL)
 
     async def turn(self) -> tuple[Rollout, dict[str, ObservedState]]:
         """Take one step; raises StoreError, RolloutMissing."""

@@ -19,7 +19,7 @@ from fleet.standby.store import ANSWER_WITHIN, LeaseStore
 log = logging.getLogger(__name__)
 
 POLL_EVERY = 0.05  # s between checks of the clock
-LOOK_EVERY = 0.25  # s between reads of the store
+POLL_INTERVAL = 0.25  # s between reads of the store
 RELEASED_WITHIN = 2.0  # s for which a closing edge waits to release the lease
 
 
@@ -119,7 +119,7 @@ class LeaseKeeper:
         if wish is not None:
             self._ask(self._write(wish))
         elif self.lease.must_look and now >= self._look_at:
-            self._look_at = now + LOOK_EVERY
+            self._look_at = now + POLL_INTERVAL
             self._ask(self._read())
 
     def _ask(self, work: Coroutine[Any, Any, None]) -> None:

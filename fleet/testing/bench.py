@@ -19,7 +19,7 @@ from fleet.testing.probes import implausible
 from fleet.testing.robot import LoopRobot, RecordingRobot, serve
 
 BLOCKS = 0.4  # s for which the event loop may be blocked; the dead-man fires after 0.5 s
-LOOK = 0.02  # s between checks of the event loop
+POLL_INTERVAL = 0.02  # s between checks of the event loop
 ONLINE_WITHIN = 60.0  # s; a simulator may have to start first
 STEP = 0.05  # s between checks of the robot
 FRESH = 0.5  # s; a robot at rest may report no pose
@@ -109,12 +109,12 @@ def _unblocked() -> Iterator[None]:
     def beat() -> None:
         turned[0] = time.monotonic()
         if not done.is_set():
-            loop.call_later(LOOK, beat)
+            loop.call_later(POLL_INTERVAL, beat)
 
     def watch() -> None:
-        silence = LoopSilence(LOOK)
-        while not done.wait(LOOK):
-            silence.look(time.monotonic(), turned[0], seen.cpu(), seen.waited())
+        silence = LoopSilence(POLL_INTERVAL)
+        while not done.wait(POLL_INTERVAL):
+            silence.update(time.monotonic(), turned[0], seen.cpu(), seen.waited())
             if silence.attributable > BLOCKS:
                 places.add(seen.place())
 

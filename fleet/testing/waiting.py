@@ -10,7 +10,7 @@ from typing import TypeVar
 T = TypeVar("T")
 
 DEADLINE = 60.0  # s; long because busy computers are slow, and a passing test never waits for it
-LOOK = 0.02  # s between checks
+POLL_INTERVAL = 0.02  # s between checks
 
 
 def wait_until(what: str, holds: Callable[[], T], *, within: float = DEADLINE) -> T:
@@ -26,4 +26,4 @@ def wait_until(what: str, holds: Callable[[], T], *, within: float = DEADLINE) -
             return value
         if time.monotonic() > end:
             raise AssertionError(f"waited {within:g} s for {what}")
-        pause.wait(LOOK)
+        pause.wait(POLL_INTERVAL)

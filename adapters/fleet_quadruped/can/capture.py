@@ -98,7 +98,7 @@ class Capture:
         self._saving: threading.Thread | None = None
         self.path = ""
 
-    def look(self, fault: str, *, resting: bool) -> str:
+    def update(self, fault: str, *, resting: bool) -> str:
         """Follow the latched fault; write the file once the robot is at rest. Return its path, or "" so far.
 
         Writing waits for the rest and runs on a thread: disk access must not delay the cycles of a hard stop.

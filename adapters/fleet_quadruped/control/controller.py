@@ -99,10 +99,10 @@ class Controller:
         """
         self._joints, self._looked = self.drives.feedback(now), now
         self._check_link(now)
-        self._sensors.look(now)
+        self._sensors.update(now)
         braked = self._braked() if self.body.mode is BodyMode.DAMPED else ""
         sense = Sense(self._joints.angles, self._joints.speeds, self._sensors.imu, braked)
-        self._off.look(self._joints, dt, off=self.body.mode is BodyMode.OFF)
+        self._off.update(self._joints, dt, off=self.body.mode is BodyMode.OFF)
         self._trip = self._monitor.check(self._observed(now, dt))
         if self._trip is not None:
             self.body.trip(self._trip)

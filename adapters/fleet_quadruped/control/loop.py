@@ -132,7 +132,7 @@ class ControlLoop:
                 # With one bus dead, the drives on another one would go on to their last targets.
                 self._controller.abandon()
                 if self._capture is not None and not self._controller.resting:
-                    self._capture.look(str(error), resting=True)
+                    self._capture.update(str(error), resting=True)
                 raise
 
     def _cycle_on(self) -> None:
@@ -175,7 +175,7 @@ class ControlLoop:
         """Return the state, with the path of the capture file of its fault."""
         if self._capture is None or state.fault in MEANT:
             return state
-        path = self._capture.look(state.fault, resting=self._controller.resting)
+        path = self._capture.update(state.fault, resting=self._controller.resting)
         return msgspec.structs.replace(state, capture=path) if path else state
 
     def _gather(self, until: float) -> None:

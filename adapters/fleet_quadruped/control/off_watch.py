@@ -20,7 +20,7 @@ class OffWatch:
         self._confirmed = False
         self._off_for = 0.0  # s
 
-    def look(self, told: Joints, dt: float, *, off: bool) -> None:
+    def update(self, told: Joints, dt: float, *, off: bool) -> None:
         """Evaluate the feedback of a cycle; ``off``: the drives should be off."""
         self._confirmed = all_off(told, self._stale)
         self._off_for = self._off_for + dt if off else 0.0

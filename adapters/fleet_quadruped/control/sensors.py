@@ -96,7 +96,7 @@ class BodySensors:
             sensor.take(frame, now)
         return sensor is not None
 
-    def look(self, now: float) -> None:
+    def update(self, now: float) -> None:
         """Evaluate the IMU in a cycle."""
         if self._imu is not None:
             self.imu_age = self._imu.age(now)

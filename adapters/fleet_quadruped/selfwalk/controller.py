@@ -103,7 +103,7 @@ class SelfWalkController:
         self._since = self._began if self._since is None else self._since
         # Evaluate at the start of the cycle: frames that arrived later were read, so a stall of this process
         # does not count as silence of the machine.
-        self._told.look(self._began, dt)
+        self._told.update(self._began, dt)
         self._check(self._began)
         self._judge(dt)
         self._obey(order, now)

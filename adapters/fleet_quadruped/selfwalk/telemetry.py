@@ -37,7 +37,7 @@ class Telemetry:
             if told is not None and (bus, frame.id) in told.frames:
                 told.take(frame, now)
 
-    def look(self, now: float, dt: float) -> None:
+    def update(self, now: float, dt: float) -> None:
         """Update from the received values; stale ones change nothing."""
         self.now = now
         values = self._state.values

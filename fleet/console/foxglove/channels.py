@@ -15,7 +15,7 @@ from fleet.record.samples import SampleReader
 log = logging.getLogger(__name__)
 
 MOST = 4096  # channels; a fleet of 200 robots has half of them
-LOOK = 1.0  # s between checks of unsubscribed reports, whose structure may have changed
+POLL_INTERVAL = 1.0  # s between checks of unsubscribed reports, whose structure may have changed
 
 
 class Sample(msgspec.Struct, frozen=True):
@@ -65,7 +65,7 @@ class Channels:
     def _is_idle(self, edge: str, key: str, received: int, wanted: AbstractSet[int]) -> bool:
         """Return True if a report need not be decoded now."""
         seen = self._seen.get((edge, key))
-        if seen is None or not key.startswith("cw/") or received - seen.at >= LOOK * 1e9:
+        if seen is None or not key.startswith("cw/") or received - seen.at >= POLL_INTERVAL * 1e9:
             return False
         return seen.channels.isdisjoint(wanted)
 

@@ -27,7 +27,7 @@ from fleet.record.sources import REPORTS, asked_first, published
 log = logging.getLogger(__name__)
 
 MOST_VIEWERS = 8
-LOOK = 0.25  # s between checks of the joined edges
+POLL_INTERVAL = 0.25  # s between checks of the joined edges
 ANSWER_WITHIN = 2.0  # s for the first states
 TRY_AGAIN_LATER = 1013  # close code: overloaded
 
@@ -95,7 +95,7 @@ class Feed:
                         await self._begin_guarded(edge, heard[edge], loop)
                 for token in self._viewers.values():
                     self.tokens.renew(token)
-                await asyncio.sleep(LOOK)
+                await asyncio.sleep(POLL_INTERVAL)
         finally:
             self._hearing = None
             live = [each for edge, each in heard.items() if self._joined.get(edge) is each.bus]

@@ -23,7 +23,7 @@ from fleet.runtime.decoding import decode_json
 
 log = logging.getLogger(__name__)
 
-LOOK_EVERY = 0.5  # s
+POLL_INTERVAL = 0.5  # s
 
 
 class Coordinators:
@@ -53,9 +53,9 @@ class Coordinators:
         """Serve requests for leases, and check the present ones periodically."""
         if self._trusted:
             control.answer(keys.coordinator(self._edge), self._asked)
-            every(LOOK_EVERY, self.look)
+            every(POLL_INTERVAL, self.check)
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Make robots safe whose leases have lapsed; on the event loop."""
         for lapsed in self._leases.lapsed(self._clock.monotonic()):
             try:

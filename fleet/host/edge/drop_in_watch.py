@@ -19,7 +19,7 @@ from fleet.host.process.component_settings import worker_of
 
 log = logging.getLogger(__name__)
 
-LOOK = 0.5  # s between checks; a file counts as saved once two of them see the same
+POLL_INTERVAL = 0.5  # s between checks; a file counts as saved once two of them see the same
 
 FIRST, LONGEST = 10, 120  # checks until a worker that refuses is asked again
 
@@ -60,18 +60,18 @@ class DropInWatch:
         self._seen = {file: _stamp(file.path) for file in files}
         self._in_use = dict(self._seen)
         self._told: dict[WatchedFile, str] = {}
-        self._looks = 0
+        self._polls = 0
         self._again: dict[WatchedFile, _NextAttempt] = {}
 
     async def run(self) -> None:
         """Check until cancelled."""
         while True:
-            await asyncio.sleep(LOOK)
-            await self.look()
+            await asyncio.sleep(POLL_INTERVAL)
+            await self.poll()
 
-    async def look(self) -> None:
+    async def poll(self) -> None:
         """Check once: reload each file that was saved and is no longer being written."""
-        self._looks += 1
+        self._polls += 1
         for file, before in list(self._seen.items()):
             now = self._seen[file] = _stamp(file.path)
             if now != before:
@@ -81,7 +81,7 @@ class DropInWatch:
 
     def _is_due(self, file: WatchedFile) -> bool:
         """Return whether a worker is asked now."""
-        return file not in self._again or self._looks >= self._again[file].at
+        return file not in self._again or self._polls >= self._again[file].at
 
     async def _take(self, file: WatchedFile, stamp: tuple[int, int]) -> None:
         """Reload a file; a failure is logged once."""
@@ -96,7 +96,7 @@ class DropInWatch:
             self._in_use[file] = stamp
         elif not waits:
             pause = min(2 * self._again[file].pause, LONGEST) if file in self._again else FIRST
-            self._again[file] = _NextAttempt(pause, self._looks + pause)
+            self._again[file] = _NextAttempt(pause, self._polls + pause)
 
     async def _asked(self, file: WatchedFile) -> str:
         """Ask a worker; return why it does not reload the file, or cannot be asked."""

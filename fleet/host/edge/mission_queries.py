@@ -67,7 +67,7 @@ class MissionQueries:
         """Receive a query for a mission; on the bus's thread."""
         name, do = question.asked.rpartition("/")[2], question.parameters.get("do")
         if do == "rehearsal":
-            self._soon(partial(self._rehearsals.look, question))
+            self._soon(partial(self._rehearsals.answer_state, question))
             return
         if do not in {"start", "rehearse"}:
             for each in self._missions.by_name.values():

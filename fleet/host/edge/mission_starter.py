@@ -21,7 +21,7 @@ from fleet.model.command import Transport
 from fleet.schedules.runner import StartRequest, StartResult
 
 ENDED_WITHIN = 30.0  # s for replaced runs to end; with BACK_WITHIN and joining, below START_WITHIN
-LOOK_EVERY = 0.1  # s
+POLL_INTERVAL = 0.1  # s
 
 
 class MissionStarter:
@@ -72,7 +72,7 @@ class MissionStarter:
         while self._clock.monotonic() < self._back_until:
             if all(robot.state().reachable for robot in robots):
                 break
-            await asyncio.sleep(LOOK_EVERY)
+            await asyncio.sleep(POLL_INTERVAL)
         told = asyncio.Event()
         self._described(told.set)
         await told.wait()
@@ -93,7 +93,7 @@ class MissionStarter:
                 self._runs.control(run, ControlAsk("abort", session_id=ask.session_id), refused.append)
                 if not any(refused):
                     asked.add(run)
-            await asyncio.sleep(LOOK_EVERY)
+            await asyncio.sleep(POLL_INTERVAL)
         return ""
 
     async def _start(

@@ -36,7 +36,7 @@ from fleet.missions.store import RunStore
 from fleet.model.command import Origin
 from fleet.model.event import EventReport
 
-LOOK_EVERY = 0.2  # s
+POLL_INTERVAL = 0.2  # s
 log = logging.getLogger(__name__)
 
 
@@ -196,8 +196,8 @@ class Missions:
         self.partners.declare(self._process.scheduler.every)
         self.coordinators.declare(self._bus_session, self._process.scheduler.every)
         self.runs.take_up()
-        self._process.scheduler.every(LOOK_EVERY, self.runs.poll)
-        self._process.scheduler.every(TRACK_EVERY, self.results.look)
+        self._process.scheduler.every(POLL_INTERVAL, self.runs.poll)
+        self._process.scheduler.every(TRACK_EVERY, self.results.record_positions)
 
     def stopped(self, names: tuple[str, ...], cause: StopCause) -> None:
         """Pass an emergency stop to the runs; from any thread."""

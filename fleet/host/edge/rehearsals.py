@@ -56,7 +56,7 @@ PASSES = "rehearsals.json"
 KEPT = 100
 LARGEST = 1 << 24  # bytes of the longest line
 UNHEARD = 15.0  # s without a query after which a rehearsal is ended
-LOOK = 1.0  # s
+POLL_INTERVAL = 1.0  # s
 SILENT = 120.0  # s without output after which its process is killed
 COMMAND = (sys.executable, "-P", "-m", "fleet.rehearsal")
 _encode = msgspec.json.Encoder().encode
@@ -150,7 +150,7 @@ class Rehearsals:
         self._now = _RunningRehearsal(secrets.token_hex(4), task, self._clock, lambda: self._keep(passed))
         return self._now.state(0)
 
-    def look(self, question: Query) -> None:
+    def answer_state(self, question: Query) -> None:
         """Answer with the state of a rehearsal; on the event loop."""
         try:
             ask = decode_json(question.payload, RehearsalAsk)
@@ -231,7 +231,7 @@ class _RunningRehearsal:
         assert process.stdout is not None
         reading, heard = asyncio.ensure_future(process.stdout.readline()), self._clock.monotonic()
         while not self._given_up(heard):
-            await asyncio.wait({reading}, timeout=LOOK)
+            await asyncio.wait({reading}, timeout=POLL_INTERVAL)
             if not reading.done():
                 continue
             line, heard = reading.result(), self._clock.monotonic()

@@ -33,7 +33,7 @@ class RunResults:
         """Write waiting results; may block."""
         self._results.close()
 
-    def look(self) -> None:
+    def record_positions(self) -> None:
         """Record the positions of the robots in all runs; once a second, on the event loop."""
         if not self._runs.any:
             return

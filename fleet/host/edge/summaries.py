@@ -19,7 +19,7 @@ from fleet.model.health import Health
 from fleet.model.summary import Summary, encode, word_of
 from fleet.version import __version__
 
-LOOK = 1.0  # s between checks for a change
+POLL_INTERVAL = 1.0  # s between checks for a change
 
 
 class SummarySource(Protocol):
@@ -53,9 +53,9 @@ class Summaries:
         key = keys.summary(self._id)
         self._publisher = control.publisher(key)
         control.answer(key, lambda question: soon(lambda: self._answer(question)))
-        scheduler.every(LOOK, self.look)
+        scheduler.every(POLL_INTERVAL, self.update)
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Make a summary; publish it if it has changed or the period is over."""
         self.newest = newest = self._made()
         if self._publisher is None or not self._publisher.wanted:
@@ -63,7 +63,7 @@ class Summaries:
             return
         now, signature = self._clock.monotonic(), _signature(newest)
         if signature != self._published or now >= self._publish_at:
-            self._published, self._publish_at = signature, now + PERIOD - LOOK / 2
+            self._published, self._publish_at = signature, now + PERIOD - POLL_INTERVAL / 2
             self._publisher.put(encode(newest))
 
     def _answer(self, question: Query) -> None:

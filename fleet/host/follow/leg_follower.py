@@ -241,7 +241,7 @@ class LegFollower:
         remaining = self._remaining()
         if self._blocked_at is not None and remaining < self._blocked_remaining - self._tolerance:
             self._blocked_at = None
-        if not self._stuck.look(pose, self._asked, remaining, now):
+        if not self._stuck.update(pose, self._asked, remaining, now):
             return
         if self._blocked_at is None:
             self._blocked_at, self._blocked_remaining = now, remaining

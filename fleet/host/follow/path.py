@@ -59,10 +59,10 @@ class Path:
                 return x + part * (to_x - x), y + part * (to_y - y)
         return self.end
 
-    def aim(self, way: float, look: float) -> Point:
-        """Return the point to drive to: ``look`` ahead, but not beyond a corner that is not reached yet."""
+    def aim(self, way: float, lookahead: float) -> Point:
+        """Return the point to drive to: ``lookahead`` ahead, but not beyond a corner that is not reached yet."""
         corner = next((vertex for vertex in self._corners if vertex > way + AT_CORNER), self.length)
-        return self.point(min(way + look, corner))
+        return self.point(min(way + lookahead, corner))
 
     def to_corner(self, way: float) -> float:
         """Return the distance to where the robot must slow down: the next corner, or the end."""

@@ -27,7 +27,7 @@ class StuckDetector:
         self._anchor = None
         self._nearest = float("inf")
 
-    def look(self, pose: Pose, asked: Velocity, remaining: float, now: float) -> bool:
+    def update(self, pose: Pose, asked: Velocity, remaining: float, now: float) -> bool:
         """Return True when the robot is stuck; ``remaining``: metres of the whole path."""
         drives = asked.linear.horizontal() >= ASKED_SPEED
         if not drives and abs(asked.yaw_rate) < ASKED_TURN:

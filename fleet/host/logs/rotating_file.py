@@ -13,7 +13,7 @@ from pathlib import Path
 SIZE = 8 << 20  # bytes after which a file is rotated
 KEEP = 5  # rotated files
 WAITING = 10_000  # lines in memory at most
-LOOK = 0.005  # s between checks that the last lines are written
+POLL_INTERVAL = 0.005  # s between checks that the last lines are written
 AGAIN_AFTER = 5.0  # s until a failed disk is tried again
 
 
@@ -107,7 +107,7 @@ def log_and_flush(log: logging.Logger, text: str, *, within: float) -> None:
     log.critical("%s", text)
     files = [each for each in logging.getLogger().handlers if isinstance(each, RotatingLogFile)]
     while any(file.waiting for file in files) and time.monotonic() < end:
-        time.sleep(LOOK)
+        time.sleep(POLL_INTERVAL)
 
 
 def rotated(path: Path, number: int) -> Path:

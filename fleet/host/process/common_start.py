@@ -43,7 +43,7 @@ log = logging.getLogger(__name__)
 
 KEPT = 30.0  # s for which a prepared robot waits for its instant to be set
 READY_WITHIN = 10.0  # s for a robot to answer whether it is ready
-LOOK = 0.1  # s between checks of prepared robots
+POLL_INTERVAL = 0.1  # s between checks of prepared robots
 LATE = 0.1  # s after the instant at which a start is too late
 READY = "check_ready"
 KINDS = ("command", "navigate", "mission")
@@ -102,7 +102,7 @@ class CommonStarts:
         )
         control.answer(keys.starts(edge), self._asked)
         control.watch_tokens(keys.starting(edge, "*"), self._token)
-        self._process.scheduler.every(LOOK, self._look)
+        self._process.scheduler.every(POLL_INTERVAL, self._look)
 
     # -- the bus's threads -----------------------------------------------------------------------------
 

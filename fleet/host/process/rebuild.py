@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 ENDS_WITHIN = 12.0  # s for a run to bring its robot to a standstill and end
 BACK_WITHIN = 20.0  # s for a robot that was online to be online again
-LOOK = 0.05  # s between checks
+POLL_INTERVAL = 0.05  # s between checks
 
 
 async def rebuild(process: RobotProcess, robot: LocalRobot, config: AdapterConfig) -> str:
@@ -104,5 +104,5 @@ async def seen(condition: Callable[[], bool], within: float) -> bool:
     loop = asyncio.get_running_loop()
     end = loop.time() + within
     while not condition() and loop.time() < end:  # noqa: ASYNC110 - the condition has no event
-        await asyncio.sleep(LOOK)
+        await asyncio.sleep(POLL_INTERVAL)
     return condition()

@@ -111,7 +111,7 @@ class RobotProcess:
         self._thread = LoopMonitor(self.loop)
         self.starvation = CpuStarvation(clock.monotonic(), self._thread.waited())
         self._shared = SharedResources()
-        self.runs = RobotRuns(lambda robot: self.holders.look(robot))  # noqa: PLW0108 - they are made below
+        self.runs = RobotRuns(lambda robot: self.holders.update(robot))  # noqa: PLW0108 - they are made below
         self._state_calls: dict[str, PeriodicCall] = {}  # publish the state of each robot
         self.services: list[RobotService] = []
         self._setpoints = Setpoints(bus.reports, self.loop)
@@ -298,7 +298,7 @@ class RobotProcess:
 
     def _look_at_processor(self) -> None:
         """Check whether this process gets enough processor time."""
-        self.starvation.look(self.clock.monotonic(), self._thread.waited())
+        self.starvation.update(self.clock.monotonic(), self._thread.waited())
 
     def _running(self) -> str:
         """Return the robot that the loop is busy with; on the watchdog's thread."""

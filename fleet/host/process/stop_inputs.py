@@ -37,7 +37,7 @@ from fleet.runtime.decoding import decode_json
 
 log = logging.getLogger(__name__)
 
-LOOK = 0.1  # s between checks for the end of the input, and between attempts to open it
+POLL_INTERVAL = 0.1  # s between checks for the end of the input, and between attempts to open it
 MOST = 4096  # bytes of heartbeat per read
 TELL = 0.1  # s between messages to the workers about the held robots
 SILENT_AFTER = 1.5  # s without such a message after which a worker holds its robots by itself
@@ -106,7 +106,7 @@ class StopInput:
                 self._listen_once()
             except Exception:  # a thread that ended could stop nothing any more
                 log.exception("stop input %s failed; it is opened again", self.name)
-            self._ended.wait(LOOK)
+            self._ended.wait(POLL_INTERVAL)
 
     def _listen_once(self) -> None:
         """Open the device, and listen until it is gone."""
@@ -128,7 +128,7 @@ class StopInput:
         poll = select.poll()
         poll.register(device, select.POLLIN)
         while not self._ended.is_set():
-            if not poll.poll(LOOK * 1000):
+            if not poll.poll(POLL_INTERVAL * 1000):
                 if self._stopped:
                     self._renew(self.trouble)
                 continue
@@ -285,7 +285,7 @@ class HeldByEdge:
         for robot, latch in list(self._latches.items()):  # robots may join meanwhile
             self._hold(robot, latch, held.get(robot, ""))
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Hold the robots while the edge is silent: then the state of their inputs is unknown here."""
         if self._clock.monotonic() - self._heard > SILENT_AFTER:
             for robot, latch in list(self._latches.items()):

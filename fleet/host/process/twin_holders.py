@@ -74,7 +74,7 @@ class TwinHolders:
         self.claims.give_up(twin)
         self._holders.pop(twin, None)
 
-    def look(self, robot: LocalRobot) -> None:
+    def update(self, robot: LocalRobot) -> None:
         """Run a robot or end its run, depending on the known holder of its twin."""
         for where, holder in list(self._holders.get(robot.twin, {}).items())[:1]:
             self._hold(robot.twin, where, holder)

@@ -52,7 +52,7 @@ class FenceKeeper:
             config.margin,
         )
 
-    def look(self) -> bool:
+    def check(self) -> bool:
         """Judge the robot's position; return True only when it has just breached the fence."""
         pose = self._place.pose
         if self.is_open or self.fence is None or pose is None:

@@ -25,7 +25,7 @@ from fleet.host.robot.report_queue import ReportQueue
 from fleet.host.robot.request_intake import RequestIntake
 from fleet.host.robot.robot_handle import RobotHandle
 from fleet.host.robot.robot_positions import RobotPositions
-from fleet.host.robot.separation_keeper import LOOK
+from fleet.host.robot.separation_keeper import POLL_INTERVAL
 from fleet.host.robot.snapshot import READ, Snapshot, is_known, rounded
 from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
@@ -144,11 +144,11 @@ class LocalRobot:
         traffic.join(apart)
         guard.share_space(apart)
 
-        def look_on(error: Exception) -> None:
+        def on_failure(error: Exception) -> None:
             self.runner.crashed(error)
-            self._scheduler.every(LOOK, apart.look, owner=self.name, failed=look_on)
+            self._scheduler.every(POLL_INTERVAL, apart.check, owner=self.name, failed=on_failure)
 
-        self._scheduler.every(LOOK, apart.look, owner=self.name, failed=look_on)
+        self._scheduler.every(POLL_INTERVAL, apart.check, owner=self.name, failed=on_failure)
 
     def read(
         self,

@@ -165,7 +165,7 @@ class MotionGuard:
 
     def _look(self) -> None:
         """Report a fence breach once, and end motion that leads out of the fence."""
-        if self.fencing.look():
+        if self.fencing.check():
             trouble = f"it is {self.fencing.trouble}"
             told = {"reason": self.fencing.trouble}
             self._event_reporter.event(EventKind.FENCE, trouble, telemetry="fence_breached", data=told)

@@ -20,7 +20,7 @@ from fleet.robot_config import Limits
 from fleet.supervisor.client import SupervisorClient
 
 KEPT_WITHIN = 2.0  # s for the supervisor to confirm that it keeps a halt
-LOOK = 0.5  # s between checks of that
+POLL_INTERVAL = 0.5  # s between checks of that
 
 OpenT = TypeVar("OpenT")
 ResultT = TypeVar("ResultT")
@@ -150,7 +150,7 @@ class RobotHandle:
         """Start the periodic check whether the halt is confirmed."""
         if not self._watches:
             self._watches = True
-            self.every(LOOK, self._look_at_halt)
+            self.every(POLL_INTERVAL, self._look_at_halt)
 
     def _look_at_halt(self) -> None:
         """Repeat the health report when the halt's confirmation has come or is overdue."""

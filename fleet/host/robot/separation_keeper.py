@@ -33,8 +33,8 @@ from fleet.model.navigation import AnyTask, FollowPath, FollowRobot
 from fleet.model.site import Placement, placed_at_start
 from fleet.robot_config import AdapterConfig, Limits, Separation
 
-LOOK = 0.1  # s between checks of the others while it moves
-STALE = 2 * LOOK  # s after which a check is too old for a velocity
+POLL_INTERVAL = 0.1  # s between checks of the others while it moves
+STALE = 2 * POLL_INTERVAL  # s after which a check is too old for a velocity
 JUDGED = 0.05  # s for which a judgement holds for similar velocities
 ALIKE = 0.1  # m/s, and rad/s; velocities this close count as similar
 MEASURED = 0.2  # s of poses over which the velocity is measured
@@ -352,7 +352,7 @@ class SeparationKeeper:
 
     # -- during motion ---------------------------------------------------------------------------------
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Check the robots nearby while this edge moves the robot; slow it, or end its motion."""
         self._notice.expire()
         if not self._mover.in_motion:

@@ -45,11 +45,11 @@ def retrieve_exception(task: asyncio.Future[Any]) -> None:
 def cancel_and_wait(task: asyncio.Task[None], why: str, on_ignored: Callable[[Exception], None]) -> None:
     """Cancel a task; ``on_ignored`` gets an error if it is still running after ``IGNORED_AFTER`` seconds."""
 
-    def look() -> None:
+    def report_ignored() -> None:
         on_ignored(RuntimeError(f"{task.get_name()} goes on though it was ended ({why})"))
 
     task.cancel(why)
-    timer = asyncio.get_running_loop().call_later(IGNORED_AFTER, look)
+    timer = asyncio.get_running_loop().call_later(IGNORED_AFTER, report_ignored)
     task.add_done_callback(lambda _: timer.cancel())
 
 

@@ -18,7 +18,7 @@ class CpuStarvation:
         self._share = 0.0
         self._until = now
 
-    def look(self, now: float, waited: float) -> None:
+    def update(self, now: float, waited: float) -> None:
         """Add a sample: the thread's total waiting time for a processor in s, at ``now`` (monotonic s)."""
         elapsed, more = now - self._now, waited - self._waited
         self._now, self._waited = now, waited

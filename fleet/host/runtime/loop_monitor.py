@@ -68,7 +68,7 @@ class LoopSilence:
         self._waited = 0.0
         self.attributable = 0.0  # s of it in which the loop could have run but did not
 
-    def look(self, now: float, beat: float, cpu: float, waited: float) -> float:
+    def update(self, now: float, beat: float, cpu: float, waited: float) -> float:
         """Return the seconds of silence that count, at ``now`` (monotonic s).
 
         ``beat``: the loop's last tick (monotonic s); ``cpu`` and ``waited``: totals of its thread, from

@@ -114,7 +114,7 @@ class Watchdog:
         while not self._ended.wait(patience):
             patience = PERIOD
             try:
-                patience = self.look(self._clock.monotonic())
+                patience = self.check(self._clock.monotonic())
             except Exception as error:  # noqa: BLE001 - without this thread no lease would expire
                 _log_failure(error)
 
@@ -122,7 +122,7 @@ class Watchdog:
         """Return when the first lease ends (monotonic s)."""
         return min(map(_END, self._running.copy()), default=math.inf)
 
-    def look(self, now: float) -> float:
+    def check(self, now: float) -> float:
         """Check once, at the monotonic time ``now``; never raises.
 
         Returns how long to sleep from ``now``: until the first lease ends, at most ``PERIOD``.
@@ -142,7 +142,7 @@ class Watchdog:
 
         Time in which the computer gave the loop no processor counts against no robot.
         """
-        silent = self._silence.look(now, self._loop.beat(), self._loop.cpu(), self._loop.waited())
+        silent = self._silence.update(now, self._loop.beat(), self._loop.cpu(), self._loop.waited())
         if silent < BLOCKED:
             self._named = ""
             return

@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 START_WITHIN = 60.0  # s from the start of the process to its first heartbeat; an overloaded computer takes 15
 SILENT_AFTER = 1.5  # s without a heartbeat after which a worker counts as hung
-LOOK = 0.25  # s between checks
+POLL_INTERVAL = 0.25  # s between checks
 HALT_WITHIN = 0.5  # s for a hanging worker to halt its robots before it is killed
 _RELOADS = "starts again with what was changed"
 LEAVE_WITHIN = 10.0  # s for a worker to stop its robots and end
@@ -137,7 +137,7 @@ class WorkerManager:
         deadline = looked + START_WITHIN
         running = False
         while True:
-            done, _ = await asyncio.wait({exited}, timeout=LOOK)
+            done, _ = await asyncio.wait({exited}, timeout=POLL_INTERVAL)
             if done and exited.result() == RELOADED:
                 return _RELOADS
             if done:
@@ -147,7 +147,7 @@ class WorkerManager:
                 running = True
                 self.started += 1
                 self._told(self.name, "")
-            if now - looked > 2 * LOOK:
+            if now - looked > 2 * POLL_INTERVAL:
                 # This process was asleep itself; heartbeats that arrived meanwhile may not be processed yet.
                 deadline += now - looked
                 self._beat = now if running else self._beat

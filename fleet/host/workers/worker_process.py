@@ -81,7 +81,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
         latches = {robot: process.robots[robot].controller.latch for robot in task.held}
         held = HeldByEdge(latches, ended=partial(_end_motion, process), clock=clock)
         bus.control.subscribe(keys.held(edge), lambda _key, payload: held.take(payload))
-        process.scheduler.every(TELL, held.look)
+        process.scheduler.every(TELL, held.check)
     reload = Reload(task, process.robots.values, end=ended.set, started_by_hand=parent is None)
     bus.control.answer(keys.reload(edge, name), reload.asked)
     bus.control.answer(keys.hold(edge, name), HoldService(process.robots, task.groups, task.folder).asked)

@@ -217,7 +217,7 @@ async def test_a_frozen_body_controller_is_told_at_once_and_is_a_lost_link(runni
         await robot.until(lambda: robot.healths[-1].level is Level.OFFLINE)
         assert "the body controller is frozen" in robot.healths[-1].cause
         with pytest.raises(LinkLost, match="frozen"):
-            adapter._body.look()
+            adapter._body.poll()
         os.kill(adapter._body.process.pid, signal.SIGKILL)
 
 

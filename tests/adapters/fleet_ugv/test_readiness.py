@@ -36,7 +36,7 @@ def test_a_board_that_does_not_confirm_is_asked_three_times_and_then_driven_slow
     board, asked = make(), 0
     for turn in range(100):
         now = turn * 0.1
-        asked += board.heard(now, restarted=False) or board.look(now)
+        asked += board.heard(now, restarted=False) or board.check(now)
     assert asked == 3
     assert board.phase is BoardPhase.UNGUARDED
     board.confirmed()
@@ -46,7 +46,7 @@ def test_a_board_that_does_not_confirm_is_asked_three_times_and_then_driven_slow
 def test_silence_is_amber_within_a_second_and_red_within_three():
     board = make(confirms=False)
     board.heard(1.0, restarted=False)
-    board.look(2.0)
+    board.check(2.0)
     assert (board.phase, board.health.level) == (BoardPhase.QUIET, Level.DEGRADED)
     assert not board.lost(3.0)
     assert board.lost(4.0)
@@ -57,7 +57,7 @@ def test_a_board_that_restarts_or_comes_back_is_set_up_again():
     board.heard(1.0, restarted=False)
     assert not board.heard(1.1, restarted=False)
     assert board.heard(1.2, restarted=True)
-    board.look(2.5)
+    board.check(2.5)
     assert board.heard(2.6, restarted=False)
 
 
@@ -69,7 +69,7 @@ def test_whatever_happens_it_is_never_driven_while_silent_or_before_its_setup(ev
         if event == "confirmed":
             board.confirmed()
         elif event == "look":
-            board.look(now)
+            board.check(now)
         else:
             board.heard(now, restarted=event == "restarted")
             last = now

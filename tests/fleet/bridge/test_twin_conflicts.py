@@ -65,7 +65,7 @@ def test_an_edge_that_lives_keeps_the_twin_though_no_more_are_remembered(rivals,
         rivals.heard(TWIN, beat())
         for number in range(4):
             rivals.heard(TWIN, beat(edge=f"made up {clock.time()} {number}"))
-        rivals.look()
+        rivals.check()
         clock.advance(5.0)
     assert told == [(TWIN, "yard-1")]
 
@@ -74,8 +74,8 @@ def test_a_twin_is_taken_back_when_the_other_edge_has_gone_silent(rivals, told, 
     for _ in range(2):
         rivals.heard(TWIN, beat())
     clock.advance(GONE_AFTER)
-    rivals.look()
+    rivals.check()
     assert told == [(TWIN, "yard-1")]
     clock.advance(0.1)
-    rivals.look()
+    rivals.check()
     assert told == [(TWIN, "yard-1"), (TWIN, "")]

@@ -32,8 +32,8 @@ def test_who_waits_too_long_gives_up_what_it_has_and_is_told_who_had_the_rest():
     assert places.held("dock") == {"b": 1}
     assert places.ask("c", {"dock": 1}, now=1.0, within=60.0) == []
     assert places.next_end() == 5.0
-    assert places.look(now=4.9) == []
-    assert places.look(now=5.0) == [Settled("b", ClaimVerdict.LATE, "pad", ("a",)), *granted("c")]
+    assert places.settle(now=4.9) == []
+    assert places.settle(now=5.0) == [Settled("b", ClaimVerdict.LATE, "pad", ("a",)), *granted("c")]
 
 
 def test_who_asked_first_for_a_place_has_it_first_though_less_would_do_for_another():
@@ -122,7 +122,7 @@ class Runs(RuleBasedStateMachine):
     @rule(seconds=st.floats(0.0, 5.0))
     def wait(self, seconds):
         self.now += seconds
-        self.take(self.places.look(now=self.now))
+        self.take(self.places.settle(now=self.now))
 
     @rule()
     def restart(self):

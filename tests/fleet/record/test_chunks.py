@@ -37,7 +37,7 @@ def test_each_message_is_found_as_the_reader_of_mcap_finds_it(file):
             file.flush()
     file.flush()
     chunks = Chunks(file.path)
-    chunks.look()
+    chunks.refresh()
     with file.path.open("rb") as stream:
         known = [
             (channel.topic, each.log_time, each.data)
@@ -56,7 +56,7 @@ def test_a_chunk_tells_its_times_and_its_channels(file):
     file.add(message("/b", 3), 3000)
     file.flush()
     chunks = Chunks(file.path)
-    chunks.look()
+    chunks.refresh()
     first, second = chunks.found
     assert [(each.begins, each.ends) for each in (first, second)] == [(1000, 1000), (2000, 3000)]
     assert [each.channels for each in (first, second)] == [0b10, 0b100]
@@ -69,11 +69,11 @@ def test_a_look_adds_what_was_written_since_and_a_closed_file_adds_nothing(file)
     for number in range(3):
         file.add(message("/a", number), 1000 + number)
         file.flush()
-        chunks.look()
+        chunks.refresh()
         assert len(all_of(chunks)) == number + 1
     file.close()
     file.failed = True  # it is closed
-    chunks.look()
+    chunks.refresh()
     assert len(all_of(chunks)) == 3
 
 
@@ -83,7 +83,7 @@ def three_chunks(file):
         file.add(message("/a", number), 1000 + number)
         file.flush()
     chunks = Chunks(file.path)
-    chunks.look()
+    chunks.refresh()
     return chunks
 
 
@@ -109,7 +109,7 @@ def test_a_file_without_an_end_is_told_as_cut(file):
     content = file.path.read_bytes()
     file.path.write_bytes(content[: chunks.found[2].at + 10])
     again = Chunks(file.path)
-    again.look()
+    again.refresh()
     assert (len(again.found), again.is_cut) == (2, True)
 
 
@@ -126,5 +126,5 @@ def test_no_damage_makes_it_fail(tmp_path_factory, at, data, whole):
     content[at : at + len(data)] = data
     path.write_bytes(content if whole else content[: at + len(data)])
     chunks = Chunks(path)
-    chunks.look()
+    chunks.refresh()
     all_of(chunks)

@@ -93,7 +93,9 @@ def test_topics_whose_names_are_lost_are_told(folder):
 
 def test_a_file_that_may_not_be_read_is_told(folder, monkeypatch):
     (path,) = folder.glob("*.mcap")
-    monkeypatch.setattr(Chunks, "look", Mock(side_effect=PermissionError(errno.EACCES, "Permission denied")))
+    monkeypatch.setattr(
+        Chunks, "refresh", Mock(side_effect=PermissionError(errno.EACCES, "Permission denied"))
+    )
     window = window_of(folder, 0.0, 30.0)
     assert (window.parts, window.all_problems()) == ([], [f"{path.name} cannot be read: Permission denied"])
 

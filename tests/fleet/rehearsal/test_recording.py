@@ -15,7 +15,7 @@ def at(name, x, velocity=MOVES):
 def seen(*looks, taking_part=("a",)):
     distances = Distances(taking_part)
     for moment, robots in looks:
-        distances.look({robot.name: robot for robot in robots}, moment)
+        distances.sample({robot.name: robot for robot in robots}, moment)
     return distances
 
 
@@ -54,7 +54,7 @@ def test_robots_that_stand_and_pairs_of_which_none_takes_part_do_not_count():
 def tracked(points):
     tracks = Tracks(["a", "unplaced"])
     for moment, x in points:
-        tracks.look({robot.name: robot for robot in (at("a", x), at("b", x))}, moment)
+        tracks.sample({robot.name: robot for robot in (at("a", x), at("b", x))}, moment)
     return tracks.all()
 
 

@@ -33,8 +33,8 @@ def files(tmp_path):
 
 
 def test_nothing_is_written_without_a_fault_nor_while_it_gives_way(capture, tmp_path):
-    assert capture.look("", resting=True) == ""
-    assert capture.look("RL_hip: over-current", resting=False) == ""
+    assert capture.update("", resting=True) == ""
+    assert capture.update("RL_hip: over-current", resting=False) == ""
     capture.finish()
     assert files(tmp_path) == []
 
@@ -43,20 +43,20 @@ def test_a_fault_is_written_once_and_told(capture, bus, tmp_path):
     bus.arrive(CanFrame(0x188, b"\x37\x12"))
     capture.buses["a"].receive(0.0)
     capture.buses["a"].send(CanFrame(0x12345678, b""))
-    path = capture.look("RL_hip: over-current", resting=True)
-    assert capture.look("RL_hip: over-current", resting=True) == path
+    path = capture.update("RL_hip: over-current", resting=True)
+    assert capture.update("RL_hip: over-current", resting=True) == path
     capture.finish()
     assert [str(file) for file in files(tmp_path)] == [path]
     told = [(one.bus, one.frame, one.sent) for one in read_capture(files(tmp_path)[0])]
     assert told == [("a", CanFrame(0x188, b"\x37\x12"), False), ("a", CanFrame(0x12345678, b""), True)]
-    assert capture.look("", resting=True) == ""
+    assert capture.update("", resting=True) == ""
 
 
 def test_frames_of_can_fd_and_remote_ones_come_back_and_other_tools_read_them(capture, tmp_path):
     frames = [CanFrame(0x8001, bytes(range(48)), fd=True), CanFrame(0x021, b"", remote=True)]
     for frame in frames:
         capture.buses["a"].send(frame)
-    capture.look("x", resting=True)
+    capture.update("x", resting=True)
     capture.finish()
     assert [one.frame for one in read_capture(files(tmp_path)[0])] == frames
     with can.LogReader(files(tmp_path)[0]) as reader:
@@ -67,7 +67,7 @@ def test_frames_of_can_fd_and_remote_ones_come_back_and_other_tools_read_them(ca
 
 def test_other_tools_read_it(capture, tmp_path):
     capture.buses["a"].send(CanFrame(0x208, b"\x0f\x00"))
-    capture.look("x", resting=True)
+    capture.update("x", resting=True)
     capture.finish()
     with can.LogReader(files(tmp_path)[0]) as reader:
         (message,) = reader
@@ -77,7 +77,7 @@ def test_other_tools_read_it(capture, tmp_path):
 def test_only_the_newest_files_are_kept(capture, tmp_path):
     for number in range(FILES + 2):
         capture._clock.advance(1.0)
-        last = capture.look(f"fault {number}", resting=True)
+        last = capture.update(f"fault {number}", resting=True)
         capture.finish()
     assert len(files(tmp_path)) == FILES
     assert str(files(tmp_path)[-1]) == last
@@ -87,7 +87,7 @@ def test_the_newest_is_kept_although_the_clock_was_set_back(capture, tmp_path):
     (tmp_path / "captures").mkdir()
     for number in range(FILES):
         (tmp_path / "captures" / f"9{number}95000000.000.log").touch()
-    last = capture.look("a fault", resting=True)
+    last = capture.update("a fault", resting=True)
     capture.finish()
     assert len(files(tmp_path)) == FILES
     assert last in map(str, files(tmp_path))
@@ -96,7 +96,7 @@ def test_the_newest_is_kept_although_the_clock_was_set_back(capture, tmp_path):
 def test_a_disk_that_does_not_take_it_is_a_line_in_the_log(bus, tmp_path, caplog):
     (tmp_path / "captures").write_text("a file")
     capture = Capture({"a": bus}, tmp_path / "captures", ManualClock())
-    capture.look("x", resting=True)
+    capture.update("x", resting=True)
     capture.finish()
     assert "could not be written" in caplog.text
 
@@ -122,7 +122,7 @@ def failed(any_dog, capture, tmp_path):
     rig.go(1.0, Twist(0.4))
     rig.sim.fault("overcurrent", JOINTS.index("RL_hip") + 1)
     rig.go(3.0)
-    capture.look(rig.fault, resting=True)
+    capture.update(rig.fault, resting=True)
     capture.finish()
     return rig, files(tmp_path)[0]
 

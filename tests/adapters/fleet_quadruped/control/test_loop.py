@@ -68,7 +68,7 @@ class Noted:
     def __init__(self):
         self.written = []
 
-    def look(self, fault, *, resting):
+    def update(self, fault, *, resting):
         if fault and resting:
             self.written.append(fault)
         return ""

@@ -29,7 +29,7 @@ class Desk:
 
     async def looks(self, number):
         for _ in range(number):
-            await self.watch.look()
+            await self.watch.poll()
 
 
 @pytest.fixture

@@ -252,7 +252,7 @@ def test_a_robot_that_was_removed_does_not_keep_the_others_from_being_made_safe_
     )
     coordinators._leases.grant(LeaseAsk("r1", "yard", {"removed": "hold", "own": "hold"}), clock.monotonic())
     clock.advance(LAPSES_AFTER)
-    coordinators.look()
+    coordinators.check()
     assert own.asked == ["stop"]
 
 

@@ -295,12 +295,12 @@ def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_
     assert latches["max"].refusal() is None
     held.take(b"[1]")
     clock.advance(SILENT_AFTER)
-    held.look()
+    held.check()
     assert latches["max"].refusal() is None
     clock.advance(0.1)
-    held.look()
+    held.check()
     assert "is silent" in latches["max"].refusal()
-    held.look()
+    held.check()
     assert ended == [("max", latches["max"].held)], "once for each time"
     held.take(b"{}")
     assert latches["max"].refusal() is None
@@ -315,7 +315,7 @@ def test_a_worker_that_hears_nothing_at_all_holds_its_robots_for_ever():
     held = HeldByEdge(latches, ended=lambda *_: None, clock=clock)
     for _ in range(100):
         clock.advance(1.0)
-        held.look()
+        held.check()
         assert latches["max"].refusal()
 
 
@@ -330,7 +330,7 @@ def test_every_robot_is_held_though_another_joins_meanwhile():
     latches.pop("new")
     held.take(b"{}")
     clock.advance(SILENT_AFTER + 0.1)
-    held.look()
+    held.check()
     assert latches["eve"].refusal()
 
 
@@ -343,7 +343,7 @@ async def test_what_moves_a_robot_of_a_worker_is_ended_when_the_edge_is_silent(b
     assert answer.ok
     await asks.settle()
     bench.clock.advance(SILENT_AFTER + 0.1)
-    held.look()
+    held.check()
     assert not controller.in_motion
     await asks.settle()
     assert "stop" in bench.puppet.told
@@ -357,7 +357,7 @@ async def test_a_landing_goes_on_when_the_edge_is_silent(bench, asks):
     bench.ask(asks.command("land"))
     await asks.settle()
     bench.clock.advance(SILENT_AFTER + 0.1)
-    held.look()
+    held.check()
     await asks.settle()
     assert bench.puppet.told == ["land"]
 

@@ -37,7 +37,7 @@ def test_a_breach_is_told_once_and_again_after_the_robot_was_inside(place):
     told = []
     for x in (0.0, 30.0, 31.0, 0.0, 30.0):
         stands(place, x)
-        told.append(fencing.look())
+        told.append(fencing.check())
     assert told == [False, True, False, False, True]
     assert fencing.trouble == "outside the fence"
 
@@ -46,7 +46,7 @@ def test_corners_on_earth_are_placed_once_home_is_known(place):
     fencing = FenceKeeper(place, EARTH, NO_LIMITS)
     stands(place, 0.0)
     assert fencing.fence is None
-    assert not fencing.look()
+    assert not fencing.check()
     assert not fencing.leads_out(EAST)
     with pytest.raises(Refused, match="the robot's position is unknown"):
         fencing.inside(EAST)
@@ -83,7 +83,7 @@ def test_a_velocity_out_of_the_fence_is_seen_as_one(place):
 def test_a_robot_is_out_of_no_fence_once_that_is_taken_away(place):
     fencing = FenceKeeper(place, YARD, NO_LIMITS)
     stands(place, 30.0)
-    fencing.look()
+    fencing.check()
     fencing.configure(None, NO_LIMITS)
     assert fencing.trouble == ""
     assert fencing.inside(EAST) == EAST

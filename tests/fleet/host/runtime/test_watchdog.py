@@ -59,7 +59,7 @@ class Watch:
             self.waited += waited * every
             if beats:
                 self.beat = self.clock.monotonic()
-            self.dog.look(self.clock.monotonic())
+            self.dog.check(self.clock.monotonic())
         join_aside()
 
 
@@ -113,13 +113,13 @@ def test_a_velocity_ends_within_a_look_of_its_lease(watch):
 
 def test_the_watchdog_sleeps_to_the_end_of_the_first_lease_and_no_longer_than_its_period(watch):
     now = watch.clock.monotonic()
-    assert watch.dog.look(now) == PERIOD
+    assert watch.dog.check(now) == PERIOD
     watch.robot("later").feed(now, 5.0)
-    assert watch.dog.look(now) == PERIOD
+    assert watch.dog.check(now) == PERIOD
     watch.robot("rex").feed(now, 0.007)
-    assert watch.dog.look(now) == pytest.approx(0.007)
-    assert 0 < watch.dog.look(now + 1.0) < 0.002
-    assert watch.dog.look(now + 1.0) == PERIOD
+    assert watch.dog.check(now) == pytest.approx(0.007)
+    assert 0 < watch.dog.check(now + 1.0) < 0.002
+    assert watch.dog.check(now + 1.0) == PERIOD
 
 
 def test_a_halt_that_raises_does_not_keep_the_others_from_theirs(watch):
@@ -194,10 +194,10 @@ def test_nothing_that_fails_keeps_the_watchdog_from_the_next_look(watch, part):
     told = []
     deadman = DeadMan()
     dog.add("rex", Watched(deadman, lambda: told.append("halt"), lambda: None))
-    dog.look(watch.clock.monotonic())
+    dog.check(watch.clock.monotonic())
     deadman.feed(watch.clock.monotonic(), 0.1)
     watch.clock.advance(1)
-    dog.look(watch.clock.monotonic())
+    dog.check(watch.clock.monotonic())
     join_aside()
     assert told == ["halt"]
 
@@ -407,7 +407,7 @@ def test_a_look_that_fails_is_not_the_last(monkeypatch):
         ),
     )
     failed, halted, deadman = threading.Event(), threading.Event(), DeadMan()
-    look = dog.look
+    look = dog.check
 
     def fail_once(now):
         if not failed.is_set():
@@ -415,7 +415,7 @@ def test_a_look_that_fails_is_not_the_last(monkeypatch):
             raise RuntimeError("Set changed size during iteration")
         return look(now)
 
-    monkeypatch.setattr(dog, "look", fail_once)
+    monkeypatch.setattr(dog, "check", fail_once)
     dog.add("rex", Watched(deadman, halted.set, lambda: None))
     dog.start()
     assert failed.wait(20)
@@ -430,7 +430,7 @@ def test_a_halt_that_is_held_up_does_not_keep_the_others_moving(watch):
     for one in (deadman, watch.robot("good")):
         one.feed(watch.clock.monotonic(), 0.2)
     watch.clock.advance(0.2)
-    watch.dog.look(watch.clock.monotonic())
+    watch.dog.check(watch.clock.monotonic())
     assert watch.told == [("halt", "good"), ("expired", "good")]
     free.set()
     join_aside()
