@@ -334,9 +334,9 @@ def arduplane_of(state: VehicleState) -> Flavour:
 
 def _hovers_in_guided(state: VehicleState) -> bool:
     """Return whether GUIDED hovers: by its parameter, or while that is unknown, by observation."""
-    told = state.settings.get(GUIDED_HOVERS)
-    if told is not None:
-        return bool(told)
+    setting = state.settings.get(GUIDED_HOVERS)
+    if setting is not None:
+        return bool(setting)
     return state.vtol_state in VTOL_HOVERS and _PLANE.mode_of(state) == "GUIDED"
 
 

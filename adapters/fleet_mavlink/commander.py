@@ -278,11 +278,11 @@ class Commander:
 
 def _is_bound_for(state: VehicleState, place: GeoPoint, since: float) -> bool:
     """Return True if the vehicle has since reported this position (altitude AMSL) as its target."""
-    told = state.sensors.bound_for
-    if told is None or state.sensors.bound_at < since:
+    destination = state.sensors.bound_for
+    if destination is None or state.sensors.bound_at < since:
         return False
     anchor = GeoOrigin(place.latitude, place.longitude, place.altitude)
-    return world_from_geo(anchor, told).norm() <= _SAME_PLACE
+    return world_from_geo(anchor, destination).norm() <= _SAME_PLACE
 
 
 def _texts(sentences: list[Sentence]) -> tuple[str, ...]:

@@ -69,14 +69,14 @@ class EventDictionary:
         except (lzma.LZMAError, KeyError, TypeError, AttributeError, ValueError) as error:
             raise ValueError(f"this is no list of events: {error}") from None
 
-    def _read(self, component: int, told: Mapping[str, Any]) -> None:
+    def _read(self, component: int, metadata: Mapping[str, Any]) -> None:
         """Add the events and enumerations of one component."""
-        space = told.get("namespace", "")
-        for name, enum in told.get("enums", {}).items():
+        space = metadata.get("namespace", "")
+        for name, enum in metadata.get("enums", {}).items():
             words = {int(value): entry.get("description", "") for value, entry in enum["entries"].items()}
             one = _Enum(enum["type"], words)
             self._enums[name] = self._enums[f"{space}::{name}"] = one
-        for group, events in told.get("event_groups", {}).items():
+        for group, events in metadata.get("event_groups", {}).items():
             for number, event in events["events"].items():
                 types = tuple(each["type"] for each in event.get("arguments", ()))
                 self._kinds[component << 24 | int(number)] = _Kind(event["message"], types, group)

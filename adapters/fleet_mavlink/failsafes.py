@@ -214,8 +214,8 @@ class Failsafes:
         """Wait for a vehicle of a known kind, and give it time to report its equipment."""
 
         def known(state: VehicleState) -> bool:
-            told = state.prearm_ok is not None or state.beats > _BEATS_TO_TELL
-            return told and self._vehicle.connected and self._vehicle.flavour is not None
+            reported = state.prearm_ok is not None or state.beats > _BEATS_TO_TELL
+            return reported and self._vehicle.connected and self._vehicle.flavour is not None
 
         while not await self._vehicle.until(known, _FOREVER):
             self._vehicle.log.debug("it is still not met")

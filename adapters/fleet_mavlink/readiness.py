@@ -56,8 +56,8 @@ def checks(
     sentences = [said for said in sentences if said.severity <= WARNING]  # of what is switched off, too
     standing = _standing(sentences, asked, now)
     against = tuple(each for each in standing if not _is_put_right(each, mode, flavour))
-    is_told = any(each.lower().startswith(_FOUND) for each in standing)  # all that it found
-    passed = (is_told or state.prearm_ok) and not against
+    is_reported = any(each.lower().startswith(_FOUND) for each in standing)  # all that it found
+    passed = (is_reported or state.prearm_ok) and not against
     return [
         _satellites(state, fix, troubles),
         Check("home", state.home is not None),

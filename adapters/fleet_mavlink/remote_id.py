@@ -70,7 +70,7 @@ def everything(config: RemoteIdConfig, system: int, kind: int, unix: float) -> l
     """Return the complete set of messages; values missing in fleet.yaml are left out."""
     target = (system, AUTOPILOT)
     category = _CATEGORIES.index(config.category)
-    told: list[MavlinkMessage] = [
+    messages: list[MavlinkMessage] = [
         OpenDroneIdSystem(
             *target,
             operator_location_type=_FIXED,
@@ -91,8 +91,8 @@ def everything(config: RemoteIdConfig, system: int, kind: int, unix: float) -> l
     ]
     if config.serial_number:
         number = tuple(config.serial_number.encode().ljust(20, b"\0"))
-        told.append(OpenDroneIdBasicId(*target, _SERIAL_NUMBER, ua_type(kind), number))
-    return told
+        messages.append(OpenDroneIdBasicId(*target, _SERIAL_NUMBER, ua_type(kind), number))
+    return messages
 
 
 def _place(config: RemoteIdConfig) -> tuple[int, int]:

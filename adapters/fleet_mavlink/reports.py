@@ -39,7 +39,7 @@ def gps_report(state: VehicleState, now: float, stamp: float) -> GpsReport | Non
     """Return the satellite fix, or a report without one, at monotonic ``now``; None without a receiver."""
     fix = state.fix_now(now)
     if fix is None:
-        return GpsReport(stamp, point=None, fix_type=NO_FIX) if state.fix_told(now) else None
+        return GpsReport(stamp, point=None, fix_type=NO_FIX) if state.fix_reported(now) else None
     return GpsReport(
         stamp,
         point=fix.point,
@@ -143,7 +143,7 @@ def vehicle_state_report(state: VehicleState, kind: VehicleKind, now: float, sta
         "ready_to_arm": kind.ready_to_arm(state),
         "failsafe": state.failsafe,
         "vehicle": type_name(state.heartbeat.type) if state.heartbeat else None,
-        "gps_fix": (fix.kind if fix else NO_FIX) if state.fix_told(now) else None,
+        "gps_fix": (fix.kind if fix else NO_FIX) if state.fix_reported(now) else None,
         "position_usable": kind.position_usable(state, now),
     }
     return TelemetryReport(stamp, "vehicle_state", _known(fields))

@@ -200,7 +200,7 @@ class VehicleState(msgspec.Struct, frozen=True):
         fresh = now - self.position_at <= _FRESH and now - self.attitude_at <= _FRESH
         return fresh and self.estimator_has_position is not False
 
-    def fix_told(self, now: float) -> bool:
+    def fix_reported(self, now: float) -> bool:
         """Return True if the satellite receiver sends messages, or had a fix since the start."""
         return self.had_fix or now - self.fix_at <= _FIX_FRESH
 

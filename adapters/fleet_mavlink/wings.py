@@ -71,10 +71,10 @@ class Winged(Flavour):
 
         Raises NotReady while its own airspeeds are unknown, Refused below the lowest.
         """
-        told = [state.settings.get(name) for name in self.airspeeds]
-        if None in told:
+        speeds = [state.settings.get(name) for name in self.airspeeds]
+        if None in speeds:
             raise NotReady("its airspeeds are not known yet", hint="they are read when it is met; try again")
-        slowest, cruise, fastest = (each for each in told if each is not None)
+        slowest, cruise, fastest = (each for each in speeds if each is not None)
         speed = min(cruise if wanted is None else wanted, math.inf if limit is None else limit, fastest)
         if speed < slowest:
             named = f"{slowest:g} m/s ({self.airspeeds[0]})"

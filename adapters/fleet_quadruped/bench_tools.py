@@ -87,7 +87,7 @@ def _note(frame: CanFrame, found: dict[tuple[str, int], str]) -> None:
 
 
 class BenchSession:
-    """The configured drives of a robot, all or those of some joints; ``read_feedback`` keeps them disabled."""
+    """The configured drives of a robot, or of some joints; ``read_feedback`` keeps them disabled."""
 
     def __init__(
         self,
@@ -114,10 +114,10 @@ class BenchSession:
         safety = self.dog.safety
         gives_way = held = False
         for _ in range(round(safety.damp_time / self.dog.dt)):
-            told = self.cycle(lambda: None)
+            reported = self.cycle(lambda: None)
             gives_way = self.drives.probe(safety.kd)
-            held = any(one.power in HOLDING for one in told)
-            if not held and all(one.power is not Power.ABSENT for one in told):
+            held = any(one.power in HOLDING for one in reported)
+            if not held and all(one.power is not Power.ABSENT for one in reported):
                 return
         if held and not gives_way:
             raise LinkRefused(
@@ -144,16 +144,16 @@ class BenchSession:
 
     def settle(self, cycles: int = 30) -> tuple[JointFeedback, ...]:
         """Return the feedback of the drives after some cycles with the torque off."""
-        told = self.read_feedback()
+        reported = self.read_feedback()
         for _ in range(cycles):
-            told = self.read_feedback()
-        return told
+            reported = self.read_feedback()
+        return reported
 
 
-def problems(joints: Sequence[Joint], told: tuple[JointFeedback, ...]) -> list[str]:
+def problems(joints: Sequence[Joint], reported: tuple[JointFeedback, ...]) -> list[str]:
     """Return the reasons against enabling these joints, one line each."""
     found = []
-    for joint, feedback in zip(joints, told, strict=True):
+    for joint, feedback in zip(joints, reported, strict=True):
         if feedback.age > 0.1:
             found.append(f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent")
         elif feedback.fault:
@@ -166,11 +166,11 @@ def problems(joints: Sequence[Joint], told: tuple[JointFeedback, ...]) -> list[s
     return found
 
 
-def offsets(dog: DogDescription, told: tuple[JointFeedback, ...], pose: Twelve) -> dict[str, float]:
+def offsets(dog: DogDescription, reported: tuple[JointFeedback, ...], pose: Twelve) -> dict[str, float]:
     """Return the offset (rad) of each joint if the robot really is in ``pose``; assumes correct signs."""
     return {
         joint.name: round(joint.motor(feedback.angle) / joint.kind.ratio - joint.sign * angle, 4)
-        for joint, feedback, angle in zip(dog.all_joints, told, pose, strict=True)
+        for joint, feedback, angle in zip(dog.all_joints, reported, pose, strict=True)
     }
 
 

@@ -94,8 +94,8 @@ def check_command(body: Path, buses: tuple[str, ...], *, move: bool) -> int:
 
 def _checked(dog: DogDescription, buses: Mapping[str, CanBus], *, move: bool) -> tuple[list[str], str]:
     """Return the problems of a robot's drives and joints, and the verdict if there are none."""
-    told = BenchSession(dog, buses, SystemClock()).settle()
-    found = problems(dog.all_joints, told) or at_rest(dog, tuple(each.angle for each in told))
+    reported = BenchSession(dog, buses, SystemClock()).settle()
+    found = problems(dog.all_joints, reported) or at_rest(dog, tuple(each.angle for each in reported))
     if found or not move:
         return found, "all twelve drives answer, within their joints' limits; --move shows signs and offsets"
     click.echo("It will fold its legs, crouch, and lean by up to 10 degrees. Any key stops it.", err=True)
@@ -127,12 +127,12 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
         for _ in range(max(1, round(seconds))):
             bench.frames.clear()
             began = clock.monotonic()
-            told = bench.settle(dog.drive.cycle_hz - 1)
+            reported = bench.settle(dog.drive.cycle_hz - 1)
             took = clock.monotonic() - began
             lines = [
                 f"{joint.name:8} {feedback.angle:7.3f} rad {feedback.torque:6.2f} N m "
                 f"{feedback.power.value:9} {feedback.age * 1000:6.1f} ms  {feedback.fault}"
-                for joint, feedback in zip(dog.all_joints, told, strict=True)
+                for joint, feedback in zip(dog.all_joints, reported, strict=True)
             ]
             _show(
                 [
@@ -166,11 +166,11 @@ def calibrate_command(body: Path, buses: tuple[str, ...], pose: str, *, yes: boo
         click.confirm(f"Is the dog in the pose {pose!r}, and are its drives off?", abort=True, err=True)
     wanted = dog.posture(dog.poses.fold) if pose == "fold" else dog.stance(dog.gait.height)
     with open_buses(_urls(dog, buses), dog.buses, SystemClock()) as opened:
-        told = BenchSession(dog, opened, SystemClock()).settle()
-    silent = [line for line in problems(dog.all_joints, told) if "is silent" in line]
+        reported = BenchSession(dog, opened, SystemClock()).settle()
+    silent = [line for line in problems(dog.all_joints, reported) if "is silent" in line]
     if silent:
         raise LinkRefused(silent[0])
-    found = offsets(dog, told, wanted)
+    found = offsets(dog, reported, wanted)
     _show([f"{name}: offset {found[name]:+.4f} (now {dog.joints[name].offset:+.4f})" for name in found])
     return 0
 

@@ -218,5 +218,5 @@ def problems(dog: DogDescription, looks: Sequence[Observation], ended: str = "")
         return [*found, f"{name}: its foot does not stay in place; jog it: most likely its sign is wrong"]
     wiring = dog.joints[name]
     right = wiring.offset - wiring.sign * best.offset
-    told = f"most likely its offset is {right:+.2f} (now {wiring.offset:+.2f})"
-    return [*found, f"{name}: its foot is not where it should be; {told}"]
+    hint = f"most likely its offset is {right:+.2f} (now {wiring.offset:+.2f})"
+    return [*found, f"{name}: its foot is not where it should be; {hint}"]

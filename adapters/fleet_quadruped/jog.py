@@ -68,11 +68,11 @@ class Jogger:
 
     def _check(self) -> None:
         """Inspect the joint with its torque off; raises Refused if it must not be moved."""
-        told = self._bench.settle()
-        found = problems((self._jog.joint,), told)
+        reported = self._bench.settle()
+        found = problems((self._jog.joint,), reported)
         if found:
             raise Refused(found[0])
-        joint, goal = self._jog.joint, told[0].angle + self._jog.step
+        joint, goal = self._jog.joint, reported[0].angle + self._jog.step
         if not joint.low + self._margin <= goal <= joint.high - self._margin:
             raise Refused(
                 f"{joint.name}: {goal:.3f} rad is outside {joint.low:g} to {joint.high:g}, "
@@ -107,29 +107,29 @@ class Jogger:
         self._check()
         start, drives = self._enabled(), self._bench.drives
         for target in ramp(start, self._jog.step, self._dt):
-            told = self._cycle(partial(drives.write, Targets((target,), (0.0,), (0.0,))))
-        return told.angle - start
+            reported = self._cycle(partial(drives.write, Targets((target,), (0.0,), (0.0,))))
+        return reported.angle - start
 
     def _enabled(self) -> float:
         """Enable the drive; return its angle in rad; raises Fault after a timeout."""
         until = self._clock.monotonic() + _ENABLE
         while self._clock.monotonic() < until:
-            told = self._cycle(self._bench.drives.enable)
-            if told.power is Power.ENABLED:
-                return told.angle
-        raise Fault(f"{self._jog.joint.name}: wanted enabled, the drive is {told.power.value}")
+            reported = self._cycle(self._bench.drives.enable)
+            if reported.power is Power.ENABLED:
+                return reported.angle
+        raise Fault(f"{self._jog.joint.name}: wanted enabled, the drive is {reported.power.value}")
 
     def _cycle(self, act: Callable[[], None]) -> JointFeedback:
         """Run a cycle; raises JogStopped, Fault or LinkLost if the joint must not move on."""
-        told = self._bench.cycle(act)[0]
+        reported = self._bench.cycle(act)[0]
         joint = self._jog.joint
         if self._interrupted():
             raise JogStopped
-        if told.fault:
-            raise Fault(f"{joint.name}: {told.fault}")
-        if told.age > 5 * self._dt:
+        if reported.fault:
+            raise Fault(f"{joint.name}: {reported.fault}")
+        if reported.age > 5 * self._dt:
             raise LinkLost(f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent")
-        return told
+        return reported
 
     def _brake(self) -> None:
         """Stop the joint, then take the torque off."""

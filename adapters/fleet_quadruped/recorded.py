@@ -110,11 +110,11 @@ class RecordedDog(Adapter[QuadrupedConfig]):
         battery = self._battery
         if battery is None or battery.age(self.robot.clock.monotonic()) >= _FRESH:
             return
-        told: dict[str, Any] = {
+        values: dict[str, Any] = {
             name: battery.values[name] for name in ("percent", "voltage", "current") if name in battery.values
         }
-        if told:
-            self.robot.report(BatteryReport(self.robot.clock.time(), **told))
+        if values:
+            self.robot.report(BatteryReport(self.robot.clock.time(), **values))
 
     @property
     def _epoch(self) -> float:

@@ -37,7 +37,7 @@ class Replay:
         self.dog = dog
         self.drives = drives_of(dog, {name: SilentBus(name) for name in dog.buses})
         self.wanted: dict[str, float] = {}
-        self.told: tuple[JointFeedback, ...] = self.drives.feedback(0.0).each()
+        self.reported: tuple[JointFeedback, ...] = self.drives.feedback(0.0).each()
 
     def take(self, captured: Captured) -> None:
         """Apply the next frame."""
@@ -47,7 +47,7 @@ class Replay:
                 self.wanted[target[0].name] = target[1]
             return
         self.drives.take(captured.bus, captured.frame, captured.time)
-        self.told = self.drives.feedback(captured.time).each()
+        self.reported = self.drives.feedback(captured.time).each()
 
     def lines(self, frames: Iterable[Captured], only: str = "") -> Iterator[str]:
         """Yield a line for each change of a drive's state or fault, and ten lines a second about one joint.
@@ -61,8 +61,8 @@ class Replay:
         for captured in found:
             self.take(captured)
             when = f"{captured.time - end:8.3f} s"
-            for joint, told in zip(self.dog.all_joints, self.told, strict=True):
-                now = (told.power.value, told.fault)
+            for joint, reported in zip(self.dog.all_joints, self.reported, strict=True):
+                now = (reported.power.value, reported.fault)
                 if said.get(joint.name) != now:
                     said[joint.name] = now
                     yield f"{when}  {joint.name:8} is {': '.join(filter(None, now))}"
@@ -73,14 +73,14 @@ class Replay:
     def _farthest(self, only: str) -> str:
         """Describe the joint that is farthest from its target."""
         pairs: list[tuple[Joint, JointFeedback]] = [
-            (joint, told)
-            for joint, told in zip(self.dog.all_joints, self.told, strict=True)
+            (joint, reported)
+            for joint, reported in zip(self.dog.all_joints, self.reported, strict=True)
             if joint.name in self.wanted and (not only or joint.name == only)
         ]
         if not pairs:
             return f"{only:8} was sent no target"
-        joint, told = max(pairs, key=lambda pair: abs(self.wanted[pair[0].name] - pair[1].angle))
+        joint, reported = max(pairs, key=lambda pair: abs(self.wanted[pair[0].name] - pair[1].angle))
         return (
-            f"{joint.name:8} wanted {self.wanted[joint.name]:7.3f} rad, is at {told.angle:7.3f}, "
-            f"{told.torque:6.2f} N m"
+            f"{joint.name:8} wanted {self.wanted[joint.name]:7.3f} rad, is at {reported.angle:7.3f}, "
+            f"{reported.torque:6.2f} N m"
         )

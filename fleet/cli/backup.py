@@ -49,7 +49,7 @@ def backup(out: Output, file: Path, *, output: Path | None) -> None:
     out.say(f"{path}: {counted(len(manifest.files), 'file')} of edge {manifest.edge}")
     if not any(name.startswith("state/") for name in manifest.files):
         out.note(f"no state was found in {state}: the edge has not run yet, or as another user (sudo)")
-    for told in packed.left_out:
-        out.note(f"left out: {told}")
+    for left_out in packed.left_out:
+        out.note(f"left out: {left_out}")
     if kept := (*manifest.secrets, *manifest.keys, *manifest.masked):
         out.note(f"keep these yourself, their values are not in it: {', '.join(kept)}")

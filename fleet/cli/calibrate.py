@@ -25,14 +25,14 @@ SANE = (0.5, 2.0)  # factors outside indicate an error in measuring
 
 
 def calibrated(
-    before: dict[str, float], *, told: float, way: float, off: float, track: float
+    before: dict[str, float], *, reported: float, way: float, off: float, track: float
 ) -> dict[str, float]:
     """Return new calibration values from the ones in use (``before``).
 
-    ``told`` and ``way``: metres by the robot and in truth; ``off``: degrees of the true rotation beyond a
+    ``reported`` and ``way``: metres by the robot and in truth; ``off``: degrees of the true rotation beyond a
     full turn, left positive; ``track``: the effective track in use, m. Raises Refused for implausible values.
     """
-    further, turned = way / max(told, 1e-6), 1.0 + off / 360.0
+    further, turned = way / max(reported, 1e-6), 1.0 + off / 360.0
     for what, factor in (("way", further), ("turn", turned)):
         if not SANE[0] <= factor <= SANE[1]:
             raise Refused(
@@ -59,11 +59,11 @@ def calibrate(out: Output, robot: str, file: str) -> ExitCode:
     """
     before, track = _in_use(robot, file)
     with Edges.reach(file) as edges:
-        told = _drive(edges, robot)
+        reported = _drive(edges, robot)
         way = click.prompt("How far did it go, in metres?", type=float, err=True)
         _turn(edges, robot)
         off = click.prompt("How many degrees is it off its mark (left positive)?", type=float, err=True)
-    values = calibrated(before, told=told, way=way, off=off, track=track)
+    values = calibrated(before, reported=reported, way=way, off=off, track=track)
     path = Path(file).with_name(f"{robot}.calibration.yaml")
     path.write_text("".join(f"{name}: {value}\n" for name, value in values.items()), encoding="utf-8")
     out.data({"file": str(path), "calibration": values})

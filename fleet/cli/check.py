@@ -29,13 +29,13 @@ def check(out: Output, file: str) -> ExitCode:
         return _invalid(out, file, error)
     if problems := _of_login(loaded):
         return _invalid(out, file, InvalidConfig(problems))
-    told = (*loaded.warnings, *_of_certificates(loaded))
-    warnings = [msgspec.to_builtins(warning) for warning in told]
+    found = (*loaded.warnings, *_of_certificates(loaded))
+    warnings = [msgspec.to_builtins(warning) for warning in found]
     moved = _moved_after(loaded)
     digest = digest_of(loaded) if loaded.config.pair else ""
     pair = {"pair": loaded.config.pair, "moved_after": moved, "pair_file": digest} if digest else {}
     out.data({"ok": True, "file": file, **_summary(loaded), **pair, "problems": [], "warnings": warnings})
-    for warning in told:
+    for warning in found:
         for line in f"warning: {warning.shown()}".splitlines():  # a note escapes line breaks
             out.note(line)
     if moved:

@@ -71,15 +71,15 @@ def _found(robot: str | None, since: float, most: int, file: str | None) -> list
     wanted = EventFilter((robot,) if robot else (), since, most)
     try:
         with Edges.reach(file) as edges:
-            told = _from_edges(edges, robot, since, most)
+            from_edges = _from_edges(edges, robot, since, most)
     except (NotRunning, BusError):
         folders = _folders(file)
         if not any((folder / HISTORY).exists() for folder in folders):
             raise
         return _read(folders, wanted)
     if file is None or robot is not None:
-        return told
-    return newest([*told, *_read(_folders(file, running=False), wanted)], wanted)
+        return from_edges
+    return newest([*from_edges, *_read(_folders(file, running=False), wanted)], wanted)
 
 
 def _read(folders: Iterable[Path], wanted: EventFilter) -> list[Record]:

@@ -31,7 +31,7 @@ from fleet.client.missions import (
 )
 from fleet.errors import Refused
 from fleet.missions.report import ControlAsk, StartAsk
-from fleet.missions.words import told_line
+from fleet.missions.words import log_line
 
 
 @click.group()
@@ -248,7 +248,7 @@ def story(out: Output, run: str, *, file: str | None) -> ExitCode:
     out.data({"run": state.run, "log": [msgspec.to_builtins(each) for each in lines]})
     for each in lines:
         clock = time.strftime("%H:%M:%S", time.localtime(each.stamp))
-        out.say(f"{clock} {told_line(each.text, each.robot, each.step)}")
+        out.say(f"{clock} {log_line(each.text, each.robot, each.step)}")
     return ExitCode.OK
 
 

@@ -53,24 +53,24 @@ def overview(
     foot = _edge_lines(edges, EDGES_SHOWN if height else None)
     foot = [part for line in foot for part in _wrapped(line, width, LONGEST if height else None)]
     table, left_out = _table(ordered, names, width, several=len({state.edge for state in states}) > 1)
-    told = [_wrapped(line, width, LONGEST if height else None) for line in remarks(ordered, names)]
+    remark_lines = [_wrapped(line, width, LONGEST if height else None) for line in remarks(ordered, names)]
     if left_out:
         foot.append(_cut(f"not shown at this width: {', '.join(left_out)} (also in --json)", width))
     if height is None:
-        return [*head, *table, *(part for lines in told for part in lines), *foot]
+        return [*head, *table, *(part for lines in remark_lines for part in lines), *foot]
     room = height - 1 - len(head) - len(foot)
-    lines = [*head, *(_cut(line, width) for line in _fitted(table, told, ordered, room)), *foot]
+    lines = [*head, *(_cut(line, width) for line in _fitted(table, remark_lines, ordered, room)), *foot]
     return lines[: max(height - 1, 1)]
 
 
 def _fitted(
-    table: list[str], told: list[list[str]], states: Sequence[RobotState], room: int
+    table: list[str], remark_lines: list[list[str]], states: Sequence[RobotState], room: int
 ) -> Iterator[str]:
     """Yield the part of a table and its remarks that fits ``room`` lines, and what is omitted."""
-    needed = sum(map(len, told))
+    needed = sum(map(len, remark_lines))
     if len(table) + needed <= room:
         yield from table
-        yield from (part for lines in told for part in lines)
+        yield from (part for lines in remark_lines for part in lines)
         return
     for_remarks = min(needed, max(room // 2, room - len(table)))
     rows = max(2, room - for_remarks - 1)
@@ -79,10 +79,10 @@ def _fitted(
         yield _more(states[rows - 1 :])
         room -= 1
     room -= min(rows, len(table))
-    for number, lines in enumerate(told):
-        last = number == len(told) - 1
+    for number, lines in enumerate(remark_lines):
+        last = number == len(remark_lines) - 1
         if len(lines) > room - (0 if last else 1):
-            yield f"and {counted(len(told) - number, 'more remark')}: fleet ps --all"
+            yield f"and {counted(len(remark_lines) - number, 'more remark')}: fleet ps --all"
             return
         yield from lines
         room -= len(lines)

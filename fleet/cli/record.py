@@ -79,11 +79,11 @@ async def _record(out: Output, task: RecordTask, length: float) -> ExitCode:
         asyncio.get_running_loop().call_later(length, ended.set)
     problems: list[str] = []
 
-    def told(problem: str) -> None:
+    def on_problem(problem: str) -> None:
         problems[:] = [problem] if problem else []
         out.note(problem or f"recording into {task.folder}; Ctrl-C ends it")
 
-    count = await recorded(task, runtime_dir(), ended, SystemClock(), told=told)
+    count = await recorded(task, runtime_dir(), ended, SystemClock(), on_problem=on_problem)
     out.data({"folder": task.folder, "messages": count, "problem": "".join(problems)})
     out.say(f"{task.folder}: {counted(count, 'message')}")
     return ExitCode.RUNTIME_ERROR if problems else ExitCode.OK

@@ -14,7 +14,7 @@ from fleet.client.edges import Edges
 from fleet.errors import Refused
 from fleet.missions.rehearsal import RehearsalAsk, RehearsalNote, RehearsalResult, RehearsalState
 from fleet.missions.report import StartAsk
-from fleet.missions.words import told_line
+from fleet.missions.words import log_line
 
 POLL_INTERVAL = 0.3  # s
 QUIET = 2.0  # s without news after which the progress is shown
@@ -45,16 +45,16 @@ def follow_rehearsal(  # noqa: PLR0917 - all of one call
 
 def _followed(out: Output, edges: Edges, key: str, begun: RehearsalState) -> RehearsalResult:
     """Show notes until there is a result; raises Refused if the rehearsal fails."""
-    known, told = 0, time.monotonic()
+    known, shown_at = 0, time.monotonic()
     while True:
         state = edges.one(key, RehearsalState, RehearsalAsk(begun.id, known), {"do": "rehearsal"})
         known += len(state.notes)
         for note in state.notes:
             out.note(note_line(note))
         if state.notes:
-            told = time.monotonic()
-        elif time.monotonic() - told >= QUIET:
-            told = time.monotonic()
+            shown_at = time.monotonic()
+        elif time.monotonic() - shown_at >= QUIET:
+            shown_at = time.monotonic()
             where = f"step {state.step}" if state.step else "the simulated robots start"
             out.note(f"{state.seconds:8.1f} s  {where}")
         if state.result is not None:
@@ -66,7 +66,7 @@ def _followed(out: Output, edges: Edges, key: str, begun: RehearsalState) -> Reh
 
 def note_line(note: RehearsalNote) -> str:
     """Return a line of the log: simulated seconds, step and text."""
-    return f"{note.at:8.1f} s  {told_line(note.text, note.robot, note.step)}"
+    return f"{note.at:8.1f} s  {log_line(note.text, note.robot, note.step)}"
 
 
 def page(result: RehearsalResult, again: str) -> Iterator[str]:

@@ -81,10 +81,10 @@ async def _play(out: Output, recording: Path, window: PlayedWindow) -> ExitCode:
     ended = asyncio.Event()
     end_by_signal(ended.set)
 
-    def told(edge: PlayedEdge) -> None:
+    def on_edge(edge: PlayedEdge) -> None:
         out.note(f"{edge.name} plays; see it with: FLEET_RUNTIME_DIR={directory} fleet ps --watch")
 
-    count = await play(recording, window, directory, ended, SystemClock(), told=told)
+    count = await play(recording, window, directory, ended, SystemClock(), on_edge=on_edge)
     out.data({"recording": str(recording), "messages": count})
     out.say(f"{recording}: played {counted(count, 'message')}")
     return ExitCode.OK

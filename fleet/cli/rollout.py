@@ -25,7 +25,7 @@ from fleet.rollout.edge_here import LocalEdge
 from fleet.rollout.installation import Installation
 from fleet.rollout.messages import SETTLED, ObservedState, Rollout
 from fleet.rollout.settings import FILE, read_settings
-from fleet.rollout.waves import RolloutPhase, Told
+from fleet.rollout.waves import EdgeStatus, RolloutPhase
 
 if TYPE_CHECKING:
     from fleet.rollout.nats_store import NatsFleetStore
@@ -223,21 +223,21 @@ def show(out: Output, found: Rollout, observed: Mapping[str, ObservedState]) -> 
     """Show a roll-out, with a line for each edge that has started and is not simply done."""
     out.data({"rollout": msgspec.to_builtins(found), "observed": msgspec.to_builtins(observed)})
     out.say(_headline(found))
-    for edge, told in found.progress.told.items():
+    for edge, status in found.progress.told.items():
         report = observed.get(edge)
         mine = report if report is not None and report.rollout == found.id else None
         if mine is None:
-            out.say(f"{edge}: {'silent' if told is Told.OPEN else told.value}")
-        elif told is not Told.DONE or mine.stage not in SETTLED:
+            out.say(f"{edge}: {'silent' if status is EdgeStatus.OPEN else status.value}")
+        elif status is not EdgeStatus.DONE or mine.stage not in SETTLED:
             out.say(f"{edge}: {mine.stage.value}{f': {mine.why}' if mine.why else ''}")
 
 
 def _headline(found: Rollout) -> str:
     """Return a roll-out on one line."""
     progress = found.progress
-    done, failed = progress.count(Told.DONE), progress.count(Told.FAILED)
+    done, failed = progress.count(EdgeStatus.DONE), progress.count(EdgeStatus.FAILED)
     words = f"roll-out {found.id} of {found.by}: {progress.phase.value}"
     words += f", {len(progress.told)} of {len(found.targets)} edges started, {done} done, {failed} failed"
-    if overdue := progress.count(Told.OVERDUE):
+    if overdue := progress.count(EdgeStatus.OVERDUE):
         words += f", {overdue} overdue"
     return f"{words}: {progress.why}" if progress.why else words

@@ -58,7 +58,7 @@ def serve(
     """
     edge = loaded.config.edge
     kept = log_folder(state_folder(edge.id, edge.spool.path))
-    logs.told()
+    logs.export()
     end_logs = start_logging(logs, kept / f"{MAIN}.jsonl")
     show_log(edge.id, kept, runtime_dir())
     try:

@@ -91,8 +91,8 @@ def install_(
             out.lines([f"# {name}", *text.splitlines(), ""])
         return
     written = install(spec, root or Path("/"), _runner(root), start=not no_start, agent=agent)
-    told = {"edge": spec.edge, "unit": spec.unit, "files": [str(path) for path in written]}
-    out.data({**told, "agent": agent.unit if agent else None})
+    installed = {"edge": spec.edge, "unit": spec.unit, "files": [str(path) for path in written]}
+    out.data({**installed, "agent": agent.unit if agent else None})
     for path in written:
         out.say(f"wrote {path}")
     out.note(f"next: fleet doctor {file}")
@@ -116,20 +116,20 @@ def status(out: Output, file: Path) -> ExitCode:
     if found.get("LoadState") != "loaded":
         raise NotRunning(f"edge {edge} is not installed as a service; fleet service install {file}")
     shown = [(units[0], found), *([(units[1], agent)] if has_agent else [])]
-    for unit, told in shown:
-        _tell_status(out, unit, told)
-    runs = all(told.get("ActiveState") == "active" for _, told in shown)
+    for unit, values in shown:
+        _tell_status(out, unit, values)
+    runs = all(values.get("ActiveState") == "active" for _, values in shown)
     return ExitCode.OK if runs else ExitCode.NOT_RUNNING
 
 
-def _tell_status(out: Output, unit: str, told: Mapping[str, str]) -> None:
+def _tell_status(out: Output, unit: str, values: Mapping[str, str]) -> None:
     """Show systemd's properties of a unit."""
-    since = told.get("ActiveEnterTimestamp") or "never"
-    state = f"{told.get('ActiveState', 'unknown')} ({told.get('SubState', 'unknown')})"
-    out.say(f"{unit}: {state}, {told.get('UnitFileState', '')}, last started: {since}")
-    out.say(f"process {told.get('MainPID', '-')}, restarts {told.get('NRestarts', '-')}")
-    if told.get("StatusText"):
-        out.say(told["StatusText"])
+    since = values.get("ActiveEnterTimestamp") or "never"
+    state = f"{values.get('ActiveState', 'unknown')} ({values.get('SubState', 'unknown')})"
+    out.say(f"{unit}: {state}, {values.get('UnitFileState', '')}, last started: {since}")
+    out.say(f"process {values.get('MainPID', '-')}, restarts {values.get('NRestarts', '-')}")
+    if values.get("StatusText"):
+        out.say(values["StatusText"])
 
 
 @service.command()

@@ -257,8 +257,8 @@ def _failed(
         outcomes = _outcomes(edges, hit, first)
     late = f"nothing was seen within {SEEN_WITHIN:g} s"
     inflight = {outcome for outcome in OPEN if outcome != UNSEEN}
-    told = {robot: late if outcome in inflight else outcome for robot, outcome in outcomes.items()}
-    return {robot: outcome for robot, outcome in told.items() if outcome != DONE}
+    settled = {robot: late if outcome in inflight else outcome for robot, outcome in outcomes.items()}
+    return {robot: outcome for robot, outcome in settled.items() if outcome != DONE}
 
 
 def _outcomes(

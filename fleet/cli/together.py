@@ -148,12 +148,12 @@ class CommonStartRequest:
             late = f"it took until {-left:.1f} s too late to prepare all; name a later time"
             return {robot.name: late for robot, _, _ in self._asked}
         asked = msgspec.json.encode(StartAsked(self._id, self._at))
-        told = [
+        all_answers = [
             bus_session.ask(keys.starts(edge), asked, timeout=left)
             for edge, bus_session in self._sessions.items()
         ]
         found: dict[str, str] = {}
-        for edge, answers in zip(self._sessions, told, strict=True):
+        for edge, answers in zip(self._sessions, all_answers, strict=True):
             for _, answer in decoded(answers, StartAnswer):
                 found |= {f"{edge}/{name}": why for name, why in answer.robots.items()}
         unheard = "its process did not take the instant in time"

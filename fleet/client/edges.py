@@ -199,8 +199,8 @@ class Edges:
         """Return the events of the edges' histories, oldest first."""
         asked = msgspec.json.encode(wanted)
         parts = self.asked(keys.history("*"), list[Record], asked, HISTORY_WITHIN)
-        told = ((key.split("/")[1], record) for _, key, part in parts for record in part)
-        return newest((msgspec.structs.replace(record, edge=edge) for edge, record in told), wanted)
+        by_edge = ((key.split("/")[1], record) for _, key, part in parts for record in part)
+        return newest((msgspec.structs.replace(record, edge=edge) for edge, record in by_edge), wanted)
 
     def one(
         self,

@@ -120,10 +120,10 @@ def warn_of_places(
 def _warn_of_unplaced(unplaced: Sequence[int], document: Document) -> None:
     """Warn of each robot that cannot be placed, or once for many: a file may have a thousand."""
     hint = "start: [metres east, metres north, heading in radians], from the site's origin"
-    told = unplaced if len(unplaced) <= MOST_TOLD else unplaced[:1]
-    others = len(unplaced) - len(told)
+    named = unplaced if len(unplaced) <= MOST_TOLD else unplaced[:1]
+    others = len(unplaced) - len(named)
     whose = f"it and {others} other robots" if others else "it"
-    for index in told:
+    for index in named:
         message = f"{whose} cannot be placed beside the others: separation unknown, they are not kept apart"
         document.warn(document.marks["robots", index], message, hint)
 

@@ -253,10 +253,10 @@ def _fields(
 
 def _line(name: str, old: str | None, new: str | None, shown: Callable[[str, str], str]) -> str:
     """Return one field that differs, with its old and new value."""
-    told = [value and shown(name, value) for value in (old, new)]
-    if not any(told):
+    texts = [value and shown(name, value) for value in (old, new)]
+    if not any(texts):
         return name
-    return f"{name}: {told[0] or 'none'} -> {told[1] or 'none'}"
+    return f"{name}: {texts[0] or 'none'} -> {texts[1] or 'none'}"
 
 
 OF_ONE_COMPUTER = frozenset(
@@ -278,14 +278,14 @@ def pair_digest(outline: Outline, folder: PurePath) -> str:
     secrets.
     """
     sections = {name: fields for name, fields in outline.sections.items() if name not in OF_ONE_COMPUTER}
-    told = [
+    shared = [
         (name, field, value.replace(str(folder), "."))
         for parts in (sections, outline.robots)
         for name, fields in sorted(parts.items())
         for field, value in sorted(fields.items())
         if field.partition(".")[0] not in LINKS and not _is_secret(field)
     ]
-    return hashlib.sha256(json.dumps(told).encode()).hexdigest()[:16]
+    return hashlib.sha256(json.dumps(shared).encode()).hexdigest()[:16]
 
 
 def _is_secret(field: str) -> bool:

@@ -227,7 +227,7 @@ class _App:
         """Return the placement of the map under the robots; empty if there is none."""
         if self._operator(request) is None:
             return self._unauthorized()
-        return _json(self._hub.tiles.told if self._hub.tiles is not None else {})
+        return _json(self._hub.tiles.description if self._hub.tiles is not None else {})
 
     async def _tile(self, request: Request) -> Response:
         """Send a tile of the map; no content if it has none."""
@@ -305,9 +305,9 @@ async def _body(request: Request) -> bytes:
     return body
 
 
-def _json(told: object, status: int = 200) -> Response:
+def _json(value: object, status: int = 200) -> Response:
     """Return a JSON response."""
-    return Response(msgspec.json.encode(told), status, media_type="application/json")
+    return Response(msgspec.json.encode(value), status, media_type="application/json")
 
 
 def _operator_fields(operator: ConsoleUser) -> dict[str, str]:

@@ -104,10 +104,10 @@ def _unzipped(data: bytes, most: int) -> bytes:
 
 
 class MapTiles:
-    """Serves the tiles of one archive; ``told`` is its placement for pages."""
+    """Serves the tiles of one archive; ``description`` is its placement for pages."""
 
     def __init__(self, basemap: Basemap, clock: Clock) -> None:
-        self.told: dict[str, Any] = {"origin": basemap.origin}
+        self.description: dict[str, Any] = {"origin": basemap.origin}
         self._failed = RateLimitedCounter(log, clock)
         self._reading = asyncio.Lock()
         self._archive: Archive | None = None
@@ -123,7 +123,7 @@ class MapTiles:
         if not 0 <= least <= most <= DEEPEST:
             raise ValueError(f"its zooms are {least} to {most}")
         words = str(archive.metadata().get("attribution", ""))[:LONGEST_ATTRIBUTION]
-        self.told |= {"zooms": [least, most], "attribution": words}
+        self.description |= {"zooms": [least, most], "attribution": words}
         self._archive = archive
 
     async def tile(self, zoom: int, column: int, row: int) -> PageFile | None:

@@ -47,8 +47,10 @@ class ConsoleChild:
         asked: LinkAsked | None = None,
         served: Callable[[str], None] = lambda _link: None,
     ) -> None:
-        told = msgspec.json.encode(msgspec.structs.replace(task, parent=os.getpid()))
-        self._program = SideProgram("console", "fleet.console.program", told, clock, self._wait_served)
+        encoded_task = msgspec.json.encode(msgspec.structs.replace(task, parent=os.getpid()))
+        self._program = SideProgram(
+            "console", "fleet.console.program", encoded_task, clock, self._wait_served
+        )
         self._path = link_socket(directory, task.name)
         self._clock = clock
         self._asked = asked

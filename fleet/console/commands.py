@@ -133,8 +133,10 @@ def _records(bus_sessions: Iterable[ZenohSession], edge: str, wanted: EventFilte
         for key, data in bus_session.ask(
             keys.history(edge), msgspec.json.encode(wanted), timeout=HISTORY_WITHIN
         ):
-            told = key.split("/")[1]
-            found += [msgspec.structs.replace(each, edge=told) for each in decode_json(data, list[Record])]
+            edge_name = key.split("/")[1]
+            found += [
+                msgspec.structs.replace(each, edge=edge_name) for each in decode_json(data, list[Record])
+            ]
     return newest(found, wanted)
 
 

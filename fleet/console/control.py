@@ -24,8 +24,8 @@ def asked(asked: ControlAsked, view: FleetView, operator: ConsoleUser, now: floa
         raise Refused("nobody has control of it: it can be commanded")
     if state.control == operator.name:
         raise Refused("you have control of it")
-    told = {"request": asked.request, "by": operator.name, "holder": state.control, "answer": ""}
-    return told | {"at": now}
+    entry = {"request": asked.request, "by": operator.name, "holder": state.control, "answer": ""}
+    return entry | {"at": now}
 
 
 def answered(asked: GiveAsked, view: FleetView, operator: ConsoleUser) -> dict[str, object]:

@@ -25,24 +25,24 @@ from fleet.runtime.decoding import decode_json
 
 ANSWER_WITHIN = 1.0  # s for the edge to answer a velocity
 
-Told = Callable[[Mapping[str, object]], None]
+SendResult = Callable[[Mapping[str, object]], None]
 """Sends the answer to a velocity to the page; on the loop."""
 
 
 class Driving:
-    """Velocities of one page. ``session_to`` finds the session to an edge, ``told`` receives each answer."""
+    """Velocities of one page. ``session_to`` returns the session of an edge; ``send_result`` gets answers."""
 
     def __init__(
         self,
         operator: ConsoleUser,
         session_to: Callable[[str], ZenohSession | None],
         clock: Clock,
-        told: Told,
+        send_result: SendResult,
     ) -> None:
         self._operator = operator
         self._session_to = session_to
         self._clock = clock
-        self._told = told
+        self._send_result = send_result
         self._robot = ""  # that moves by this page, empty for none
         self._loop = asyncio.get_running_loop()
 
@@ -88,4 +88,6 @@ class Driving:
 
     def _answered(self, number: int, reply: Reply) -> None:
         """Send the answer to the page."""
-        self._told({"type": "drove", "number": number, "status": reply.status.value, "reason": reply.reason})
+        self._send_result(
+            {"type": "drove", "number": number, "status": reply.status.value, "reason": reply.reason}
+        )

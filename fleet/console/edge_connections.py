@@ -44,7 +44,12 @@ class EdgeConnections:
         self._view = view
         self._clock = clock
         self._edges = EdgeBuses(
-            task.edges, directory, clock, only=task.only, opened=self._opened, changed=self._told
+            task.edges,
+            directory,
+            clock,
+            only=task.only,
+            opened=self._opened,
+            changed=self._connection_changed,
         )
         self.joined: Mapping[str, Bus] = self._edges.joined
         self.watched = WatchedReports(view, self.joined)
@@ -74,7 +79,7 @@ class EdgeConnections:
         """Join edges that appear and leave those that are gone, until cancelled."""
         await self._edges.run()
 
-    def _told(self, edge: str, problem: str | None) -> None:
+    def _connection_changed(self, edge: str, problem: str | None) -> None:
         """Show whether an edge is joined, else why not."""
         self._view.edge_is(edge, alive=problem is None, problem=problem or "", now=self._clock.monotonic())
 

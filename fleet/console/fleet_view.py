@@ -142,8 +142,8 @@ class FleetView:
         """Set the entry of an edge."""
         state = self.edges.get(edge)
         shown: dict[str, Any] = msgspec.to_builtins(msgspec.structs.asdict(state)) if state else {}
-        told = {"edge": edge, "alive": self._alive.get(edge, False), "problem": self._problems.get(edge, "")}
-        self.put("edges", edge, {"heard": round(now, 1)} | shown | told)
+        entry = {"edge": edge, "alive": self._alive.get(edge, False), "problem": self._problems.get(edge, "")}
+        self.put("edges", edge, {"heard": round(now, 1)} | shown | entry)
 
     def take_pose(self, twin: str, pose: PoseReport) -> None:
         """Take the pose of a robot."""
@@ -164,9 +164,9 @@ class FleetView:
 
     def take_goals(self, edge: str, goals: Goals) -> None:
         """Take the goals of the robots of an edge."""
-        for told in goals.robots:
-            name = id_of(edge, told.robot.name)
-            way = [list(_rounded((point.x, point.y, point.z))) for point in told.robot.way]
+        for entry in goals.robots:
+            name = id_of(edge, entry.robot.name)
+            way = [list(_rounded((point.x, point.y, point.z))) for point in entry.robot.way]
             if way or self.get("goals", name) is not None:
                 self.put("goals", name, way)
 

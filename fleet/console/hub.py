@@ -90,8 +90,8 @@ class Hub:
         if version == current and self._count % round(QUIET / TICK):
             return b"", version
         if version not in self._news:
-            told: dict[str, Any] = {"type": "news", "now": self.clock.monotonic(), "time": self.clock.time()}
-            self._news[version] = msgspec.json.encode(told | self.view.since(version)), current
+            news: dict[str, Any] = {"type": "news", "now": self.clock.monotonic(), "time": self.clock.time()}
+            self._news[version] = msgspec.json.encode(news | self.view.since(version)), current
         return self._news[version]
 
     def stop(

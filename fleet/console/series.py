@@ -77,7 +77,7 @@ def read_series(asked: SeriesAsked, window: Window, spent: Callable[[], float]) 
         found.take(window.read(part, found.wants))
         count += 1
     share = count / len(parts) if parts else 1.0
-    return {**found.told(), "share": share, "problems": [*window.all_problems(), *found.problems()]}
+    return {**found.fields(), "share": share, "problems": [*window.all_problems(), *found.problems()]}
 
 
 class _Found:
@@ -110,7 +110,7 @@ class _Found:
             for name in self._series.keys() & numbers.keys():
                 self._series[name].add(message.received, numbers[name])
 
-    def told(self) -> dict[str, Any]:
+    def fields(self) -> dict[str, Any]:
         """Return names and series for a page; each series as its times and its values."""
         points = {name: thinned.points() for name, thinned in self._series.items()}
         values = {

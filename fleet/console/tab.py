@@ -106,10 +106,10 @@ class Tab:
         async with self._sending:
             await self._socket.send_text(message.decode())
 
-    async def _tell(self, request: str, robot: str, told: Mapping[str, object]) -> None:
+    async def _tell(self, request: str, robot: str, result: Mapping[str, object]) -> None:
         """Answer a request; a closed page needs no answer."""
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-            answer = {"type": "answer", "request": request, "robot": robot, **told}
+            answer = {"type": "answer", "request": request, "robot": robot, **result}
             await self._send(msgspec.json.encode(answer))
 
     async def _listen(self) -> None:
@@ -145,9 +145,9 @@ class Tab:
         else:
             self._begin(self._guarded(asked))
 
-    def _drove(self, told: Mapping[str, object]) -> None:
+    def _drove(self, result: Mapping[str, object]) -> None:
         """Send the answer to a velocity to the page."""
-        self._begin(self._send(msgspec.json.encode(told)))
+        self._begin(self._send(msgspec.json.encode(result)))
 
     def _begin(self, work: Coroutine[Any, Any, None]) -> None:
         """Run work concurrently with the receiving."""
@@ -163,14 +163,14 @@ class Tab:
             await self._tell(asked.request, "", commands.refused(error))
         except Exception as error:
             log.exception("a request of a page failed")
-            told = {"status": "rejected", "reason": f"the console failed: {error!r}"}
-            await self._tell(asked.request, "", told)
+            result = {"status": "rejected", "reason": f"the console failed: {error!r}"}
+            await self._tell(asked.request, "", result)
 
     async def _stop(self, asked: StopAsked) -> None:
         """Stop robots. It continues if the page is closed."""
         stop = self._hub.stop(StopTarget(asked.robots), self._operator, asked.why, asked.request)
-        told = await asyncio.shield(stop)
-        await self._tell(asked.request, "", {"status": "accepted", "stop": told})
+        result = await asyncio.shield(stop)
+        await self._tell(asked.request, "", {"status": "accepted", "stop": result})
 
     async def _command(self, asked: ReleaseAsked | GotoAsked | CommandAsked) -> None:
         """Send a command to robots concurrently, and forward each answer as it arrives."""
@@ -203,8 +203,8 @@ class Tab:
         bus_sessions = list(self._hub.edges.bus_sessions().values())
         async for state in missions.rehearse(asked, bus_sessions, self._operator):
             done = {} if state.result is None else {"done": True}
-            told = {"status": "accepted", "rehearsal": msgspec.to_builtins(state), **done}
-            await self._tell(asked.request, "", told)
+            result = {"status": "accepted", "rehearsal": msgspec.to_builtins(state), **done}
+            await self._tell(asked.request, "", result)
 
     async def _run(self, asked: RunAsked) -> None:
         """Control a run."""
@@ -214,8 +214,8 @@ class Tab:
 
     async def _control(self, asked: ControlAsked) -> None:
         """Request control of a robot."""
-        told = control.asked(asked, self._hub.view, self._operator, self._hub.clock.time())
-        self._hub.view.put("requests", asked.robot, told)
+        result = control.asked(asked, self._hub.view, self._operator, self._hub.clock.time())
+        self._hub.view.put("requests", asked.robot, result)
         await self._tell(asked.request, "", {"status": "accepted"})
 
     async def _give(self, asked: GiveAsked) -> None:
@@ -236,13 +236,13 @@ class Tab:
 
 def _hello(operator: ConsoleUser) -> bytes:
     """Return the first message to a page."""
-    told = {
+    result = {
         "type": "hello",
         "version": __version__,
         "operator": operator.name,
         "permission": operator.permission.word,
     }
-    return msgspec.json.encode(told)
+    return msgspec.json.encode(result)
 
 
 def _shown(reply: Reply) -> dict[str, object]:

@@ -101,9 +101,9 @@ class WatchedReports:
 
     def _take_photo(self, robot: str, sample: bytes) -> None:
         """Take a picture; a page loads it when it learns of it."""
-        told = self.photos.take(robot, sample)
-        if told is not None:
-            self._view.put("photos", robot, told)
+        photo = self.photos.take(robot, sample)
+        if photo is not None:
+            self._view.put("photos", robot, photo)
 
     def answer_offer(self, asked: VideoAnswered, stamp: float) -> None:
         """Send a page's answer to an offer of live video; raises Refused for a robot that is not watched."""

@@ -22,7 +22,7 @@ class _Request:
         self.open = {hold.part.identity: hold for hold in holds}
         self.until = until
         self.refusals: list[str] = []
-        self.told: list[RefusalCallback] = []
+        self.callbacks: list[RefusalCallback] = []
 
 
 class RequestedHolds:
@@ -39,12 +39,12 @@ class RequestedHolds:
         self.made += 1
         self._requests.append(_Request(holds, self._clock.monotonic() + ANSWERED_WITHIN))
 
-    def hear(self, made: int, told: RefusalCallback) -> None:
+    def hear(self, made: int, callback: RefusalCallback) -> None:
         """Report the outcome of the newest request, or at once if there is none after the first ``made``."""
         if self.made == made or not self._requests:
-            told("")
+            callback("")
         else:
-            self._requests[-1].told.append(told)
+            self._requests[-1].callbacks.append(callback)
 
     def answered(self, hold: Hold, reply: Reply) -> None:
         """Handle a robot's answer; the receipt of a pause is ignored, because its outcome follows."""
@@ -71,8 +71,8 @@ class RequestedHolds:
         """Report the end of the run to all waiting senders."""
         requests, self._requests = self._requests, []
         for request in requests:
-            for told in request.told:
-                told("the run has ended")
+            for callback in request.callbacks:
+                callback("the run has ended")
 
     def _note(self, request: _Request, hold: Hold, reason: str) -> None:
         """Record a refusal, unless the part has ended meanwhile: then there was nothing to pause."""
@@ -85,5 +85,5 @@ class RequestedHolds:
         """Report the outcome when all have answered."""
         if not request.open and request in self._requests:
             self._requests.remove(request)
-            for told in request.told:
-                told("; ".join(request.refusals))
+            for callback in request.callbacks:
+                callback("; ".join(request.refusals))

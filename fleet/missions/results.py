@@ -84,9 +84,9 @@ class Results:
         self._pictures.pop(run, None)
         self._do(self._prune)
 
-    def of(self, run: str, told: Callable[[list[RunFile]], None]) -> None:
-        """Pass the results of a run so far to ``told``, on the thread of the results."""
-        self._do(lambda: told(list(self._listed(run))))
+    def of(self, run: str, callback: Callable[[list[RunFile]], None]) -> None:
+        """Pass the results of a run so far to ``callback``, on the thread of the results."""
+        self._do(lambda: callback(list(self._listed(run))))
 
     def close(self) -> None:
         """Write the waiting points and end the thread."""

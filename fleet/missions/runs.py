@@ -85,7 +85,7 @@ class Runs:
         soon: Callable[[Callable[[], None]], None],
         stop: Callable[[tuple[str, ...], str], None],
         together: Callable[[], Together],
-        told: Callable[[RunState], None],
+        on_change: Callable[[RunState], None],
     ) -> None:
         self.edge = edge
         self.robots = robots
@@ -97,7 +97,7 @@ class Runs:
         self.together = together
         self._allowed = allowed
         self._hindrance, self._elsewhere = hindrance, elsewhere
-        self._told = told
+        self._on_change = on_change
         self._runs: dict[str, Run] = {}
         self.places = RunPlaces(site.places, self._runs.get, clock)
         self.occupy = self.places.occupy
@@ -110,7 +110,7 @@ class Runs:
 
     def changed(self, run: Run) -> None:
         """Publish a run's state; drop a run that has ended."""
-        self._told(self.state(run))
+        self._on_change(self.state(run))
         if run.engine.over:
             self._runs.pop(run.id, None)
             self._ended.append(run.id)
@@ -274,19 +274,19 @@ class Runs:
                 log.exception("run %s cannot go on", each.id)
                 each.give_up(f"{type(error).__name__}: {error}")
 
-    def control(self, run: str, ask: ControlAsk, told: RefusalCallback = lambda _refusal: None) -> None:
+    def control(self, run: str, ask: ControlAsk, on_answer: RefusalCallback = lambda _refusal: None) -> None:
         """Pause, resume or abort a run, or answer its question.
 
-        ``told`` receives the reason of a refusal, or an empty text; for a pause or a resumption, after its
-        robots have answered.
+        ``on_answer`` receives the reason of a refusal, or an empty text; for a pause or a resumption, after
+        its robots have answered.
         """
         found = self._runs.get(run)
         made = found.holding.made if found else 0
         refusal = _control(found, ask) if found else f"there is no run {run!r} under way"
         if refusal or found is None:
-            told(refusal)
+            on_answer(refusal)
         else:
-            found.holding.hear(made, told)
+            found.holding.hear(made, on_answer)
 
     def stopped(self, names: tuple[str, ...], reason: str) -> None:
         """Handle an emergency stop of several robots, or (without names) of all; on the loop."""

@@ -172,20 +172,22 @@ class RunStore:
             self._fail(error)
             return []
 
-    def ended(self, most: int, told: Callable[[list[tuple[About, Head, list[Member]]]], None]) -> None:
-        """Pass the ended runs, newest first, to ``told``, on the store's thread."""
-        self._thread.submit(lambda: told(self._ended(most)))
+    def ended(self, most: int, callback: Callable[[list[tuple[About, Head, list[Member]]]], None]) -> None:
+        """Pass the ended runs, newest first, to ``callback``, on the store's thread."""
+        self._thread.submit(lambda: callback(self._ended(most)))
 
-    def ended_run(self, run: str, told: Callable[[tuple[About, Head, list[Member]] | None], None]) -> None:
-        """Pass an ended run to ``told``, on the store's thread; None if there is none of this id."""
+    def ended_run(
+        self, run: str, callback: Callable[[tuple[About, Head, list[Member]] | None], None]
+    ) -> None:
+        """Pass an ended run to ``callback``, on the store's thread; None if there is none of this id."""
         try:
-            self._thread.submit(lambda: told(self._ended_run(run)))
+            self._thread.submit(lambda: callback(self._ended_run(run)))
         except RuntimeError:  # the store is closed
-            told(None)
+            callback(None)
 
-    def story(self, run: str, told: Callable[[list[RunLogEntry]], None]) -> None:
-        """Pass the log of a run, oldest line first, to ``told``, on the store's thread."""
-        self._thread.submit(lambda: told(self._story(run)))
+    def story(self, run: str, callback: Callable[[list[RunLogEntry]], None]) -> None:
+        """Pass the log of a run, oldest line first, to ``callback``, on the store's thread."""
+        self._thread.submit(lambda: callback(self._story(run)))
 
     def close(self) -> None:
         """Complete the waiting writes and close the file."""

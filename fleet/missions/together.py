@@ -52,14 +52,14 @@ class TogetherStep:
         self._replied = replied
         self._start: Together | None = None
         self._step = ""
-        self._told: dict[str, Part] = {}  # parts that were told to begin, without a confirmation yet
+        self._unconfirmed: dict[str, Part] = {}  # parts that were told to begin, without a confirmation yet
 
     def unpausable(self, phase: Phase) -> str:
         """Return why a run must not be paused now; empty if it may.
 
         Robots about to begin have no motion to pause yet, and might begin all the same.
         """
-        if phase is not Phase.PREPARING and not any(part.inflight for part in self._told.values()):
+        if phase is not Phase.PREPARING and not any(part.inflight for part in self._unconfirmed.values()):
             return ""
         return "its robots are about to begin together: pause it once they have, or abort it now"
 
@@ -73,7 +73,7 @@ class TogetherStep:
                 first = False
                 self._take(Prepared(robot, "" if reply.ok else reply.reason or "it refused"))
             else:
-                self._told.pop(identity, None)
+                self._unconfirmed.pop(identity, None)
                 self._replied(identity, reply)
 
         step = identity.rsplit("/", 2)[0]
@@ -85,7 +85,7 @@ class TogetherStep:
     def begin(self, step: str, parts: tuple[Part, ...]) -> None:
         """Start prepared robots whose parts are recorded, unless one of them has left meanwhile."""
         if self._start is not None and all(part.inflight for part in parts):
-            self._told = {part.identity: part for part in parts}
+            self._unconfirmed = {part.identity: part for part in parts}
             self._start.begin([part.robot for part in parts], partial(self._not_started, step))
             return
         self.withdraw()
@@ -93,7 +93,7 @@ class TogetherStep:
 
     def _not_started(self, step: str, why: str) -> None:
         """Handle a failed start: no robot begins."""
-        self._told.clear()
+        self._unconfirmed.clear()
         self._take(NotStarted(step, why))
 
     def follow(self, phase: Phase) -> None:
@@ -103,7 +103,7 @@ class TogetherStep:
 
     def withdraw(self) -> None:
         """Cancel the robots that have not begun."""
-        self._told.clear()
+        self._unconfirmed.clear()
         start, self._start = self._start, None
         if start is not None:
             start.withdraw()

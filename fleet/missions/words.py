@@ -48,7 +48,7 @@ def phase_words(phase: str, step: str) -> str:
     return PHASES.get(phase, phase).format(step=step_of(step))
 
 
-def told_line(text: str, robot: str, step: str) -> str:
+def log_line(text: str, robot: str, step: str) -> str:
     """Return a line of a run's log as a sentence."""
     said = f"{robot} {text}" if robot else text
     return f"{said} (step {step_of(step)})" if step else said

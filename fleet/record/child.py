@@ -28,8 +28,10 @@ class RecorderChild:
     """One recorder process. ``recording`` is set once it records."""
 
     def __init__(self, task: RecordTask, clock: Clock) -> None:
-        told = msgspec.json.encode(msgspec.structs.replace(task, parent=os.getpid()))
-        self._program = SideProgram("recorder", "fleet.record.program", told, clock, self._hear, heard=True)
+        encoded_task = msgspec.json.encode(msgspec.structs.replace(task, parent=os.getpid()))
+        self._program = SideProgram(
+            "recorder", "fleet.record.program", encoded_task, clock, self._hear, heard=True
+        )
         self._reported = ""
         self.recording = asyncio.Event()
 

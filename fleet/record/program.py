@@ -39,7 +39,7 @@ def main() -> int:
     start_logging(msgspec.structs.replace(wanted, level=logging.WARNING))
 
     async def work(ended: asyncio.Event) -> None:
-        await record(task, runtime_dir(), ended, SystemClock(), told=_tell)
+        await record(task, runtime_dir(), ended, SystemClock(), on_problem=_tell)
 
     try:
         task = decode_json(sys.stdin.buffer.read(), RecordTask)

@@ -44,15 +44,17 @@ async def record(
     ended: asyncio.Event,
     clock: Clock,
     *,
-    told: Callable[[str], None] = lambda _problem: None,
+    on_problem: Callable[[str], None] = lambda _problem: None,
 ) -> int:
-    """Record until ``ended``; return the number of messages. ``told`` receives errors, '' when they end.
+    """Record until ``ended``; return the number of messages. ``on_problem`` gets errors, '' when they end.
 
     Raises StateError if the folder cannot be used.
     """
     recorder = Recorder(Ring(Path(task.folder), task.bounds), clock)
     joined = _EdgeSubscriptions(recorder, clock)
-    edges = EdgeBuses(task.edges, directory, clock, only=task.only, opened=joined.opened, changed=joined.told)
+    edges = EdgeBuses(
+        task.edges, directory, clock, only=task.only, opened=joined.opened, changed=joined.connection_changed
+    )
     joining = asyncio.create_task(edges.run(), name="edges")
     known: str | None = None
     try:
@@ -65,7 +67,7 @@ async def record(
             await asyncio.to_thread(recorder.write)
             if recorder.problem != known:
                 known = recorder.problem
-                told(known)
+                on_problem(known)
     finally:
         joining.cancel()
         with contextlib.suppress(asyncio.CancelledError):
@@ -83,7 +85,7 @@ class _EdgeSubscriptions:
         self._history = _History(recorder, clock)
         self._asked: dict[str, float] = {}
 
-    def told(self, edge: str, problem: str | None) -> None:
+    def connection_changed(self, edge: str, problem: str | None) -> None:
         """Log which edge is recorded."""
         if problem is None:
             log.info("edge %s is recorded", edge)

@@ -101,24 +101,24 @@ class SampleReader:
         self._persistent[message.topic] = message
         return [message]
 
-    def _of_links(self, topic: str, told: LinkFrames, payload: bytes) -> list[Message]:
+    def _of_links(self, topic: str, frames: LinkFrames, payload: bytes) -> list[Message]:
         """Return the frames of a link, and count the missing ones."""
-        number, dropped = self._last_frames.get(topic, (told.number - 1, 0))
-        if told.number > number:  # else its process has restarted
-            self._lost += told.number - number - 1 + max(0, told.dropped - dropped)
-        self._last_frames[topic] = told.number, told.dropped
+        number, dropped = self._last_frames.get(topic, (frames.number - 1, 0))
+        if frames.number > number:  # else its process has restarted
+            self._lost += frames.number - number - 1 + max(0, frames.dropped - dropped)
+        self._last_frames[topic] = frames.number, frames.dropped
         edge = topic.split("/")[1]
-        return [Message(f"/{edge}/{told.robot}/frames", "fleet.LinkFrames", payload, told.stamp)]
+        return [Message(f"/{edge}/{frames.robot}/frames", "fleet.LinkFrames", payload, frames.stamp)]
 
     def _state(self, state: RobotState) -> list[Message]:
         """Return a robot's state, and the transform of its world frame in the site."""
         robot = f"/{state.edge}/{state.name}"
         if state.twin:
             self._robots[state.twin] = (state.edge, robot)
-        told = [Message(f"{robot}/state", "fleet.RobotState", _encode(state), state.stamp)]
+        messages = [Message(f"{robot}/state", "fleet.RobotState", _encode(state), state.stamp)]
         if state.placement is not None:
-            told.append(placement_message(robot, state.placement, state.stamp))
-        return told
+            messages.append(placement_message(robot, state.placement, state.stamp))
+        return messages
 
 
 def _persistent_message(topic: str, kind: str, payload: bytes) -> Message:
@@ -129,10 +129,12 @@ def _persistent_message(topic: str, kind: str, payload: bytes) -> Message:
     if kind == "schedules":
         decode_json(payload, ScheduleAnswer)
         return Message(topic, "fleet.ScheduleAnswer", payload)
-    told = decode_json(payload, RobotDescription)
-    kept = RobotDescription(told.robot, told.adapter, (), fence=told.fence, body=told.body)
+    description = decode_json(payload, RobotDescription)
+    kept = RobotDescription(
+        description.robot, description.adapter, (), fence=description.fence, body=description.body
+    )
     edge = topic.split("/")[1]
-    return Message(f"/{edge}/{told.robot}/description", "fleet.RobotDescription", _encode(kept))
+    return Message(f"/{edge}/{description.robot}/description", "fleet.RobotDescription", _encode(kept))
 
 
 def event_message(edge: str, event: Record) -> Message:

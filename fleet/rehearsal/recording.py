@@ -26,15 +26,15 @@ Point = tuple[float, float, float, float]
 class MemoryStore(RunStore):
     """A store of runs that keeps parts and notes in memory.
 
-    ``told`` receives each note. In simulated time nothing may wait for another thread, so a write takes a
+    ``on_note`` receives each note. In simulated time nothing may wait for another thread, so a write takes a
     fixed time on the event loop.
     """
 
-    def __init__(self, told: Callable[[RehearsalNote], None]) -> None:
+    def __init__(self, on_note: Callable[[RehearsalNote], None]) -> None:
         self.problem = self.lost = ""
         self.parts: dict[str, Part] = {}
         self.notes: list[RehearsalNote] = []
-        self._told = told
+        self._on_note = on_note
 
     def save(self, change: RunChange, done: Callable[[bool], None]) -> None:
         """Store a change."""
@@ -44,7 +44,7 @@ class MemoryStore(RunStore):
         for note in change.notes:
             found = RehearsalNote(round(change.elapsed, 1), note.text, note.step, note.robot)
             self.notes.append(found)
-            self._told(found)
+            self._on_note(found)
         asyncio.get_running_loop().call_later(WRITES, done, True)
 
     def timeline(self) -> tuple[RehearsedPart, ...]:

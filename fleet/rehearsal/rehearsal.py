@@ -77,7 +77,7 @@ class Rehearsal:
             clock=self._clock,
             soon=self._soon,
             stop=self._stop,
-            told=self._state_is,
+            on_change=self._state_is,
         )
 
     @staticmethod

@@ -41,11 +41,11 @@ async def play(
     ended: asyncio.Event,
     clock: Clock,
     *,
-    told: Callable[[PlayedEdge], None] = lambda _edge: None,
+    on_edge: Callable[[PlayedEdge], None] = lambda _edge: None,
 ) -> int:
     """Play a recording until its end, or ``ended``; return the number of messages.
 
-    Each edge in it has a separate bus below ``directory``; ``told`` is called for each when it is ready.
+    Each edge in it has a separate bus below ``directory``; ``on_edge`` is called for each when it is ready.
     Raises StateError for a file with nothing to play, BusError if it is being played already.
     """
     edges: dict[str, PlayedEdge] = {}
@@ -56,7 +56,7 @@ async def play(
             if message.edge not in edges:
                 edges[message.edge] = PlayedEdge(message.edge, directory, clock)
                 stack.callback(edges[message.edge].close)
-                told(edges[message.edge])
+                on_edge(edges[message.edge])
             left = began + after / window.speed - clock.monotonic()
             if left > 0 or clock.monotonic() - flushed > FLUSH:
                 flushed = clock.monotonic()

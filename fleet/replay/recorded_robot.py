@@ -91,9 +91,9 @@ def recording_of(messages: Iterable[ReadMessage]) -> Recording:
     for message in messages:
         robot = message.edge, message.robot
         if message.schema == FRAMES:
-            told = decode_json(message.data, LinkFrames)
-            recording.frames.setdefault((message.edge, told.link), []).extend(told.frames)
-            recording.openers.setdefault((message.edge, told.robot), set()).add(told.link)
+            link_frames = decode_json(message.data, LinkFrames)
+            recording.frames.setdefault((message.edge, link_frames.link), []).extend(link_frames.frames)
+            recording.openers.setdefault((message.edge, link_frames.robot), set()).add(link_frames.link)
         elif message.robot and message.schema not in _NO_REPORTS:
             topic = message.topic.split("/", 3)[3]
             channel, said = said_in(topic, message.data, message.stamp)

@@ -86,7 +86,7 @@ ACTIONS: Mapping[BundleStage, Mapping[Relation, AgentAction]] = {
         Relation.NOTHING: AgentAction.GO_ON,
         Relation.SAME: AgentAction.GO_ON,
         Relation.WITHDRAWN: AgentAction.RETURN,
-        Relation.OTHER: AgentAction.RETURN,  # the other may be refused; that must not leave this one half applied
+        Relation.OTHER: AgentAction.RETURN,  # the other may be refused, and must find nothing half applied
     },
     BundleStage.RETURNING: _UNTIL_IT_ENDS,
 }

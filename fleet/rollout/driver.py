@@ -16,19 +16,28 @@ from fleet.clock import Clock
 from fleet.errors import FleetError
 from fleet.rollout.messages import BundleStage, DesiredState, ObservedState, Rollout
 from fleet.rollout.store import FleetStore, StoreError
-from fleet.rollout.waves import Plan, RolloutPhase, RolloutProgress, Told, aborted, limit_of, step, wave_ends
+from fleet.rollout.waves import (
+    EdgeStatus,
+    Plan,
+    RolloutPhase,
+    RolloutProgress,
+    aborted,
+    limit_of,
+    step,
+    wave_ends,
+)
 
 POLL_INTERVAL = 1.0  # s
 SILENT_FOR = 60.0  # s; the driver ends if the store does not answer for this time
 
-VERDICTS: Mapping[BundleStage, Told] = {
-    BundleStage.TAKING: Told.OPEN,
-    BundleStage.WAITING: Told.OPEN,
-    BundleStage.DONE: Told.DONE,
-    BundleStage.RETURNING: Told.FAILED,
-    BundleStage.FAILED: Told.FAILED,
-    BundleStage.REFUSED: Told.FAILED,
-    BundleStage.WITHDRAWN: Told.FAILED,
+VERDICTS: Mapping[BundleStage, EdgeStatus] = {
+    BundleStage.TAKING: EdgeStatus.OPEN,
+    BundleStage.WAITING: EdgeStatus.OPEN,
+    BundleStage.DONE: EdgeStatus.DONE,
+    BundleStage.RETURNING: EdgeStatus.FAILED,
+    BundleStage.FAILED: EdgeStatus.FAILED,
+    BundleStage.REFUSED: EdgeStatus.FAILED,
+    BundleStage.WITHDRAWN: EdgeStatus.FAILED,
 }
 """Status of an edge in the roll-out, by the stage that it reports."""
 
@@ -48,7 +57,7 @@ def plan_of(rollout: Rollout) -> Plan:
     return Plan(edges, ends, limit_of(rollout.stop_if), rollout.parallel, rollout.within)
 
 
-def verdicts(rollout: Rollout, observed: Mapping[str, ObservedState]) -> dict[str, Told]:
+def verdicts(rollout: Rollout, observed: Mapping[str, ObservedState]) -> dict[str, EdgeStatus]:
     """Return the status of each edge by its report; a report about another bundle is ignored."""
     return {
         edge: VERDICTS[report.stage]
@@ -73,7 +82,7 @@ class Driver:
         self._clock = clock
         self._tell = tell
         self._sleep = sleep
-        self._told = False
+        self._all_written = False
 
     async def begin(self, rollout: Rollout) -> None:
         """Store a new roll-out; raises RolloutRunning while another one is in progress."""
@@ -94,7 +103,7 @@ class Driver:
             try:
                 rollout, observed = await self.turn()
             except StoreError as error:
-                self._told = False  # desired states may not have been written
+                self._all_written = False  # desired states may not have been written
                 if self._clock.monotonic() - heard >= SILENT_FOR:
                     raise StoreError(f"{error}; continue with: fleet rollout resume") from error
                 await self._sleep(POLL_INTERVAL)
@@ -109,8 +118,10 @@ class Driver:
     async def turn(self) -> tuple[Rollout, dict[str, ObservedState]]:
         """Take one step; raises StoreError, RolloutMissing."""
         rollout, revision = await self._stored()
-        told = rollout.progress.told
-        observed = await self._store.observed(edge for edge, each in told.items() if each is Told.OPEN)
+        statuses = rollout.progress.told
+        observed = await self._store.observed(
+            edge for edge, each in statuses.items() if each is EdgeStatus.OPEN
+        )
         now = self._clock.time()
         progress = step(plan_of(rollout), rollout.progress, verdicts(rollout, observed), now)
         return await self._advance(rollout, progress, revision), observed
@@ -141,14 +152,14 @@ class Driver:
             await self._store.keep(rollout, revision)
         over = progress.phase is not RolloutPhase.RUNNING
         for edge, state in progress.told.items():
-            news = state is not before.progress.told.get(edge) or not self._told
-            if state is Told.OPEN and news and not over:
+            news = state is not before.progress.told.get(edge) or not self._all_written
+            if state is EdgeStatus.OPEN and news and not over:
                 await self._store.desire(edge, self._desired(rollout, edge, withdrawn=False))
-            elif state is Told.OVERDUE and news and not over:
+            elif state is EdgeStatus.OVERDUE and news and not over:
                 await self._withdraw(rollout, [edge])
         if over:
             await self._withdraw(rollout, progress.not_done())
-        self._told = True
+        self._all_written = True
         return rollout
 
     async def _withdraw(self, rollout: Rollout, edges: Iterable[str]) -> None:

@@ -73,9 +73,9 @@ def faults_of(edge: EdgeState, robots: Iterable[RobotState]) -> tuple[PartFault,
     """Return the faults of an edge and of its robots; robots of other edges are ignored."""
     services = list(_of_services(edge))
     own = [_fault(robot.name, robot.health, robot.cause) for robot in robots if robot.edge == edge.edge]
-    told = [*map(_level, services), *(min(_level(fault), Level.DEGRADED) for fault in own)]
+    levels = [*map(_level, services), *(min(_level(fault), Level.DEGRADED) for fault in own)]
     whole = _fault(EDGE, edge.health, edge.cause)  # an older edge does not report its own problems
-    unexplained = [whole] if _level(whole) > max(told, default=Level.OK) else []
+    unexplained = [whole] if _level(whole) > max(levels, default=Level.OK) else []
     return tuple(fault for fault in (*services, *own, *unexplained) if _level(fault) is not Level.OK)
 
 

@@ -49,7 +49,7 @@ TRANSITIONS: Mapping[tuple[RolloutPhase, RolloutEvent], RolloutPhase] = {
 """Any other event changes nothing: a roll-out that has ended keeps its phase."""
 
 
-class Told(StrEnum):
+class EdgeStatus(StrEnum):
     """Status of an edge with an assigned bundle; an edge without one has no entry."""
 
     OPEN = "open"
@@ -64,9 +64,9 @@ class FailureLimit(msgspec.Struct, frozen=True):
     most: float
     percent: bool
 
-    def is_exceeded(self, failed: int, told: int) -> bool:
+    def is_exceeded(self, failed: int, assigned: int) -> bool:
         """Return whether too many edges have failed."""
-        return failed * 100 > self.most * told if self.percent else failed > self.most
+        return failed * 100 > self.most * assigned if self.percent else failed > self.most
 
 
 class Plan(msgspec.Struct, frozen=True):
@@ -91,17 +91,17 @@ class RolloutProgress(msgspec.Struct, frozen=True):
     """
 
     phase: RolloutPhase = RolloutPhase.RUNNING
-    told: dict[str, Told] = {}
+    told: dict[str, EdgeStatus] = {}
     since: dict[str, float] = {}
     why: str = ""
 
-    def count(self, what: Told) -> int:
+    def count(self, what: EdgeStatus) -> int:
         """Return the number of edges with this status."""
         return sum(each is what for each in self.told.values())
 
     def not_done(self) -> list[str]:
         """Return the edges with an assigned bundle that are not done."""
-        return [edge for edge, each in self.told.items() if each is not Told.DONE]
+        return [edge for edge, each in self.told.items() if each is not EdgeStatus.DONE]
 
 
 def wave_ends(text: str, edges: int) -> tuple[int, ...]:
@@ -132,7 +132,9 @@ def limit_of(text: str) -> FailureLimit:
     return FailureLimit(float(match[1]), bool(match[2]))
 
 
-def step(plan: Plan, progress: RolloutProgress, seen: Mapping[str, Told], now: float) -> RolloutProgress:
+def step(
+    plan: Plan, progress: RolloutProgress, seen: Mapping[str, EdgeStatus], now: float
+) -> RolloutProgress:
     """Return the progress after the reported statuses; new entries of ``told`` get their bundle now.
 
     ``now`` is in Unix seconds. The status of an edge without an assigned bundle, or of one that has settled,
@@ -140,18 +142,18 @@ def step(plan: Plan, progress: RolloutProgress, seen: Mapping[str, Told], now: f
     """
     if progress.phase is not RolloutPhase.RUNNING:
         return progress
-    told = {name: _state(plan, progress, name, seen, now) for name in progress.told}
-    progress = msgspec.structs.replace(progress, told=told)
-    failed = progress.count(Told.FAILED) + progress.count(Told.OVERDUE)
-    if plan.limit.is_exceeded(failed, len(told)):
-        why = f"{failed} of {len(told)} edges failed: {', '.join(_failed(plan, told)[:5])}"
+    statuses = {name: _state(plan, progress, name, seen, now) for name in progress.told}
+    progress = msgspec.structs.replace(progress, told=statuses)
+    failed = progress.count(EdgeStatus.FAILED) + progress.count(EdgeStatus.OVERDUE)
+    if plan.limit.is_exceeded(failed, len(statuses)):
+        why = f"{failed} of {len(statuses)} edges failed: {', '.join(_failed(plan, statuses)[:5])}"
         return _moved(progress, RolloutEvent.TOO_MANY_FAILED, why)
-    following = _next(plan, told)
+    following = _next(plan, statuses)
     if following:
-        opened = dict.fromkeys(following, Told.OPEN)
+        opened = dict.fromkeys(following, EdgeStatus.OPEN)
         since = {**progress.since, **dict.fromkeys(following, now)}
-        return msgspec.structs.replace(progress, told={**told, **opened}, since=since)
-    if len(told) == len(plan.edges) and not progress.count(Told.OPEN):
+        return msgspec.structs.replace(progress, told={**statuses, **opened}, since=since)
+    if len(statuses) == len(plan.edges) and not progress.count(EdgeStatus.OPEN):
         return _moved(progress, RolloutEvent.ALL_SETTLED)
     return progress
 
@@ -167,26 +169,28 @@ def _moved(progress: RolloutProgress, event: RolloutEvent, why: str = "") -> Rol
     return progress if phase is None else msgspec.structs.replace(progress, phase=phase, why=why)
 
 
-def _state(plan: Plan, progress: RolloutProgress, name: str, seen: Mapping[str, Told], now: float) -> Told:
+def _state(
+    plan: Plan, progress: RolloutProgress, name: str, seen: Mapping[str, EdgeStatus], now: float
+) -> EdgeStatus:
     """Return the status of an edge with an assigned bundle."""
     before = progress.told[name]
-    if before is not Told.OPEN:
+    if before is not EdgeStatus.OPEN:
         return before
-    found = seen.get(name, Told.OPEN)
+    found = seen.get(name, EdgeStatus.OPEN)
     overdue = now - progress.since[name] > plan.within
-    return Told.OVERDUE if found is Told.OPEN and overdue else found
+    return EdgeStatus.OVERDUE if found is EdgeStatus.OPEN and overdue else found
 
 
-def _failed(plan: Plan, told: Mapping[str, Told]) -> list[str]:
+def _failed(plan: Plan, statuses: Mapping[str, EdgeStatus]) -> list[str]:
     """Return the failed and overdue edges, in order."""
-    return [name for name in plan.edges if told.get(name) in (Told.FAILED, Told.OVERDUE)]
+    return [name for name in plan.edges if statuses.get(name) in (EdgeStatus.FAILED, EdgeStatus.OVERDUE)]
 
 
-def _next(plan: Plan, told: Mapping[str, Told]) -> tuple[str, ...]:
+def _next(plan: Plan, statuses: Mapping[str, EdgeStatus]) -> tuple[str, ...]:
     """Return the edges that get their bundle now."""
-    unsettled = sum(each is Told.OPEN for each in told.values())
-    end = next((end for end in plan.ends if end > len(told)), len(told))
-    begins_wave = len(told) in (0, *plan.ends)
+    unsettled = sum(each is EdgeStatus.OPEN for each in statuses.values())
+    end = next((end for end in plan.ends if end > len(statuses)), len(statuses))
+    begins_wave = len(statuses) in (0, *plan.ends)
     if begins_wave and unsettled:
         return ()
-    return plan.edges[len(told) : min(end, len(told) + plan.parallel - unsettled)]
+    return plan.edges[len(statuses) : min(end, len(statuses) + plan.parallel - unsettled)]

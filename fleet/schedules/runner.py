@@ -319,9 +319,9 @@ class Schedules:
 
     def _event(self, name: str, text: str, severity: Severity = Severity.INFO, **data: object) -> None:
         """Report an event of a schedule."""
-        told = f"schedule {name}: {text}" if name else text
+        sentence = f"schedule {name}: {text}" if name else text
         fields = {"schedule": name, **data}
-        self._tell(EventReport(self._clock.time(), EventKind.SCHEDULE, told, severity, data=fields))
+        self._tell(EventReport(self._clock.time(), EventKind.SCHEDULE, sentence, severity, data=fields))
 
 
 def next_of(config: ScheduleConfig, now: float) -> float | None:

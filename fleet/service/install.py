@@ -115,17 +115,17 @@ def write_whole(path: Path, text: str) -> None:
 def run_program(command: Sequence[str]) -> str:
     """Run a program of the system; return its output. Raises ServiceError with its error message."""
     try:
-        told = subprocess.run(  # noqa: S603 - systemd's own programs, with arguments of ours
+        ran = subprocess.run(  # noqa: S603 - systemd's own programs, with arguments of ours
             command, capture_output=True, text=True, check=False, timeout=_WITHIN, stdin=subprocess.DEVNULL
         )
     except FileNotFoundError:
         raise ServiceError(f"this computer has no {command[0]}: a service needs systemd") from None
     except (OSError, subprocess.TimeoutExpired) as error:
         raise ServiceError(f"{' '.join(command)}: {error}") from None
-    if told.returncode != 0:
-        words = told.stderr.strip().splitlines() or [f"exit code {told.returncode}"]
+    if ran.returncode != 0:
+        words = ran.stderr.strip().splitlines() or [f"exit code {ran.returncode}"]
         raise ServiceError(f"{' '.join(command)}: {' '.join(words[-2:])}")  # systemctl says what, then where
-    return told.stdout
+    return ran.stdout
 
 
 def is_root() -> bool:
@@ -135,8 +135,8 @@ def is_root() -> bool:
 
 def status_of(unit: str, run: Run) -> Mapping[str, str]:
     """Return systemd's properties of a unit; raises ServiceError."""
-    told = run(["systemctl", "show", f"--property={','.join(PROPERTIES)}", unit])
-    pairs = (line.partition("=") for line in told.splitlines())
+    output = run(["systemctl", "show", f"--property={','.join(PROPERTIES)}", unit])
+    pairs = (line.partition("=") for line in output.splitlines())
     return {name: value for name, _, value in pairs if name in PROPERTIES}
 
 

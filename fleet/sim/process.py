@@ -100,7 +100,7 @@ class SimProcess:
                 raise LinkLost(f"the simulator does not answer: {error}") from error
         if not answer:
             raise LinkLost(f"the simulator ended with status {await process.wait()}")
-        told = msgspec.json.decode(answer)
-        if "error" in told:
-            raise LinkRefused(f"the simulator refuses: {told['error']}")
-        return told
+        decoded = msgspec.json.decode(answer)
+        if "error" in decoded:
+            raise LinkRefused(f"the simulator refuses: {decoded['error']}")
+        return decoded

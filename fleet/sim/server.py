@@ -87,10 +87,10 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
     async def answer(self, line: bytes) -> bytes:
         """Execute one request line; return the answer line, with its newline."""
         try:
-            told = await self._carry_out(decode_json(line, _Line))
+            result = await self._carry_out(decode_json(line, _Line))
         except (ValueError, OSError) as error:
-            told = {"error": str(error)}
-        return msgspec.json.encode(told) + b"\n"
+            result = {"error": str(error)}
+        return msgspec.json.encode(result) + b"\n"
 
     async def _carry_out(self, ask: _Line) -> dict[str, object]:
         """Execute one request; raises ValueError or OSError."""

@@ -214,8 +214,8 @@ class FrameContract(AdapterContract):
 
     def velocity(self, bench: Bench) -> Velocity | None:  # noqa: ARG002 - the frames in the machine decide
         """Return the velocity set by the newest motion frame that was written."""
-        told = (self.velocity_of(frame) for frame in reversed(self.machine.heard))
-        return next((velocity for velocity in told if velocity is not None), None)
+        velocities = (self.velocity_of(frame) for frame in reversed(self.machine.heard))
+        return next((velocity for velocity in velocities if velocity is not None), None)
 
     @contextlib.asynccontextmanager
     async def bench(self) -> AsyncIterator[Bench]:
@@ -315,17 +315,17 @@ class FrameContract(AdapterContract):
         assert [flaw for report in reports if (flaw := implausible(report, STAMP))] == []
 
     def test_one_robots_frames_do_not_change_another(self) -> None:
-        def told() -> list[bytes]:
+        def frames_written() -> list[bytes]:
             fresh = self.inner()
             still = self._encoded(fresh, ZERO_VELOCITY) if self.adapter.drives() else []
             return [*fresh.hello(), *fresh.halt(), *fresh.tick(), *still]
 
-        before, used = told(), self.inner()
+        before, used = frames_written(), self.inner()
         for frame in self.frames():
             list(used.decode(frame, STAMP))
         for velocity in trial_velocities(self.make_config(), self.adapter) if self.adapter.drives() else ():
             self._encoded(used, velocity)
-        assert told() == before
+        assert frames_written() == before
 
     @staticmethod
     def _encoded(inner: FrameAdapter[Any], velocity: Velocity) -> list[bytes]:

@@ -51,8 +51,8 @@ def started(execution: str) -> bytes:
 
 def finished(status: Ended, message: str) -> bytes:
     """Return the report of the end of an execution; an empty ``message`` is omitted."""
-    told = {"status": status, "error_message": message or None, "source_type": "edge"}
-    return encode_finite(without_nulls(told))
+    body = {"status": status, "error_message": message or None, "source_type": "edge"}
+    return encode_finite(without_nulls(body))
 
 
 def _stamp(given: object) -> float | None:

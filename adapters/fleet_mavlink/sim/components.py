@@ -39,14 +39,14 @@ class Component:
 
     def step(self, now: float) -> list[bytes]:
         """Return the frames that are due."""
-        said = self.told(now)
+        said = self.messages(now)
         if now >= self._due:
             self._due = now + 1.0
             state, nobody = mav.MAV_STATE_ACTIVE, mav.MAV_AUTOPILOT_INVALID
             said.append(mav.MAVLink_heartbeat_message(self.kind, nobody, 0, 0, state, 3))
         return self.framed(said)
 
-    def told(self, now: float) -> list[object]:  # noqa: ARG002 - for subclasses
+    def messages(self, now: float) -> list[object]:  # noqa: ARG002 - for subclasses
         """Return its messages besides its heartbeat."""
         return []
 
@@ -69,7 +69,7 @@ class GimbalDevice(Component):
         super().__init__(vehicle)
         self._gimbal = vehicle.equipment.gimbal = SimGimbal()
 
-    def told(self, now: float) -> list[object]:
+    def messages(self, now: float) -> list[object]:
         """Report its attitude."""
         return self._gimbal.due(now, int(now * 1000))
 
@@ -96,7 +96,7 @@ class SimCamera(Component):
         result = ACCEPTED if takes else UNSUPPORTED
         return [mav.MAVLink_command_ack_message(ask.command, result, 0, 0, ask.system, ask.component)]
 
-    def told(self, now: float) -> list[object]:
+    def messages(self, now: float) -> list[object]:
         """Report the pictures that are taken."""
         taken = [at for at in self._ready_at if at <= now]
         self._ready_at = [at for at in self._ready_at if at > now]
@@ -133,7 +133,7 @@ class RemoteIdTransmitter(Component):
         vehicle.equipment.remote_id = SimRemoteId()
         self._told_at = -math.inf
 
-    def told(self, now: float) -> list[object]:
+    def messages(self, now: float) -> list[object]:
         """Send the arm status."""
         known = self._vehicle.equipment.remote_id
         if known is None or now - self._told_at < 1.0 or "remote_id_silent" in self._vehicle.faults:

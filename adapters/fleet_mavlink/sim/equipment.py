@@ -30,10 +30,10 @@ class Equipment:
 
     def tick(self, pilot: Autopilot, dt: float) -> list[object]:
         """Advance; return unsolicited messages."""
-        told = self.logs.pending()
-        told += self.compass.tick(pilot.time, pilot, fails="compass_fails" in pilot.faults)
+        messages = self.logs.pending()
+        messages += self.compass.tick(pilot.time, pilot, fails="compass_fails" in pilot.faults)
         if self.gimbal is not None:
             self.gimbal.tick(dt)
         if self.remote_id is not None:
             self.remote_id.say(pilot)
-        return told
+        return messages

@@ -38,7 +38,7 @@ class Habits:
     home_is_first: bool
     tells_duplicates: bool
     keeps_place: bool  # a mission that replaces a started one continues at its current number
-    frames_told: Mapping[int, int]  # frames that are returned as another one
+    frames_reported: Mapping[int, int]  # frames that are returned as another one
     reached_times: int = 1  # reports of a reached item, a second apart
     flies: frozenset[int] = _FLOWN
 
@@ -49,7 +49,7 @@ ARDUPILOT_HABITS = Habits(
     home_is_first=True,
     tells_duplicates=True,
     keeps_place=True,
-    frames_told={5: 0, 6: 3},
+    frames_reported={5: 0, 6: 3},
     flies=_FLOWN | {LOITER_TURNS},
 )
 PX4_HABITS = Habits(
@@ -58,7 +58,7 @@ PX4_HABITS = Habits(
     home_is_first=False,
     tells_duplicates=False,
     keeps_place=False,
-    frames_told={},
+    frames_reported={},
     reached_times=11,
 )
 

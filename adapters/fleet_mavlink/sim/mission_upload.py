@@ -86,8 +86,8 @@ class MissionUpload:
             return ()
         upload.heard_at = now
         if message.seq != len(upload.items):
-            told = self._habits.tells_duplicates
-            return [self._ack(upload, mav.MAV_MISSION_INVALID_SEQUENCE)] if told else ()
+            answered = self._habits.tells_duplicates
+            return [self._ack(upload, mav.MAV_MISSION_INVALID_SEQUENCE)] if answered else ()
         item = item_of(message)
         if upload.kind == MISSION and item.command < _FIRST_DO and item.command not in self._habits.flies:
             self._under_way = None

@@ -112,7 +112,7 @@ class SimMissions:
         if seq == 0 and self.habits.home_is_first and kind == MISSION and home is not None:
             item = Item(0, 16, 1, 0.0, 0.0, 0.0, 0.0, int(home[0] * 1e7), int(home[1] * 1e7), home[2])
         now_flown = int(kind == MISSION and seq == self.current)
-        frame = self.habits.frames_told.get(item.frame, item.frame)
+        frame = self.habits.frames_reported.get(item.frame, item.frame)
         numbers = (seq, frame, item.command, now_flown, item.autocontinue)
         params = (item.p1, item.p2, item.p3, item.p4)
         if message.get_type() == "MISSION_REQUEST":

@@ -26,7 +26,7 @@ class Px4Failsafes:
     def __init__(self, pilot: SimPx4) -> None:
         self._pilot = pilot
         self._then: tuple[float, FlightMode] | None = None  # time and mode of the second step
-        self._battery_told: set[str] = set()
+        self._battery_reported: set[str] = set()
         self._events = 0
         self._cause = ""
         self._control_heard_at = -math.inf
@@ -139,14 +139,14 @@ class Px4Failsafes:
         """Warn, then return, then land; once per level."""
         pilot = self._pilot
         share = pilot.battery.percent / 100
-        if share < pilot.params["BAT_LOW_THR"] and "low" not in self._battery_told:
-            self._battery_told.add("low")
+        if share < pilot.params["BAT_LOW_THR"] and "low" not in self._battery_reported:
+            self._battery_reported.add("low")
             pilot.say(WARNING, "Low battery level, return advised")
         for level, limit, then in (
             ("critical", "BAT_CRIT_THR", "RTL"),
             ("emergency", "BAT_EMERGEN_THR", "LAND"),
         ):
-            if share < pilot.params[limit] and level not in self._battery_told and pilot.flying:
-                self._battery_told.add(level)
+            if share < pilot.params[limit] and level not in self._battery_reported and pilot.flying:
+                self._battery_reported.add(level)
                 if pilot.params["COM_LOW_BAT_ACT"] > 0:
                     self._fail("battery", "LOITER", then=then, cause=level)

@@ -57,7 +57,7 @@ class SimArduRover(ArduPilot):
     def __init__(self, boot: Boot) -> None:
         super().__init__(boot)
         self._true_home = False
-        self._arrived_told = False
+        self._arrival_reported = False
         self.reversed = False  # by DO_SET_REVERSE, until the mode changes
         self.failsafes = RoverFailsafes(self)
         self.body.skid = int(boot.params["SERVO1_FUNCTION"]) == _THROTTLE_LEFT
@@ -99,7 +99,7 @@ class SimArduRover(ArduPilot):
         self.reversed = False
         self.speeds.asked = None
         super().enter(mode)
-        self._arrived_told = False
+        self._arrival_reported = False
         if isinstance(self.manoeuvre, Idle):
             self.manoeuvre = Coast(DISARMED)
 
@@ -138,8 +138,8 @@ class SimArduRover(ArduPilot):
 
     def watch_idle(self) -> None:
         """Stay armed; report the arrival on the way home once."""
-        if self.mode.name == "RTL" and self.manoeuvre.done and not self._arrived_told:
-            self._arrived_told = True
+        if self.mode.name == "RTL" and self.manoeuvre.done and not self._arrival_reported:
+            self._arrival_reported = True
             self.say(INFO, "Reached destination")
 
     def pilot_takes_over(self, mode: FlightMode) -> None:

@@ -21,7 +21,7 @@ class RoverFailsafes(ArduPilotFailsafes):
     def __init__(self, pilot: SimArduRover) -> None:
         super().__init__(pilot)
         self._lost: dict[str, float] = {}  # losses, with their start
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._ekf = False
 
     def watch(self) -> None:
@@ -43,15 +43,15 @@ class RoverFailsafes(ArduPilotFailsafes):
         pilot = self._pilot
         if not lost:
             self._lost.pop(what, None)
-            if what in self._told:
-                self._told.discard(what)
+            if what in self._reported:
+                self._reported.discard(what)
                 pilot.say(INFO, f"{what} Failsafe Cleared")
             return
         since = self._lost.setdefault(what, pilot.time)
         busy = pilot.mode.name not in {"RTL", "HOLD"}
-        if what in self._told or not busy or pilot.time - since <= pilot.params["FS_TIMEOUT"]:
+        if what in self._reported or not busy or pilot.time - since <= pilot.params["FS_TIMEOUT"]:
             return
-        self._told.add(what)
+        self._reported.add(what)
         pilot.say(WARNING, f"{what} Failsafe")
         self._act(int(pilot.params["FS_ACTION"]))
 

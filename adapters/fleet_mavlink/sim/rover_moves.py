@@ -44,13 +44,13 @@ class Roll(Coast):
         self._heading = heading
         self._rate = rate
         self._until = until
-        self._told = False
+        self._reported = False
 
     def aim(self, pilot: Autopilot) -> Aim:
         """Return the drive; after 3 s without a setpoint it reports that and brakes."""
         if pilot.time > self._until:
-            if not self._told:
-                self._told = True
+            if not self._reported:
+                self._reported = True
                 pilot.say(WARNING, "target not received last 3secs, stopping")
             return super().aim(pilot)
         body = pilot.body

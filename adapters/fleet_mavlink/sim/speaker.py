@@ -29,7 +29,7 @@ class Speaker:
         self.out: list[object] = []
         self._later: list[tuple[float, object]] = []
         self._text_id = 0
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
     def say(self, severity: int, text: str) -> None:
         """Send a STATUSTEXT, in chunks if it is too long for one."""
@@ -44,8 +44,8 @@ class Speaker:
 
     def say_once(self, severity: int, text: str) -> None:
         """Send a STATUSTEXT only the first time after boot."""
-        if text not in self._told:
-            self._told.add(text)
+        if text not in self._reported:
+            self._reported.add(text)
             self.say(severity, text)
 
     def later(self, delay: float, message: object) -> None:

@@ -164,22 +164,22 @@ class SimVehicle:
 
     def step(self, now: float) -> list[object]:
         """Advance to ``now``; return the periodic messages of the vehicle."""
-        told: list[object] = []
+        messages: list[object] = []
         while self.time < now:
             self.time = min(now, self.time + _STEP)
             if self.time <= self._dark_until:
                 continue
             self.pilot.tick(self.time, self._wind())
-            told.extend(self._drain((), self.time))
-        return told
+            messages.extend(self._drain((), self.time))
+        return messages
 
     def _drain(self, answers: Iterable[object], now: float) -> list[object]:
         """Return the output, and a handler's answers; reboot if requested."""
-        told = [*self.pilot.out, *answers]
+        messages = [*self.pilot.out, *answers]
         self.pilot.out.clear()
         if self.pilot.reboot_asked:
             self.reboot(now)
-        return told
+        return messages
 
     def _wind(self) -> tuple[float, float]:
         """Return the effect of the wind, m/s north and east: a share as gusts, and the excess."""

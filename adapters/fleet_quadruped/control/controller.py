@@ -227,17 +227,17 @@ class Controller:
         is being lowered, only a bus with all drives silent ends the link.
         """
         self._begun = now if self._begun is None else self._begun
-        told = self._joints
+        reported = self._joints
         if self.body.mode is BodyMode.DAMPED:
-            bus = silent_bus(self.dog.all_joints, told.ages, _GONE)
+            bus = silent_bus(self.dog.all_joints, reported.ages, _GONE)
             if bus:
                 raise LinkLost(f"bus {bus!r}: all its drives are silent; their own stop holds them, or none")
         if self._feedback_complete and (self.body.mode is not BodyMode.OFF or self.body.fault):
             return
         for number, joint in enumerate(self.dog.all_joints):
-            if told.restarted[number]:
-                raise LinkLost(f"{joint.name}: {told.faults[number]}")
-            if min(told.ages[number], now - self._begun) > _GONE:
+            if reported.restarted[number]:
+                raise LinkLost(f"{joint.name}: {reported.faults[number]}")
+            if min(reported.ages[number], now - self._begun) > _GONE:
                 raise LinkLost(f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check its power")
 
     def _warning(self, now: float) -> str:

@@ -10,17 +10,17 @@ from fleet_quadruped.robot.description import Joint
 _OFF = frozenset({Power.DISABLED, Power.FAULT})
 
 
-def holding(joints: Sequence[Joint], told: Joints) -> str:
+def holding(joints: Sequence[Joint], reported: Joints) -> str:
     """Describe the first drive that may hold the robot; empty if there is none."""
-    for joint, power in zip(joints, told.powers, strict=True):
+    for joint, power in zip(joints, reported.powers, strict=True):
         if power in HOLDING:
             return f"{joint.name}: the drive is {power.value}"
     return ""
 
 
-def all_off(told: Joints, most: float) -> bool:
+def all_off(reported: Joints, most: float) -> bool:
     """Return True if every drive has reported within ``most`` s that its torque is off."""
-    return max(told.ages) <= most and _OFF.issuperset(told.powers)
+    return max(reported.ages) <= most and _OFF.issuperset(reported.powers)
 
 
 def silent_bus(joints: Sequence[Joint], ages: Sequence[float], most: float) -> str:
@@ -32,20 +32,20 @@ def silent_bus(joints: Sequence[Joint], ages: Sequence[float], most: float) -> s
     return next(iter(buses), "")
 
 
-def failed(joints: Sequence[Joint], told: Joints) -> str:
+def failed(joints: Sequence[Joint], reported: Joints) -> str:
     """Describe the first drive with a fault; empty if there is none."""
-    if Power.FAULT not in told.powers:
+    if Power.FAULT not in reported.powers:
         return ""
-    number = told.powers.index(Power.FAULT)
-    return f"{joints[number].name}: {told.faults[number] or 'its drive reports a fault'}"
+    number = reported.powers.index(Power.FAULT)
+    return f"{joints[number].name}: {reported.faults[number] or 'its drive reports a fault'}"
 
 
-def not_enabled(joints: Sequence[Joint], told: Joints) -> str:
+def not_enabled(joints: Sequence[Joint], reported: Joints) -> str:
     """Describe the first drive that is not enabled, with the reason; empty if all are."""
-    if told.all_enabled:
+    if reported.all_enabled:
         return ""
-    number = next(number for number, power in enumerate(told.powers) if power is not Power.ENABLED)
-    why = told.faults[number] or f"wanted enabled, the drive is {told.powers[number].value}"
+    number = next(number for number, power in enumerate(reported.powers) if power is not Power.ENABLED)
+    why = reported.faults[number] or f"wanted enabled, the drive is {reported.powers[number].value}"
     return f"{joints[number].name}: {why}"
 
 

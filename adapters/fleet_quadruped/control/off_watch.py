@@ -20,9 +20,9 @@ class OffWatch:
         self._confirmed = False
         self._off_for = 0.0  # s
 
-    def update(self, told: Joints, dt: float, *, off: bool) -> None:
+    def update(self, reported: Joints, dt: float, *, off: bool) -> None:
         """Evaluate the feedback of a cycle; ``off``: the drives should be off."""
-        self._confirmed = all_off(told, self._stale)
+        self._confirmed = all_off(reported, self._stale)
         self._off_for = self._off_for + dt if off else 0.0
 
     @property
@@ -30,9 +30,9 @@ class OffWatch:
         """True when every drive has confirmed, or the time for it is over: see ``still_on``."""
         return self._confirmed or self._off_for > _SEEN_OFF
 
-    def still_on(self, told: Joints) -> str:
+    def still_on(self, reported: Joints) -> str:
         """Describe the drive whose torque is still on although it should be off; empty if there is none."""
         if self._off_for <= _SEEN_OFF or self._confirmed:
             return ""
-        held = holding(self._joints, told)
+        held = holding(self._joints, reported)
         return f"{held}, wanted off" if held else ""

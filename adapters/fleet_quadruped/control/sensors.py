@@ -113,17 +113,17 @@ class BodySensors:
 
     def fresh_battery(self, now: float) -> dict[str, float]:
         """Return the battery's values; empty while it is silent."""
-        told, described = self._battery, self._described
-        return told.values if told and described and told.age(now) < described.timeout else {}
+        reported, described = self._battery, self._described
+        return reported.values if reported and described and reported.age(now) < described.timeout else {}
 
     def battery_warning(self, now: float, begun: float) -> str:
         """Return the battery warning for the operator, or ""; ``begun``: monotonic time (s) of the start."""
-        told, described = self._battery, self._described
-        if told is None or described is None:
+        reported, described = self._battery, self._described
+        if reported is None or described is None:
             return ""
-        if min(told.age(now), now - begun) > described.timeout:
+        if min(reported.age(now), now - begun) > described.timeout:
             return f"battery: silent on bus {described.bus}; it may run empty unnoticed: check its frames"
-        percent = told.values.get("percent")
+        percent = reported.values.get("percent")
         if percent is not None and percent <= described.warn:
             return f"battery at {percent:.0f} %"
         return ""

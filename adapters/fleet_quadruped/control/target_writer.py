@@ -52,5 +52,5 @@ class TargetWriter:
 
     def _known(self, joints: Joints) -> Twelve:
         """Return the joint angles; a silent joint counts as being at its last target."""
-        told = zip(joints.angles, joints.ages, self.last, strict=True)
-        return tuple([last if age > self._stale else angle for angle, age, last in told])
+        reported = zip(joints.angles, joints.ages, self.last, strict=True)
+        return tuple([last if age > self._stale else angle for angle, age, last in reported])

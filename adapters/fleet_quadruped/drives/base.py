@@ -67,9 +67,9 @@ class Joints(NamedTuple):
     restarted: tuple[bool, ...]
 
     @classmethod
-    def of(cls, told: Sequence[JointFeedback]) -> Joints:
+    def of(cls, feedback: Sequence[JointFeedback]) -> Joints:
         """Return the feedback of these joints."""
-        return cls(*zip(*told, strict=True))
+        return cls(*zip(*feedback, strict=True))
 
     @property
     def all_enabled(self) -> bool:

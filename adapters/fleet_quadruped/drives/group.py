@@ -77,9 +77,9 @@ class DriveGroup(Generic[ReportingT]):
 
     def feedback(self, now: float) -> Joints:
         """Return the last feedback of the joints."""
-        angles, speeds, torques, told, temperatures, voltages, restarted = zip(
+        angles, speeds, torques, reported_at, temperatures, voltages, restarted = zip(
             *map(_VALUES, self._drives), strict=True
         )
         powers, faults = zip(*[drive.power(now) for drive in self._drives], strict=True)
-        ages = tuple([now - at for at in told])
+        ages = tuple([now - at for at in reported_at])
         return Joints(angles, speeds, torques, powers, ages, temperatures, faults, voltages, restarted)

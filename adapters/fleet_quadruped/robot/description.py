@@ -193,10 +193,10 @@ def _imu(dog: DogDescription) -> list[str]:
     """Return the values that the IMU's frames lack: an incomplete measurement would never be used."""
     if dog.imu is None:
         return []
-    told = {name for frame in dog.imu.frames for name in frame.fields}
-    wanted = (EULER if told & EULER and not told & QUATERNION else QUATERNION) | RATES
-    problems = [f"imu: {name} is in none of its frames" for name in sorted(wanted - told)]
-    if told & EULER and told & QUATERNION:
+    reported = {name for frame in dog.imu.frames for name in frame.fields}
+    wanted = (EULER if reported & EULER and not reported & QUATERNION else QUATERNION) | RATES
+    problems = [f"imu: {name} is in none of its frames" for name in sorted(wanted - reported)]
+    if reported & EULER and reported & QUATERNION:
         problems.append("imu: it reports its attitude twice, as qw to qz and as roll, pitch, yaw; keep one")
     return problems
 

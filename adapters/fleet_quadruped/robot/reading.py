@@ -48,11 +48,11 @@ def checked(path: Path, tree: object, kind: type[SectionT]) -> SectionT:
         return kind.model_validate(tree)
     except ValidationError as error:
         known = _names(kind)
-        problems = [_told(problem, known) for problem in error.errors()]
+        problems = [_problem_text(problem, known) for problem in error.errors()]
         raise ConfigError(f"{path}: {'; '.join(problems)}") from None
 
 
-def _told(problem: ErrorDetails, known: frozenset[str]) -> str:
+def _problem_text(problem: ErrorDetails, known: frozenset[str]) -> str:
     """Format a problem: its place, the error, and the given value."""
     place = ".".join(map(str, problem["loc"]))
     if problem["type"] == "extra_forbidden":

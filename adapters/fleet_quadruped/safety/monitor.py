@@ -67,10 +67,10 @@ class Monitor:
     def speed_share(self, joints: Joints) -> float:
         """Return the share of the speed that the temperatures permit: 1 when cool, 0.3 near the limit."""
         share = 1.0
-        for joint, told in self._warm(joints.temperatures):
+        for joint, temperature in self._warm(joints.temperatures):
             warn, most = joint.kind.temperature_warn, joint.kind.temperature_max
-            if told > warn:
-                share = min(share, max(0.3, (most - told) / max(most - warn, 1e-3)))
+            if temperature > warn:
+                share = min(share, max(0.3, (most - temperature) / max(most - warn, 1e-3)))
         return share
 
     def _warm(self, temperatures: tuple[float | None, ...]) -> list[tuple[Joint, float]]:
@@ -78,9 +78,10 @@ class Monitor:
         if temperatures == self._cool:
             return []
         warm = [
-            (joint, told)
-            for joint, told in zip(self._joints, temperatures, strict=True)
-            if told is not None and told >= min(joint.kind.temperature_warn, joint.kind.temperature_max)
+            (joint, temperature)
+            for joint, temperature in zip(self._joints, temperatures, strict=True)
+            if temperature is not None
+            and temperature >= min(joint.kind.temperature_warn, joint.kind.temperature_max)
         ]
         if not warm:
             self._cool = temperatures
@@ -88,10 +89,10 @@ class Monitor:
 
     def drives(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Stop for a drive with a fault, or one that is not enabled."""
-        told = seen.joints
-        if seen.mode is BodyMode.OFF or told.all_enabled:
+        joints = seen.joints
+        if seen.mode is BodyMode.OFF or joints.all_enabled:
             return
-        for joint, power, fault in zip(self._joints, told.powers, told.faults, strict=True):
+        for joint, power, fault in zip(self._joints, joints.powers, joints.faults, strict=True):
             if power is Power.FAULT:
                 yield Trip(StopStage.DAMP, f"{joint.name}: {fault or 'the drive reports a fault'}")
             elif power is not Power.ENABLED and seen.mode in POSITIONED:
@@ -135,8 +136,8 @@ class Monitor:
 
     def encoders(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Stop for an angle that changes faster than the joint can move, or not at all."""
-        positioned, dt, told, sent = seen.mode in POSITIONED, seen.dt, seen.joints, self._sent
-        known = zip(told.angles, told.ages, self._angles, self._quiet, self._fastest, strict=True)
+        positioned, dt, joints, sent = seen.mode in POSITIONED, seen.dt, seen.joints, self._sent
+        known = zip(joints.angles, joints.ages, self._angles, self._quiet, self._fastest, strict=True)
         for number, (angle, age, before, quiet, fastest) in enumerate(known):
             if age >= dt:
                 self._quiet[number] = quiet + dt
@@ -167,10 +168,10 @@ class Monitor:
         """Stop for a joint that is measured outside its limits."""
         if seen.mode not in POSITIONED and seen.mode is not BodyMode.ENABLING:
             return
-        told = seen.joints
-        if all(map(le, self._lowest, told.angles)) and all(map(ge, self._highest, told.angles)):
+        joints = seen.joints
+        if all(map(le, self._lowest, joints.angles)) and all(map(ge, self._highest, joints.angles)):
             return
-        for joint, angle, power in zip(self._joints, told.angles, told.powers, strict=True):
+        for joint, angle, power in zip(self._joints, joints.angles, joints.powers, strict=True):
             if power is not Power.ABSENT and not joint.low - _BEYOND <= angle <= joint.high + _BEYOND:
                 yield Trip(
                     StopStage.DAMP,
@@ -197,10 +198,10 @@ class Monitor:
 
     def heat(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Sit down for an overheated joint."""
-        for joint, told in self._warm(seen.joints.temperatures):
+        for joint, temperature in self._warm(seen.joints.temperatures):
             most = joint.kind.temperature_max
-            if told >= most:
-                yield Trip(StopStage.SIT, f"{joint.name}: {told:.0f} C, {most:g} is its limit")
+            if temperature >= most:
+                yield Trip(StopStage.SIT, f"{joint.name}: {temperature:.0f} C, {most:g} is its limit")
 
     def battery(self, seen: ObservedCycle) -> Iterator[Trip]:
         """Sit down for an empty battery."""
@@ -218,7 +219,7 @@ class Monitor:
         if lowest is None:
             return
         voltages = seen.joints.voltages
-        least = min([told for told in voltages if told is not None], default=seen.voltage)
+        least = min([voltage for voltage in voltages if voltage is not None], default=seen.voltage)
         if least is None or least > lowest:
             self._sagging = 0.0
             return

@@ -96,12 +96,12 @@ def wire_of(objects: Objects, silence: float) -> WalkerWire:
     velocity = _pdos(objects.velocity, RPDO + node, _AT_ONCE)
     state = _pdos(objects.state, TPDO + node, _AT_SYNC)
     slow = _pdos(objects.slow, TPDO + node, SLOW_EVERY, first=len(state))
-    told = state + slow
-    if len(told) > _MOST_PDOS:
+    mapped = state + slow
+    if len(mapped) > _MOST_PDOS:
         raise ValueError(f"objects: state and slow do not fit into {_MOST_PDOS} PDOs of eight bytes")
     setup = [Object(0x1016, 1, 4, MASTER << 16 | round(silence * 1000), "time until our silence stops it")]
     setup += [one.object("setup") for one in objects.setup]
-    setup += _mapped(velocity, 0x1400, 0x1600) + _mapped(told, 0x1800, 0x1A00)
+    setup += _mapped(velocity, 0x1400, 0x1600) + _mapped(mapped, 0x1800, 0x1A00)
     return WalkerWire(
         velocity=tuple(_frame(pdo.cob, pdo.entries) for pdo in velocity),
         commands=_commands(objects),

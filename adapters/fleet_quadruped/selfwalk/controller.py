@@ -41,7 +41,7 @@ class SelfWalkController:
         self.fault = ""
         self._bus = buses[walker.bus]
         self._wire = walker.wire
-        self._told = Telemetry(walker)
+        self._telemetry = Telemetry(walker)
         self._sender = FrameSender(self._bus, self._wire)
         self._lamp = Lamp(walker.led, buses)
         self._asks = RequestTracker()
@@ -73,12 +73,12 @@ class SelfWalkController:
     @property
     def resting(self) -> bool:
         """True when the process may end."""
-        return self._told.mode in _LOOSE and not self._told.unnamed
+        return self._telemetry.mode in _LOOSE and not self._telemetry.unnamed
 
     @property
     def oldest(self) -> float:
         """Age of its state, s."""
-        return self._told.age(self._told.now)
+        return self._telemetry.age(self._telemetry.now)
 
     def begin(self, now: float) -> None:
         """Begin a cycle: send heartbeat and SYNC to a CANopen machine."""
@@ -88,11 +88,11 @@ class SelfWalkController:
 
     def complete(self) -> bool:
         """Return True when all feedback of this cycle has arrived; an unpolled machine owes none."""
-        return not self._wire.alive or self._told.age(self._began) <= 0.0
+        return not self._wire.alive or self._telemetry.age(self._began) <= 0.0
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame."""
-        self._told.take(bus, frame, now)
+        self._telemetry.take(bus, frame, now)
         node = self._wire.node
         if node is not None and frame.id == SDO_RESPONSE + node and frame.data[:1] == bytes([SDO_ABORT]):
             code = int.from_bytes(frame.data[4:8], "little")
@@ -103,7 +103,7 @@ class SelfWalkController:
         self._since = self._began if self._since is None else self._since
         # Evaluate at the start of the cycle: frames that arrived later were read, so a stall of this process
         # does not count as silence of the machine.
-        self._told.update(self._began, dt)
+        self._telemetry.update(self._began, dt)
         self._check(self._began)
         self._judge(dt)
         self._obey(order, now)
@@ -111,7 +111,7 @@ class SelfWalkController:
         emergency = self._wire.commands["emergency_stop"]
         if self._stop_repeat.active(now, resting=self.resting):
             self._sender.put(emergency)
-        elif (frame := self._asks.step(now, self._told.mode, self._told.error)) is not None:
+        elif (frame := self._asks.step(now, self._telemetry.mode, self._telemetry.error)) is not None:
             self._sender.put(frame)
         self._lamp.show(order.lamp)
 
@@ -121,12 +121,12 @@ class SelfWalkController:
 
     def state(self, now: float, timing: LoopTiming) -> DogState:
         """Return the newest state."""
-        told = self._told
-        turn, imu = told.rotation, told.imu
-        measured = told.now - told.age(told.now)
+        telemetry = self._telemetry
+        turn, imu = telemetry.rotation, telemetry.imu
+        measured = telemetry.now - telemetry.age(telemetry.now)
         return DogState(
             stamp=now,
-            mode=told.mode.value,
+            mode=telemetry.mode.value,
             fault=self.fault,
             warning=self._warning(),
             answered=self._asks.answered,
@@ -134,15 +134,15 @@ class SelfWalkController:
             stopped=self._stops,
             posed=measured,
             felt=measured,
-            x=told.x,
-            y=told.y,
-            height=self._height.value if told.height is None else told.height,
-            twist=tuple(told.twist),
+            x=telemetry.x,
+            y=telemetry.y,
+            height=self._height.value if telemetry.height is None else telemetry.height,
+            twist=tuple(telemetry.twist),
             rotation=(turn.w, turn.x, turn.y, turn.z),
             gyro=(imu.gyro.x, imu.gyro.y, imu.gyro.z) if imu else None,
             accel=(imu.accel.x, imu.accel.y, imu.accel.z) if imu else None,
-            battery=told.battery,
-            battery_age=told.battery_age(now),
+            battery=telemetry.battery,
+            battery_age=telemetry.battery_age(now),
             loads=self.walker.loads,
             timing=timing,
         )
@@ -151,31 +151,31 @@ class SelfWalkController:
 
     def _check(self, now: float) -> None:
         """Latch faults; raises LinkLost for a machine that is silent."""
-        age = min(self._told.age(now), now - (self._since or 0.0))
+        age = min(self._telemetry.age(now), now - (self._since or 0.0))
         if age > _GONE:
             raise LinkLost(f"{self.walker.robot.name} is silent on bus {self.walker.bus!r} for {age:.1f} s")
-        if self._told.error:
-            self.fault = self.fault or f"{self.walker.robot.name}: {self._told.error}"
-        if age > self.walker.timeout and self._told.mode in _STANDS:
+        if self._telemetry.error:
+            self.fault = self.fault or f"{self.walker.robot.name}: {self._telemetry.error}"
+        if age > self.walker.timeout and self._telemetry.mode in _STANDS:
             self.fault = self.fault or f"{self.walker.robot.name}: no state for {age:.2f} s"
-        if self._told.imu is not None and self._told.mode in _STANDS:
-            tilt, most = self._told.imu.tilt, self.walker.safety.tilt
+        if self._telemetry.imu is not None and self._telemetry.mode in _STANDS:
+            tilt, most = self._telemetry.imu.tilt, self.walker.safety.tilt
             if tilt > most:
                 self._stop(f"imu: tilted {tilt:.2f} rad, more than {most:g}", now)
 
     def _judge(self, dt: float) -> None:
         """Compare the reported velocity with the requested one; stop a machine that moves unrequested."""
-        known = self._told.mode in _STANDS and not self._told.is_stale
+        known = self._telemetry.mode in _STANDS and not self._telemetry.is_stale
         self._velocity_check.judge(
-            dt, self._twist if known else _STILL, self._told.twist if known else _STILL
+            dt, self._twist if known else _STILL, self._telemetry.twist if known else _STILL
         )
         if self._velocity_check.runs:
-            self._stop(f"{self.walker.robot.name}: {self._velocity_check.runs}", self._told.now)
+            self._stop(f"{self.walker.robot.name}: {self._velocity_check.runs}", self._telemetry.now)
 
     def _warning(self) -> str:
-        if self._told.unnamed or self._velocity_check.why:
-            return self._told.unnamed or f"{self.walker.robot.name}: {self._velocity_check.why}"
-        percent = self._told.percent
+        if self._telemetry.unnamed or self._velocity_check.why:
+            return self._telemetry.unnamed or f"{self.walker.robot.name}: {self._velocity_check.why}"
+        percent = self._telemetry.percent
         return f"battery at {percent:.0f} %" if percent is not None and percent <= self.walker.warn else ""
 
     # -- outputs -------------------------------------------------------------------------------------
@@ -192,14 +192,14 @@ class SelfWalkController:
         silent = now - order.alive
         if order.leave or silent > self.walker.safety.abandoned:
             self._sit(TOLD_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s")
-        percent = self._told.percent
+        percent = self._telemetry.percent
         if percent is not None and percent <= self.walker.sit_at:
             self._sit(f"battery: {percent:.0f} %, it sits down at {self.walker.sit_at:g} %")
 
     def _answer(self, ask: BodyRequest, value: float) -> tuple[CanFrame | None, str]:
         """Return the frame for a request, and the reason of a refusal, empty if it is accepted."""
         if ask is BodyRequest.HEIGHT:
-            return self._height.change(value, self._told.mode)
+            return self._height.change(value, self._telemetry.mode)
         frame = self._wire.commands.get(NAMES[ask])
         if ask is BodyRequest.RESET:
             if self._stop_repeat.pending:
@@ -215,10 +215,10 @@ class SelfWalkController:
 
     def _not_now(self, ask: BodyRequest) -> str:
         """Return why it cannot get up now; a request that the host lets through clears an emergency stop."""
-        if self._told.is_stale:
+        if self._telemetry.is_stale:
             return "the machine reports no state"
-        if self._told.mode is not BodyMode.OFF and self._told.mode not in TAKEN[ask]:
-            return f"it is {self._told.mode.value}"
+        if self._telemetry.mode is not BodyMode.OFF and self._telemetry.mode not in TAKEN[ask]:
+            return f"it is {self._telemetry.mode.value}"
         if self.fault == EMERGENCY_STOP:
             self.fault = ""
         return self.fault and f"a fault is latched: {self.fault}; look at the machine, then send reset_faults"
@@ -231,17 +231,17 @@ class SelfWalkController:
 
     def _sit(self, cause: str) -> None:
         """Sit down while it stands; the command is repeated until the mode changes."""
-        if self._told.mode in _STANDS or self._told.mode is BodyMode.RISING:
+        if self._telemetry.mode in _STANDS or self._telemetry.mode is BodyMode.RISING:
             self.fault = self.fault or cause
-            if self._told.now >= self._sit_at:
-                self._sit_at = self._told.now + _SIT_EVERY
+            if self._telemetry.now >= self._sit_at:
+                self._sit_at = self._telemetry.now + _SIT_EVERY
                 self._sender.put(self._wire.commands["sit_down"])
 
     def _next(self, now: float, dt: float, order: Order) -> Twist:
         """Return the velocity to send in this cycle."""
         if (
             self.fault
-            or self._told.mode not in _STANDS
+            or self._telemetry.mode not in _STANDS
             or self._stop_repeat.active(now, resting=self.resting)
         ):
             self._twist = _STILL

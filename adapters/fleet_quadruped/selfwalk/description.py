@@ -63,8 +63,8 @@ class SelfWalker(Section):
         """Refuse a description that the machine cannot walk with; the error has all problems."""
         if (self.frames is None) == (self.objects is None):
             raise ValueError("give either frames or objects")
-        told = names_of(self.wire.state)
-        problems = [f"state: it must report {name}" for name in _MUST_TELL if name not in told]
+        reported = names_of(self.wire.state)
+        problems = [f"state: it must report {name}" for name in _MUST_TELL if name not in reported]
         problems += [
             f"modes: no number means {mode.value}" for mode in _MUST_BE if mode not in self.modes.values()
         ]

@@ -33,9 +33,9 @@ class Telemetry:
 
     def take(self, bus: str, frame: CanFrame, now: float) -> None:
         """Process a received frame; frames of others are ignored."""
-        for told in (self._state, self._slow):
-            if told is not None and (bus, frame.id) in told.frames:
-                told.take(frame, now)
+        for source in (self._state, self._slow):
+            if source is not None and (bus, frame.id) in source.frames:
+                source.take(frame, now)
 
     def update(self, now: float, dt: float) -> None:
         """Update from the received values; stale ones change nothing."""

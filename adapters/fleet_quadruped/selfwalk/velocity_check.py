@@ -23,24 +23,26 @@ class VelocityCheck:
         self.why = self.runs = ""
         self._idle = self._running = 0.0  # s
 
-    def judge(self, dt: float, asked: Twist, told: Twist) -> None:
+    def judge(self, dt: float, asked: Twist, reported: Twist) -> None:
         """Compare one cycle: requested and reported velocity (m/s, rad/s)."""
         still = asked == Twist()
-        self._idle = self._idle + dt if not still and _idles(asked, told) else 0.0
-        moves = math.hypot(told.x, told.y) > _STILL or abs(told.turn) > _STILL_TURN
+        self._idle = self._idle + dt if not still and _idles(asked, reported) else 0.0
+        moves = math.hypot(reported.x, reported.y) > _STILL or abs(reported.turn) > _STILL_TURN
         self._running = self._running + dt if still and moves else 0.0
         self.why = self.runs = ""
         if self._idle > _SLACK:
-            self.why = f"requested {_words(asked)}, reports {_words(told)}: it is blocked, or does not follow"
+            self.why = (
+                f"requested {_words(asked)}, reports {_words(reported)}: it is blocked, or does not follow"
+            )
         if self._running > _HALT:
-            self.runs = f"requested to stand still, reports {_words(told)}"
+            self.runs = f"requested to stand still, reports {_words(reported)}"
 
 
-def _idles(asked: Twist, told: Twist) -> bool:
+def _idles(asked: Twist, reported: Twist) -> bool:
     """Return True if the reported velocity is much slower than requested, or opposite."""
     speed = math.hypot(asked.x, asked.y)
-    along = (asked.x * told.x + asked.y * told.y) / speed if speed > _ASKED else math.inf
-    turn = told.turn * math.copysign(1.0, asked.turn) if abs(asked.turn) > _TURN else math.inf
+    along = (asked.x * reported.x + asked.y * reported.y) / speed if speed > _ASKED else math.inf
+    turn = reported.turn * math.copysign(1.0, asked.turn) if abs(asked.turn) > _TURN else math.inf
     return along < _SHARE * speed or turn < _SHARE * abs(asked.turn)
 
 

@@ -210,9 +210,9 @@ class SimDrive:
             heat = None if self._scale is None else round(warm / self._scale)
             self._say(wire.TPDO2, wire.pack_slow(wire.SlowPdo(self.voltage, self._code, heat)))
 
-    def _obey(self, told: tuple[int, float, float]) -> None:
+    def _obey(self, decoded: tuple[int, float, float]) -> None:
         """Apply a control word and a target."""
-        control, angle, torque = told
+        control, angle, torque = decoded
         was = self.state
         if not self.power.obey(control):
             return

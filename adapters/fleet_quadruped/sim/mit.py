@@ -101,10 +101,10 @@ class SimMitDrive(SimDampingDrive):
     def _register(self, frame: CanFrame) -> None:
         """Answer a read or write of a register."""
         data = frame.data
-        told = wire.unpack_register(data)
-        if told is None or told[0] != self.joint.id or told[1] not in self._registers:
+        decoded = wire.unpack_register(data)
+        if decoded is None or decoded[0] != self.joint.id or decoded[1] not in self._registers:
             return
-        motor, register, value = told
+        motor, register, value = decoded
         if data[2] == wire.WRITE and not self._refusing:
             self._registers[register] = value
             self._timeout = _timeout(self._registers[wire.TIMEOUT_REGISTER])

@@ -169,13 +169,13 @@ class SimMoteus(SimDampingDrive):
             wire.TEMPERATURE: self._temperature,
             wire.FAULT: float(self._code),
         }
-        told = b""
+        reply = b""
         for part in parts:
             if part.kind == 1:
                 values = tuple(registers.get(part.start + at, 0.0) for at in range(part.size))
-                told += wire.pack_reply(part.resolution, part.start, values)
+                reply += wire.pack_reply(part.resolution, part.start, values)
             elif part.kind == 0x42:
-                told += wire.pack_answer(self._text)
+                reply += wire.pack_answer(self._text)
                 self._text = b""
-        data = wire.padded(told)
+        data = wire.padded(reply)
         self._send(CanFrame(wire.from_servo(self.joint.id), data[:2] if self._terse else data, fd=True))

@@ -147,29 +147,29 @@ class SimOdrive(SimDampingDrive):
         self._obeys = data == wire.pack_modes()
 
     def _input(self, data: bytes) -> None:
-        told = wire.unpack_input(data)
+        decoded = wire.unpack_input(data)
         self._unfed = 0.0
-        if told is not None and self._obeys:
-            self._target = told
+        if decoded is not None and self._obeys:
+            self._target = decoded
 
     def _set_position_gain(self, data: bytes) -> None:
         if len(data) >= 4:
             (self._position_gain,) = struct.unpack_from("<f", data)
 
     def _set_velocity_gains(self, data: bytes) -> None:
-        told = wire.unpack_pair(data)
-        if told is not None:
-            self._velocity_gain = told[0]
+        decoded = wire.unpack_pair(data)
+        if decoded is not None:
+            self._velocity_gain = decoded[0]
 
     def _clear(self, _data: bytes) -> None:
         self.errors = 0
 
     def _parameter(self, data: bytes) -> None:
         """Set or report a parameter; an unknown one is not answered."""
-        told = wire.unpack_parameter(data)
-        if told is None or told[1] not in self._parameters:
+        decoded = wire.unpack_parameter(data)
+        if decoded is None or decoded[1] not in self._parameters:
             return
-        operation, endpoint, value = told
+        operation, endpoint, value = decoded
         if operation:
             kept = self._parameters[endpoint]
             self._parameters[endpoint] = kept if self._refusing else value[: len(kept)]

@@ -79,9 +79,9 @@ class SimWalker:
         self._wire = walker.wire
         self._velocity = FrameDecoder(self._wire.velocity)
         self._lengths = {frame.id: frame.length for frame in self._wire.velocity}
-        told = (*self._wire.state, *self._wire.slow)
+        described = (*self._wire.state, *self._wire.slow)
         self._integrity = {
-            frame.id: FrameIntegrity(frame.id, frame) for frame in told if frame.integrity_bytes
+            frame.id: FrameIntegrity(frame.id, frame) for frame in described if frame.integrity_bytes
         }
         self._checks = {
             number: FrameIntegrity(number, protected) for number, protected in self._wire.protected.items()

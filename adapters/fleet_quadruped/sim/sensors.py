@@ -50,8 +50,8 @@ class Sensors:
             self._next_battery = now + _BATTERY_EVERY
             percent = self.faults.get("battery", _PERCENT)
             for bus, number, encoder in self._battery_frames:
-                told = {"percent": percent, "voltage": self.voltage, "current": 3.0}
-                yield bus, CanFrame(number, encoder.encode(told))
+                fields = {"percent": percent, "voltage": self.voltage, "current": 3.0}
+                yield bus, CanFrame(number, encoder.encode(fields))
 
     def _imu(self) -> dict[str, float]:
         """Return the IMU's values by their names in frame maps."""

@@ -24,7 +24,7 @@ class SimBoard(ABC):
         self.voltage = voltage
         self.faults: dict[str, float] = {}
         self.halted_at: float | None = None
-        self._told = 0.0  # time of the last motion command
+        self._commanded_at = 0.0  # time of the last motion command
         self._now = 0.0
         self._rest_of_piece = b""
         random = Random(seed)  # noqa: S311 - repeatable on purpose
@@ -80,14 +80,14 @@ class SimBoard(ABC):
     def hold(self, left: float, right: float, now: float) -> None:
         """Set the speeds of the sides, m/s, and feed the dead-man."""
         self.physics.wanted = [left, right]
-        self._told = now
+        self._commanded_at = now
         self.halted_at = None
 
     def _pass(self, now: float) -> None:
         """Advance the base step by step; the dead-man acts at its exact time."""
         while self._now + STEP <= now:
             self._now += STEP
-            if self._now - self._told > self.timeout and any(self.physics.wanted):
+            if self._now - self._commanded_at > self.timeout and any(self.physics.wanted):
                 self.physics.wanted = [0.0, 0.0]
                 self.halted_at = self._now
             self.physics.step()

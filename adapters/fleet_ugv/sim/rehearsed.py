@@ -50,9 +50,9 @@ class _Draining:
 
     def step(self, now: float) -> bytes:
         """Let time pass."""
-        told = self._board.step(now)
+        output = self._board.step(now)
         if max(map(abs, self._board.physics.speeds)) > MOVES:
             self._charge = max(0.0, self._charge - 100.0 * (now - self._then) / self._endurance)
             self._board.voltage = voltage(self._charge, self._curve)
         self._then = now
-        return told
+        return output

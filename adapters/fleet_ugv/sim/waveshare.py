@@ -87,13 +87,13 @@ class WaveshareBoard(SimBoard):
             case 0 if not self._general:
                 self.physics.wanted = [0.0, 0.0]
             case 1:
-                self._told = now
+                self._sent_at = now
                 left, right = float(said["L"]), float(said["R"])
                 if max(abs(left), abs(right)) <= 2.0:
                     self.hold(left, right, now)
             case 13:
                 turn = float(said["Z"]) * self.physics.body.track / 2
-                self._told = now if self._general else self._told
+                self._sent_at = now if self._general else self._sent_at
                 self.physics.wanted = [float(said["X"]) - turn, float(said["X"]) + turn]
             case 3:
                 self.display[int(said["lineNum"])] = str(said["Text"])

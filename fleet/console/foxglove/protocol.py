@@ -81,8 +81,8 @@ def read_asked(message: str | bytes) -> Asked:
 
 def server_info(session: str) -> str:
     """Return the first message to a client; it announces no capabilities except channels."""
-    told = {"op": "serverInfo", "name": f"fleet {__version__}", "capabilities": [], "sessionId": session}
-    return _encode(told).decode()
+    info = {"op": "serverInfo", "name": f"fleet {__version__}", "capabilities": [], "sessionId": session}
+    return _encode(info).decode()
 
 
 def advertisement(channels: Iterable[FoxgloveChannel]) -> str:

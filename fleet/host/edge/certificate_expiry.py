@@ -52,11 +52,11 @@ class CertificateExpiry:
     def problems(self) -> list[str]:
         """Texts for all that have expired, expire within 30 days, or cannot be read."""
         now = datetime.fromtimestamp(self._clock.time(), UTC)
-        told = ((file, ending(end, now)) for file, end in self._ends.items())
+        endings = ((file, ending(end, now)) for file, end in self._ends.items())
         advice = "make a new one: fleet certs renew"
         return [
             *self._unreadable,
-            *(f"certificate {file.name} {said}; {advice}" for file, said in told if said),
+            *(f"certificate {file.name} {said}; {advice}" for file, said in endings if said),
         ]
 
     @property

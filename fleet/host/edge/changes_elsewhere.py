@@ -64,8 +64,8 @@ class ChangesElsewhere:
         ends, after = [], running
         for change in changes:
             one = held.get(change.name, HeldRobot())
-            outcome, told = _outcome(one, why)
-            ends.append(ended(change, outcome, told))
+            outcome, reason = _outcome(one, why)
+            ends.append(ended(change, outcome, reason))
             if outcome is Outcome.REFUSED:
                 continue
             if one.complete:

@@ -62,7 +62,7 @@ class CloudWorkflows:
         """Handlers of the cloud's messages, by suffix; on the event loop. They raise WireError."""
         return {WORKFLOW_RUN: self._run, WORKFLOW_CANCEL: self._cancel}
 
-    def told(self, state: RunState) -> None:
+    def run_changed(self, state: RunState) -> None:
         """Publish the end of a workflow's run; on the event loop."""
         run = self._runs.find(state.run) if state.outcome else None
         if run is not None and run.about.workflow:

@@ -59,7 +59,7 @@ class DropInWatch:
         self._ask, self._hindrance = ask, hindrance
         self._seen = {file: _stamp(file.path) for file in files}
         self._in_use = dict(self._seen)
-        self._told: dict[WatchedFile, str] = {}
+        self._reported: dict[WatchedFile, str] = {}
         self._polls = 0
         self._again: dict[WatchedFile, _NextAttempt] = {}
 
@@ -89,9 +89,9 @@ class DropInWatch:
         why = waits or await self._asked(file)
         if not why:
             log.warning("%s: taken into use by worker %s", file.path, file.worker)
-        elif why != self._told.get(file):
+        elif why != self._reported.get(file):
             log.warning("%s: not taken into use%s: %s", file.path, " yet" if waits else "", why)
-        self._told[file] = why
+        self._reported[file] = why
         if not why:
             self._in_use[file] = stamp
         elif not waits:

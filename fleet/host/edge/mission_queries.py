@@ -108,13 +108,13 @@ class MissionQueries:
             return
         key = keys.run(self._edge, run)
 
-        def told(refusal: str) -> None:
+        def on_answer(refusal: str) -> None:
             question.answer(_encode(Controlled(refusal)), key)
 
         try:
             ask = decode_json(question.payload, ControlAsk)
         except msgspec.DecodeError as error:
-            told(str(error))
+            on_answer(str(error))
             return
         if ask.do == "log":
             self._store.story(run, partial(self._answer_story, question, run))
@@ -123,9 +123,9 @@ class MissionQueries:
             self._results.answer(question, key, run)
             return
         try:
-            self._runs.control(run, self._askers.control(question, run, ask), told)
+            self._runs.control(run, self._askers.control(question, run, ask), on_answer)
         except Refused as error:
-            told(str(error))
+            on_answer(str(error))
 
     def _answer_story(self, question: Query, run: str, story: list[RunLogEntry]) -> None:
         """Answer with a run's log; without a reply for a run of another edge."""

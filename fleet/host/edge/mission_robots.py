@@ -140,11 +140,11 @@ class Descriptions:
         self, control: ZenohSession, soon: Callable[[Callable[[], None]], None], edges: Mapping[str, str]
     ) -> None:
         self._control, self._soon, self._edges = control, soon, edges
-        self._told: dict[str, RobotDescription] = {}
+        self._descriptions: dict[str, RobotDescription] = {}
 
     def of(self, name: str) -> RobotDescription | None:
         """Return a robot's description; None before it was received."""
-        return self._told.get(name)
+        return self._descriptions.get(name)
 
     def ask(self, then: Callable[[], None]) -> None:
         """Query all descriptions, then call ``then``, on the event loop."""
@@ -152,8 +152,8 @@ class Descriptions:
         if not waiting:
             self._soon(then)
 
-        def told(name: str, data: bytes) -> None:
-            self._told[name] = decode_json(data, RobotDescription)
+        def on_description(name: str, data: bytes) -> None:
+            self._descriptions[name] = decode_json(data, RobotDescription)
 
         def ended(name: str) -> None:
             waiting.discard(name)
@@ -165,7 +165,7 @@ class Descriptions:
                 keys.description(self._edges[name], name),
                 b"",
                 timeout=DESCRIBED_WITHIN,
-                on_answer=partial(told, name),
+                on_answer=partial(on_description, name),
                 on_end=partial(self._soon, partial(ended, name)),
             )
 

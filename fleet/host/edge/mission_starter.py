@@ -73,9 +73,9 @@ class MissionStarter:
             if all(robot.state().reachable for robot in robots):
                 break
             await asyncio.sleep(POLL_INTERVAL)
-        told = asyncio.Event()
-        self._described(told.set)
-        await told.wait()
+        described = asyncio.Event()
+        self._described(described.set)
+        await described.wait()
 
     async def _busy(self, mission: Mission, program: Program, ask: StartAsk, *, replace: bool) -> str:
         """Return the runs in the way, once those to be replaced have ended; raises Refused."""

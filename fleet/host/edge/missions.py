@@ -93,7 +93,7 @@ class Missions:
             soon=self._soon,
             stop=partial(self._stop, stop),
             together=partial(CommonStart, self._bus_session, process.clock, routes.state_of),
-            told=reporter.report,
+            on_change=reporter.report,
         )
         self.partners.runs = self.runs.all
         self.coordinators = Coordinators(
@@ -135,7 +135,7 @@ class Missions:
             clock=process.clock,
         )
         self.results = RunResults(folder, self.runs, robots.everyones, robots.names, process.clock)
-        reporter.listeners += [self.plans.told, self.workflows.told, self.results.told]
+        reporter.listeners += [self.plans.run_changed, self.workflows.run_changed, self.results.run_changed]
         self._queries = MissionQueries(
             self._edge,
             self._bus_session,
@@ -207,11 +207,11 @@ class Missions:
         """Pass on events and reports of robots: from their hosts and from programs on the bus."""
         tell_others = self._process.history.on_event
 
-        def told(robot: str, event: EventReport) -> None:
+        def on_event(robot: str, event: EventReport) -> None:
             tell_others(robot, event)
             self._event(robot, event.kind.value)
 
-        self._process.history.on_event = told
+        self._process.history.on_event = on_event
         for twin, name in self._robots.names.items():
             self._reported.join(name, twin, elsewhere=name in self._robots.elsewhere)
         self._reported.listen(self._process.bus.reports)

@@ -139,8 +139,8 @@ class NoticeTarget:
         Events ``heard`` on the bus have a limit of their own, and half of the queue at most.
         """
         config = self.config
-        told = event.kind in config.events or event.severity in GRAVE
-        if not told or (config.robots and robot not in config.robots):
+        wanted = event.kind in config.events or event.severity in GRAVE
+        if not wanted or (config.robots and robot not in config.robots):
             return
         now = self._clock.monotonic()
         sent, room = (self._passed_on, WAITING // 2) if heard else (self._sent, WAITING)

@@ -234,8 +234,8 @@ class Partners:
             silent=f"edge {robot.edge}",
         )
 
-    def _ask(self, edge: str, ask: LeaseAsk, told: Callable[[LeaseAnswer], None]) -> None:
-        """Request a lease; ``told`` gets the answer, on the event loop."""
+    def _ask(self, edge: str, ask: LeaseAsk, on_answer: Callable[[LeaseAnswer], None]) -> None:
+        """Request a lease; ``on_answer`` gets the answer, on the event loop."""
         found: list[LeaseAnswer] = []
 
         def answered(data: bytes) -> None:
@@ -243,7 +243,7 @@ class Partners:
 
         def ended() -> None:
             silent = LeaseAnswer(f"edge {edge} does not let {self._edge} coordinate its robots, or is silent")
-            self._soon(partial(told, found[0] if found else silent))
+            self._soon(partial(on_answer, found[0] if found else silent))
 
         self._control.ask_later(
             keys.coordinator(edge),

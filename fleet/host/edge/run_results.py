@@ -61,7 +61,7 @@ class RunResults:
 
         return heard
 
-    def told(self, state: RunState) -> None:
+    def run_changed(self, state: RunState) -> None:
         """Record that a run has ended; on the event loop."""
         if state.outcome:
             self._results.end(state.run)

@@ -110,8 +110,8 @@ class EdgeSchedules:
             self._schedules = None
             await asyncio.to_thread(store.close)  # it waits for the disk, while robots may be being stopped
 
-    def before(self, told: EventSink) -> EventSink:
-        """Return a receiver for the events of the history, from any thread, that then calls ``told``."""
+    def before(self, sink: EventSink) -> EventSink:
+        """Return a receiver for the events of the history, from any thread, that then calls ``sink``."""
 
         @never_raises
         def hear(robot: str, event: EventReport) -> None:
@@ -120,7 +120,7 @@ class EdgeSchedules:
 
         def both(robot: str, event: EventReport) -> None:
             hear(robot, event)
-            told(robot, event)
+            sink(robot, event)
 
         return both
 

@@ -104,7 +104,7 @@ class TwinPlans:
             if isinstance(report, NavigationReport):
                 self.navigates(report)
 
-    def told(self, state: RunState) -> None:
+    def run_changed(self, state: RunState) -> None:
         """Publish changes of a run in which robots fly plans; on the event loop."""
         robots = self._pilots_of(state.run)
         if not robots:
@@ -242,29 +242,29 @@ class TwinPlans:
         if run is None:
             direct(answer)
             return
-        by, told = ask.origin.session, partial(_answer_for_mission, answer)
+        by, on_answer = ask.origin.session, partial(_answer_for_mission, answer)
         if control is Control.STOP:
             self._runs.control(run.id, ControlAsk("abort", session_id=by))
-            self._ask(robot, {"command": "stop"}, ask, told)
+            self._ask(robot, {"command": "stop"}, ask, on_answer)
         elif control is Control.PAUSE:
             pause = ControlAsk("pause", session_id=by)
-            self._runs.control(run.id, pause, lambda refusal: told(_reply(refusal)))
+            self._runs.control(run.id, pause, lambda refusal: on_answer(_reply(refusal)))
         else:
             # The robot judges the sender and age of the request, as when it joins a run.
             joins: dict[str, object] = {"command": JOIN, "data": {"run": run.id}}
-            self._ask(robot, joins, ask, partial(self._resume, run, by, told))
+            self._ask(robot, joins, ask, partial(self._resume, run, by, on_answer))
 
-    def _resume(self, run: Run, by: str, told: Answer, reply: Reply) -> None:
+    def _resume(self, run: Run, by: str, on_answer: Answer, reply: Reply) -> None:
         """Resume a run that its robot may resume."""
         if not (reply.ok and reply.done):
             if reply.done is not None or not reply.ok:
-                told(reply)
+                on_answer(reply)
             return
         question = run.engine.head.question
         asked = ControlAsk("resume", session_id=by)
         if question is not None:
             asked = ControlAsk("answer", question.id, goes_on=True, session_id=by)
-        self._runs.control(run.id, asked, lambda refusal: told(_reply(refusal)))
+        self._runs.control(run.id, asked, lambda refusal: on_answer(_reply(refusal)))
 
     def _ask(self, robot: RobotPort, message: dict[str, object], ask: Navigate, answer: Answer) -> None:
         """Send a request to a robot in the name of a message's sender."""

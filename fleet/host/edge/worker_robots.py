@@ -115,7 +115,7 @@ class Workers:
             directory=self._directory,
             control=process.bus.control,
             clock=process.clock,
-            told=partial(_worker_is, process, self._remote),
+            on_problem=partial(_worker_is, process, self._remote),
             halt=partial(_halt_worker, process),
         )
         return made

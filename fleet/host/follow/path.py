@@ -60,7 +60,7 @@ class Path:
         return self.end
 
     def aim(self, way: float, lookahead: float) -> Point:
-        """Return the point to drive to: ``lookahead`` ahead, but not beyond a corner that is not reached yet."""
+        """Return the point to drive to: ``lookahead`` metres ahead, but not beyond the next corner."""
         corner = next((vertex for vertex in self._corners if vertex > way + AT_CORNER), self.length)
         return self.point(min(way + lookahead, corner))
 

@@ -124,7 +124,7 @@ class Journal:
         self, folder: Path, clock: Clock, begun: Path, also: Callable[[], None] = lambda: None
     ) -> None:
         self.problem = ""
-        self.ends_are_told: Callable[[], bool] = lambda: True
+        self.ends_are_reported: Callable[[], bool] = lambda: True
         self._also = also
         self._folder = folder
         self._clock = clock
@@ -258,7 +258,7 @@ class Journal:
 
     def _put(self, change: Change) -> None:
         """Add a change; from here on, a started command or a stop survives the process."""
-        if isinstance(change, CommandEnd) and not self.ends_are_told():
+        if isinstance(change, CommandEnd) and not self.ends_are_reported():
             return
         with self._adding:
             if not isinstance(change, CommandEnd):

@@ -17,7 +17,7 @@ class _Kind(msgspec.Struct):
     """Lines of one kind since a time (s): written, and left out."""
 
     since: float
-    told: int = 0
+    written: int = 0
     left_out: int = 0
 
 
@@ -33,10 +33,10 @@ class FloodFilter:
             kind = None
         found = self._kinds.setdefault(kind, _Kind(now))
         if not 0 <= now - found.since < WINDOW:  # a clock that was set back starts a new window
-            found.since, found.told = now, 0
-        if found.told >= MOST:
+            found.since, found.written = now, 0
+        if found.written >= MOST:
             found.left_out += 1
             return None
-        found.told += 1
+        found.written += 1
         left_out, found.left_out = found.left_out, 0
         return left_out

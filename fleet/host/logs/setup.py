@@ -33,9 +33,9 @@ class _StderrHandler(logging.Handler):
         more = self._flood.admit((record.name, str(record.msg)), record.created)
         if more is None:
             return
-        told = f" ({more} more like this before)" if more else ""
+        omitted = f" ({more} more like this before)" if more else ""
         try:
-            sys.stderr.write(f"{self.format(record)}{told}\n")
+            sys.stderr.write(f"{self.format(record)}{omitted}\n")
         except (OSError, ValueError):
             self.handleError(record)
 
@@ -50,7 +50,7 @@ class LogSettings(msgspec.Struct, frozen=True):
     form: Format = "text"
     file: Path | None = None
 
-    def told(self) -> None:
+    def export(self) -> None:
         """Set the environment variables for workers started from here."""
         os.environ[FORM] = self.form
         if self.file is not None:

@@ -191,11 +191,11 @@ class CommonStarts:
             return ""
         ended: asyncio.Future[Reply] = self._loop.create_future()
 
-        def told(reply: Reply) -> None:
+        def on_reply(reply: Reply) -> None:
             if (reply.done is not None or not reply.ok) and not ended.done():
                 ended.set_result(reply)
 
-        robot.requests.begin(Command(READY, origin=ask.origin), Receipt(READY, told, waits=True))
+        robot.requests.begin(Command(READY, origin=ask.origin), Receipt(READY, on_reply, waits=True))
         try:
             async with asyncio.timeout(READY_WITHIN):
                 reply = await ended

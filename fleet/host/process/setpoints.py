@@ -87,10 +87,10 @@ def take(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop, payload
 def _beside(robot: LocalRobot, loop: asyncio.AbstractEventLoop) -> Callable[[JointReport], None]:
     """Return a receiver for a leader in this process; call_soon, so that the leader's tick is not delayed."""
 
-    def told(report: JointReport) -> None:
+    def on_report(report: JointReport) -> None:
         loop.call_soon(robot.follow, report)
 
-    return told
+    return on_report
 
 
 def _followed(

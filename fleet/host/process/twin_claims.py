@@ -94,7 +94,7 @@ class TwinClaims:
         self._loop = asyncio.get_running_loop()
         self._others: dict[str, set[TwinClaim]] = {twin: set() for twin in twins}
         self._mine: dict[str, _Mine] = {}
-        self._told: dict[str, str] = {}
+        self._reported: dict[str, str] = {}
         self.pair: frozenset[str] = frozenset()  # edges of the pair, whose lease decides instead
         self._added: dict[str, Callable[[], None]] = {}  # ends the subscription of a twin added later
         self._looking: set[str] = set()  # twins with a pending check
@@ -120,7 +120,7 @@ class TwinClaims:
 
     def give_up(self, twin: str) -> None:
         """Stop claiming a twin."""
-        for table in (self._others, self._told):
+        for table in (self._others, self._reported):
             table.pop(twin, None)
         if end := self._added.pop(twin, None):
             end()
@@ -197,6 +197,6 @@ class TwinClaims:
 
     def _tell(self, twin: str, who: str) -> None:
         """Report the holder of a twin if it changed."""
-        if self._told.get(twin) != who:
-            self._told[twin] = who
+        if self._reported.get(twin) != who:
+            self._reported[twin] = who
             self._changed(twin, who)

@@ -59,7 +59,7 @@ _ENDS: tuple[tuple[type[Exception], Level, bool], ...] = (
 class AdapterRunner:
     """Lifecycle of one robot: each attempt gets a new handle from ``handle`` and a new adapter from ``make``.
 
-    ``told`` receives each new health level except the steps of a start.
+    ``level_changed`` receives each new health level except the steps of a start.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class AdapterRunner:
         waits: Callable[[], Iterator[float]],
         clock: Clock,
         changed: Callable[[], None],
-        told: Callable[[Health], None],
+        level_changed: Callable[[Health], None],
     ) -> None:
         self.controller = controller
         self.leftover: asyncio.Future[None] | None = None  # a run that does not end after its cancellation
@@ -80,7 +80,7 @@ class AdapterRunner:
         self._new_waits = waits
         self._clock = clock
         self._log = logging.getLogger(f"fleet.robot.{controller.name}")
-        self._health = RunHealth(self._log, changed=changed, level_changed=told)
+        self._health = RunHealth(self._log, changed=changed, level_changed=level_changed)
         self._contained = contained(
             self._log, "the loss of the robot could not be recorded; it is halted anyway"
         )

@@ -124,7 +124,7 @@ class LocalRobot:
             waits=backoff,
             clock=clock,
             changed=self._health_changed,
-            told=self.happenings.level_is,
+            level_changed=self.happenings.level_is,
         )
 
     def configure(self, config: AdapterConfig) -> None:

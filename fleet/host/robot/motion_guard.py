@@ -167,8 +167,8 @@ class MotionGuard:
         """Report a fence breach once, and end motion that leads out of the fence."""
         if self.fencing.check():
             trouble = f"it is {self.fencing.trouble}"
-            told = {"reason": self.fencing.trouble}
-            self._event_reporter.event(EventKind.FENCE, trouble, telemetry="fence_breached", data=told)
+            details = {"reason": self.fencing.trouble}
+            self._event_reporter.event(EventKind.FENCE, trouble, telemetry="fence_breached", data=details)
             self._robot.end(f"fence: {trouble}")
         elif self.fencing.leads_out(self.held):
             self._robot.end("fence: the velocity leads out of it")

@@ -27,7 +27,7 @@ class RunHealth:
         watched = contained(log, "a change of its health could not be told")
         self._changed = watched(changed)
         self._level_changed = watched(level_changed)
-        self._told: Level | None = None
+        self._reported: Level | None = None
         self._start: asyncio.TimerHandle | None = None  # while it runs, levels are steps of a start
 
     def set(self, health: Health) -> None:
@@ -55,10 +55,10 @@ class RunHealth:
     def _tell(self) -> None:
         """Log the health: a new level from degraded up as a warning, everything else as information."""
         level, cause = self.now.level, self.now.cause
-        is_new = level is not self._told and self._start is None
+        is_new = level is not self._reported and self._start is None
         loud = is_new and level >= Level.DEGRADED
         if is_new:
-            self._told = level
+            self._reported = level
         self._log.log(
             logging.WARNING if loud else logging.INFO, "%s%s", level.word, f": {cause}" * bool(cause)
         )

@@ -25,8 +25,8 @@ class EmergencyStopLatch:
 
     def is_news(self) -> bool:
         """Return True once for each stop set in this process, so that each is reported once."""
-        told, self._reported = self._reported, self.set
-        return self.set and not told
+        was_reported, self._reported = self._reported, self.set
+        return self.set and not was_reported
 
     @property
     def set(self) -> bool:

@@ -68,7 +68,7 @@ class RemoteRobot:
         self._arrival = arrival  # since when (monotonic s) a message read now may have been waiting
         self._cause = "its worker is starting"
         self._heard = float("-inf")
-        self._told = clock.monotonic()  # time of the last state (monotonic s)
+        self._state_at = clock.monotonic()  # time of the last state (monotonic s)
         self._unheard: StopCause | None = None  # a stop that the worker has not confirmed yet
         self._put_again_at = float("-inf")
         self._putting_again = threading.Lock()
@@ -204,8 +204,8 @@ class RemoteRobot:
         """Pass a stop from a message that was refused to the worker, in valid form."""
         self._log.warning("took a message that was refused for %s: %s", ask.name, ask.flaw)
         payload = msgspec.json.encode({"command": ask.name})
-        told = reply_with_flaw(answer, ask.flaw)
-        self._hand_over(ask.name, payload, parameters | {"kind": "command"}, math.inf, told)
+        on_answer = reply_with_flaw(answer, ask.flaw)
+        self._hand_over(ask.name, payload, parameters | {"kind": "command"}, math.inf, on_answer)
 
     def _hand_over(
         self,
@@ -247,7 +247,7 @@ class RemoteRobot:
         """Return the worker's last state; offline with the cause if it is silent."""
         stopped = self._state.emergency_stop or self._unheard is not None
         now, age = self._clock.monotonic(), self._state.age
-        age = None if age is None else round(age + now - self._told, 2)
+        age = None if age is None else round(age + now - self._state_at, 2)
         said = msgspec.structs.replace(self._state, emergency_stop=stopped, age=age)
         if not self.silent:
             return said
@@ -274,7 +274,7 @@ class RemoteRobot:
             self._log.warning("a state with the unknown health %a", state.health[:40])
             return
         self._state = state
-        self._heard = self._told = self._clock.monotonic()
+        self._heard = self._state_at = self._clock.monotonic()
         if state.emergency_stop:
             self._unheard = None
         self._put_again()

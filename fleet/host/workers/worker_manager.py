@@ -39,8 +39,8 @@ STABLE_AFTER = 30.0  # s of life after which the next restart is quick again
 class WorkerManager:
     """One worker process.
 
-    ``task`` is all that it gets: neither fleet.yaml nor the edge's environment. ``told`` is called with the
-    problem of the worker, empty when it runs; ``halt`` stops its robots over the bus.
+    ``task`` is all that it gets: neither fleet.yaml nor the edge's environment. ``on_problem`` is called with
+    the problem of the worker, empty when it runs; ``halt`` stops its robots over the bus.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class WorkerManager:
         directory: Path,
         control: ZenohSession,
         clock: Clock,
-        told: Callable[[str, str], None],
+        on_problem: Callable[[str, str], None],
         halt: Callable[[str], None],
     ) -> None:
         self.name = name
@@ -63,7 +63,7 @@ class WorkerManager:
         self._task = task
         self._clock = clock
         kept = contained(log, f"worker {name}: a problem of it could not be told to all")
-        self._told = kept(told)
+        self._on_problem = kept(on_problem)
         self._halt = contained(log, f"worker {name}: its robots could not be halted over the bus")(halt)
         self.started = 0  # number of processes that have come up
         self.given = b""  # task of the last process that was started
@@ -128,7 +128,7 @@ class WorkerManager:
 
     def _tell(self, cause: str) -> str:
         """Report a problem, and return it."""
-        self._told(self.name, f"worker {self.name}: {cause}")
+        self._on_problem(self.name, f"worker {self.name}: {cause}")
         return cause
 
     async def _watch(self, exited: asyncio.Future[int]) -> str:
@@ -146,7 +146,7 @@ class WorkerManager:
             if self._beat and not running:
                 running = True
                 self.started += 1
-                self._told(self.name, "")
+                self._on_problem(self.name, "")
             if now - looked > 2 * POLL_INTERVAL:
                 # This process was asleep itself; heartbeats that arrived meanwhile may not be processed yet.
                 deadline += now - looked

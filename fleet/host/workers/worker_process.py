@@ -98,7 +98,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
             log.error("the edge is gone: worker %s ends", name)
             ended.set()
 
-    journal.ends_are_told = lambda: parent is None or os.getppid() == parent
+    journal.ends_are_reported = lambda: parent is None or os.getppid() == parent
     process.scheduler.every(BEAT, show_life, failed=lambda _: ended.set())
     tell_interrupted_commands(process, process.robots.values())
     process.start()

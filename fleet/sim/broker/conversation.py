@@ -66,10 +66,10 @@ class Conversation:
 
     def end(self, reason: mqtt5.DisconnectReasonCode) -> _Answers:
         """End the connection by the broker; return the DISCONNECT for a connected MQTT 5 client."""
-        told = self.session is not None and self._protocol == 5
+        notified = self.session is not None and self._protocol == 5
         self.leave()
         self.over = True
-        return [mqtt5.DisconnectPacket(reason_code=reason)] if told else []
+        return [mqtt5.DisconnectPacket(reason_code=reason)] if notified else []
 
     def leave(self) -> None:
         """Leave the hub, once; the will is published unless the client sent DISCONNECT."""

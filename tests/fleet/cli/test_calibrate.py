@@ -23,7 +23,7 @@ DONE = (Reply("goto", ReplyStatus.ACCEPTED), Reply("goto", ReplyStatus.ACCEPTED,
 
 
 def measured(**changes):
-    return {"told": 1.0, "way": 1.0, "off": 0.0, "track": 0.2} | changes
+    return {"reported": 1.0, "way": 1.0, "off": 0.0, "track": 0.2} | changes
 
 
 def test_what_was_right_stays():
@@ -44,7 +44,7 @@ def test_measured_again_with_the_new_values_nothing_changes(way, off):
     assert new["left"] / new["track"] == pytest.approx(turned / track, rel=1e-3)
 
 
-@pytest.mark.parametrize("wrong", [{"way": 9.0}, {"told": 0.0}, {"off": -350.0}, {"way": -1.0}])
+@pytest.mark.parametrize("wrong", [{"way": 9.0}, {"reported": 0.0}, {"off": -350.0}, {"way": -1.0}])
 def test_what_cannot_be_is_refused(wrong):
     with pytest.raises(Refused, match="measure again"):
         calibrated({}, **measured(**wrong))

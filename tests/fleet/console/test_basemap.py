@@ -96,7 +96,7 @@ def test_a_damaged_archive_costs_the_picture_and_nothing_else(archive, tmp_path)
                 data[chance.randrange(min(len(data), 400))] = chance.randrange(256)
         damaged.write_bytes(data)
         tiles = MapTiles(Basemap(str(damaged), ORIGIN), ManualClock())
-        assert tiles.told["origin"] == ORIGIN
+        assert tiles.description["origin"] == ORIGIN
         asyncio.run(tiles.tile(ZOOM, COLUMN, ROW))
 
 

@@ -168,7 +168,7 @@ class Yard:
             hindrance=lambda robot, act: self.hindered.get((robot, act.words), ""),
             together=lambda: Start(self),
             stop=lambda robots, why: self.stopped.append(robots),
-            told=self.told.append,
+            on_change=self.told.append,
         )
 
     def settle(self):

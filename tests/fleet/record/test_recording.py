@@ -39,7 +39,7 @@ def recorded(runtime, yard, tmp_path, read_back):
     async def recorded(wanted, also=lambda: True):
         task = RecordTask(str(tmp_path / "recordings"), Bounds(free=0))
         ended, told = asyncio.Event(), []
-        running = asyncio.create_task(record(task, runtime, ended, SystemClock(), told=told.append))
+        running = asyncio.create_task(record(task, runtime, ended, SystemClock(), on_problem=told.append))
         async with asyncio.timeout(DEADLINE):
             while not (wanted <= {topic for topic, _, _ in read_back(tmp_path / "recordings")} and also()):
                 publish(yard)

@@ -62,7 +62,7 @@ def played(recording, directory):
             results.append((bus, look(bus)))
 
         async with asyncio.timeout(DEADLINE):
-            count = await play(recording, window, directory, ended, SystemClock(), told=told)
+            count = await play(recording, window, directory, ended, SystemClock(), on_edge=told)
             found = until and await asyncio.to_thread(until, results[0][0])
         for bus, _ in results:
             bus.close()
@@ -105,7 +105,7 @@ def playing(recording, directory):
                 directory,
                 ended,
                 SystemClock(),
-                told=lambda _edge: there.set(),
+                on_edge=lambda _edge: there.set(),
             )
         )
         async with asyncio.timeout(DEADLINE):

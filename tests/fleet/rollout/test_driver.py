@@ -15,7 +15,7 @@ from fleet.rollout.installation import Installation
 from fleet.rollout.messages import BundleStage
 from fleet.rollout.signature import by_name, new_key
 from fleet.rollout.store import StoreError
-from fleet.rollout.waves import RolloutPhase, Told
+from fleet.rollout.waves import EdgeStatus, RolloutPhase
 from fleet.testing.clock import ManualClock
 from tests.tools.rollout import MemoryStore, PuppetEdge, bundle_of, rollout_of
 
@@ -117,14 +117,14 @@ async def test_with_five_of_a_hundred_that_fail_it_stops_in_time(fleet, how, see
     progress = await fleet.roll_out(parallel=5, stop_if="failed > 2%")
     await fleet.settle()
     assert progress.phase is RolloutPhase.STOPPED
-    failed = [name for name, told in progress.told.items() if told is Told.FAILED]
+    failed = [name for name, told in progress.told.items() if told is EdgeStatus.FAILED]
     assert failed
     assert set(failed) <= failing
     assert len(failed) - 1 <= 0.02 * len(progress.told) + 5, "at most those under way fail beyond the limit"
     running = fleet.running()
     assert all(running[name] == "old" for name in failing)
     assert all(running[name] == "old" for name in EDGES if name not in progress.told)
-    assert all(running[name] == "new" for name, told in progress.told.items() if told is Told.DONE)
+    assert all(running[name] == "new" for name, told in progress.told.items() if told is EdgeStatus.DONE)
 
 
 @pytest.mark.parametrize("how", FAILS)
@@ -158,7 +158,7 @@ async def test_an_edge_that_comes_back_when_it_is_overdue_installs_nothing(fleet
     fleet.store.observed_of.pop("edge-000", None)
     await fleet.driver.begin(rollout_of(dict.fromkeys(EDGES, fleet.new), within=30.0))
     progress = (await fleet.driver.drive()).progress
-    assert (progress.phase, progress.told) == (RolloutPhase.STOPPED, {"edge-000": Told.OVERDUE})
+    assert (progress.phase, progress.told) == (RolloutPhase.STOPPED, {"edge-000": EdgeStatus.OVERDUE})
     await agent.turn()
     assert (agent.record.running, here.applied) == (fleet.old, [])
 
@@ -167,7 +167,7 @@ async def test_an_overdue_edge_rolls_back_while_the_roll_out_continues(fleet):
     fleet.fails(["edge-000"], outcomes=[Applied(waits="rex: it is armed")] * 35)
     progress = await fleet.roll_out(within=30.0, stop_if="failed > 5")
     await fleet.settle()
-    assert (progress.phase, progress.told["edge-000"]) == (RolloutPhase.COMPLETED, Told.OVERDUE)
+    assert (progress.phase, progress.told["edge-000"]) == (RolloutPhase.COMPLETED, EdgeStatus.OVERDUE)
     assert fleet.running()["edge-000"] == "old"
     assert fleet.edges["edge-000"][0].record.stage is BundleStage.WITHDRAWN
 
@@ -288,6 +288,6 @@ async def test_a_report_of_an_old_roll_out_is_ignored(fleet):
     wanted = rollout_of(dict.fromkeys(EDGES, fleet.new))
     await fleet.driver.begin(msgspec.structs.replace(wanted, id="r2"))
     rollout, _ = await fleet.driver.turn()
-    assert rollout.progress.told == {"edge-000": Told.OPEN}
+    assert rollout.progress.told == {"edge-000": EdgeStatus.OPEN}
     rollout, _ = await fleet.driver.turn()
-    assert rollout.progress.told == {"edge-000": Told.OPEN}
+    assert rollout.progress.told == {"edge-000": EdgeStatus.OPEN}

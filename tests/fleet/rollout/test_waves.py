@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.rollout.waves import (
+    EdgeStatus,
     FailureLimit,
     Plan,
     RolloutPhase,
     RolloutProgress,
-    Told,
     WavesError,
     aborted,
     limit_of,
@@ -31,7 +31,7 @@ def run(plan, failing=(), silent=()):
     progress, history = RolloutProgress(), []
     for now in range(1000):
         seen = {
-            name: Told.FAILED if name in failing else Told.DONE
+            name: EdgeStatus.FAILED if name in failing else EdgeStatus.DONE
             for name in progress.told
             if name not in silent
         }
@@ -103,7 +103,7 @@ def test_a_silent_edge_is_overdue_after_its_time_and_counts_as_failed():
     plan = plan_of(3, waves="100%", stop_if="failed > 0")
     progress, _ = run(plan, silent={"edge-001"})
     assert progress.phase is RolloutPhase.STOPPED
-    assert progress.told["edge-001"] is Told.OVERDUE
+    assert progress.told["edge-001"] is EdgeStatus.OVERDUE
     assert progress.why == "1 of 3 edges failed: edge-001"
 
 
@@ -111,14 +111,14 @@ def test_an_aborted_roll_out_assigns_no_further_edges():
     plan = plan_of(10)
     progress = step(plan, RolloutProgress(), {}, 0.0)
     ended = aborted(progress, "alice")
-    assert step(plan, ended, {"edge-000": Told.DONE}, 1.0) == ended
+    assert step(plan, ended, {"edge-000": EdgeStatus.DONE}, 1.0) == ended
     assert (
         aborted(msgspec.structs.replace(ended, phase=RolloutPhase.COMPLETED), "bob").phase
         is RolloutPhase.COMPLETED
     )
 
 
-verdicts = st.sampled_from([Told.OPEN, Told.DONE, Told.FAILED])
+verdicts = st.sampled_from([EdgeStatus.OPEN, EdgeStatus.DONE, EdgeStatus.FAILED])
 
 
 @given(
@@ -149,10 +149,10 @@ def holds(plan, before, progress):
     told = list(progress.told)
     new = told[len(before.told) :]
     assert told == list(plan.edges[: len(told)]), "edges are told in order, each once"
-    settled = {name: state for name, state in before.told.items() if state is not Told.OPEN}
+    settled = {name: state for name, state in before.told.items() if state is not EdgeStatus.OPEN}
     assert settled.items() <= progress.told.items(), "an edge that has settled stays so"
-    assert not new or progress.count(Told.OPEN) <= plan.parallel
-    failed = progress.count(Told.FAILED) + progress.count(Told.OVERDUE)
+    assert not new or progress.count(EdgeStatus.OPEN) <= plan.parallel
+    failed = progress.count(EdgeStatus.FAILED) + progress.count(EdgeStatus.OVERDUE)
     exceeded = plan.limit.is_exceeded(failed, len(told) - len(new))
     assert exceeded == (progress.phase is RolloutPhase.STOPPED)
     assert not (new and exceeded)
@@ -160,10 +160,12 @@ def holds(plan, before, progress):
     for name in new:
         wave = waves[told.index(name)]
         earlier = [each for each, at in zip(told, waves, strict=True) if at < wave]
-        assert all(progress.told[each] is not Told.OPEN for each in earlier), "the wave before has settled"
+        assert all(progress.told[each] is not EdgeStatus.OPEN for each in earlier), (
+            "the wave before has settled"
+        )
     if progress.phase is RolloutPhase.COMPLETED:
         assert told == list(plan.edges)
-        assert not progress.count(Told.OPEN)
+        assert not progress.count(EdgeStatus.OPEN)
 
 
 def test_progress_is_stored_as_plain_json():

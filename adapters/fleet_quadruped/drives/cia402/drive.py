@@ -117,8 +117,8 @@ class Cia402Drives(DriveGroup[Cia402Node]):
         found = self._by_frame.get((bus, frame.id - RPDO1 + TPDO1))
         if found is None or not RPDO1 < frame.id <= RPDO1 + MASTER:
             return None
-        told = found[1].units.unpack(frame.data)
-        return None if told is None else (found[1].joint, told[1])
+        decoded = found[1].units.unpack(frame.data)
+        return None if decoded is None else (found[1].joint, decoded[1])
 
     def begin_cycle(self, now: float) -> None:
         """Send our heartbeat and SYNC; once per cycle, so that a few lost ones do not stop the drives.

@@ -106,8 +106,10 @@ def unpack_slow(data: bytes) -> SlowPdo | None:
     if len(data) < _SLOW.size:
         return None
     millivolts, code = _SLOW.unpack_from(data)
-    told = len(data) >= _SLOW.size + _TEMPERATURE.size
-    return SlowPdo(millivolts / 1000, code, _TEMPERATURE.unpack_from(data, _SLOW.size)[0] if told else None)
+    has_temperature = len(data) >= _SLOW.size + _TEMPERATURE.size
+    return SlowPdo(
+        millivolts / 1000, code, _TEMPERATURE.unpack_from(data, _SLOW.size)[0] if has_temperature else None
+    )
 
 
 def unpack_emergency(data: bytes) -> Emergency | None:
@@ -134,10 +136,10 @@ class CountUnits:
 
     def unpack(self, data: bytes) -> tuple[int, float, float] | None:
         """Return word, angle and torque of the joint; see ``unpack_status_pdo``."""
-        told = _CYCLIC.unpack(data) if len(data) == _CYCLIC.size else unpack_status_pdo(data)
-        if told is None:
+        decoded = _CYCLIC.unpack(data) if len(data) == _CYCLIC.size else unpack_status_pdo(data)
+        if decoded is None:
             return None
-        word, counts, per_mille = told
+        word, counts, per_mille = decoded
         return word, (counts - self._zero) / self._counts, per_mille / self._per_mille
 
     def per_mille(self, torque: float) -> int:
@@ -168,8 +170,8 @@ class Rpdos:
         try:
             whole = self._layout.pack(*numbers)
         except struct.error:  # a number is out of range: clamp it
-            told = zip(self._units, words, angles, torques, strict=True)
-            return [units.pack(word, angle, torque) for units, word, angle, torque in told]
+            per_joint = zip(self._units, words, angles, torques, strict=True)
+            return [units.pack(word, angle, torque) for units, word, angle, torque in per_joint]
         return [whole[at : at + _CYCLIC.size] for at in range(0, len(whole), _CYCLIC.size)]
 
 

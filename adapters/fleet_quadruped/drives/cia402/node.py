@@ -73,10 +73,10 @@ class Cia402Node(ReportingDrive):
 
     def take_status(self, data: bytes, now: float) -> None:
         """Process a TPDO1: status, angle, torque; the speed is the difference of two angles."""
-        told = self.units.unpack(data)
-        if told is None:
+        decoded = self.units.unpack(data)
+        if decoded is None:
             return
-        status, angle, self.torque = told
+        status, angle, self.torque = decoded
         passed = now - self.reported_at
         # A late answer arrives together with the next one; they were measured a cycle apart.
         if passed > self.half_cycle:
@@ -101,10 +101,10 @@ class Cia402Node(ReportingDrive):
 
     def take_emergency(self, data: bytes, _now: float) -> None:
         """Process an emergency."""
-        told = unpack_emergency(data)
-        if told is not None:
-            self.fault = "" if told.cleared else told.text
-            self.stopped_alone = told.code == OUR_SILENCE
+        decoded = unpack_emergency(data)
+        if decoded is not None:
+            self.fault = "" if decoded.cleared else decoded.text
+            self.stopped_alone = decoded.code == OUR_SILENCE
 
     def take_heartbeat(self, data: bytes, now: float) -> None:
         """Process a heartbeat; a boot-up after the first one means a restart."""

@@ -80,11 +80,11 @@ def _period(cycle_hz: int) -> tuple[int, int]:
 def mapping_objects(drive: Drive, node: int, missing: Collection[int] = ()) -> list[Object]:
     """Return the PDO mappings; ``missing``: optional entries that this drive lacks."""
     receive = _without(missing, 0x60400010, 0x607A0020, TORQUE_OFFSET)
-    told = _without(missing, 0x60410010, 0x60640020, TORQUE)
+    mapped = _without(missing, 0x60410010, 0x60640020, TORQUE)
     temperature = [] if drive.temperature is None else [drive.temperature.entry]
     return [
         *pdo_objects(0x1400, 0x1600, RPDO1 + node, 1, receive),
-        *pdo_objects(0x1800, 0x1A00, TPDO1 + node, 1, told),
+        *pdo_objects(0x1800, 0x1A00, TPDO1 + node, 1, mapped),
         *pdo_objects(0x1801, 0x1A01, TPDO2 + node, SLOW_EVERY, (0x60790020, 0x603F0010, *temperature)),
     ]
 

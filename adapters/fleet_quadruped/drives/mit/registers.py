@@ -26,10 +26,10 @@ class DamiaoRegisters:
 
     def take(self, motor: MitMotor, data: bytes) -> bool:
         """Process an answer of a motor; False for any other frame."""
-        told = wire.unpack_register(data)
-        if told is None or told[0] != motor.id:
+        decoded = wire.unpack_register(data)
+        if decoded is None or decoded[0] != motor.id:
             return False
-        self._values[motor.joint.bus, motor.id, told[1]] = told[2]
+        self._values[motor.joint.bus, motor.id, decoded[1]] = decoded[2]
         return True
 
     def commission(self, drive: Drive) -> None:

@@ -79,9 +79,9 @@ class MoteusDrives(DampingGroup[MoteusServo]):
         text = b"".join(part.text for part in parts if part.kind == 0x41)
         if text:
             self._diagnostics.take(servo, text)
-        told = wire.reply(parts)
-        if told is not None:
-            servo.take(told, frame.data, now)
+        registers = wire.reply(parts)
+        if registers is not None:
+            servo.take(registers, frame.data, now)
 
     def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
         """Return joint and target of a command; None for one without stiffness."""

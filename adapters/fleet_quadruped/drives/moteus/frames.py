@@ -140,8 +140,8 @@ def pack_query() -> bytes:
 def pack_text(line: str) -> bytes:
     """Return a line for the servo's diagnostics with a poll for its answer; empty: the poll only."""
     data = line.encode("ascii")
-    told = bytes([0x40, _CHANNEL, len(data)]) + data if data else b""
-    return _padded(told + bytes([0x42, _CHANNEL, _LONGEST]))
+    written = bytes([0x40, _CHANNEL, len(data)]) + data if data else b""
+    return _padded(written + bytes([0x42, _CHANNEL, _LONGEST]))
 
 
 def pack_answer(text: bytes) -> bytes:
@@ -178,8 +178,8 @@ def reply(parts: list[Subframe]) -> dict[int, float] | None:
     Other host tools have the same source by default, so a servo's answers to them have the same identifier.
     They may lack registers, or have them as integers: coarse, and clamped.
     """
-    told = registers([part for part in parts if part.kind == 2 and _has_our_type(part)])
-    return told if all(math.isfinite(told.get(register, math.nan)) for register in _QUERIED) else None
+    written = registers([part for part in parts if part.kind == 2 and _has_our_type(part)])
+    return written if all(math.isfinite(written.get(register, math.nan)) for register in _QUERIED) else None
 
 
 def _has_our_type(part: Subframe) -> bool:

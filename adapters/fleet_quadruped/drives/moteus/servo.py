@@ -42,12 +42,12 @@ class MoteusServo(DampingDrive):
     kd_scale: float = 0.0
     full_kd: float = math.inf
 
-    def take(self, told: dict[int, float], data: bytes, now: float) -> None:
+    def take(self, registers: dict[int, float], data: bytes, now: float) -> None:
         """Process the registers of a whole answer (``frames.reply``)."""
-        turns, speed, torque = told[wire.POSITION], told[wire.VELOCITY], told[wire.TORQUE]
+        turns, speed, torque = registers[wire.POSITION], registers[wire.VELOCITY], registers[wire.TORQUE]
         self.angle, self.speed, self.torque = self.units.joint(turns * wire.TURN, speed * wire.TURN, torque)
-        self.mode, self.code, self.home = (int(told[at]) for at in (wire.MODE, wire.FAULT, wire.HOME))
-        self.voltage, self.temperature = told[wire.VOLTAGE], told[wire.TEMPERATURE]
+        self.mode, self.code, self.home = (int(registers[at]) for at in (wire.MODE, wire.FAULT, wire.HOME))
+        self.voltage, self.temperature = registers[wire.VOLTAGE], registers[wire.TEMPERATURE]
         self.reported_at = now
         self.answers.take(data)
         self.note_hold(obeys=self.mode == wire.OBEYS, torque_off=self.mode in _TORQUE_OFF)

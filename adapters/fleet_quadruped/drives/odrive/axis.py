@@ -68,27 +68,27 @@ class OdriveAxis(DampingDrive):
 
     def take_estimates(self, data: bytes, now: float) -> None:
         """Process angle and speed."""
-        told = wire.unpack_pair(data)
-        if told is None:
+        decoded = wire.unpack_pair(data)
+        if decoded is None:
             return
-        turns, speed = told
+        turns, speed = decoded
         self.angle, self.speed, _ = self.units.joint(turns * wire.TURN, speed * wire.TURN, 0.0)
         self.reported_at = now
         self.answers.take(data)
 
     def take_heartbeat(self, data: bytes, now: float) -> None:
         """Process errors and state; detect a drive that took its torque off without a command."""
-        told = wire.unpack_heartbeat(data)
-        if told is None:
+        decoded = wire.unpack_heartbeat(data)
+        if decoded is None:
             return
-        self.errors, self.state, self.state_at = told.errors, told.state, now
+        self.errors, self.state, self.state_at = decoded.errors, decoded.state, now
         self.note_hold(obeys=self.state == State.CLOSED_LOOP, torque_off=not self.errors)
 
     def take_torques(self, data: bytes, _now: float) -> None:
         """Process the torque."""
-        told = wire.unpack_pair(data)
-        if told is not None:
-            self.torque = self.units.joint(0.0, 0.0, told[1])[2]
+        decoded = wire.unpack_pair(data)
+        if decoded is not None:
+            self.torque = self.units.joint(0.0, 0.0, decoded[1])[2]
 
     def take_temperatures(self, data: bytes, _now: float) -> None:
         """Process the temperature."""
@@ -96,8 +96,8 @@ class OdriveAxis(DampingDrive):
 
     def take_supply(self, data: bytes, _now: float) -> None:
         """Process the supply voltage."""
-        told = wire.unpack_pair(data)
-        self.voltage = told[0] if told else self.voltage
+        decoded = wire.unpack_pair(data)
+        self.voltage = decoded[0] if decoded else self.voltage
 
     def take_version(self, data: bytes, _now: float) -> None:
         """Process the firmware version."""
@@ -110,9 +110,9 @@ class OdriveAxis(DampingDrive):
 
     def take_parameter(self, data: bytes, _now: float) -> None:
         """Process a parameter that was read."""
-        told = wire.unpack_parameter(data)
-        if told is not None:
-            self.parameters[told[1]] = told[2]
+        decoded = wire.unpack_parameter(data)
+        if decoded is not None:
+            self.parameters[decoded[1]] = decoded[2]
 
 
 _TAKES: Mapping[int, Callable[[OdriveAxis, bytes, float], None]] = MappingProxyType(

@@ -33,8 +33,10 @@ def commission(axes: Sequence[OdriveAxis], requester: DriveRequester, drive: Dri
     for axis in axes:
         version = axis.version or (0, 0)
         if version < wire.OLDEST:
-            told = ".".join(map(str, version))
-            raise LinkRefused(f"{axis.joint.name}: firmware {told}, wanted 0.6 or newer (command 00h)")
+            version_text = ".".join(map(str, version))
+            raise LinkRefused(
+                f"{axis.joint.name}: firmware {version_text}, wanted 0.6 or newer (command 00h)"
+            )
     requester.ask(
         axes, lambda axis: wire.ask(axis.id, OdriveCommand.ADDRESS), lambda axis: bool(axis.serials)
     )

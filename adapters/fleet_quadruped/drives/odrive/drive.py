@@ -100,8 +100,8 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         """Return joint and target of a position command."""
         node, command = wire.split(frame.id)
         axis = self._by_node.get((bus, node))
-        told = wire.unpack_input(frame.data) if command == OdriveCommand.INPUT_POS else None
-        return None if axis is None or told is None else (axis.joint, axis.joint.angle(told[0]))
+        decoded = wire.unpack_input(frame.data) if command == OdriveCommand.INPUT_POS else None
+        return None if axis is None or decoded is None else (axis.joint, axis.joint.angle(decoded[0]))
 
     def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - not needed here
         """Poll the positions of all drives, the state of some, and one slow value of one drive."""

@@ -133,8 +133,8 @@ def test_a_replay_tells_again_what_was_told(failed):
     for captured in read_capture(path):
         replay.take(captured)
     state = rig.state()
-    assert tuple(joint.angle for joint in replay.told) == pytest.approx(state.angles)
-    assert tuple(joint.torque for joint in replay.told) == pytest.approx(state.torques)
+    assert tuple(joint.angle for joint in replay.reported) == pytest.approx(state.angles)
+    assert tuple(joint.torque for joint in replay.reported) == pytest.approx(state.torques)
     assert replay.wanted.keys() == set(JOINTS)
 
 

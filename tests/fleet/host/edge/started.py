@@ -110,7 +110,7 @@ async def main(folder, began, trigger, kill):
             elsewhere=lambda _: "",
             together=None,
             stop=lambda *_: None,
-            told=lambda _: None,
+            on_change=lambda _: None,
         )
         runs.take_up()
         KilledIn.when = kill

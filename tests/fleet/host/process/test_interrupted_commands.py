@@ -68,6 +68,6 @@ def test_a_command_that_ended_when_nobody_could_tell_it_any_more_is_left_open(st
     journal, _ = start()
     rex = journal.robot("rex")
     rex.note("r1", "takeoff", transport="cloud")
-    journal.ends_are_told = lambda: False
+    journal.ends_are_reported = lambda: False
     rex.end("r1", "failed")
     assert [reply.command for _, reply in start()[1]] == ["takeoff"]

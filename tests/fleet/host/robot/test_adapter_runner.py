@@ -43,7 +43,7 @@ class Stage:
             waits=self.waits,
             clock=bench.clock,
             changed=lambda: None,
-            told=self.levels.append,
+            level_changed=self.levels.append,
         )
         motion = bench.controller.motion
         motion._crashed = motion.driving._crashed = self.runner.crashed

@@ -241,7 +241,7 @@ class Told:
             directory="/nowhere",
             control=bus_session,
             clock=SystemClock(),
-            told=told or (lambda name, cause: self.said.append(cause)),
+            on_problem=told or (lambda name, cause: self.said.append(cause)),
             halt=halt,
         )
 
