@@ -20,7 +20,7 @@ import psutil
 
 from fleet.bus.settings import MEMORY
 from tests.programs import find
-from tests.tools.asker import PUPPETS
+from tests.tools.command_client import PUPPETS
 
 NAMESPACE = uuid.UUID("00000000-0000-4000-8000-00000000be7c")
 

@@ -19,7 +19,7 @@ from bench.bridge import faults
 from bench.bridge.faults import PROMISES, settle
 from bench.bridge.sides import side
 from bench.common import line, mosquitto, puppets
-from tests.tools.asker import Asker, executed
+from tests.tools.command_client import CommandClient, executed
 from tests.tools.promises import broken
 from tests.tools.proxy import TcpProxy
 
@@ -104,7 +104,7 @@ def soak(minutes):
             side("fleet", proxy.port, number=ROBOTS, rate=10.0, heard_at=port, workers=WORKERS)
         )
         names = {robot["name"]: robot["twin"] for robot in puppets(ROBOTS)}
-        asker = stack.enter_context(contextlib.closing(Asker(port, names)))
+        client = stack.enter_context(contextlib.closing(CommandClient(port, names)))
         edge, began = psutil.Process(running.pid), time.monotonic()
         churn = Churn(running.bus, edge, chance)
         memory = files = 0
@@ -112,22 +112,22 @@ def soak(minutes):
             if not memory and time.monotonic() > began + SETTLED * minutes * 60:
                 memory, files = edge.memory_info().rss, edge.num_fds()
             for name in names:
-                asker.ask(name, chance.choice(("poke", "poke", "lunge")))
-                asker.drive(chance.choice(list(names)))
+                client.ask(name, chance.choice(("poke", "poke", "lunge")))
+                client.drive(chance.choice(list(names)))
             fault(chance, proxy)
             churn.turn()
             time.sleep(chance.uniform(0.1, ROUND))
-            asker.insist()
+            client.insist()
         proxy.delay = 0.0
-        settle(asker)
-        events = [*asker.events(), *executed(running.journal, asker.asks)]
+        settle(client)
+        events = [*client.events(), *executed(running.journal, client.asks)]
         lived = edge.is_running()
         grown, opened = edge.memory_info().rss - memory, edge.num_fds() - files
-    asked = [str(ask.number) for ask in asker.asks.values() if ask.sent > 1 or not ask.answered]
-    velocities = driven(asker)
+    asked = [str(ask.number) for ask in client.asks.values() if ask.sent > 1 or not ask.answered]
+    velocities = driven(client)
     lines = broken([event for event in events if event.ask not in velocities], PROMISES)
-    what = f"{minutes:g} min, {len(asker.asks)} asks, {len(asked)} of them again: unanswered"
-    line(what, str(len(asker.unanswered())), "aim: 0")
+    what = f"{minutes:g} min, {len(client.asks)} asks, {len(asked)} of them again: unanswered"
+    line(what, str(len(client.unanswered())), "aim: 0")
     line("broken promises", str(len(lines)), "aim: 0")
     for each in lines[:10]:
         print("   ", each)
@@ -137,9 +137,9 @@ def soak(minutes):
     line("open files", f"{opened:+d}")
 
 
-def driven(asker):
+def driven(client):
     """Return the names of the velocity commands, which are superseded by newer ones and never answered."""
-    return {str(number) for number, ask in asker.asks.items() if b"move_forward" in ask.payload}
+    return {str(number) for number, ask in client.asks.items() if b"move_forward" in ask.payload}
 
 
 def run(rows=()):

@@ -13,7 +13,7 @@ import time
 
 from bench.bridge.sides import DurableReceiver, side, source
 from bench.common import free_port, line, listener, mosquitto
-from tests.tools.asker import Asker, counted, executed
+from tests.tools.command_client import CommandClient, counted, executed
 from tests.tools.promises import Rules, What, broken
 from tests.tools.proxy import TcpProxy
 
@@ -29,12 +29,12 @@ PAUSE = 0.02  # s between commands
 PROMISES = Rules(max_age=6.0, gate=What.RECEIVED, replies=False)
 
 
-def settle(asker, within=60.0):
+def settle(client, within=60.0):
     """Repeat commands until all are answered."""
     end = time.monotonic() + within
-    while asker.unanswered() and time.monotonic() < end:
+    while client.unanswered() and time.monotonic() < end:
         time.sleep(0.5)
-        asker.insist()
+        client.insist()
 
 
 def kills(name, number):
@@ -69,22 +69,22 @@ def storm(name, commands):
         proxy = stack.enter_context(TcpProxy(port))
         running = stack.enter_context(side(name, proxy.port, number=TWINS, heard_at=port))
         names = {f"puppet-{number}": twin for number, twin in enumerate(running.twins)}
-        asker = stack.enter_context(contextlib.closing(Asker(port, names)))
+        client = stack.enter_context(contextlib.closing(CommandClient(port, names)))
         receiver = stack.enter_context(DurableReceiver(port))
         with source(running, RATE) as published:
             for number in range(commands):
-                asker.ask(f"puppet-{number % TWINS}")
+                client.ask(f"puppet-{number % TWINS}")
                 if number % RESET_EVERY == RESET_EVERY - 1:
                     proxy.reset()
                 if number % RESET_EVERY == RESET_EVERY // 2 and name == "fleet":
-                    asker.insist()
+                    client.insist()
                 time.sleep(PAUSE)
         if name == "fleet":
-            settle(asker)
+            settle(client)
         receiver.wait_until_quiet()
-        did = executed(running.journal, asker.asks)
-        lines = broken([*asker.events(), *did], PROMISES) if name == "fleet" else []
-        reasons = collections.Counter(ask.refusal for ask in asker.asks.values() if ask.refusal)
+        did = executed(running.journal, client.asks)
+        lines = broken([*client.events(), *did], PROMISES) if name == "fleet" else []
+        reasons = collections.Counter(ask.refusal for ask in client.asks.values() if ask.refusal)
     counts = counted(did).values()
     return len(counts), sum(count > 1 for count in counts), reasons, receiver.lost(published)[0], lines
 

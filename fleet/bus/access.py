@@ -182,8 +182,13 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
         _Rule(_PUBLISH, (f"fleet/{edge}/frames/{name}",)),
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
-        _Rule(_ANSWER, (f"{robots}/command{keys.ASKER}", f"{robots}/description", f"fleet/{edge}/history")),
-        _Rule(_ANSWER, (f"{robots}/prepare", f"{robots}/prepare{keys.ASKER}", f"fleet/{edge}/starts")),
+        _Rule(
+            _ANSWER,
+            (f"{robots}/command{keys.SENDER_SUFFIX}", f"{robots}/description", f"fleet/{edge}/history"),
+        ),
+        _Rule(
+            _ANSWER, (f"{robots}/prepare", f"{robots}/prepare{keys.SENDER_SUFFIX}", f"fleet/{edge}/starts")
+        ),
         _Rule(_ANSWER, (f"{own}/reload", f"{own}/hold")),
         _Rule((*_PUBLISH, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
     )

@@ -44,7 +44,7 @@ from fleet.config.endpoints import PERSON
 LOCAL = "_local"
 """The identity of a console without a certificate; no common name begins so."""
 
-ASKER = "/as/*/*"
+SENDER_SUFFIX = "/as/*/*"
 """Suffix of the keys of queries for a person: a permission and a console, or the person."""
 
 

@@ -75,17 +75,17 @@ def get(out: Output, robot: str, log: int, path: Path | None, *, file: str | Non
     if path.exists():
         raise Refused(f"{path} exists", hint="name another file")
     with Edges.reach(file) as edges:
-        asker = RobotQuery(edges, robot)
-        wanted = next((each for each in _list(asker) if each.id == log), None)
+        query = RobotQuery(edges, robot)
+        wanted = next((each for each in _list(query) if each.id == log), None)
         if wanted is None:
             raise Refused(f"{robot} has no log {log}", hint=f"fleet flight-logs {robot} list")
-        _fetch(asker, wanted, path)
+        _fetch(query, wanted, path)
     out.data({"file": str(path), "bytes": wanted.size})
     out.say(f"{path}: {wanted.size} bytes")
     return ExitCode.OK
 
 
-def _fetch(asker: RobotQuery, log: _Log, path: Path) -> None:
+def _fetch(query: RobotQuery, log: _Log, path: Path) -> None:
     """Write a log to a file, continuing an earlier attempt; shows a progress bar on a terminal."""
     part = path.with_name(f"{path.name}.part")
     done = part.stat().st_size if part.exists() else 0
@@ -94,37 +94,37 @@ def _fetch(asker: RobotQuery, log: _Log, path: Path) -> None:
     bar = click.progressbar(length=log.size, label=path.name, file=sys.stderr)
     with part.open("ab") as kept, bar:
         bar.update(done)
-        for data in _pieces(asker, log, done):
+        for data in _pieces(query, log, done):
             kept.write(data)
             kept.flush()
             bar.update(len(data))
     part.replace(path)
 
 
-def _pieces(asker: RobotQuery, log: _Log, at: int) -> Iterator[bytes]:
+def _pieces(query: RobotQuery, log: _Log, at: int) -> Iterator[bytes]:
     """Yield a log from an offset, piece by piece; raises Refused for a wrong piece."""
     while at < log.size:
         count = min(_PIECE, log.size - at)
         asked = {"id": log.id, "offset": at, "count": count}
-        said = asker.ask("read_log", asked, timeout=_PIECE_WITHIN)
+        said = query.ask("read_log", asked, timeout=_PIECE_WITHIN)
         try:
             piece = convert_strictly(said, _Piece)
             data = base64.b64decode(piece.data, validate=True)
         except (msgspec.ValidationError, binascii.Error) as error:
-            raise Refused(f"{asker.robot.name} does not answer with a log: {error}") from None
+            raise Refused(f"{query.robot.name} does not answer with a log: {error}") from None
         if piece.offset != at or not 0 < len(data) <= count:
-            raise Refused(f"{asker.robot.name} gave {len(data)} bytes at {piece.offset}, not {count} at {at}")
+            raise Refused(f"{query.robot.name} gave {len(data)} bytes at {piece.offset}, not {count} at {at}")
         yield data
         at += len(data)
 
 
-def _list(asker: RobotQuery) -> list[_Log]:
+def _list(query: RobotQuery) -> list[_Log]:
     """Return the logs of a robot."""
-    said = asker.ask("list_logs", timeout=_LIST_WITHIN)
+    said = query.ask("list_logs", timeout=_LIST_WITHIN)
     try:
         return convert_strictly(said, list[_Log])
     except msgspec.ValidationError as error:
-        raise Refused(f"{asker.robot.name} does not answer with logs: {error}") from None
+        raise Refused(f"{query.robot.name} does not answer with logs: {error}") from None
 
 
 def _when(seconds: int) -> str:

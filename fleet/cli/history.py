@@ -40,8 +40,8 @@ _LAST = 100
 def history(out: Output, robot: str | None, *, since: float, last: int | None, file: str | None) -> None:
     """Show the commands to ROBOT (or to a group, or to all), their senders and outcomes, the newest last.
 
-    A running edge answers; otherwise its file is read, which needs -f only if edge.spool.path is set. An
-    asker is proven if the transport authenticates the name, else claimed by the message.
+    A running edge answers; otherwise its file is read, which needs -f only if edge.spool.path is set. A
+    requester is proven if the transport authenticates the name, else claimed by the message.
 
     Events: command and outcome belong to one request, found and lost say that the robot answers or no longer
     answers, health is a change of its health.
@@ -61,7 +61,7 @@ def history(out: Output, robot: str | None, *, since: float, last: int | None, f
         for each in found
     ]
     if rows:
-        out.table(("time", "robot", "event", "asker", "what"), rows)
+        out.table(("time", "robot", "event", "requester", "what"), rows)
     else:
         out.note("nothing is known")
 
@@ -140,13 +140,13 @@ def _folders(
 
 
 def who(record: Record) -> str:
-    """Return the asker of an event, as text."""
-    asker = record.asker
-    if asker is None:
+    """Return the requester of an event, as text."""
+    requester = record.asker
+    if requester is None:
         return "-"
-    known = "proven" if asker.proven else "claimed"
-    name = asker.name or asker.source_type or "somebody"
-    return f"{name} ({known}, {asker.transport.value})"
+    known = "proven" if requester.proven else "claimed"
+    name = requester.name or requester.source_type or "somebody"
+    return f"{name} ({known}, {requester.transport.value})"
 
 
 def for_programs(record: Record) -> dict[str, object]:

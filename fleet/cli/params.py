@@ -143,9 +143,9 @@ def _patience(names: tuple[str, ...]) -> float:
     return _ONE_WITHIN if names else _ALL_WITHIN
 
 
-def _read(asker: RobotQuery, names: tuple[str, ...]) -> Found:
+def _read(query: RobotQuery, names: tuple[str, ...]) -> Found:
     """Return parameters by name, all without names."""
-    return _checked(asker.ask(*_question(names), timeout=_patience(names)), Found, asker.robot.name)
+    return _checked(query.ask(*_question(names), timeout=_patience(names)), Found, query.robot.name)
 
 
 def _sorted_out(answers: list[QueryResult], kind: type[AnswerT]) -> tuple[dict[str, AnswerT], dict[str, str]]:

@@ -141,7 +141,7 @@ def _records(bus_sessions: Iterable[ZenohSession], edge: str, wanted: EventFilte
 
 
 def _shown(record: Record) -> dict[str, object]:
-    """Return asker, time and reason of an event, for a page."""
+    """Return requester, time and reason of an event, for a page."""
     return {
         "by": record.asker.name if record.asker else "",
         "proven": bool(record.asker and record.asker.proven),

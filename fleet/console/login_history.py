@@ -38,8 +38,8 @@ class LoginHistory:
 
     def came_in(self, name: str, address: str) -> None:
         """Record a successful login."""
-        asker = Requester(Transport.LOCAL, name, proven=True)
-        self._add(f"{name} logged in at the console, from {address}", Severity.INFO, asker, address)
+        requester = Requester(Transport.LOCAL, name, proven=True)
+        self._add(f"{name} logged in at the console, from {address}", Severity.INFO, requester, address)
 
     def failed(self, name: str, address: str, wait: float) -> None:
         """Record a failed login; ``name`` is empty if it is unknown, because it may be a password."""
@@ -54,9 +54,9 @@ class LoginHistory:
         later = f"; the next try waits {wait:.0f} s" if wait else ""
         more = f"; {self._untold} failures before were not written" if self._untold else ""
         self._untold = 0
-        asker = Requester(Transport.LOCAL, name)
+        requester = Requester(Transport.LOCAL, name)
         text = f"a login at the console {whom} failed, from {address}{later}{more}"
-        self._add(text, Severity.WARNING, asker, address)
+        self._add(text, Severity.WARNING, requester, address)
 
     async def run(self) -> None:
         """Write new events until cancelled, and a last time then."""
@@ -69,9 +69,9 @@ class LoginHistory:
             finally:
                 thread.submit(self._history.close)  # the end of the block waits for it
 
-    def _add(self, text: str, severity: Severity, asker: Requester, address: str) -> None:
+    def _add(self, text: str, severity: Severity, requester: Requester, address: str) -> None:
         """Add an event of the edge."""
         event = EventReport(
-            self._clock.time(), EventKind.LOGIN, text, severity, asker, data={"address": address}
+            self._clock.time(), EventKind.LOGIN, text, severity, requester, data={"address": address}
         )
         self._history.add("", event)

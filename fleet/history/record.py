@@ -41,17 +41,17 @@ class Record(msgspec.Struct, frozen=True, omit_defaults=True):
 
 def row_of(robot: str, event: EventReport) -> Row:
     """Return an event as a row; long texts are cut, data that is too large or not JSON is omitted."""
-    asker = event.asker
+    requester = event.asker
     return (
         event.stamp,
         _clean(robot, LONGEST_NAME),
         event.kind.value,
         event.severity.value,
         _clean(event.text, LONGEST_TEXT),
-        asker.transport.value if asker else "",
-        _clean(asker.name, LONGEST_NAME) if asker else "",
-        _clean(asker.source_type or "", LONGEST_NAME) if asker else "",
-        int(asker.proven) if asker else 0,
+        requester.transport.value if requester else "",
+        _clean(requester.name, LONGEST_NAME) if requester else "",
+        _clean(requester.source_type or "", LONGEST_NAME) if requester else "",
+        int(requester.proven) if requester else 0,
         _clean(event.command, LONGEST_NAME),
         _clean(event.request, LONGEST_NAME),
         _data(event.data) if event.data else "",
@@ -61,14 +61,16 @@ def row_of(robot: str, event: EventReport) -> Row:
 def record_of(row: Row) -> Record:
     """Return the event of a row; raises ValueError for an invalid row."""
     stamp, robot, kind, severity, text, transport, name, source_type, proven, command, request, data = row
-    asker = Requester(Transport(transport), name, source_type or None, bool(proven)) if transport else None
+    requester = (
+        Requester(Transport(transport), name, source_type or None, bool(proven)) if transport else None
+    )
     return Record(
         stamp,
         robot,
         EventKind(kind),
         text,
         Severity(severity),
-        asker,
+        requester,
         command,
         request,
         decode_json(data.encode(), dict[str, Any]) if data else {},

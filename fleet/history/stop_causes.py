@@ -29,5 +29,5 @@ def stop_causes(records: Iterable[Record]) -> dict[tuple[str, str], Record]:
 
 
 def _is_better_proven(one: Record, other: Record) -> bool:
-    """Return whether only the first of two events has a proven asker."""
+    """Return whether only the first of two events has a proven requester."""
     return bool(one.asker and one.asker.proven) and not (other.asker and other.asker.proven)

@@ -316,8 +316,8 @@ class Run:
         if self._stamp is None:
             self._ask(robot, "command", message, "", answered)
             return
-        asker, source_type = self.about.by, self.about.source_type
-        payload = payload_of(message, session=asker, source_type=source_type, now=self._stamp)
+        session, source_type = self.about.by, self.about.source_type
+        payload = payload_of(message, session=session, source_type=source_type, now=self._stamp)
         self._send(robot, "command", payload, answered)
 
     def _enlist(self, robot: str) -> None:

@@ -356,11 +356,11 @@ class Supervisor:
 
     # -- stops ---------------------------------------------------------------------------------------
 
-    def _stop(self, asker: _Peer, stop: StopRequest) -> None:
+    def _stop(self, sender: _Peer, stop: StopRequest) -> None:
         """Forward a stop to every process with robots, or keep it for the next edge."""
         self._numbers += 1
-        stop = msgspec.structs.replace(stop, by=asker.user)
-        pending = _PendingStop(asker, stop, self._clock.monotonic() + ANSWER_WITHIN)
+        stop = msgspec.structs.replace(stop, by=sender.user)
+        pending = _PendingStop(sender, stop, self._clock.monotonic() + ANSWER_WITHIN)
         self._pending_stops[self._numbers] = pending
         passed_on = msgspec.structs.replace(stop, number=self._numbers)
         pending.unanswered = [peer for peer in filter(_has_robots, self._peers) if peer.send(passed_on)]

@@ -9,7 +9,7 @@ import psutil
 import pytest
 
 from fleet.testing.waiting import wait_until
-from tests.tools.asker import PUPPETS
+from tests.tools.command_client import PUPPETS
 
 TWINS = {name: str(uuid.uuid4()) for name in ("rex", "max", "ada")}
 PASSWORD = "not-in-any-argv"

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from fleet.testing.waiting import wait_until
-from tests.tools.asker import PUPPETS, Asker, counted, executed
+from tests.tools.command_client import PUPPETS, CommandClient, counted, executed
 from tests.tools.promises import Rules, What, broken
 from tests.tools.proxy import TcpProxy
 
@@ -19,8 +19,8 @@ VELOCITIES = Rules(max_age=0.5 + SLACK, gate=What.EXECUTED, once=False, replies=
 class Storm:
     """Puppets at one end of a proxy, and somebody who asks at the broker."""
 
-    def __init__(self, running, proxy, asker, journal):
-        self.running, self.proxy, self.asker, self.journal = running, proxy, asker, journal
+    def __init__(self, running, proxy, client, journal):
+        self.running, self.proxy, self.client, self.journal = running, proxy, client, journal
 
     def answered(self, *, every=1.0):
         """Ask again until everything is answered."""
@@ -28,15 +28,15 @@ class Storm:
 
         def done():
             nonlocal last
-            if self.asker.unanswered() and time.monotonic() - last > every:
+            if self.client.unanswered() and time.monotonic() - last > every:
                 last = time.monotonic()
-                self.asker.insist()
-            return not self.asker.unanswered()
+                self.client.insist()
+            return not self.client.unanswered()
 
         wait_until("all answers", done)
 
     def executed(self):
-        return executed(self.journal, self.asker.asks)
+        return executed(self.journal, self.client.asks)
 
 
 @pytest.fixture
@@ -53,41 +53,41 @@ def storm(request, fleet, tmp_path):
         running = fleet("run", "--json", folder=tmp_path)
         for name in TWINS:
             running.robot(name, "is well", lambda state: state["health"] == "ok")
-        asker = Asker(port, TWINS)
-        storm = Storm(running, proxy, asker, journal)
-        asker.ask("puppet-0")
+        client = CommandClient(port, TWINS)
+        storm = Storm(running, proxy, client, journal)
+        client.ask("puppet-0")
         storm.answered()
         yield storm
-        asker.close()
+        client.close()
 
 
 @pytest.mark.parametrize("storm", ["broker", "mosquitto"], indirect=True)
 def test_in_a_storm_of_resets_every_command_is_done_once_and_answered(storm):
     for turn in range(8):
         for number, name in enumerate(TWINS):
-            storm.asker.ask(name, "poke" if turn % 3 else "lunge")
+            storm.client.ask(name, "poke" if turn % 3 else "lunge")
             if number == turn % 4:
                 storm.proxy.reset()
         storm.answered(every=0.2)
-    assert counted(storm.executed()) == {str(number): 1 for number in storm.asker.asks}
-    assert broken([*storm.asker.events(), *storm.executed()], COMMANDS) == []
+    assert counted(storm.executed()) == {str(number): 1 for number in storm.client.asks}
+    assert broken([*storm.client.events(), *storm.executed()], COMMANDS) == []
     assert storm.proxy.accepted > 4
 
 
 def test_no_velocity_is_obeyed_that_was_long_under_way_and_fresh_ones_are(storm):
-    storm.asker.ask("puppet-1")  # from now on it knows the sender's clock
+    storm.client.ask("puppet-1")  # from now on it knows the sender's clock
     storm.answered()
     storm.proxy.delay = 1.5  # longer than a velocity lives: all of these come too late
     for _ in range(10):
-        storm.asker.drive("puppet-1")
-    last = storm.asker.ask("puppet-1")
+        storm.client.drive("puppet-1")
+    last = storm.client.ask("puppet-1")
     storm.answered(every=10.0)
     assert str(last.number) in counted(storm.executed())
     assert [event for event in storm.executed() if event.moves] == []
     storm.proxy.delay = 0.0
 
     def obeyed():
-        storm.asker.drive("puppet-1")
+        storm.client.drive("puppet-1")
         return [event for event in storm.executed() if event.moves]
 
     moved = wait_until("a fresh velocity is obeyed", obeyed)
@@ -96,11 +96,11 @@ def test_no_velocity_is_obeyed_that_was_long_under_way_and_fresh_ones_are(storm)
 
 def test_a_silent_network_is_noticed_and_what_it_swallowed_is_done_once_when_asked_again(storm):
     storm.proxy.blackhole = True
-    lost = [storm.asker.ask(name) for name in TWINS]
+    lost = [storm.client.ask(name) for name in TWINS]
     storm.running.line("cloud disconnected")
     storm.proxy.blackhole = False
     storm.answered(every=0.2)
-    fresh = [storm.asker.ask(name) for name in TWINS]
+    fresh = [storm.client.ask(name) for name in TWINS]
     storm.answered()
     counts = counted(storm.executed())
     assert [counts[str(ask.number)] for ask in fresh] == [1, 1, 1, 1]

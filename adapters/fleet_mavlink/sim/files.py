@@ -24,8 +24,8 @@ def answer(message: Any, files: Mapping[str, bytes]) -> list[object]:
     said = payload[_HEAD.size : _HEAD.size + min(size, _DATA)]
     good, data = _carry_out(opcode, size, offset, said.split(b"\0")[0].decode(errors="replace"), files)
     head = _HEAD.pack((sequence + 1) & 0xFFFF, session, _ACK if good else _NAK, len(data), opcode, 0, offset)
-    asker = message.get_srcSystem(), message.get_srcComponent()
-    return [mav.MAVLink_file_transfer_protocol_message(0, *asker, list((head + data).ljust(251, b"\0")))]
+    requester = message.get_srcSystem(), message.get_srcComponent()
+    return [mav.MAVLink_file_transfer_protocol_message(0, *requester, list((head + data).ljust(251, b"\0")))]
 
 
 def _carry_out(

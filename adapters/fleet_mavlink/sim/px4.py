@@ -190,9 +190,9 @@ class SimPx4(Autopilot):
 
     def set_mode(self, message: Any) -> None:
         """Obey SET_MODE; it is acknowledged as DO_SET_MODE."""
-        asker = message.get_srcSystem(), message.get_srcComponent()
+        requester = message.get_srcSystem(), message.get_srcComponent()
         nan = float("nan")
-        ask = CommandRequest(mav.MAV_CMD_DO_SET_MODE, 1.0, 0.0, 0.0, nan, nan, nan, nan, None, *asker)
+        ask = CommandRequest(mav.MAV_CMD_DO_SET_MODE, 1.0, 0.0, 0.0, nan, nan, nan, nan, None, *requester)
         mode = MODES_BY_NUMBER.get(message.custom_mode)
         self.acknowledge(ask, self.change_mode(mode) if mode else ACCEPTED)
 

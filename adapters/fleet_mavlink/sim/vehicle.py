@@ -245,8 +245,8 @@ def _ping(_pilot: Autopilot, message: Any) -> Iterable[object]:
     """Answer a broadcast ping to its sender."""
     if message.target_system or message.target_component:
         return []
-    asker = message.get_srcSystem(), message.get_srcComponent()
-    return [mav.MAVLink_ping_message(message.time_usec, message.seq, *asker)]
+    requester = message.get_srcSystem(), message.get_srcComponent()
+    return [mav.MAVLink_ping_message(message.time_usec, message.seq, *requester)]
 
 
 def _heartbeat(pilot: Autopilot, message: Any) -> None:

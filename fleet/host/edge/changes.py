@@ -358,9 +358,9 @@ def _record(process: RobotProcess, change: Change, asked: ChangesAsked) -> None:
     text = f"fleet apply: {change.name} {change.kind.value}: {change.outcome.value}"
     text += f": {change.why}" if change.why else ""
     log.info("%s", text)
-    asker = Requester(Transport.BUS, asked.by)
+    requester = Requester(Transport.BUS, asked.by)
     robot = "" if change.section else change.name
-    event = EventReport(process.clock.time(), EventKind.COMMAND, text, severity, asker, "apply")
+    event = EventReport(process.clock.time(), EventKind.COMMAND, text, severity, requester, "apply")
     process.history.add(robot, event)
 
 

@@ -343,7 +343,7 @@ class Edge:
             self.bridge.streams.listen(self.bus.reports.subscribe)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         self.bus.control.answer(keys.history(edge), self._recall.asked)
-        self.bus.control.answer(keys.schedules(edge), self.schedules.asked, more=keys.ASKER)
+        self.bus.control.answer(keys.schedules(edge), self.schedules.asked, more=keys.SENDER_SUFFIX)
         self.missions.declare()
         self._changes.declare(self.bus.control)
         self._notifier.hear(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})

@@ -12,7 +12,7 @@ from fleet.bus.zenoh_session import Query, ZenohSession
 from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.host.edge.known_missions import KnownMissions
-from fleet.host.edge.mission_askers import MissionAskers
+from fleet.host.edge.mission_requesters import MissionRequesters
 from fleet.host.edge.rehearsals import Rehearsals
 from fleet.host.edge.run_results import RunResults
 from fleet.host.edge.start_requests import StartRequests
@@ -38,7 +38,7 @@ class MissionQueries:
         missions: KnownMissions,
         runs: Runs,
         *,
-        askers: MissionAskers,
+        requesters: MissionRequesters,
         starts: StartRequests,
         rehearsals: Rehearsals,
         results: RunResults,
@@ -49,7 +49,7 @@ class MissionQueries:
         self._bus_session = bus_session
         self._missions = missions
         self._runs = runs
-        self._askers = askers
+        self._requesters = requesters
         self._starts = starts
         self._rehearsals = rehearsals
         self._results = results
@@ -58,8 +58,8 @@ class MissionQueries:
 
     def declare(self) -> None:
         """Start answering."""
-        self._bus_session.answer(keys.mission(self._edge, "*"), self._mission, more=keys.ASKER)
-        self._bus_session.answer(keys.run(self._edge, "*"), self._run, more=keys.ASKER)
+        self._bus_session.answer(keys.mission(self._edge, "*"), self._mission, more=keys.SENDER_SUFFIX)
+        self._bus_session.answer(keys.run(self._edge, "*"), self._run, more=keys.SENDER_SUFFIX)
 
     # -- missions ------------------------------------------------------------------------------------
 
@@ -79,7 +79,7 @@ class MissionQueries:
             return
 
         def made() -> tuple[Mission, StartAsk]:
-            ask = self._askers.start(question)
+            ask = self._requesters.start(question)
             return self._missions.asked(name, ask), ask
 
         began = partial(self._answer_started, name, question)
@@ -123,7 +123,7 @@ class MissionQueries:
             self._results.answer(question, key, run)
             return
         try:
-            self._runs.control(run, self._askers.control(question, run, ask), on_answer)
+            self._runs.control(run, self._requesters.control(question, run, ask), on_answer)
         except Refused as error:
             on_answer(str(error))
 

@@ -12,8 +12,8 @@ from fleet.host.edge.cloud_workflows import CloudWorkflows
 from fleet.host.edge.common_start import CommonStart
 from fleet.host.edge.coordinators import Coordinators
 from fleet.host.edge.known_missions import KnownMissions
-from fleet.host.edge.mission_askers import MissionAskers
 from fleet.host.edge.mission_queries import MissionQueries
+from fleet.host.edge.mission_requesters import MissionRequesters
 from fleet.host.edge.mission_robots import Descriptions, MissionRobots, RobotRules, candidate
 from fleet.host.edge.mission_routes import MissionRoutes
 from fleet.host.edge.mission_starter import MissionStarter
@@ -56,11 +56,11 @@ class Missions:
         self._missions = missions = KnownMissions(loaded)
         self._groups = config.members
         self._bus_session = process.bus.control
-        self._process, askers = process, MissionAskers(process.askers)
+        self._process, requesters = process, MissionRequesters(process.senders)
         self._rules = rules = RobotRules(loaded)
         self._policies = rules.policies
         reporter = RunReporter(
-            self._edge, self._bus_session, process.history.add, askers.starter, process.clock
+            self._edge, self._bus_session, process.history.add, requesters.starter, process.clock
         )
         site = config.site.origin
         self.partners = Partners(
@@ -141,7 +141,7 @@ class Missions:
             self._bus_session,
             missions,
             self.runs,
-            askers=askers,
+            requesters=requesters,
             starts=self.starts,
             rehearsals=self.rehearsals,
             results=self.results,

@@ -55,7 +55,7 @@ class RunReporter:
 
     def _event(self, state: RunState, kind: EventKind, text: str) -> None:
         """Add an event of a run, with its requester, to the history of the edge."""
-        asker = self._starter(state)
+        requester = self._starter(state)
         severity = Severity.INFO if state.outcome in ("", "completed") else Severity.WARNING
-        event = EventReport(self._clock.time(), kind, text, severity, asker, state.mission, state.run)
+        event = EventReport(self._clock.time(), kind, text, severity, requester, state.mission, state.run)
         self._record("", event)

@@ -45,7 +45,7 @@ class EdgeSchedules:
         process: RobotProcess,
         states: Callable[[], Iterable[RobotState]],
     ) -> None:
-        self.starter, self._askers = starter, process.askers
+        self.starter, self._senders = starter, process.senders
         self._config = config.schedules
         self._folder, self._states = folder, states
         self._record, self._clock = process.history.add, process.clock
@@ -162,8 +162,8 @@ class EdgeSchedules:
             asked = decode_json(question.payload, ScheduleAsked)
             needed = Permission.VIEW if asked.do == "list" else Permission.OPERATE
             what = f"schedule {asked.name}: {asked.do}"
-            refusal = self._askers.refusal(question, needed, what, claimed=asked.by)
-            asked = msgspec.structs.replace(asked, by=self._askers.proven(question) or asked.by)
+            refusal = self._senders.refusal(question, needed, what, claimed=asked.by)
+            asked = msgspec.structs.replace(asked, by=self._senders.proven(question) or asked.by)
             answer = ScheduleAnswer(refusal=refusal) if refusal else await self._answered(asked)
         except (msgspec.DecodeError, StateError) as error:
             answer = ScheduleAnswer(refusal=str(error))

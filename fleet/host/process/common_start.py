@@ -71,7 +71,7 @@ class _PrepareQueries:
     ) -> None:
         self._edge, self._interrupted = process.edge, interrupted
         control, pattern = process.bus.control, keys.prepare(process.edge, "*")
-        self._table = QueryTable(control, pattern, asked, more=keys.ASKER, apart=not process.alone)
+        self._table = QueryTable(control, pattern, asked, more=keys.SENDER_SUFFIX, apart=not process.alone)
 
     def join(self, robot: LocalRobot) -> None:
         """Take requests to prepare a robot."""
@@ -89,7 +89,7 @@ class CommonStarts:
     def __init__(self, process: RobotProcess) -> None:
         self._process = process
         self._loop, self._clock = process.loop, process.clock
-        self._permitted = PermittedRequests(process.askers)
+        self._permitted = PermittedRequests(process.senders)
         self._prepared: dict[str, _Prepared] = {}
         self._alive: set[str] = set()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -113,7 +113,7 @@ class CommonStarts:
             self._loop.call_soon_threadsafe(self._begin_to_prepare, robot, question)
             return
         read = cast("Kind", kind if kind in KINDS else "command")
-        proven = self._process.askers.proven(question)
+        proven = self._process.senders.proven(question)
         take = robot.read(read, question.payload, transport=Transport.BUS, proven=proven)
         if take is not None:
             self._loop.call_soon_threadsafe(take, answer_to(question, waits=False))
@@ -159,7 +159,7 @@ class CommonStarts:
             ask = _read(robot, question)
             name = ask.name
             trouble = self._permitted.refusal_of(robot, question, ask)
-            proven = self._process.askers.proven(question)
+            proven = self._process.senders.proven(question)
             ask = ask if proven is None else with_proof(ask, proven)
             trouble = trouble or self._against(robot, ask, start) or await self._unready(robot, ask)
             trouble = trouble or self._against(robot, ask, start)

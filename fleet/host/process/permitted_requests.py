@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from fleet.bus.zenoh_session import Query
 from fleet.errors import WireError
-from fleet.host.requests.askers import Askers
+from fleet.host.requests.bus_senders import BusSenders
 from fleet.host.requests.decode import Ask, is_stop
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.model.command import Command, Reply, ReplyStatus, Transport
@@ -19,8 +19,8 @@ from fleet.wire.rules import Kind
 class PermittedRequests:
     """Judges requests to robots by their sender's permission."""
 
-    def __init__(self, askers: Askers) -> None:
-        self._askers = askers
+    def __init__(self, senders: BusSenders) -> None:
+        self._senders = senders
 
     def refusal(self, robot: LocalRobot, kind: Kind, question: Query, transport: Transport) -> Reply | None:
         """Return the reply to a request that is refused; None for one that may go on.
@@ -50,7 +50,7 @@ class PermittedRequests:
         self, robot: LocalRobot, question: Query, needed: Permission, what: str, claimed: str = ""
     ) -> str:
         """Return the refusal of a request that needs a permission; empty when permitted."""
-        return self._askers.refusal(question, needed, what, claimed=claimed, robot=robot.name)
+        return self._senders.refusal(question, needed, what, claimed=claimed, robot=robot.name)
 
 
 def _needed(ask: Ask) -> Permission:

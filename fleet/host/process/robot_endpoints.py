@@ -15,7 +15,7 @@ from fleet.bus.query_table import QueryTable
 from fleet.bus.zenoh_session import Query
 from fleet.host.process.permitted_requests import PermittedRequests
 from fleet.host.requests.answering import answer_to
-from fleet.host.requests.askers import Askers
+from fleet.host.requests.bus_senders import BusSenders
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.wire.rules import Kind
@@ -27,14 +27,14 @@ KINDS = get_args(Kind)
 class RobotEndpoints:
     """The keys of the robots of one process, ``alone`` if it has all of the edge; on the event loop."""
 
-    def __init__(self, edge: str, bus: Bus, askers: Askers, *, alone: bool) -> None:
+    def __init__(self, edge: str, bus: Bus, senders: BusSenders, *, alone: bool) -> None:
         self._edge, self._control = edge, bus.control
         self._loop = asyncio.get_running_loop()
-        self._askers, self._permitted = askers, PermittedRequests(askers)
+        self._senders, self._permitted = senders, PermittedRequests(senders)
         self._tokens: dict[str, Callable[[], None]] = {}  # withdraws the token of each robot
         table = partial(QueryTable[LocalRobot], bus.control, apart=not alone)
         self._tables: Mapping[Callable[[str, str], str], QueryTable[LocalRobot]] = {
-            keys.command: table(keys.command(edge, "*"), self._asked, more=keys.ASKER),
+            keys.command: table(keys.command(edge, "*"), self._asked, more=keys.SENDER_SUFFIX),
             keys.state: table(keys.state(edge, "*"), self._asked_state),
             keys.description: table(keys.description(edge, "*"), self._asked_description),
         }
@@ -88,6 +88,6 @@ class RobotEndpoints:
             transport=transport,
             request_id=question.parameters.get("id", ""),
             waits=waits,
-            proven=self._askers.proven(question),
+            proven=self._senders.proven(question),
         )
         return question.close if take is None else partial(take, answer)

@@ -25,7 +25,7 @@ from fleet.host.process.robot_runs import RobotRuns
 from fleet.host.process.setpoints import Setpoints
 from fleet.host.process.twin_holders import TwinHolders
 from fleet.host.process.video_relay import relay_video
-from fleet.host.requests.askers import Askers
+from fleet.host.requests.bus_senders import BusSenders
 from fleet.host.requests.stop_cause import StopCause, local_cause
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.report_queue import ReportQueue
@@ -135,8 +135,8 @@ class RobotProcess:
             for robot in self.robots.values():
                 robot.share_space(traffic)
             exchange(traffic, worker or MAIN, bus.control, self.scheduler)
-        self.askers = Askers(bus.consoles, bus.people, history.add, clock)
-        self._endpoints = RobotEndpoints(edge, bus, self.askers, alone=alone)
+        self.senders = BusSenders(bus.consoles, bus.people, history.add, clock)
+        self._endpoints = RobotEndpoints(edge, bus, self.senders, alone=alone)
         self.holders = TwinHolders(edge, bus.control, self.robots, self.runs, settle=settle, clock=clock)
         self.claims = self.holders.claims
         self.on_stop: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None

@@ -89,7 +89,7 @@ class HistoryRecorder:
     def followed(self, cause: StopCause, receipt: Receipt) -> None:
         """Record the outcome of an emergency stop that no message to this robot asked for."""
         ask = Command(EMERGENCY, id=cause.request)
-        receipt.watch(partial(self._answered, ask, receipt, asker=cause.asker))
+        receipt.watch(partial(self._answered, ask, receipt, requester=cause.asker))
 
     @never_raises
     def unread(self, kind: str, origin: Origin, receipt: Receipt) -> None:
@@ -107,16 +107,16 @@ class HistoryRecorder:
             )
 
     @never_raises
-    def _answered(self, ask: Ask, receipt: Receipt, reply: Reply, asker: Requester | None = None) -> None:
+    def _answered(self, ask: Ask, receipt: Receipt, reply: Reply, requester: Requester | None = None) -> None:
         """Record the receipt of a request and its end; one reply may be both."""
         if reply is receipt.first:
-            self._received(ask, reply, asker)
+            self._received(ask, reply, requester)
         if reply.done is not None and (receipt.first is None or receipt.first.ok):
             text = f"{_name(ask)} " + ("done" if reply.done else f"failed: {reply.reason}")
             severity = Severity.INFO if reply.done else Severity.WARNING
-            self._add(EventKind.OUTCOME, text, ask, severity=severity, asker=asker)
+            self._add(EventKind.OUTCOME, text, ask, severity=severity, requester=requester)
 
-    def _received(self, ask: Ask, reply: Reply, asker: Requester | None) -> None:
+    def _received(self, ask: Ask, reply: Reply, requester: Requester | None) -> None:
         """Record the receipt."""
         name = _name(ask)
         if reply.ok and name == RELEASE:
@@ -125,7 +125,7 @@ class HistoryRecorder:
             self._add(EventKind.COMMAND, f"{name} accepted", ask, data=_data(ask))
         elif not reply.ok and is_stop(ask):
             text = f"{name} {reply.outcome}"
-            self._add(EventKind.OUTCOME, text, ask, severity=Severity.CRITICAL, asker=asker)
+            self._add(EventKind.OUTCOME, text, ask, severity=Severity.CRITICAL, requester=requester)
         elif not reply.ok and self._is_recorded():
             data = _data(ask) | ({"untold": self._unrecorded} if self._unrecorded else {})
             self._unrecorded = 0
@@ -142,11 +142,11 @@ class HistoryRecorder:
     @never_raises
     def _drove(self, ask: Setpoint | JointSetpoint, reply: Reply) -> None:
         """Record the first velocity of a series, and refused ones at a limited rate."""
-        now, asker = self._clock.monotonic(), requester_of(ask.origin)
+        now, requester = self._clock.monotonic(), requester_of(ask.origin)
         if reply.ok:
-            if asker != self._driver or now - self._drove_at > ROW_ENDS:
+            if requester != self._driver or now - self._drove_at > ROW_ENDS:
                 self._add(EventKind.COMMAND, f"{ask.name}: begins to drive", ask, data=_data(ask))
-            self._driver, self._drove_at = asker, now
+            self._driver, self._drove_at = requester, now
         elif reply.done is None and now - self._not_driven_at > REFUSED_EVERY:
             self._not_driven_at = now
             text = f"{ask.name} {reply.outcome}"
@@ -159,11 +159,11 @@ class HistoryRecorder:
         ask: Ask,
         *,
         severity: Severity = Severity.INFO,
-        asker: Requester | None = None,
+        requester: Requester | None = None,
         data: dict[str, object] | None = None,
     ) -> None:
         """Put one event about a request into the history."""
-        now, who = self._clock.time(), asker or requester_of(ask.origin)
+        now, who = self._clock.time(), requester or requester_of(ask.origin)
         self._put(EventReport(now, kind, text, severity, who, _name(ask), request_of(ask), data or {}))
 
     def _is_repeat(self, request: str) -> bool:

@@ -88,19 +88,19 @@ def local_cause(name: str, reason: str = "", request: str = "") -> StopCause:
     )
 
 
-def requester_text(asker: Requester) -> str:
+def requester_text(requester: Requester) -> str:
     """Return a sender as text for people: ``anna (claimed, tele, over the cloud)``."""
-    known = "proven" if asker.proven else "claimed"
-    words = [known, *filter(None, [asker.source_type]), _TRANSPORTS[asker.transport]]
-    return f"{asker.name or 'somebody'} ({', '.join(words)})"
+    known = "proven" if requester.proven else "claimed"
+    words = [known, *filter(None, [requester.source_type]), _TRANSPORTS[requester.transport]]
+    return f"{requester.name or 'somebody'} ({', '.join(words)})"
 
 
 def _cut(cause: StopCause) -> StopCause:
     """Return a cause with its texts shortened and safe to print."""
     who = cause.asker
     source = None if who.source_type is None else _clipped(who.source_type)
-    asker = Requester(who.transport, _clipped(who.name), source, proven=who.proven)
-    return StopCause(asker, _clipped(cause.reason), _clipped(cause.request))
+    requester = Requester(who.transport, _clipped(who.name), source, proven=who.proven)
+    return StopCause(requester, _clipped(cause.reason), _clipped(cause.request))
 
 
 def _clipped(text: str) -> str:

@@ -142,9 +142,11 @@ class RequestIntake:
 
     def _follow_emergency(self, cause: StopCause) -> None:
         """Have the adapter stop the robot."""
-        asker = cause.asker
+        requester = cause.asker
         ask = Command(
-            EMERGENCY, origin=Origin(asker.transport, session=asker.name or cause.why), id=cause.request
+            EMERGENCY,
+            origin=Origin(requester.transport, session=requester.name or cause.why),
+            id=cause.request,
         )
         receipt = Receipt(EMERGENCY, lambda _: None)
         self._recorder.followed(cause, receipt)

@@ -58,10 +58,10 @@ class Admission:
         self.speeds.forget()
         self.lease.release(ask.origin.session)
         self.lease.others_moved(ask.origin.session, f"stopped: {ask.name} by {_named(ask.origin)}")
-        self._stick_release.stopped(_asker(ask.origin), self._clock.monotonic())
+        self._stick_release.stopped(_sender_of(ask.origin), self._clock.monotonic())
         wall, now = self._clock.time(), self._clock.monotonic()
         shared = not ask.origin.session
-        self._ages.stopped(_asker(ask.origin), ask.stamp, wall=wall, now=now, shared=shared)
+        self._ages.stopped(_sender_of(ask.origin), ask.stamp, wall=wall, now=now, shared=shared)
 
     def taken_over(self, why: str) -> None:
         """Record a change of authority: another party controls the robot, or its adapter restarts."""
@@ -75,7 +75,7 @@ class Admission:
         ends_a_stop = ask.name == RELEASE or (moves and not safe)
         asked_for = ask.name == JOIN and not ask.origin.session.startswith(RUN_SESSION)  # by a person
         refusal = self._policy_refusal(ask) or self._age(
-            _asker(ask.origin), ask.stamp, self._command_max_age, moves=ends_a_stop or asked_for
+            _sender_of(ask.origin), ask.stamp, self._command_max_age, moves=ends_a_stop or asked_for
         )
         refusal = refusal or self._standing(ask, moves=moves, safe=safe)
         if refusal is None and ends_a_stop and ask.name != RELEASE:
@@ -141,20 +141,20 @@ class Admission:
 
     def _stream(self, ask: Setpoint | JointSetpoint, *, zero: bool) -> str | None:
         """Judge one message of a motion stream; ``zero``: it releases the stick."""
-        asker, now = _asker(ask.origin), self._clock.monotonic()
+        sender, now = _sender_of(ask.origin), self._clock.monotonic()
         refusal = self._policy.refusal(ask.origin)
         if refusal is not None:
             return refusal
         late = self._setpoint_age(ask)
         if late is not None:
-            self._stick_release.drove(asker, now)
+            self._stick_release.drove(sender, now)
             return late
         # Before the latch: while the stop is set, a held stick would otherwise pass for a released one.
-        holds = self._stick_release.refusal(asker, now, zero=zero)
+        holds = self._stick_release.refusal(sender, now, zero=zero)
         refusal = self.motion() or holds or self.lease.refusal(ask.origin.session, now)
         if refusal is None:
             self._take(ask.origin)
-            self._stick_release.drove(asker, now)
+            self._stick_release.drove(sender, now)
         return refusal
 
     def is_untimely_zero(self, ask: Setpoint) -> bool:
@@ -172,7 +172,7 @@ class Admission:
         if refusal is None:
             self.lease.release(session)
             if self._setpoint_age(ask) is None:
-                self._stick_release.refusal(_asker(ask.origin), now, zero=True)
+                self._stick_release.refusal(_sender_of(ask.origin), now, zero=True)
         return refusal
 
     def navigate(self, ask: Navigate) -> str | None:
@@ -181,7 +181,7 @@ class Admission:
             return None
         refusal = (
             self._policy.refusal(ask.origin, navigation=True)
-            or self._age(_asker(ask.origin), ask.stamp, self._command_max_age)
+            or self._age(_sender_of(ask.origin), ask.stamp, self._command_max_age)
             or self.motion()
             or self.lease.refusal(ask.origin.session, self._clock.monotonic())
         )
@@ -195,11 +195,11 @@ class Admission:
         return self.latch.refusal() or self.permit.refusal() or fault
 
     def _age(
-        self, asker: str, stamp: float | None, max_age: float, *, ordered: bool = False, moves: bool = True
+        self, sender: str, stamp: float | None, max_age: float, *, ordered: bool = False, moves: bool = True
     ) -> str | None:
         """Judge the age of a message."""
         return self._ages.refusal(
-            asker,
+            sender,
             stamp,
             wall=self._clock.time(),
             now=self._clock.monotonic(),
@@ -210,7 +210,7 @@ class Admission:
 
     def _setpoint_age(self, ask: Setpoint | JointSetpoint) -> str | None:
         """Judge the age of a stream message; a second call with the same message gives the same answer."""
-        return self._age(_asker(ask.origin), ask.stamp, self._max_age, ordered=True)
+        return self._age(_sender_of(ask.origin), ask.stamp, self._max_age, ordered=True)
 
     def _take(self, origin: Origin) -> None:
         """Give the control lease to the sender."""
@@ -231,6 +231,6 @@ def _named(origin: Origin) -> str:
     return origin.session or origin.transport
 
 
-def _asker(origin: Origin) -> str:
+def _sender_of(origin: Origin) -> str:
     """Return the key of a sender's clock."""
     return origin.transport + "/" + origin.session

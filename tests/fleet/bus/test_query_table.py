@@ -48,13 +48,15 @@ def test_exactly_the_keys_that_match_are_asked_each_once(names, chunks):
 def test_a_suffix_selects_no_other_robots(names, name, suffix):
     known = {keys.command("yard", name) for name in names}
     asked = keys.command("yard", name)
-    assert sorted(asked_keys(asked, suffix, known, keys.ASKER)) == sorted(asked_keys(asked, "", known, ""))
+    assert sorted(asked_keys(asked, suffix, known, keys.SENDER_SUFFIX)) == sorted(
+        asked_keys(asked, "", known, "")
+    )
 
 
 def test_a_wildcard_across_the_suffix_asks_every_robot_that_it_matches():
     known = {keys.command("yard", "rex")}
-    assert asked_keys("fleet", "/yard/robots/**", known, keys.ASKER) == [*known]
-    assert asked_keys("fleet", "/barn/robots/**", known, keys.ASKER) == []
+    assert asked_keys("fleet", "/yard/robots/**", known, keys.SENDER_SUFFIX) == [*known]
+    assert asked_keys("fleet", "/barn/robots/**", known, keys.SENDER_SUFFIX) == []
 
 
 @pytest.fixture
@@ -71,7 +73,9 @@ def teller(name):
 def table_of(bus_session, edge="yard", **options):
     """Return a table for the commands to an edge's robots, whose owners are called with their queries."""
     pattern = keys.command(edge, "*")
-    return QueryTable(bus_session, pattern, lambda owner, query: owner(query), more=keys.ASKER, **options)
+    return QueryTable(
+        bus_session, pattern, lambda owner, query: owner(query), more=keys.SENDER_SUFFIX, **options
+    )
 
 
 @pytest.fixture

@@ -181,7 +181,7 @@ class PlayedEdge:
                 question.reply(msgspec.json.encode(reply))
             question.close()
 
-        self._control.answer(keys.command(self.edge, name), answer, more=keys.ASKER)
+        self._control.answer(keys.command(self.edge, name), answer, more=keys.SENDER_SUFFIX)
         return asked
 
     def answers_late(self, name, *replies):

@@ -27,8 +27,8 @@ class PlayedMissions:
         self.asked = []
         self.answers = {"patrol": Started("3f2a", {"feet": ["rex"]}), "3f2a": Controlled()}
         self.rehearsal = []  # what is told of one, one after the other
-        yard.bus.control.answer("fleet/yard-1/missions/patrol", self._take, more=keys.ASKER)
-        yard.bus.control.answer("fleet/yard-1/runs/3f2a", self._take, more=keys.ASKER)
+        yard.bus.control.answer("fleet/yard-1/missions/patrol", self._take, more=keys.SENDER_SUFFIX)
+        yard.bus.control.answer("fleet/yard-1/runs/3f2a", self._take, more=keys.SENDER_SUFFIX)
 
     def _take(self, question):
         name = question.key.rpartition("/")[2]

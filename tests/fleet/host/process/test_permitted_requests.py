@@ -22,8 +22,8 @@ async def asked_as(yard, run_edge, asks):
     place = yard(rex=HERE)
     place.change(missions={"patrol": PATROL}, schedules={"dawn": {"mission": "patrol", "every": 3600.0}})
     edge = place.edge()
-    edge.process.askers._consoles = frozenset({"desk"})
-    edge.process.askers._people = {"anna": Permission.OPERATE, "vic": Permission.VIEW}
+    edge.process.senders._consoles = frozenset({"desk"})
+    edge.process.senders._people = {"anna": Permission.OPERATE, "vic": Permission.VIEW}
 
     async with run_edge(edge):
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()))

@@ -38,7 +38,7 @@ class Ask(msgspec.Struct):
     refusal: str = ""
 
 
-class Asker:
+class CommandClient:
     """Asks over its own connection to the broker; ``twins``: by robot name."""
 
     def __init__(self, port: int, twins: Mapping[str, str], *, name: str = "asker") -> None:

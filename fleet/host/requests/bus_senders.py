@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 A_MINUTE = 20  # refusals recorded in the history per minute
 
 
-class Asker(msgspec.Struct, frozen=True):
+class BusSender(msgspec.Struct, frozen=True):
     """Sender that acts for a person, and that person's permission.
 
     ``identity`` is the common name of a console (``keys.LOCAL`` without a certificate) or of the ``person``,
@@ -43,7 +43,7 @@ class Asker(msgspec.Struct, frozen=True):
     proven: bool = False
 
 
-class Askers:
+class BusSenders:
     """The senders on the bus of one process, by its access rules.
 
     ``consoles`` are trusted to name their users; ``people`` have certificates of their own. ``record`` writes
@@ -62,18 +62,18 @@ class Askers:
         self._refused = RateLimitedCounter(log, clock)
         self._limit, self._lock = RateLimit(A_MINUTE), threading.Lock()
 
-    def of(self, question: Query) -> Asker | None:
+    def of(self, question: Query) -> BusSender | None:
         """Return the sender that acts for a person, None for a program; raises Refused for a bad key."""
         if not question.suffix:
             return None
         _, _, word, name = question.suffix.split("/")
         if word == PERSON and name in self._people:
-            return Asker(name, self._people[name], person=name, proven=True)
+            return BusSender(name, self._people[name], person=name, proven=True)
         if word == PERSON and COMMON_NAME.fullmatch(name):
             raise Refused(f"bus.access of this edge does not say what {name} may do: view, operate or admin")
         if word not in PERSONS or not (name == keys.LOCAL or COMMON_NAME.fullmatch(name)):
             raise Refused(f"{question.suffix[:40]!a} names no permission and console, and no person")
-        return Asker(name, PERSONS[word], proven=name in self._consoles)
+        return BusSender(name, PERSONS[word], proven=name in self._consoles)
 
     def proven(self, question: Query) -> str | None:
         """Return the proven name of the sender; None when it is not proven.
@@ -81,10 +81,10 @@ class Askers:
         Empty: the name in the message is proven, as from a console with a certificate.
         """
         try:
-            asker = self.of(question)
+            sender = self.of(question)
         except Refused:  # a stop with such a key is still a stop
             return None
-        return asker.person if asker is not None and asker.proven else None
+        return sender.person if sender is not None and sender.proven else None
 
     def refusal(
         self, question: Query, needed: Permission, what: str, *, claimed: str = "", robot: str = ""
@@ -94,23 +94,23 @@ class Askers:
         A refusal is recorded in the history (of ``robot``, if given), with the sender's name.
         """
         try:
-            asker = self.of(question)
+            sender = self.of(question)
         except Refused as error:
             self._refused.add("unknown", "refused %s: %s", what, str(error))
             return str(error)
-        why = asker.permission.refusal(needed) if asker is not None else ""
-        if asker is not None and why:
-            name = asker.person or claimed or f"somebody at {asker.identity}"
-            self._tell(Requester(Transport.BUS, name, proven=asker.proven), f"{what} refused: {why}", robot)
+        why = sender.permission.refusal(needed) if sender is not None else ""
+        if sender is not None and why:
+            name = sender.person or claimed or f"somebody at {sender.identity}"
+            self._tell(Requester(Transport.BUS, name, proven=sender.proven), f"{what} refused: {why}", robot)
         return why
 
-    def _tell(self, asker: Requester, text: str, robot: str) -> None:
+    def _tell(self, sender: Requester, text: str, robot: str) -> None:
         """Write a refusal into log and history, at a limited rate."""
-        self._refused.add(robot, "%s%s (%s)", f"{robot}: " if robot else "", text, asker.name)
+        self._refused.add(robot, "%s%s (%s)", f"{robot}: " if robot else "", text, sender.name)
         now = self._clock.monotonic()
         with self._lock:
             if self._limit.is_used(now):
                 return
             self._limit.use(now)
-        event = EventReport(self._clock.time(), EventKind.COMMAND, text, Severity.WARNING, asker)
+        event = EventReport(self._clock.time(), EventKind.COMMAND, text, Severity.WARNING, sender)
         self._record(robot, event)

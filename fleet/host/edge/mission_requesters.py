@@ -8,7 +8,7 @@ import msgspec
 
 from fleet.bus.zenoh_session import Query
 from fleet.errors import Refused
-from fleet.host.requests.askers import Askers
+from fleet.host.requests.bus_senders import BusSenders
 from fleet.missions.report import ControlAsk, RunState, StartAsk
 from fleet.missions.runs import check_run_id
 from fleet.model.command import Transport
@@ -20,11 +20,11 @@ LARGEST = 1 << 20  # bytes of the largest mission in a request
 KNOWN = 100  # runs whose proven starters are remembered
 
 
-class MissionAskers:
+class MissionRequesters:
     """Decodes requests for the missions of one edge, with permissions; from any thread."""
 
-    def __init__(self, askers: Askers) -> None:
-        self._askers = askers
+    def __init__(self, senders: BusSenders) -> None:
+        self._senders = senders
         self._started: deque[tuple[str, str]] = deque(maxlen=KNOWN)  # (run, proven starter)
 
     def start(self, question: Query) -> StartAsk:
@@ -38,9 +38,9 @@ class MissionAskers:
             check_run_id(ask.run)
         needed = Permission.OPERATE if ask.mission is None else Permission.ADMIN
         what = f"mission {question.asked.rpartition('/')[2]}: {question.parameters.get('do')}"
-        if refusal := self._askers.refusal(question, needed, what, claimed=ask.session_id):
+        if refusal := self._senders.refusal(question, needed, what, claimed=ask.session_id):
             raise Refused(refusal)
-        proven = self._askers.proven(question)
+        proven = self._senders.proven(question)
         if proven is None:
             return ask
         ask = msgspec.structs.replace(ask, session_id=proven or ask.session_id)
@@ -51,9 +51,9 @@ class MissionAskers:
     def control(self, question: Query, run: str, ask: ControlAsk) -> ControlAsk:
         """Return a request to control a run from a permitted sender; raises Refused."""
         what = f"run {run}: {ask.do}"
-        if refusal := self._askers.refusal(question, Permission.OPERATE, what, claimed=ask.session_id):
+        if refusal := self._senders.refusal(question, Permission.OPERATE, what, claimed=ask.session_id):
             raise Refused(refusal)
-        return msgspec.structs.replace(ask, session_id=self._askers.proven(question) or ask.session_id)
+        return msgspec.structs.replace(ask, session_id=self._senders.proven(question) or ask.session_id)
 
     def starter(self, state: RunState) -> Requester:
         """Return the starter of a run, for the history."""

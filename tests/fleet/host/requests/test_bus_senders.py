@@ -6,7 +6,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.errors import Refused
-from fleet.host.requests.askers import A_MINUTE, Asker, Askers
+from fleet.host.requests.bus_senders import A_MINUTE, BusSender, BusSenders
 from fleet.model.event import Severity
 from fleet.model.permission import Permission
 from fleet.testing.clock import ManualClock
@@ -31,13 +31,13 @@ def clock():
 @pytest.fixture
 def askers(recorded, clock):
     people = {"anna": Permission.OPERATE, "vic": Permission.VIEW}
-    return Askers({"desk"}, people, lambda robot, event: recorded.append((robot, event)), clock)
+    return BusSenders({"desk"}, people, lambda robot, event: recorded.append((robot, event)), clock)
 
 
 @pytest.mark.parametrize(("console", "proven"), [("desk", True), ("other", False), (keys.LOCAL, False)])
 def test_the_key_names_the_console_and_the_permission(askers, console, proven):
     asked = question(f"/as/operate/{console}")
-    assert askers.of(asked) == Asker(console, Permission.OPERATE, proven=proven)
+    assert askers.of(asked) == BusSender(console, Permission.OPERATE, proven=proven)
     assert askers.proven(asked) == ("" if proven else None), "the message names the person"
 
 
@@ -50,7 +50,7 @@ def test_a_program_has_no_permission_and_may_ask(askers, recorded):
 
 def test_a_person_is_known_by_the_certificate_and_may_what_the_edge_says(askers):
     asked = question("/as/person/anna")
-    assert askers.of(asked) == Asker("anna", Permission.OPERATE, person="anna", proven=True)
+    assert askers.of(asked) == BusSender("anna", Permission.OPERATE, person="anna", proven=True)
     assert askers.proven(asked) == "anna"
     assert askers.refusal(asked, Permission.OPERATE, "walk") == ""
     needs = "it needs the permission admin; yours is operate"

@@ -6,8 +6,8 @@ import msgspec
 import pytest
 
 from fleet.errors import Refused
-from fleet.host.edge.mission_askers import LARGEST, MissionAskers
-from fleet.host.requests.askers import Askers
+from fleet.host.edge.mission_requesters import LARGEST, MissionRequesters
+from fleet.host.requests.bus_senders import BusSenders
 from fleet.missions.report import ControlAsk, RunState, StartAsk
 from fleet.model.permission import Permission
 from fleet.testing.clock import ManualClock
@@ -32,8 +32,8 @@ def recorded():
 @pytest.fixture
 def askers(recorded):
     people = {"anna": Permission.OPERATE, "vic": Permission.VIEW}
-    known = Askers({"desk"}, people, lambda _, event: recorded.append(event.text), ManualClock())
-    return MissionAskers(known)
+    known = BusSenders({"desk"}, people, lambda _, event: recorded.append(event.text), ManualClock())
+    return MissionRequesters(known)
 
 
 def run_of(by, way="bus"):
