@@ -325,7 +325,7 @@ class MissionPilot:
         if flavour.surface:
             raise Refused("it does not land: it moves on the surface", hint="end it with return_to_launch")
         if isinstance(flavour, Winged) and self._vehicle.state.vtol_state is None:
-            raise NotReady("it has not told yet whether it lands with rotors", hint="try again in a second")
+            raise NotReady("it has not reported whether it lands with rotors", hint="try again in a second")
         if not any(item.point and item.kind != "land" for item in mission.items):
             raise Refused("a landing must have a place before it, from which it is flown to")
 

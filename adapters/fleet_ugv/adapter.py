@@ -228,7 +228,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         """Report the battery now."""
         observer = self._board.observer
         if observer.voltage is None:
-            raise NotReady("the base has not told its voltage")
+            raise NotReady("the base has not reported its voltage")
         self.robot.report(observer.battery(self.robot.clock.time()))
 
     @command("get_status", moves=False, safe=True, timeout=2.0)

@@ -49,7 +49,7 @@ class Calibration(Model):
 
     track: Positive | None = Field(None, description="Effective track, m: what makes a turn a turn.")
     left: Factor = Field(
-        1.0, description="Metres that one told metre of the left side is; negative: its counter is reversed."
+        1.0, description="True metres per reported metre of the left side; negative: reversed counter."
     )
     right: Factor = Field(1.0, description="The same of the right side.")
     gyro: Factor = Field(1.0, description="Factor of the gyro's yaw rate; negative turns it over.")

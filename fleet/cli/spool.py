@@ -62,7 +62,7 @@ def status(out: Output, file: str) -> None:
             ],
         )
     for gap in gaps:
-        out.say(f"lost: {counted(gap.lost, 'message')} on {gap.topic} ({gap.reason}), not told yet")
+        out.say(f"lost: {counted(gap.lost, 'message')} on {gap.topic} ({gap.reason}), not reported yet")
     owner = "an edge uses it" if used else "no edge uses it"
     out.say(f"{folder}: {counted(sum(row.messages for row in rows), 'message')}; {owner}")
 

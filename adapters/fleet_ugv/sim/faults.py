@@ -14,7 +14,7 @@ BASE_FAULTS: Mapping[str, str] = {
     "mute": "the board obeys and says nothing",
     "partial": "every piece that the board says is cut in two",
     "garbage": "junk bytes before every piece that the board says",
-    "echo": "the board repeats what it is told",
+    "echo": "the board echoes its input",
     "low_battery": "volts that are left from now on",
     "no_confirm": "the board does not take its dead-man's time",
     "unplug": "seconds for which the cable is out, from now on",

@@ -276,7 +276,7 @@ class CommonStarts:
             if controller.offline or controller.latched:
                 self._interrupted(one.robot.name, controller.offline or "its emergency stop is set")
             elif one.stamp is None and now > one.until:
-                self._interrupted(one.robot.name, f"its instant was not told within {KEPT:g} s")
+                self._interrupted(one.robot.name, f"its start time did not arrive within {KEPT:g} s")
 
     def _drop_all(self, which: Callable[[_Prepared], bool], why: str) -> None:
         """Drop the preparations that match."""

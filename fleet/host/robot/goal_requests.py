@@ -87,7 +87,7 @@ class GoalRequests:
         refusal = can.cannot(task) or self._guard.task(task) or busy
         if refusal is not None or self._attached.offline or self._leader() is not None:
             return refusal
-        return f"{self._attached.name} does not navigate" + ": it has told no pose" * can.drives
+        return f"{self._attached.name} does not navigate" + ": it has reported no pose" * can.drives
 
     def _leader(self) -> GoalNavigator | None:
         """Return the navigator of the robot: its adapter or the host's follower; None without one."""

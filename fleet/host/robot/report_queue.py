@@ -225,4 +225,4 @@ def _reply(question: Query, channel: _Channel, report: Report) -> None:
     try:
         question.reply(encode_report(report, channel.sequence), channel.key)
     except Exception as error:  # noqa: BLE001 - exception barrier: an adapter may put anything into its reports
-        channel.refuse("%s cannot be told to who asks: %s", channel.key, error)
+        channel.refuse("a query of %s cannot be answered: %s", channel.key, error)

@@ -24,7 +24,7 @@ class RunHealth:
     ) -> None:
         self.now = Health(Level.OFFLINE, "starting")
         self._log = log
-        watched = contained(log, "a change of its health could not be told")
+        watched = contained(log, "a change of its health could not be reported")
         self._changed = watched(changed)
         self._level_changed = watched(level_changed)
         self._reported: Level | None = None

@@ -167,7 +167,7 @@ async def test_a_verb_with_a_distance_ends_there_and_its_repeat_moves_nothing(wo
 
 async def test_without_a_pose_it_is_not_led_and_the_reason_is_told(world):
     (first,) = world.ask(goal(1.0, 1.0))
-    assert "has told no pose" in first.reason
+    assert "has reported no pose" in first.reason
     assert world.states() == ["failed"]
 
 
