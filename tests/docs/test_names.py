@@ -21,6 +21,7 @@ OF_OTHERS = {
     *("DataBus", "CronTrigger"),  # of Cyberwave's SDK and of APScheduler
     *("HttpOnly", "Secure"),  # of cookies
     *("KillMode", "PrivateUsers"),  # of systemd
+    "BestMatching",  # of Zenoh
 }
 """Names in the documents that this project does not define."""
 

@@ -37,7 +37,7 @@ class Arm:
         self.heard = []
         self.follow = self.heard.append
 
-    def read(self, kind, payload, *, way):
+    def read(self, kind, payload, *, transport):
         self.heard.append((kind, payload))
 
 

@@ -73,7 +73,9 @@ def an_input(device, **more):
 
 def is_heard(edge):
     """Return whether the stop inputs are heard and robots reached; the edge's own cause may be another."""
-    return not edge._stop_inputs.problem and all(state.reachable for state in edge.states())
+    inputs = edge._stop_inputs
+    held = any(latch.held for latch in inputs._here.values())
+    return not inputs.problem and not held and all(state.reachable for state in edge.states())
 
 
 def stopped(edge, name):
