@@ -31,7 +31,7 @@ from fleet.clock import Clock
 from fleet.errors import StateError, StateTaken
 from fleet.history.record import COLUMNS, Record, Row, record_of, row_of
 from fleet.model.event import EventKind, EventReport, Severity
-from fleet.spool.database import PAGE, is_corrupt, open_checked
+from fleet.spool.database import PAGE, is_corrupt, open_checked, transaction
 from fleet.spool.state_folder import create_folder, locked
 
 log = logging.getLogger(__name__)
@@ -160,14 +160,8 @@ class History:
             rows.append(row_of("", event))
         if not rows:
             return
-        database.execute("BEGIN IMMEDIATE")
-        try:
+        with transaction(database):
             database.executemany(_ADD, rows)
-            database.execute("COMMIT")
-        except BaseException:
-            with contextlib.suppress(sqlite3.Error):
-                database.execute("ROLLBACK")
-            raise
         self._lost -= lost
         for row in rows:  # ``add`` may have dropped some of them meanwhile, to make room for newer ones
             if self._waiting and self._waiting[0] is row:

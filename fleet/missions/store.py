@@ -28,7 +28,7 @@ from fleet.errors import StateError
 from fleet.missions.program import Program
 from fleet.missions.state import Head, LogNote, Member, Part, RunOutcome
 from fleet.runtime.decoding import decode_json
-from fleet.spool.database import open_checked
+from fleet.spool.database import open_checked, transaction
 from fleet.spool.state_folder import create_folder, locked
 
 log = logging.getLogger(__name__)
@@ -241,8 +241,7 @@ class RunStore:
     ) -> None:
         """Write a change in one transaction."""
         run, ended = change.run, change.head.outcome is not None
-        with database:
-            database.execute("BEGIN IMMEDIATE")
+        with transaction(database):
             if change.about is not None:
                 about, program = _encode(change.about).decode(), _encode(change.program).decode()
                 values = (run, about, program, head.decode(), ended, change.stamp, change.elapsed)

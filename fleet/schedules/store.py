@@ -16,7 +16,7 @@ import msgspec
 
 from fleet.errors import StateError
 from fleet.model.schedule import Firing
-from fleet.spool.database import open_checked
+from fleet.spool.database import open_checked, transaction
 
 FILE = "schedules.db"
 KEPT = 1000  # firings of each schedule
@@ -118,13 +118,7 @@ class FiringStore:
         """Run a block in one transaction; raises StateError."""
         database = self._database
         try:
-            with self._using:
-                database.execute("BEGIN IMMEDIATE")
-                try:
-                    yield database
-                except BaseException:
-                    database.execute("ROLLBACK")
-                    raise
-                database.execute("COMMIT")
+            with self._using, transaction(database):
+                yield database
         except sqlite3.Error as error:
             raise StateError(f"{FILE} cannot be used: {error}") from None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -80,6 +80,19 @@ def _suffix(error: sqlite3.DatabaseError | StateNewer) -> str:
     if is_corrupt(error) or isinstance(error, _Damaged):
         return BROKEN
     raise error
+
+
+@contextlib.contextmanager
+def transaction(database: sqlite3.Connection) -> Iterator[None]:
+    """Run a ``with`` block as one transaction, which an exception or a failed commit rolls back."""
+    database.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+        database.execute("COMMIT")
+    except BaseException:
+        with contextlib.suppress(sqlite3.Error):  # SQLite may have rolled it back already
+            database.execute("ROLLBACK")
+        raise
 
 
 def format_of(connection: sqlite3.Connection, newest: int) -> int:

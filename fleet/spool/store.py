@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from fleet.spool.database import PAGE, open_checked
+from fleet.spool.database import PAGE, open_checked, transaction
 from fleet.spool.losses import Gap, Reason
 from fleet.spool.message import Outgoing
 from fleet.wire.rules import TrafficClass
@@ -200,14 +200,11 @@ class SpoolFile:
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
-        """Run a ``with`` block as one transaction."""
-        self._database.execute("BEGIN IMMEDIATE")
+        """Run a ``with`` block as one transaction; when it fails, its new topics are forgotten, too."""
         try:
-            yield
-            self._database.execute("COMMIT")
+            with transaction(self._database):
+                yield
         except BaseException:
-            with contextlib.suppress(sqlite3.Error):
-                self._database.execute("ROLLBACK")
             with contextlib.suppress(sqlite3.Error):
                 self._ids = self._known_ids()
             raise

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import math
-import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
@@ -17,7 +15,7 @@ from fleet.host.journal.execution_journal import ANY, Latched, Row, StartedComma
 from fleet.host.journal.past_commands import InterruptedCommand, PastCommand
 from fleet.host.journal.unwritten_mark import UnwrittenMark, remove
 from fleet.host.safety.dedup_cache import KEPT
-from fleet.spool.database import open_checked
+from fleet.spool.database import open_checked, transaction
 from fleet.spool.state_folder import JOURNAL, create_folder, locked
 
 REMEMBERED = 3600.0  # s that a command is kept; an older one is refused for its age
@@ -93,7 +91,7 @@ class JournalFile:
         Commands are written many per call: each call releases and reacquires the interpreter lock, for which
         a command on its way to a robot would have to wait.
         """
-        with self._transaction():
+        with transaction(self._database):
             self._database.executemany(_END, map(msgspec.structs.astuple, changes.ended.values()))
             begun = [(*msgspec.structs.astuple(started), how) for started, how in changes.begun.values()]
             for start in range(0, len(begun), _AT_ONCE):
@@ -130,22 +128,10 @@ class JournalFile:
 
     def _recover(self, rows: Iterable[Row]) -> None:
         """Write rows of execution journals; writes even without any, because a full disk can be read."""
-        with self._transaction():
+        with transaction(self._database):
             self._database.execute(_LATCH, ("", ""))
             self._database.execute("DELETE FROM latch WHERE robot = ''")
             for row in rows:
                 if isinstance(row, Latched) and row.robot == ANY:  # earlier releases do not count
                     self._database.execute("DELETE FROM latch WHERE why = ''")
                 self._database.execute(_RECOVERED[type(row)], msgspec.structs.astuple(row))
-
-    @contextlib.contextmanager
-    def _transaction(self) -> Iterator[None]:
-        """Run a ``with`` block as one transaction."""
-        self._database.execute("BEGIN IMMEDIATE")
-        try:
-            yield
-            self._database.execute("COMMIT")
-        except BaseException:
-            with contextlib.suppress(sqlite3.Error):
-                self._database.execute("ROLLBACK")
-            raise

@@ -1,6 +1,10 @@
 """The files of an edge's lasting state."""
 
-from fleet.spool.database import CACHE, open_checked
+import sqlite3
+
+import pytest
+
+from fleet.spool.database import CACHE, open_checked, transaction
 
 
 def test_a_file_is_made_for_its_user_alone_whoever_may_look_into_its_folder(tmp_path):
@@ -29,3 +33,23 @@ def test_a_file_that_grows_takes_no_more_memory(tmp_path):
     connection, _ = open_checked(tmp_path / "spool.db", ["CREATE TABLE kept (what TEXT)"], "NORMAL")
     assert connection.execute("PRAGMA cache_size").fetchone() == (-CACHE,)
     connection.close()
+
+
+@pytest.mark.parametrize("statement", ["INSERT INTO part VALUES (1)", "INSERT INTO nothing VALUES (1)"])
+def test_a_transaction_that_fails_leaves_nothing_and_lets_the_next_begin(tmp_path, statement):
+    """A constraint that is checked at the commit makes the commit itself fail."""
+    whole = "CREATE TABLE whole (id INTEGER PRIMARY KEY)"
+    part = "CREATE TABLE part (whole REFERENCES whole DEFERRABLE INITIALLY DEFERRED)"
+    database, _ = open_checked(tmp_path / "file.db", [whole, part], "NORMAL")
+    database.execute("PRAGMA foreign_keys = ON")
+
+    def write():
+        with transaction(database):
+            database.execute("INSERT INTO whole VALUES (7)")
+            database.execute(statement)
+
+    with pytest.raises(sqlite3.Error):
+        write()
+    with transaction(database):
+        assert database.execute("SELECT * FROM whole").fetchall() == []
+    database.close()
