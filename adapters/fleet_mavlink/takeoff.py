@@ -102,10 +102,26 @@ class _Attempt:
         except CommandError:
             if self._armed_by_us:
                 await flight.disarm_quietly()
-            elif await self._vehicle.until(self._has_landed, flight.commander.timing.heartbeat):
+                raise
+            if not await self._vehicle.until(self._shows_why, flight.commander.timing.heartbeat):
+                raise
+            if self._has_landed(self._vehicle.state):
                 return False
-            raise
+            await self._climb_on()
         return True
+
+    def _shows_why(self, state: VehicleState) -> bool:
+        """Return True if the telemetry, which lags, shows why: it has landed, or it flies already."""
+        return self._has_landed(state) or self._climbs_unseen(state)
+
+    def _climbs_unseen(self, state: VehicleState) -> bool:
+        """Return True if it flies, and was asked for a take-off that it refuses in the air."""
+        return bool(state.in_air) and not self._by_place and not self._flight.flavour.takes_off_in_air
+
+    async def _climb_on(self) -> None:
+        """Fly to the height by a position: the take-off before this one had left the ground unseen."""
+        self._by_place = True
+        await self._go()
 
     async def _ask(self) -> None:
         """Request the climb: by a take-off, or in the air, if that is refused there, by a position."""

@@ -117,6 +117,17 @@ async def takes_off_out_of_a_landing(it):
     await it.do("land")
 
 
+async def takes_off_twice(it):
+    """Ask for a second take-off soon after the first, before and after it is seen to fly."""
+    for later in (0.5, 1.5, 2.5, 4.0):
+        async with begun(it.do("takeoff", altitude=3.0)):
+            await it.until(lambda: it.state.armed, LONG)
+            await asyncio.sleep(later)
+        await it.do("takeoff", altitude=4.0)
+        stands_at(it, 4.0)
+        await it.do("land")
+
+
 async def takes_no_goal_while_it_takes_off(it):
     """Ask for a goal, and to be armed, during a take-off: the goal is refused, the take-off goes on."""
     async with begun(it.do("takeoff", altitude=HEIGHT)) as rising:
@@ -254,6 +265,7 @@ STEPS = (
     refuses_what_does_not_exist,
     takes_off_to_every_height_and_lands,
     takes_off_out_of_a_landing,
+    takes_off_twice,
     takes_no_goal_while_it_takes_off,
     moves_there_and_back_without_turning,
     moves_and_holds,

@@ -171,6 +171,20 @@ def test_a_second_takeoff_goes_on_with_the_first(fly, sky, flavour):
     fly(main())
 
 
+def test_a_second_takeoff_goes_on_with_the_first_before_it_is_seen_to_fly(fly, sky):
+    async def main():
+        async with sky("ardupilot") as it:  # refuses a take-off in the air; PX4 takes it
+            await it.met()
+            for _ in range(2):
+                async with ended(it.do("takeoff", altitude=4.0)):
+                    await it.until(lambda: it.sim.pilot.flying and it.state.in_air is False)
+                await it.do("takeoff", altitude=6.0)
+                assert it.state.relative_altitude == pytest.approx(6.0, abs=EXACT)
+                await it.do("land")
+
+    fly(main())
+
+
 @both
 def test_a_takeoff_does_not_take_the_drone_from_its_pilot(fly, sky, flavour):
     async def main():
