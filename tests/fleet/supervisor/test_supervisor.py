@@ -88,33 +88,6 @@ def test_a_stop_still_reaches_it_when_its_runtime_folder_was_removed(field):
     assert f"{field.path} was removed, as at a logout" in line
 
 
-def test_a_stop_reaches_it_elsewhere_when_its_runtime_folder_cannot_be_made_again(field):
-    shutil.rmtree(field.path.parent)
-    field.path.parent.write_text("not a folder")
-    wait_until("it listens elsewhere", field.other.exists)
-    assert stop_all(field.other.parent, ("rex",))
-    assert str(field.other) in field.lines[0]
-
-
-def test_a_supervisor_that_can_listen_nowhere_says_so_once_and_goes_on(field):
-    shutil.rmtree(field.path.parent)
-    for path in (field.path, field.other):
-        path.parent.write_text("not a folder")
-    wait_until("it is reported", lambda: field.lines)
-    assert "cannot reach the supervisor here" in field.lines[0]
-    field.path.parent.unlink()
-    wait_until("it listens again", field.path.exists)
-    assert len(field.lines) == 2
-
-
-def test_a_socket_that_another_program_put_in_its_place_is_replaced(field):
-    field.path.unlink()
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as other:
-        other.bind(str(field.path))
-        wait_until("it is reported", lambda: field.lines)
-    assert stop_all(field.path.parent, ("rex",))
-
-
 def test_the_edge_gets_few_memory_arenas_so_that_its_memory_stays_flat(field):
     variables = Path(f"/proc/{field.supervisor._child.pid}/environ").read_bytes().split(b"\0")
     assert b"MALLOC_ARENA_MAX=" + os.environb.get(b"MALLOC_ARENA_MAX", b"2") in variables
