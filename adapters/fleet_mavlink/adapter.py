@@ -149,9 +149,9 @@ class MavlinkAdapter(Stops, PayloadCommands, TransitionCommands, UpkeepCommands)
         height = state.relative_altitude
         flies = state.in_air and state.landed is not Landed.TAKEOFF and not session.comes_down
         if flies and (altitude is None or (height is not None and height >= wanted)):
-            yield Progress(100.0, "in the air already; a take-off never descends")
-            return
-        climb = self._to_height(session, wanted) if flies else session.takeoff.climb(wanted)
+            climb = session.takeoff.stay()
+        else:
+            climb = self._to_height(session, wanted) if flies else session.takeoff.climb(wanted)
         async for progress in climb:
             yield progress
 

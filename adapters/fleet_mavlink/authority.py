@@ -10,6 +10,9 @@ from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.state import VehicleState
 
 
+_STALE = 2  # heartbeats in the mode that it had before that may arrive after a request
+
+
 class Authority:
     """Tracks the mode. A change that we did not request, while the vehicle is armed, ends our authority.
 
@@ -23,6 +26,7 @@ class Authority:
         self.cause = ""  # reason given by the fail-safe that ended it
         self._expected: frozenset[str] = frozenset()
         self._earlier: frozenset[str] = frozenset()  # requested before, not seen yet: may be shown first
+        self._shown = 0  # heartbeats with an expected mode since it was expected
         self._mode = ""
         self._armed = False
         self._arms = ""  # requester of the arming, if not us
@@ -53,6 +57,7 @@ class Authority:
         """Expect a command to lead to one of these modes; that does not regain lost authority."""
         self._earlier |= self._expected
         self._expected = frozenset(modes)
+        self._shown = 0
         self._arms = ""
 
     def expect_also(self, *modes: str) -> None:
@@ -74,10 +79,12 @@ class Authority:
         """Process a new heartbeat, before its waiters run; ``alarm``: text of a fail-safe."""
         mode = flavour.mode_of(state)
         before, self._mode = self._mode, mode
+        changed = mode != before
         was_armed, self._armed = self._armed, state.armed
         if flavour.surface and not was_armed:
             before = ""  # a person who arms a rover in MANUAL drives it
-        if mode in self._expected:
+        self._shown = self._shown + 1 if mode in self._expected else 0
+        if self._shown > _STALE or (self._shown and changed):
             self._earlier = frozenset()
         if not state.armed:
             self.lost_to = ""

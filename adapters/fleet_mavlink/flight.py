@@ -57,6 +57,7 @@ class Flight:
         self.ceiling = limits.altitude or math.inf
         self.fastest = limits.speed
         self.descent = ""  # mode of the last landing, or return home
+        self._seen_by = -math.inf  # time by which an arming that was asked for is shown
         self._farthest = limits.distance or FARTHEST
         self.give_way = give_way
         self.home = VehicleHome(vehicle, commander)
@@ -134,17 +135,32 @@ class Flight:
 
     async def disarm(self, *, force: bool = False) -> None:
         """Disarm on the ground; raises Refused in the air, even with ``force``."""
-        state = self.vehicle.state
         require_connection(self.vehicle)
-        if not state.armed:
+        if not await self.has_motors_on():
             return
+        state = self.vehicle.state
         if state.in_air:
             raise Refused("it is in the air and would fall", hint="send land")
         if state.on_the_surface and not is_standing(state):
             raise Refused("it moves, and would coast", hint="send stop first")
         if not state.on_the_surface and force and state.in_air is None:
             raise Refused("it is not known to be on the ground", hint="disarm without force, or land")
-        await self._arming(arm=False, force=force)
+        try:
+            await self._arming(arm=False, force=False)
+        except CommandError as refusal:
+            # What the autopilot refuses may fly, unseen: its telemetry lags.
+            if not force or refusal.device_result is None or await self._flies_after_all():
+                raise
+            await self._arming(arm=False, force=True)
+
+    async def has_motors_on(self) -> bool:
+        """Return whether its motors run; waits for what shows it if they may just have been started."""
+        left = self._seen_by - self.vehicle.now()
+        return self.vehicle.state.armed or await self.vehicle.until(lambda state: state.armed, left)
+
+    async def _flies_after_all(self) -> bool:
+        """Return whether a vehicle that was last reported on the ground is seen to fly."""
+        return await self.vehicle.until(lambda state: bool(state.in_air), _ARMED_WITHIN)
 
     async def _arming(self, *, arm: bool, force: bool) -> None:
         """Send the command, and wait until the heartbeat shows its effect."""
@@ -152,7 +168,12 @@ class Flight:
         def shown(state: VehicleState) -> bool:
             return state.armed is arm
 
-        await self.commander.ask(arm_command(arm=arm, force=force), seen=shown)
+        self._seen_by = self.vehicle.now() + _ARMED_WITHIN if arm else -math.inf
+        try:
+            await self.commander.ask(arm_command(arm=arm, force=force), seen=shown)
+        except CommandError as error:
+            self._seen_by = -math.inf if error.device_result is not None else self._seen_by
+            raise
         if not await self.vehicle.until(shown, _ARMED_WITHIN):
             raise TimedOut(f"it took the command but is not {'armed' if arm else 'disarmed'}")
 
@@ -169,7 +190,7 @@ class Flight:
         """
         require_connection(self.vehicle)
         start = height_of(self.vehicle.state)
-        if not self.vehicle.state.armed:
+        if not await self.has_motors_on():
             yield Progress(100.0, "on the ground")
             return
         self.give_way(self.flavour, mode)
@@ -239,7 +260,11 @@ class Flight:
     async def kill(self) -> None:
         """Stop the motors at once, even in the air; return once the heartbeat shows it."""
         require_heartbeat(self.vehicle)
-        if self.vehicle.state.armed:
+        unseen = self._seen_by
+        if self.vehicle.state.armed or self.vehicle.now() < unseen:
+            await self._arming(arm=False, force=True)
+            self._seen_by = unseen
+        if await self.has_motors_on():  # started by what was asked for before
             await self._arming(arm=False, force=True)
 
     async def reboot(self) -> None:

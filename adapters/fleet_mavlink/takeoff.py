@@ -45,12 +45,10 @@ class TakeOff:
         require_control(self._vehicle, self._flight.authority)
         self.under_way = True
         try:
-            if self._vehicle.state.in_air and height_of(self._vehicle.state) > altitude - _CLOSE:
-                await self._flight.hold()
-                yield Progress(100.0, "in the air already; a take-off never descends")
-                return
             flavour = self._flight.flavour
-            if isinstance(flavour, Winged):
+            if self._vehicle.state.in_air and height_of(self._vehicle.state) > altitude - _CLOSE:
+                climb = self.stay()
+            elif isinstance(flavour, Winged):
                 climb = WingedTakeOff(self._flight, flavour, altitude).climb()
             else:
                 climb = self._try(altitude)
@@ -58,6 +56,14 @@ class TakeOff:
                 yield progress
         finally:
             self.under_way = False
+
+    async def stay(self) -> AsyncIterator[Progress]:
+        """Hold where it flies: the host has ended what it did before, and a take-off never descends."""
+        flight = self._flight
+        require_control(self._vehicle, flight.authority)
+        flight.give_way(flight.flavour, flight.flavour.hold)
+        await flight.hold()
+        yield Progress(100.0, "in the air already; a take-off never descends")
 
     async def _try(self, altitude: float) -> AsyncIterator[Progress]:
         """Take off; try again if the end of a landing switched the motors off in the meantime."""
@@ -119,8 +125,13 @@ class _Attempt:
         return bool(state.in_air) and not self._by_place and not self._flight.flavour.takes_off_in_air
 
     async def _climb_on(self) -> None:
-        """Fly to the height by a position: the take-off before this one had left the ground unseen."""
+        """Fly to the height by a position: the take-off before this one had left the ground unseen.
+
+        It may be higher already.
+        """
         self._by_place = True
+        higher = max(0.0, height_of(self._vehicle.state) - self._altitude)
+        self._altitude, self._target = self._altitude + higher, self._target + higher
         await self._go()
 
     async def _ask(self) -> None:

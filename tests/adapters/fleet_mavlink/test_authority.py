@@ -127,3 +127,19 @@ def test_what_was_asked_for_just_before_may_still_be_shown_first(watched):
     assert watched.reasons == []
     watched.see("OFFBOARD")
     assert len(watched.reasons) == 1
+
+
+def test_a_heartbeat_from_before_a_request_does_not_make_the_request_before_it_a_strangers(watched):
+    watched.see("AUTO.LOITER")
+    for mode in ("AUTO.LAND", "AUTO.LOITER"):
+        watched.authority.expect(mode)
+    watched.see("AUTO.LOITER", "AUTO.LAND", "AUTO.LOITER")  # the first was on its way already
+    assert watched.reasons == []
+
+
+def test_what_was_asked_for_before_and_is_not_shown_for_seconds_is_expected_no_more(watched):
+    watched.see("AUTO.LOITER")
+    for mode in ("AUTO.LAND", "AUTO.LOITER"):
+        watched.authority.expect(mode)
+    watched.see(*["AUTO.LOITER"] * 4, "AUTO.LAND")
+    assert len(watched.reasons) == 1

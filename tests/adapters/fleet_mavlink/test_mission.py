@@ -163,6 +163,12 @@ def test_a_mission_that_was_replaced_meanwhile_is_not_gone_on_with(fly, sky, fla
         async with sky(flavour) as it:
             await it.met()
             await it.do("takeoff")
+            async with contextlib.aclosing(it.adapter.navigate(SQUARE)) as steps:
+                async for step in steps:
+                    if step.reached:
+                        break
+            await it.adapter.stop("pause")
+            await it.adapter._session.plans.clear(PlanType.MISSION)
             with pytest.raises(Refused, match="replaced"):
                 await flown(it, msgspec.structs.replace(SQUARE, resumed=True))
 
@@ -382,5 +388,21 @@ def test_a_landing_that_nothing_leads_to_is_refused(fly, sky):
             with pytest.raises(Refused, match="must have a place before it"):
                 await flown(it, mission(PlanItem("land", at(0, 0, 0.0))))
             assert not it.armed
+
+    fly(main())
+
+
+@both
+def test_a_mission_that_was_paused_before_the_autopilot_had_it_is_sent_when_it_is_resumed(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, faults={"delay": 0.2}) as it:
+            await it.met()
+            await it.do("takeoff")
+            starting = asyncio.ensure_future(flown(it, SQUARE))
+            await asyncio.sleep(0.7)  # the items are on their way
+            starting.cancel()
+            await it.adapter.stop("pause")
+            await flown(it, msgspec.structs.replace(SQUARE, resumed=True))
+            assert it.place == pytest.approx((0.0, 15.0, 6.0), abs=1.2)
 
     fly(main())

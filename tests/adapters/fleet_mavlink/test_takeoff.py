@@ -230,3 +230,35 @@ def test_a_quadplane_takes_off_again_though_it_says_that_it_flies_once_it_is_arm
                 await it.do("land")
 
     fly(main())
+
+
+@both
+@pytest.mark.parametrize("data", [{}, {"altitude": 3.0}])
+def test_a_takeoff_in_the_air_ends_the_flight_that_the_host_has_ended(fly, sky, flavour, data):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=8.0)
+            async with contextlib.aclosing(it.adapter.navigate(GoTo(Goal(Vector3(90.0, 0.0, 8.0))))) as way:
+                await anext(way)
+                await it.until(lambda: it.speed > 3.0)
+            await it.do("takeoff", **data)
+            await asyncio.sleep(4.0)
+            assert it.speed < 0.3
+            assert it.height == pytest.approx(8.0, abs=EXACT)
+
+    fly(main())
+
+
+def test_a_second_takeoff_to_a_lower_height_before_it_is_seen_to_fly_never_descends(fly, sky):
+    async def main():
+        async with sky("ardupilot", faults={"state_lag": 1.2}) as it:
+            await it.met()
+            async with ended(it.do("takeoff", altitude=12.0)):
+                await it.until(lambda: it.height > 2.0)
+                assert it.state.in_air is False
+            await it.do("takeoff", altitude=1.5)
+            await asyncio.sleep(5.0)
+            assert it.height > 2.0
+
+    fly(main())
