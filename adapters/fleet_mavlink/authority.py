@@ -64,6 +64,10 @@ class Authority:
         """Expect one of these modes as an end of the present command as well; no effect without authority."""
         self._expected |= set(modes)
 
+    def asked_before(self, mode: str) -> bool:
+        """Return True for a mode that was asked for before the expected one, and was not seen yet."""
+        return mode in self._earlier
+
     def taken_by(self, who: str, mode: str) -> None:
         """Lose authority to another station that commands the vehicle, which is in ``mode`` now."""
         if self.lost_to:

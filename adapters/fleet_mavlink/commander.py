@@ -18,6 +18,7 @@ from fleet_mavlink.messages import (
     Ask,
     CommandAck,
     CommandLong,
+    Heartbeat,
     PositionTargetGlobalInt,
     SetPositionTargetGlobalInt,
 )
@@ -61,6 +62,7 @@ class Commander:
         self.turns = Turns(vehicle.now)
         self._ever: set[int] = set()  # all commands sent so far
         self._unanswered: dict[int, float] = {}  # time of sending of each unanswered command
+        self._mode_asked_at = -math.inf  # of the last change of mode that was not shown yet
         vehicle.on_ack = self._acknowledged
 
     async def ask(
@@ -81,11 +83,15 @@ class Commander:
         """
         async with CommandTurn(self.turns, ask, effect=effect or effect_of(ask), yields=yields) as exchange:
             sent = 0
+            late = self._answer_is_due(ask) and not yields
             while True:
                 exchange.require_wanted()
                 self._send(ask, sent)
                 sent += 1
                 ack = await self._answer(exchange, seen)
+                if late and ack is not None:
+                    late, exchange.refusal = False, None
+                    ack = await self._answer(exchange, seen)
                 if ack is None:
                     if await self._obeyed_unanswered(exchange, ask, seen, sent, tries or self.timing.tries):
                         return
@@ -144,23 +150,27 @@ class Commander:
         Acknowledgements only explain a failure: PX4 sends two, the first of which is meaningless, and the
         second may be mistaken for that of the next command. Raises like ``ask``.
         """
+        if shows(self.vehicle.state) != mode:
+            self.mode_is_asked()
         async with CommandTurn(self.turns, ask, effect=effect) as exchange:
             already = shows(self.vehicle.state) == mode
-            late = self.vehicle.now() - self._unanswered.get(ask.command, -math.inf) < _LATE
+            late = self._answer_is_due(ask)
             for attempt in range(self.timing.tries):
-                began = self.vehicle.now()
+                last = self.vehicle.state.heartbeat
                 exchange.refusal = None
+                if not already:
+                    self.mode_is_asked()
                 self._send(ask, attempt)
 
-                def settled(state: VehicleState, began: float = began) -> bool:
+                def settled(state: VehicleState, last: Heartbeat | None = last) -> bool:
                     if exchange.superseded:
                         return True
-                    shown = state.heartbeat_at > began and shows(state) == mode
+                    shown = state.heartbeat is not last and shows(state) == mode
                     return shown or self._is_refused(exchange, state)
 
                 if already:
                     ack = await self._answer(exchange, None)
-                    if late and ack is not None:  # that of an earlier equal command, with other parameters
+                    if late and ack is not None:
                         late, exchange.refusal = False, None
                         ack = await self._answer(exchange, None)
                     entered = ack is not None and ack.result == MavResult.ACCEPTED
@@ -169,14 +179,25 @@ class Commander:
                     entered = shows(self.vehicle.state) == mode
                 exchange.require_wanted()
                 if entered:
+                    self._mode_asked_at = self._mode_asked_at if already else -math.inf
                     return
                 if exchange.refusal is not None:
+                    self._mode_asked_at = -math.inf
                     raise await self._refusal(ask, exchange.refusal, exchange)
             raise TimedOut(
                 f"system {self.vehicle.system} does not change to {mode}, it stays in "
                 f"{shows(self.vehicle.state)}",
                 messages=self._words_since(exchange.began),
             )
+
+    def mode_is_asked(self) -> None:
+        """Note that a change of mode is written; from any thread."""
+        self._mode_asked_at = self.vehicle.now()
+
+    @property
+    def changes_mode(self) -> bool:
+        """True while the shown mode may be out of date: another one was asked for, and not seen yet."""
+        return self.vehicle.now() - self._mode_asked_at < _LATE
 
     async def send_to(self, target: SetPositionTargetGlobalInt, altitude: float) -> None:
         """Send a position target (``altitude`` m AMSL) until the vehicle reports it; it is not acknowledged.
@@ -244,6 +265,10 @@ class Commander:
             if ack.result != MavResult.IN_PROGRESS:
                 return ack
             wait = self.timing.working
+
+    def _answer_is_due(self, ask: Ask) -> bool:
+        """Return True if the next answer may be that of an earlier equal command, with other parameters."""
+        return self.vehicle.now() - self._unanswered.get(ask.command, -math.inf) < _LATE
 
     def addressed(self, ask: Ask) -> Ask:
         """Return a command with the vehicle's address filled in, and expect acknowledgements of it."""

@@ -32,6 +32,7 @@ from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
 _ARMED_WITHIN = 3.0  # s; the heartbeat that shows it is sent once a second
+_SHOWN_WITHIN = 3.0  # s, likewise for the modes that it had in between
 _POLL = 0.5  # s between checks of a long procedure
 FARTHEST = 100_000.0  # m; a farther goal is a mistake, such as a wrong unit or swapped coordinates
 _SLOW = 0.5  # m/s; slower counts as standing
@@ -57,6 +58,7 @@ class Flight:
         self.ceiling = limits.altitude or math.inf
         self.fastest = limits.speed
         self.descent = ""  # mode of the last landing, or return home
+        self._entered_at = -math.inf  # time of the last change of mode
         self._seen_by = -math.inf  # time by which an arming that was asked for is shown
         self._farthest = limits.distance or FARTHEST
         self.give_way = give_way
@@ -87,6 +89,12 @@ class Flight:
             change = ask or flavour.mode_command(mode)
             await self.commander.enter(mode, flavour.mode_of, change, effect=effect)
         self.descent = ""
+        self._entered_at = self.vehicle.now()
+
+    async def be_in(self, mode: str) -> None:
+        """Enter a mode unless it is surely in it."""
+        if self.mode(self.vehicle.state) != mode or self.commander.changes_mode:
+            await self.enter(mode)
 
     async def enter_external(self) -> None:
         """Change to the mode that follows setpoints."""
@@ -101,6 +109,7 @@ class Flight:
                 await self.commander.ask(brake.first.ask, tries=2, effect=Effect.NONE)
             await self.commander.enter(brake.mode, self.flavour.mode_of, brake.ask, effect=Effect.NONE)
         self.descent = ""
+        self._entered_at = self.vehicle.now()
 
     async def hold_if_ours(self) -> None:
         """Hold after a failure, unless we have no authority or it cannot be reached.
@@ -121,8 +130,7 @@ class Flight:
             return
         flavour = self.flavour
         require_remote_id(self.vehicle)
-        if self.mode(self.vehicle.state) != flavour.arming:
-            await self.enter(flavour.arming)
+        await self.be_in(flavour.arming)
         self.authority.expect(flavour.arming)
         try:
             await self._arming(arm=True, force=force)
@@ -215,13 +223,11 @@ class Flight:
         self.give_way(flavour, flavour.goto)
         before = flavour.before_go(backwards=backwards)
         if before is not None:
-            if self.mode(self.vehicle.state) != flavour.goto:
-                await self.enter(flavour.goto)  # a change of mode resets what ``before`` sets
+            await self.be_in(flavour.goto)  # a change of mode resets what ``before`` sets
             await self.commander.ask(before)
         go = flavour.go_command(to, await self.home.altitude(), speed, heading)
         if isinstance(go, SetPositionTargetGlobalInt):
-            if self.mode(self.vehicle.state) != flavour.goto:
-                await self.enter(flavour.goto)
+            await self.be_in(flavour.goto)
             await self.commander.send_to(go, to.altitude)
         else:
             await self.enter(flavour.goto, go)
@@ -284,8 +290,13 @@ class Flight:
             raise Refused(f"taken over: the vehicle is in {self.authority.taker}")
         if not state.armed:
             raise Fault("the motors stopped on the way", hint="look at the vehicle")
-        if self.mode(state) not in modes:
+        if self.mode(state) not in modes and not self._is_shown_late(self.mode(state)):
             raise Refused(f"another command changed the mode to {self.mode(state)}")
+
+    def _is_shown_late(self, mode: str) -> bool:
+        """Return True for a mode that was asked for before the present one, and may be shown first."""
+        just_entered = self.vehicle.now() - self._entered_at < _SHOWN_WITHIN
+        return just_entered and self.authority.asked_before(mode)
 
     async def wait(self, seconds: float, *modes: str) -> None:
         """Wait for a time, checking that the flight continues as commanded."""

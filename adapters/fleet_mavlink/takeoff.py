@@ -100,8 +100,8 @@ class _Attempt:
         flight.give_way(flavour, flavour.takeoff)
         if self._armed_by_us:
             await flight.arm()
-        elif flavour.takeoff == flavour.arming != self._left:
-            await flight.enter(flavour.arming)
+        elif flavour.takeoff == flavour.arming:
+            await flight.be_in(flavour.arming)
         self._target = await flight.home.altitude() + self._altitude
         try:
             await self._ask()

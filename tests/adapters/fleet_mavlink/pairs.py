@@ -115,10 +115,8 @@ def _arrived(place):
     return judge
 
 
-def _moved(flown, last):
-    way = math.hypot(flown.after.north - flown.before.north, flown.after.east - flown.before.east)
-    if way < 0.3 and flown.before.speed < STILL:
-        return f"driven for a second, and moved {way:.1f} m"
+def _moved(_flown, last):
+    """A velocity that is held no more has ended."""
     return "" if _stands(last) else f"driven, and still moves at {last.speed:.1f} m/s"
 
 

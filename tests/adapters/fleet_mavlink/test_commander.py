@@ -396,6 +396,32 @@ def test_a_change_of_mode_gives_way_to_something_urgent(talk):
     talk(test)
 
 
+def test_a_late_answer_to_an_equal_command_is_not_taken_for_this_ones(talk):
+    async def test(it):
+        overtaken = asyncio.ensure_future(it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=3.0)))
+        await asyncio.sleep(0.1)
+        overtaken.cancel()
+        it.later(0.2, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
+        it.later(0.4, ack(MavResult.FAILED, MavCmd.NAV_TAKEOFF))
+        with pytest.raises(Refused):
+            await it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=5.0))
+
+    talk(test)
+
+
+def test_a_command_whose_answer_may_be_that_of_the_one_before_is_sent_again(talk):
+    async def test(it):
+        overtaken = asyncio.ensure_future(it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=3.0)))
+        await asyncio.sleep(0.1)
+        overtaken.cancel()
+        it.later(0.2, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
+        it.later(1.5, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
+        await it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=5.0))
+        assert [sent.param7 for sent in it.sent] == [3.0, 5.0, 5.0]
+
+    talk(test)
+
+
 def test_a_late_answer_to_where_it_was_to_go_is_not_taken_for_the_holds(talk):
     async def test(it):
         px4 = Px4()
