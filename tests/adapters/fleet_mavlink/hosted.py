@@ -118,6 +118,7 @@ class HostedSky(Sky):
             and not self.robot.controller.offline
             and self.state.home_altitude is not None
         )
+        await asyncio.sleep(2.0)  # the host hears of its home once a second
         return self
 
     def _take(self, what, name):

@@ -372,8 +372,8 @@ def judge(it, one, other, *, rests):
         if trouble:
             yield f"{other.what} done, but: {trouble}"
     elif other.refused:
-        if not other.asked.reason:
-            yield f"{other.what} refused without a reason"
+        if not other.asked.reason or _untrue(other, one, it):
+            yield f"{other.what} refused, because: {other.asked.reason}"
         if other.after is not None and not other.what.judge(other, last) and _means_something(other):
             yield f"{other.what} failed, but it happened: {other.asked.reason}"
     if one.done and one.after is not None and one.what.name in {"land", "return_to_home", "disarm"}:
@@ -382,6 +382,20 @@ def judge(it, one, other, *, rests):
             yield f"first {one.what} done, but: {trouble}"
     if last.armed and last.grounded and last.speed > 0.1:
         yield f"moves on the ground: {last}"
+
+
+def _untrue(other, one, it):
+    """Return a reason of a refusal that is not true; empty for one that is, or was until just now."""
+    reason, before = other.asked.reason, other.before
+    known = (
+        reason.startswith(("busy with ", "there is no ", "emergency stop is set", "it is not armed"))
+        or (reason.startswith("not in the air") and before.height < 0.3)
+        or (reason.startswith("it is in the air and would fall") and before.height > 0.05)
+        or ("a pilot or a fail-safe has it" in reason and it.losses)
+        or (" is below 1 m" in reason and before.height < SINK + 1.5)
+        or (reason.startswith("busy: it takes off") and "takeoff" in {one.what.name, before.mode.lower()})
+    )
+    return "" if known else reason
 
 
 def _means_something(flown):

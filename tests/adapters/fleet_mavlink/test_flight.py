@@ -295,3 +295,19 @@ def test_motors_are_not_stopped_by_force_in_the_air_that_is_not_seen_yet(fly, sk
             assert it.armed
 
     fly(main())
+
+
+@both
+def test_a_landing_right_after_a_halt_is_not_undone_by_the_hold_that_follows_the_halt(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, faults={"state_lag": 0.5}) as it:
+            await it.met()
+            await it.do("takeoff", altitude=6.0)
+            await it.adapter.stop("hover")
+            it.adapter.drive(FORWARD)
+            await it.until(lambda: it.adapter._session.commander.turns.current is not None)
+            it.adapter.halt()  # the watchdog's: the only velocity has had its time
+            await it.do("land")
+            assert not it.armed
+
+    fly(main())
