@@ -58,7 +58,7 @@ class Flight:
         self.ceiling = limits.altitude or math.inf
         self.fastest = limits.speed
         self.descent = ""  # mode of the last landing, or return home
-        self._entered_at = -math.inf  # time of the last change of mode
+        self._entered_at = -math.inf  # time of the last change of mode that was accepted
         self._seen_by = -math.inf  # time by which an arming that was asked for is shown
         self._farthest = limits.distance or FARTHEST
         self.give_way = give_way
@@ -89,6 +89,10 @@ class Flight:
             change = ask or flavour.mode_command(mode)
             await self.commander.enter(mode, flavour.mode_of, change, effect=effect)
         self.descent = ""
+        self.mode_was_asked()
+
+    def mode_was_asked(self) -> None:
+        """Note that a command that leads to another mode was accepted."""
         self._entered_at = self.vehicle.now()
 
     async def be_in(self, mode: str) -> None:
@@ -109,7 +113,7 @@ class Flight:
                 await self.commander.ask(brake.first.ask, tries=2, effect=Effect.NONE)
             await self.commander.enter(brake.mode, self.flavour.mode_of, brake.ask, effect=Effect.NONE)
         self.descent = ""
-        self._entered_at = self.vehicle.now()
+        self.mode_was_asked()
 
     async def hold_if_ours(self) -> None:
         """Hold after a failure, unless we have no authority or it cannot be reached.

@@ -144,8 +144,9 @@ class _Attempt:
             await self._go()
             return
         ask = flavour.takeoff_command(self._altitude, self._target - self._altitude)
-        with flight.authority.asking(flavour.arming, flavour.takeoff, flavour.hold):
+        with flight.authority.asking(flavour.arming, flavour.takeoff):
             await flight.commander.ask(ask, seen=self._obeyed)
+        flight.mode_was_asked()
 
     def _obeyed(self, state: VehicleState) -> bool:
         """Return True if a vehicle that did not answer takes off nevertheless."""

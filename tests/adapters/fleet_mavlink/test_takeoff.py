@@ -262,3 +262,32 @@ def test_a_second_takeoff_to_a_lower_height_before_it_is_seen_to_fly_never_desce
             assert it.height > 2.0
 
     fly(main())
+
+
+def test_a_takeoff_flies_though_a_hold_that_was_asked_for_before_is_shown_late(fly, sky):
+    async def main():
+        async with sky("ardupilot", faults={"state_lag": 1.0}) as it:
+            await it.met()
+            await it.do("arm")
+            async with ended(it.adapter.stop("hover")):
+                await it.until(lambda: it.mode == "BRAKE")
+            await it.do("takeoff", altitude=5.0)
+            assert it.state.relative_altitude == pytest.approx(5.0, abs=EXACT)
+
+    fly(main())
+
+
+@both
+def test_a_takeoff_flies_though_a_landing_that_was_asked_for_before_is_shown_late(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, faults={"state_lag": 1.0}) as it:
+            await it.met()
+            async with ended(it.do("takeoff", altitude=9.0)):
+                await it.until(lambda: it.state.in_air and it.height > 1.0)
+            async with ended(it.do("land")):
+                await it.until(lambda: it.mode == "LAND")
+            await it.do("takeoff", altitude=8.0)
+            assert it.armed
+            assert it.state.relative_altitude == pytest.approx(8.0, abs=EXACT)
+
+    fly(main())
