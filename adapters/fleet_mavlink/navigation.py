@@ -200,7 +200,7 @@ class AutopilotNavigator:
         flight, vehicle = self._flight, self._vehicle
         require_connection(vehicle)
         home, flavour = vehicle.state.home, flight.flavour
-        if not vehicle.state.armed:
+        if not await flight.has_motors_on():
             raise not_armed()
         if home is None:
             raise home_unknown()

@@ -48,6 +48,10 @@ class Asked:
 class HostedSky(Sky):
     """A simulated vehicle that the host moves; ``ask`` and its kin return the request."""
 
+    def __init__(self, flavour, *, vehicle="multirotor", **more):
+        super().__init__(flavour, vehicle=vehicle, **more)
+        self.drives = vehicle == "rover"
+
     async def __aenter__(self):
         loop = asyncio.get_running_loop()
         self.clock = LoopClock(loop)

@@ -20,7 +20,7 @@ TAKEOFF, RISE, SINK, STEP = 7.0, 3.0, 2.0, 5.0  # m
 SPEED = 1.0  # m/s
 STILL = 0.4  # m/s, as fast as a vehicle that stands
 EXACT = 0.8  # m
-BRAKES = 5.0  # s
+BRAKES = 8.0  # s
 LONG = 700.0  # s
 
 
@@ -47,6 +47,7 @@ class Seen:
     speed: float
     armed: bool
     mode: str
+    drives: bool = False  # on the ground, and not in the air
 
     def away(self, place):
         """Return the metres to a place: east, north, up."""
@@ -54,12 +55,12 @@ class Seen:
 
     @property
     def grounded(self):
-        return self.height < 0.1
+        return self.height < 0.1 and not self.drives
 
 
 def look(it):
     north, east, height = it.place
-    return Seen(it.now, north, east, height, it.speed, it.armed, it.mode)
+    return Seen(it.now, north, east, height, it.speed, it.armed, it.mode, it.drives)
 
 
 @dataclass
@@ -106,11 +107,21 @@ def _landed(flown, last):
     return "" if not last.armed else "landed, and is armed later"
 
 
+def _came_home(flown, last):
+    """A rover stands at home."""
+    if not flown.before.drives:
+        return _landed(flown, last)
+    away = math.hypot(flown.after.north, flown.after.east)
+    return f"came home {away:.1f} m beside" if flown.before.armed and away > 2.0 else ""
+
+
 def _arrived(place):
     def judge(flown, last):
-        if flown.after.away(place) > 1.5:
-            return f"arrived {flown.after.away(place):.1f} m beside"
-        return "" if _stands(last) and last.away(place) < 2.0 else f"arrived, and left: {last}"
+        there = place if not last.drives else (*place[:2], 0.0)
+        off = 1.5 + 1.0 * last.drives
+        if flown.after.away(there) > off:
+            return f"arrived {flown.after.away(there):.1f} m beside"
+        return "" if _stands(last) and last.away(there) < off + 1.0 else f"arrived, and left: {last}"
 
     return judge
 
@@ -144,7 +155,7 @@ def _halted(flown, last):
     if fast:
         return f"stopped, and moves at {fast[0].speed:.1f} m/s in {fast[0].mode}"
     off = math.dist((last.north, last.east, last.height), (flown.after.north, flown.after.east, flown.after.height))
-    return f"stopped, and is {off:.1f} m away" if off > 1.0 + 2.0 * flown.after.speed else ""
+    return f"stopped, and is {off:.1f} m away" if off > 1.5 + 2.5 * flown.after.speed else ""
 
 
 def _nothing(_flown, _last):
@@ -219,7 +230,7 @@ REQUESTS = {
     for each in (
         _command("takeoff", _climbed, altitude=TAKEOFF),
         _command("land", _landed),
-        _command("return_to_home", _landed),
+        _command("return_to_home", _came_home),
         _goto("goto_near", NEAR),
         _goto("goto_far", FAR),
         Request("velocity", _stick, _moved, seconds=1.0),
@@ -280,6 +291,13 @@ async def _failsafe(it):
     await it.until(lambda: it.losses and it.mode == "RTL")
 
 
+async def _driving(it):
+    """A rover on its way."""
+    await it.does("arm")
+    it.go(GoTo(Goal(Vector3(90.0, 0.0, 0.0))))
+    await it.until(lambda: it.speed > 1.0)
+
+
 STATES = {
     "ground": _ground,
     "armed": _armed,
@@ -288,6 +306,8 @@ STATES = {
     "landing": _landing,
     "failsafe": _failsafe,
 }
+ROVER_STATES = {"ground": _ground, "armed": _armed, "driving": _driving}
+NOT_FOR_ROVERS = {"takeoff", "land", "ascend", "descend", "cancel_takeoff"}
 
 
 class Monitor:
@@ -304,8 +324,8 @@ class Monitor:
         while True:
             seen = look(self.it)
             self.track.append(seen)
-            if armed and not seen.armed and seen.height > 0.15:
-                self.faults.append(f"disarmed at {seen.height:.1f} m")
+            if armed and not seen.armed and (seen.height > 0.15 or (seen.drives and seen.speed > 0.6)):
+                self.faults.append(f"disarmed at {seen.height:.1f} m, {seen.speed:.1f} m/s")
             armed = seen.armed
             for flown in self.on_end:
                 if flown.after is None and flown.asked.end is not None:
@@ -319,10 +339,10 @@ async def _rests(it, track):
     began = it.now
     while it.now - began < LONG:
         seen = track[-1]
-        coming = seen.mode in COMES_DOWN and seen.armed
+        coming = seen.mode in COMES_DOWN and seen.armed and not seen.drives
         if not _stands(seen) or coming:
             since = it.now
-        if it.now - since > 8.0:
+        if it.now - since > BRAKES + 2.0:
             return True
         await asyncio.sleep(0.1)
     return False
@@ -331,7 +351,7 @@ async def _rests(it, track):
 async def play(it, state, first, second, delay):
     """Play one pair on a vehicle that was met; return what is wrong, and what was answered."""
     first, second = REQUESTS[first], REQUESTS[second]
-    await STATES[state](it)
+    await (STATES | ROVER_STATES)[state](it)
     monitor = Monitor(it)
     watching = asyncio.ensure_future(monitor.run())
     try:
@@ -380,7 +400,7 @@ def judge(it, one, other, *, rests):
         trouble = one.what.judge(one, one.after)
         if trouble:
             yield f"first {one.what} done, but: {trouble}"
-    if last.armed and last.grounded and last.speed > 0.1:
+    if last.armed and last.grounded and last.speed > STILL:
         yield f"moves on the ground: {last}"
 
 
@@ -393,9 +413,16 @@ def _untrue(other, one, it):
         or (reason.startswith("it is in the air and would fall") and before.height > 0.05)
         or ("a pilot or a fail-safe has it" in reason and it.losses)
         or (" is below 1 m" in reason and before.height < SINK + 1.5)
+        or (reason.startswith("it moves, and would coast") and before.speed > 0.3)
+        or (it.sim.faults and _lost(reason))
         or (reason.startswith("busy: it takes off") and "takeoff" in {one.what.name, before.mode.lower()})
     )
     return "" if known else reason
+
+
+def _lost(reason):
+    """Return True for a reason that a bad link has."""
+    return any(words in reason for words in ("did not answer", "does not change to", "did not say how"))
 
 
 def _means_something(flown):
