@@ -202,7 +202,8 @@ class Commander:
     async def send_to(self, target: SetPositionTargetGlobalInt, altitude: float) -> None:
         """Send a position target (``altitude`` m AMSL) until the vehicle reports it; it is not acknowledged.
 
-        Raises Refused if the vehicle keeps another target, or if a more urgent command took over.
+        Raises Refused if the vehicle keeps another target, or if a more urgent command took over, TimedOut if
+        it does not answer.
         """
         look = CommandLong(MavCmd.REQUEST_MESSAGE, param1=float(PositionTargetGlobalInt.message_id))
         addressed = msgspec.structs.replace(target, target_system=self.vehicle.system)
@@ -220,6 +221,11 @@ class Commander:
                 exchange.require_wanted()
                 if _is_bound_for(self.vehicle.state, place, began):
                     return
+            if not exchange.acks and self.vehicle.state.sensors.bound_at < exchange.began:
+                raise TimedOut(
+                    f"system {self.vehicle.system} did not say where it flies to",
+                    hint=f"sent {self.timing.tries} times; is the link good?",
+                )
             raise Refused(
                 "the autopilot does not take the place",
                 hint="is it inside its own fence?",

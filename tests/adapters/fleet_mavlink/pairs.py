@@ -422,7 +422,7 @@ def _untrue(other, one, it):
 
 def _lost(reason):
     """Return True for a reason that a bad link has."""
-    return any(words in reason for words in ("did not answer", "does not change to", "did not say how"))
+    return any(words in reason for words in ("did not answer", "does not change to", "did not say", "no heartbeat", "is unknown"))
 
 
 def _means_something(flown):
