@@ -184,6 +184,8 @@ class Commander:
                 if exchange.refusal is not None:
                     self._mode_asked_at = -math.inf
                     raise await self._refusal(ask, exchange.refusal, exchange)
+            if already:
+                raise TimedOut(f"system {self.vehicle.system} did not answer {_name(ask)}")
             raise TimedOut(
                 f"system {self.vehicle.system} does not change to {mode}, it stays in "
                 f"{shows(self.vehicle.state)}",

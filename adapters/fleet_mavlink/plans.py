@@ -206,10 +206,17 @@ class Plans:
     async def _answer(
         self, ask: MavlinkMessage, heard: ReceivedMessages[_Said], wanted: Callable[[_Said], bool]
     ) -> _Said:
-        """Send a request until the answer arrives; raises TimedOut."""
+        """Send a request until the answer arrives; raises TimedOut.
+
+        A cancellation is the late end of an upload that was broken off.
+        """
+
+        def answers(said: _Said) -> bool:
+            return wanted(said) and not (isinstance(said, MissionAck) and said.type == _CANCELLED)
+
         for _ in range(_TRIES):
             self._send(ask)
-            said = await heard.first(wanted, _SILENCE)
+            said = await heard.first(answers, _SILENCE)
             if said is not None:
                 return said
         raise TimedOut(f"system {self._vehicle.system} did not answer {type(ask).__name__}")

@@ -406,3 +406,16 @@ def test_a_mission_that_was_paused_before_the_autopilot_had_it_is_sent_when_it_i
             assert it.place == pytest.approx((0.0, 15.0, 6.0), abs=1.2)
 
     fly(main())
+
+
+def test_the_end_of_an_upload_that_was_broken_off_is_not_taken_for_the_answer_to_a_download(fly, sky):
+    async def main():
+        async with sky("ardupilot", faults={"delay": 0.2}) as it:  # it gives the upload up after seconds
+            await it.met()
+            await it.do("takeoff")
+            starting = asyncio.ensure_future(flown(it, SQUARE))
+            await asyncio.sleep(0.7)
+            starting.cancel()
+            await it.adapter._session.plans.download(PlanType.MISSION)
+
+    fly(main())
