@@ -9,7 +9,6 @@ from fleet import CommandError
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.state import VehicleState
 
-
 _STALE = 2  # heartbeats in the mode that it had before that may arrive after a request
 
 

@@ -18,7 +18,6 @@ from fleet_mavlink.messages import (
     Ask,
     CommandAck,
     CommandLong,
-    Heartbeat,
     PositionTargetGlobalInt,
     SetPositionTargetGlobalInt,
 )
@@ -156,41 +155,62 @@ class Commander:
             already = shows(self.vehicle.state) == mode
             late = self._answer_is_due(ask)
             for attempt in range(self.timing.tries):
-                last = self.vehicle.state.heartbeat
                 exchange.refusal = None
-                if not already:
-                    self.mode_is_asked()
-                self._send(ask, attempt)
-
-                def settled(state: VehicleState, last: Heartbeat | None = last) -> bool:
-                    if exchange.superseded:
-                        return True
-                    shown = state.heartbeat is not last and shows(state) == mode
-                    return shown or self._is_refused(exchange, state)
-
                 if already:
-                    ack = await self._answer(exchange, None)
-                    if late and ack is not None:
-                        late, exchange.refusal = False, None
-                        ack = await self._answer(exchange, None)
-                    entered = ack is not None and ack.result == MavResult.ACCEPTED
+                    entered = await self._is_accepted(exchange, ask, attempt, late=late and attempt == 0)
                 else:
-                    await self.vehicle.until(settled, self.timing.heartbeat)
-                    entered = shows(self.vehicle.state) == mode
+                    entered = await self._is_shown(exchange, ask, attempt, mode, shows)
                 exchange.require_wanted()
                 if entered:
-                    self._mode_asked_at = self._mode_asked_at if already else -math.inf
                     return
-                if exchange.refusal is not None:
-                    self._mode_asked_at = -math.inf
-                    raise await self._refusal(ask, exchange.refusal, exchange)
-            if already:
-                raise TimedOut(f"system {self.vehicle.system} did not answer {_name(ask)}")
+                await self._require_no_refusal(exchange, ask)
+            seen = f"does not change to {mode}, it stays in {shows(self.vehicle.state)}"
             raise TimedOut(
-                f"system {self.vehicle.system} does not change to {mode}, it stays in "
-                f"{shows(self.vehicle.state)}",
+                f"system {self.vehicle.system} {f'did not answer {_name(ask)}' if already else seen}",
                 messages=self._words_since(exchange.began),
             )
+
+    async def _is_accepted(self, exchange: CommandTurn, ask: Ask, attempt: int, *, late: bool) -> bool:
+        """Send a command that leads to the mode that is shown; return whether it was accepted.
+
+        ``late``: the first answer is that of an earlier equal command, with other parameters.
+        """
+        self._send(ask, attempt)
+        ack = await self._answer(exchange, None)
+        if late and ack is not None:
+            exchange.refusal = None
+            ack = await self._answer(exchange, None)
+        return ack is not None and ack.result == MavResult.ACCEPTED
+
+    async def _is_shown(
+        self,
+        exchange: CommandTurn,
+        ask: Ask,
+        attempt: int,
+        mode: str,
+        shows: Callable[[VehicleState], str],
+    ) -> bool:
+        """Send a command that leads to another mode; return whether a heartbeat shows it."""
+        last = self.vehicle.state.heartbeat
+        self.mode_is_asked()
+        self._send(ask, attempt)
+
+        def settled(state: VehicleState) -> bool:
+            if exchange.superseded:
+                return True
+            shown = state.heartbeat is not last and shows(state) == mode
+            return shown or self._is_refused(exchange, state)
+
+        await self.vehicle.until(settled, self.timing.heartbeat)
+        entered = shows(self.vehicle.state) == mode
+        self._mode_asked_at = -math.inf if entered else self._mode_asked_at
+        return entered
+
+    async def _require_no_refusal(self, exchange: CommandTurn, ask: Ask) -> None:
+        """Raise the refusal of a change of mode, if there is one: the mode that is shown stays."""
+        if exchange.refusal is not None:
+            self._mode_asked_at = -math.inf
+            raise await self._refusal(ask, exchange.refusal, exchange)
 
     def mode_is_asked(self) -> None:
         """Note that a change of mode is written; from any thread."""

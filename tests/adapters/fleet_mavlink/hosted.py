@@ -109,7 +109,9 @@ class HostedSky(Sky):
     @property
     def losses(self):
         """Return how control was lost, by the host's events."""
-        return [each.text for each in self.reports if isinstance(each, EventReport) and "authority" in each.text]
+        return [
+            each.text for each in self.reports if isinstance(each, EventReport) and "authority" in each.text
+        ]
 
     @property
     def adapter_known(self):
@@ -118,9 +120,11 @@ class HostedSky(Sky):
     async def met(self):
         """Let time pass until the host knows the vehicle and where it is."""
         await self.until(
-            lambda: self.adapter_known
-            and not self.robot.controller.offline
-            and self.state.home_altitude is not None
+            lambda: (
+                self.adapter_known
+                and not self.robot.controller.offline
+                and self.state.home_altitude is not None
+            )
         )
         await asyncio.sleep(2.0)  # the host hears of its home once a second
         return self

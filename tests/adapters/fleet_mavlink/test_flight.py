@@ -284,7 +284,9 @@ def test_motors_that_are_not_seen_to_run_yet_are_switched_off(fly, sky, flavour,
 
 def test_motors_are_not_stopped_by_force_in_the_air_that_is_not_seen_yet(fly, sky):
     async def main():
-        async with sky("ardupilot", faults={"state_lag": 1.5}) as it:  # PX4 says it before it leaves the ground
+        async with sky(
+            "ardupilot", faults={"state_lag": 1.5}
+        ) as it:  # PX4 says it before it leaves the ground
             await it.met()
             rising = asyncio.ensure_future(it.do("takeoff", altitude=6.0))
             await it.until(lambda: it.height > 0.3)
