@@ -199,12 +199,12 @@ class MavlinkAdapter(Stops, PayloadCommands, TransitionCommands, UpkeepCommands)
     @command("arm", interrupts=False)
     async def arm(self, *, force: bool = False) -> None:
         """Start the motors, in a mode that can be moved in."""
-        await self._session.flight.arm(force=force)
+        await self._session.flight.arming.arm(force=force)
 
     @command("disarm", in_place=True)
     async def disarm(self, *, force: bool = False) -> None:
         """Stop the motors; refused in the air and while it drives, whatever ``force`` says."""
-        await self._session.flight.disarm(force=force)
+        await self._session.flight.arming.disarm(force=force)
 
     @command("kill", moves=False, safe=True)  # so that nothing is waited for before it
     async def kill(self, *, force: bool = False) -> None:

@@ -174,7 +174,7 @@ class MissionPilot:
         self._kept = mission.items
         yield Progress(0.0, "the autopilot has it")
         if surface:
-            await self._flight.arm()
+            await self._flight.arming.arm()
         elif not self._vehicle.state.in_air:
             height = next(item.point.altitude for item in mission.items if item.point and item.kind != "land")
             height -= home.altitude if mission.above_sea else 0.0

@@ -6,9 +6,9 @@ from collections.abc import AsyncIterator
 
 from fleet import CommandError, Fault, GeoPoint, Progress, Refused, TimedOut
 from fleet_mavlink.constants import Landed
-from fleet_mavlink.flight import Flight, height_of, is_standing
+from fleet_mavlink.flight import Flight, height_of
 from fleet_mavlink.parameters import Parameters
-from fleet_mavlink.preconditions import known_heading, known_position, require_control
+from fleet_mavlink.preconditions import is_standing, known_heading, known_position, require_control
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.winged_takeoff import WingedTakeOff
 from fleet_mavlink.wings import Winged
@@ -99,7 +99,7 @@ class _Attempt:
         self._armed_by_us = not self._vehicle.state.armed
         flight.give_way(flavour, flavour.takeoff)
         if self._armed_by_us:
-            await flight.arm()
+            await flight.arming.arm()
         elif flavour.takeoff == flavour.arming:
             await flight.be_in(flavour.arming)
         self._target = await flight.home.altitude() + self._altitude
@@ -107,7 +107,7 @@ class _Attempt:
             await self._ask()
         except CommandError:
             if self._armed_by_us:
-                await flight.disarm_quietly()
+                await flight.arming.disarm_quietly()
                 raise
             if not await self._vehicle.until(self._shows_why, flight.commander.timing.heartbeat):
                 raise
@@ -202,7 +202,7 @@ class _Attempt:
     async def _give_up(self) -> None:
         """Undo the take-off, and raise TimedOut."""
         if self._armed_by_us:
-            await self._flight.disarm_quietly()
+            await self._flight.arming.disarm_quietly()
         raise TimedOut(f"it did not leave the ground in {_OFF_GROUND_WITHIN:g} s")
 
     async def _require_end(self) -> None:
