@@ -25,6 +25,8 @@ class Authority:
         self.cause = ""  # reason given by the fail-safe that ended it
         self._expected: frozenset[str] = frozenset()
         self._earlier: frozenset[str] = frozenset()  # requested before, not seen yet: may be shown first
+        self._left: frozenset[str] = frozenset()  # seen or asked for just before the expected ones
+        self._doubts = False  # the last heartbeat showed one of those, and was not believed
         self._shown = 0  # heartbeats with an expected mode since it was expected
         self._mode = ""
         self._armed = False
@@ -64,8 +66,8 @@ class Authority:
         self._expected |= set(modes)
 
     def asked_before(self, mode: str) -> bool:
-        """Return True for a mode that was asked for before the expected one, and was not seen yet."""
-        return mode in self._earlier
+        """Return True for a mode that was asked for before the expected one, and may still be shown."""
+        return mode in self._earlier | self._left
 
     def taken_by(self, who: str, mode: str) -> None:
         """Lose authority to another station that commands the vehicle, which is in ``mode`` now."""
@@ -87,7 +89,10 @@ class Authority:
         if flavour.surface and not was_armed:
             before = ""  # a person who arms a rover in MANUAL drives it
         self._shown = self._shown + 1 if mode in self._expected else 0
-        if self._shown > _STALE or (self._shown and changed):
+        if self._shown > _STALE:
+            self._earlier = self._left = frozenset()
+        elif self._shown and changed:
+            self._left |= self._earlier
             self._earlier = frozenset()
         if not state.armed:
             self.lost_to = ""
@@ -95,7 +100,13 @@ class Authority:
         if self._arms and not was_armed:
             self.taken_by(self._arms, mode)
         if mode == before or mode in self._allowed(before, flavour.follows, flavour.ours):
+            self._doubts = False
             return
+        if mode in self._left and not (self._doubts or state.failsafe):
+            # Datagrams overtake each other: the next heartbeat tells.
+            self._doubts, self._mode = True, before
+            return
+        self._doubts = False
         already, self.lost_to = self.lost_to, mode
         if already or not before:
             return
