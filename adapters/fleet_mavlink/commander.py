@@ -149,6 +149,7 @@ class Commander:
         Acknowledgements only explain a failure: PX4 sends two, the first of which is meaningless, and the
         second may be mistaken for that of the next command. Raises like ``ask``.
         """
+        unsure = self.changes_mode
         if shows(self.vehicle.state) != mode:
             self.mode_is_asked()
         async with CommandTurn(self.turns, ask, effect=effect) as exchange:
@@ -158,6 +159,7 @@ class Commander:
                 exchange.refusal = None
                 if already:
                     entered = await self._is_accepted(exchange, ask, attempt, late=late and attempt == 0)
+                    entered = entered and (not unsure or await self._stays(exchange, mode, shows))
                 else:
                     entered = await self._is_shown(exchange, ask, attempt, mode, shows)
                 exchange.require_wanted()
@@ -181,6 +183,19 @@ class Commander:
             exchange.refusal = None
             ack = await self._answer(exchange, None)
         return ack is not None and ack.result == MavResult.ACCEPTED
+
+    async def _stays(self, exchange: CommandTurn, mode: str, shows: Callable[[VehicleState], str]) -> bool:
+        """Return whether the next heartbeat shows a mode that was accepted after another was asked for.
+
+        Datagrams overtake each other: the other command may have been carried out after this one.
+        """
+        last = self.vehicle.state.heartbeat
+
+        def settled(state: VehicleState) -> bool:
+            return bool(exchange.superseded) or state.heartbeat is not last
+
+        await self.vehicle.until(settled, self.timing.heartbeat)
+        return shows(self.vehicle.state) == mode
 
     async def _is_shown(
         self,

@@ -14,7 +14,7 @@ from fleet_mavlink.sim.ardupilot_modes import MODES
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.command_request import FAILED
 from fleet_mavlink.sim.fence import is_outside
-from fleet_mavlink.sim.manoeuvres import DriveManoeuvre, GoToManoeuvre, Manoeuvre, place_of, resting
+from fleet_mavlink.sim.manoeuvres import DriveManoeuvre, GoToManoeuvre, Land, Manoeuvre, place_of, resting
 from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.satellites import ARDUPILOT_LOSS, Loss
 from fleet_mavlink.sim.setpoints import ReceivedSetpoint, Triple, setpoint_of, turned
@@ -28,6 +28,7 @@ _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
 _AMSL_FRAMES = frozenset({0, 5})
 _STOP = (0.0, 0.0, 0.0)
 _LANDED_DISARM = 2.0
+_SPOOLED_DOWN = 1.0  # s after which its motors idle in LAND on the ground
 _CHECKS_EVERY = 1.0  # s; RUN_PREARM_CHECKS reports its findings without changing the bit
 _LOG_REOPENS = 5.0  # s after it could not be opened
 _PREARM_EVERY = 30.0
@@ -251,11 +252,12 @@ class ArduPilot(Autopilot):
                 self.say(CRITICAL, f"PreArm: {refusal}")
 
     def watch_idle(self) -> None:
-        """Disarm 2 s after a landing, in LAND at once if it is on the ground already.
+        """Disarm 2 s after a landing, in LAND sooner if it is on the ground already.
 
         Without a take-off it disarms DISARM_DELAY after it was armed.
         """
-        never_left = self.mode.name == "LAND" and not (self.flying or self.left_ground)
+        lands, leaves = self.manoeuvre, self.flying or self.left_ground
+        never_left = isinstance(lands, Land) and not leaves and self.time - lands.begun > _SPOOLED_DOWN
         landed = self.touched_at is not None and self.time - self.touched_at > _LANDED_DISARM
         ends = self.manoeuvre.done or self.mode.name in {"LAND", "RTL"}
         delay = self.params["DISARM_DELAY"]

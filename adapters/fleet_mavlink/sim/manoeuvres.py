@@ -201,6 +201,7 @@ class Land(Manoeuvre):
 
     def __init__(self, pilot: Autopilot, place: NedPosition | None = None) -> None:
         here = place or braked(pilot)
+        self.begun = pilot.time
         self.north = here.north
         self.east = here.east
         self.down = 0.0

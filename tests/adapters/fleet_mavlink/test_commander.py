@@ -12,7 +12,7 @@ from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import VehicleState
 
 ARM = CommandLong(MavCmd.COMPONENT_ARM_DISARM, param1=1.0)
-LOITER, OFFBOARD = 0x03040000, 0x00060000
+LOITER, LAND, OFFBOARD = 0x03040000, 0x06040000, 0x00060000
 MODE = Px4().mode_of
 
 
@@ -445,5 +445,21 @@ def test_an_answer_that_came_in_time_is_not_waited_for_twice(talk):
             it.later(0.1, ack(MavResult.ACCEPTED, MavCmd.DO_REPOSITION))
             await it.commander.enter("AUTO.LOITER", MODE, hold)
         assert len(it.sent) == 2
+
+    talk(test)
+
+
+def test_a_mode_that_it_is_in_is_asked_for_again_if_another_one_was_carried_out_after_it(talk):
+    async def test(it):
+        land = CommandLong(MavCmd.DO_SET_MODE, param1=1.0, param2=4.0, param3=6.0)
+        overtaken = asyncio.ensure_future(it.commander.enter("AUTO.LAND", MODE, land))
+        await asyncio.sleep(0.05)
+        overtaken.cancel()  # its frame is overtaken by the next one
+        for seconds in (0.05, 0.75):
+            it.later(seconds, ack(MavResult.ACCEPTED, MavCmd.DO_REPOSITION))
+        it.beats_later(0.7, mode=LAND, armed=True)
+        it.beats_later(1.7, mode=LOITER, armed=True)
+        await it.commander.enter("AUTO.LOITER", MODE, CommandInt(MavCmd.DO_REPOSITION))
+        assert [sent.command for sent in it.sent[1:]] == [MavCmd.DO_REPOSITION] * 2
 
     talk(test)
