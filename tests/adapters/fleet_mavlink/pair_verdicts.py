@@ -170,10 +170,11 @@ def _judge_refusal(it, one, other, last):
 def _untrue(other, one, it):
     """Return a reason of a refusal that is not true; empty for one that is, or was until just now."""
     reason, before = other.asked.reason, other.before
+    rises = one.what.name in {"takeoff", "mission"}  # PX4 says early that it flies
     known = (
         reason.startswith(("busy with ", "there is no ", "emergency stop is set", "it is not armed"))
         or (reason.startswith("not in the air") and before.height < 0.3)
-        or (reason.startswith("it is in the air and would fall") and before.height > 0.05)
+        or (reason.startswith("it is in the air and would fall") and (before.height > 0.05 or rises))
         or ("a pilot or a fail-safe has it" in reason and it.losses)
         or (" is below 1 m" in reason and before.height < SINK + 1.5)
         or (reason.startswith("it moves, and would coast") and before.speed > 0.3)
