@@ -214,7 +214,7 @@ class Commander:
             if exchange.superseded:
                 return True
             shown = state.heartbeat is not last and shows(state) == mode
-            return shown or self._is_refused(exchange, state)
+            return shown or _is_refused(exchange, state)
 
         await self.vehicle.until(settled, self.timing.heartbeat)
         entered = shows(self.vehicle.state) == mode
@@ -268,15 +268,6 @@ class Commander:
                 hint="is it inside its own fence?",
                 messages=self._words_since(exchange.began),
             )
-
-    @staticmethod
-    def _is_refused(exchange: CommandTurn, state: VehicleState) -> bool:
-        """Return True if a heartbeat after a refusal still shows another mode.
-
-        A heartbeat right after the refusal does not count: it may be older than the change of mode, and the
-        refusal may be that of the previous command.
-        """
-        return exchange.refusal is not None and state.heartbeat_at > exchange.refused_at + _CROSSING
 
     def _acknowledged(self, ack: CommandAck) -> None:
         """Process an acknowledgement of the current command; others are late, or for another station."""
@@ -342,6 +333,15 @@ class Commander:
         """Return the autopilot's texts since then: its warnings, or all texts without any."""
         said = [sentence for sentence in self.vehicle.sentences if sentence.at >= began]
         return _texts([sentence for sentence in said if sentence.severity <= WARNING] or said)
+
+
+def _is_refused(exchange: CommandTurn, state: VehicleState) -> bool:
+    """Return True if a heartbeat after a refusal still shows another mode.
+
+    A heartbeat right after the refusal does not count: it may be older than the change of mode, and the
+    refusal may be that of the previous command.
+    """
+    return exchange.refusal is not None and state.heartbeat_at > exchange.refused_at + _CROSSING
 
 
 def _is_bound_for(state: VehicleState, place: GeoPoint, since: float) -> bool:

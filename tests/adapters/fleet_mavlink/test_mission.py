@@ -5,6 +5,7 @@ import contextlib
 
 import msgspec
 import pytest
+from pymavlink.dialects.v20 import all as mav
 
 from fleet import FlyMission, GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Vector3
 from fleet.model.geodesy import geo_from_world
@@ -417,5 +418,18 @@ def test_the_end_of_an_upload_that_was_broken_off_is_not_taken_for_the_answer_to
             await asyncio.sleep(0.7)
             starting.cancel()
             await it.adapter._session.plans.download(PlanType.MISSION)
+
+    fly(main())
+
+
+@pytest.mark.parametrize("late", [13, 15])  # INVALID_SEQUENCE, OPERATION_CANCELLED
+def test_what_is_still_said_of_an_upload_does_not_end_a_download(fly, sky, frame_of, late):
+    async def main():
+        async with sky("ardupilot") as it:
+            await it.met()
+            await it.do("takeoff")
+            downloading = asyncio.ensure_future(it.adapter._session.plans.download(PlanType.MISSION))
+            it._peer.say(frame_of(mav.MAVLink_mission_ack_message(245, 191, late)))
+            await downloading
 
     fly(main())
