@@ -25,6 +25,7 @@ from fleet.errors import BusError
 class Bus:
     """The two sessions of a process; ``connect`` are the endpoints of other edges or routers to join.
 
+    ``sockets`` are the files of an edge's own Unix sockets.
     ``consoles`` are the identities on the bus that are consoles, and ``people`` those of persons with their
     permissions, by the edge's access rules.
     """
@@ -35,6 +36,7 @@ class Bus:
         control: ZenohSession,
         connect: tuple[str, ...] = (),
         access: Access | None = None,
+        sockets: tuple[Path, ...] = (),
     ) -> None:
         self.reports = reports
         self.control = control
@@ -42,6 +44,7 @@ class Bus:
         self.consoles = frozenset(name for name, role in roles.items() if role == "console")
         self.people = {name: PERSONS[role] for name, role in roles.items() if role in PERSONS}
         self._connect = connect
+        self._sockets = sockets
 
     @property
     def problem(self) -> str:
@@ -49,6 +52,20 @@ class Bus:
         reached = {_stable_part(endpoint) for endpoint in self.reports.reached()} if self._connect else set()
         missing = [endpoint for endpoint in self._connect if _stable_part(endpoint) not in reached]
         return _join_error(missing) if missing else ""
+
+    @property
+    def removed(self) -> str:
+        """Which of its sockets were removed, as text; empty when programs on this computer can join.
+
+        logind removes the runtime directory of a user who logs out. Zenoh cannot make a socket again.
+        """
+        missing = [path for path in self._sockets if not path.exists()]
+        if not missing:
+            return ""
+        return (
+            f"{missing[0]} was removed, as at a logout (loginctl enable-linger prevents that): "
+            "only fleet stop finds this edge until it is restarted"
+        )
 
     def close(self) -> None:
         """Close both sessions."""
@@ -98,7 +115,8 @@ def _listening(settings: BusSettings, directory: Path, users: Path | None) -> Bu
         reports.close()
         raise
     _keep_locks(directory)
-    return Bus(reports, control, settings.connect, settings.access)
+    sockets = tuple(Path(endpoint.partition("/")[2]) for endpoint in (reports_socket, control_socket))
+    return Bus(reports, control, settings.connect, settings.access, sockets)
 
 
 def _keep_locks(directory: Path) -> None:

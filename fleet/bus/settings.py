@@ -80,6 +80,16 @@ def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
     return path
 
 
+def fallback_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
+    """Return further directories in which ``fleet stop`` looks for sockets; none if FLEET_RUNTIME_DIR is set.
+
+    They need not exist. A runtime directory can be removed while an edge runs.
+    """
+    if environ.get("FLEET_RUNTIME_DIR"):
+        return []
+    return [place / f"fleet-{os.getuid()}" for place in _shared_places()]
+
+
 def client_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
     """Return the directories in which a program of this user finds edges: its own, and that of services.
 
@@ -109,7 +119,7 @@ def runtime_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
     user = os.getuid()
     whose = "*" if user == 0 else str(user)
     found = [_runtime_path(environ), *Path("/run/user").glob(f"{whose}/fleet")]
-    for place in (MEMORY, Path(tempfile.gettempdir())):
+    for place in _shared_places():
         found += place.glob(f"fleet-{whose}")
     ours = [path for path in dict.fromkeys(found) if _is_ours(path, user)]
     return [
@@ -133,8 +143,12 @@ def _runtime_path(environ: Mapping[str, str]) -> Path:
         return Path(given)
     if given := environ.get("XDG_RUNTIME_DIR"):
         return Path(given) / "fleet"
-    place = MEMORY if MEMORY.is_dir() else Path(tempfile.gettempdir())
-    return place / f"fleet-{os.getuid()}"
+    return _shared_places()[0] / f"fleet-{os.getuid()}"
+
+
+def _shared_places() -> list[Path]:
+    """Return the folders of all users in which each has a directory: in memory if possible, or temporary."""
+    return [place for place in (MEMORY, Path(tempfile.gettempdir())) if place.is_dir()]
 
 
 def socket_path(edge: str, bus_session: str, directory: Path) -> str:

@@ -11,7 +11,7 @@ import sys
 
 import click
 
-from fleet.bus.settings import runtime_dir
+from fleet.bus.settings import fallback_dirs, runtime_dir
 from fleet.cli.options import log_options
 from fleet.cli.output import Output, with_output
 from fleet.clock import SystemClock
@@ -75,7 +75,7 @@ def _supervised(module: list[str], *, notice: str = "") -> int:
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, hard), hard))
     return Supervisor(
         [*python, *module],
-        path=socket_of(runtime_dir(), os.getpid()),
+        paths=[socket_of(folder, os.getpid()) for folder in (runtime_dir(), *fallback_dirs())],
         report=print_in_thread,
         clock=SystemClock(),
         notice_command=[*python, notice] if notice else (),

@@ -152,7 +152,7 @@ class SpoolDisk:
     def _run(self) -> None:
         """Run the thread."""
         while not self._closing.is_set():
-            self._wake.wait(EXPIRE_EVERY)
+            self._wake.wait(RETRY if self._store is None else EXPIRE_EVERY)
             self._wake.clear()
             if self._queue.online and not self._queue.disk.needs_fetch:
                 self._closing.wait(TICK)

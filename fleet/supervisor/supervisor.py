@@ -23,7 +23,7 @@ import selectors
 import signal
 import socket
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -34,6 +34,7 @@ from fleet.link.backoff import backoff
 from fleet.supervisor import protocol
 from fleet.supervisor.disconnect_notice import DisconnectNotice
 from fleet.supervisor.halts import ProcessHalts
+from fleet.supervisor.listener import SupervisorListener
 from fleet.supervisor.notices import reason_of
 from fleet.supervisor.protocol import (
     LONGEST,
@@ -52,7 +53,7 @@ from fleet.supervisor.protocol import (
 )
 from fleet.supervisor.service_manager import ServiceManager
 from fleet.supervisor.signals import handled_signals
-from fleet.supervisor.sockets import VARIABLE, listening, user_of, users
+from fleet.supervisor.sockets import VARIABLE, user_of, users
 
 POLL = 0.02  # s, longest time between two iterations of the loop
 REPEATS = 5  # times that the halts of a dead process are written, in case a line loses one
@@ -110,23 +111,24 @@ class _Dead(msgspec.Struct):
 class Supervisor:
     """Runs ``command``, an edge, until it ends on request.
 
-    ``report`` takes lines for the user; ``notice_command`` is the command that sends the disconnect notice to
-    the cloud; ``manager`` is notified of readiness and life. A worker that is started by hand has a
-    supervisor of its own, in which "the edge" is that worker.
+    It listens at the first of ``paths``, and at the others if that file is removed. ``report`` takes lines
+    for the user; ``notice_command`` is the command that sends the disconnect notice to the cloud; ``manager``
+    is notified of readiness and life. A worker that is started by hand has a supervisor of its own, in which
+    "the edge" is that worker.
     """
 
     def __init__(
         self,
         command: Sequence[str],
         *,
-        path: Path,
+        paths: Sequence[Path],
         report: Callable[[str], None],
         clock: Clock,
         notice_command: Sequence[str] = (),
         manager: ServiceManager | None = None,
     ) -> None:
         self._command = tuple(command)
-        self._path = path
+        self._paths = tuple(paths)
         self._report = report
         self._notice = DisconnectNotice(notice_command, report)
         self._manager = manager or ServiceManager({}, 0)
@@ -151,7 +153,8 @@ class Supervisor:
 
     def run(self) -> int:
         """Run until the edge has ended for good; return its exit code. Raises OSError without a socket."""
-        with self._listening(), handled_signals(self._pass_on):
+        listener = SupervisorListener(self._paths, self._selector, accept=self._accept, report=self._report)
+        with self._selector, listener as self._listener, handled_signals(self._pass_on):
             try:
                 while True:
                     code = self._run_once()
@@ -165,16 +168,6 @@ class Supervisor:
                     peer.sock.close()
                 self._manager.close()
 
-    @contextlib.contextmanager
-    def _listening(self) -> Iterator[None]:
-        """Listen inside a ``with`` block."""
-        with listening(self._path) as listener, self._selector:
-            self._selector.register(listener, selectors.EVENT_READ, partial(self._accept, listener))
-            try:
-                yield
-            finally:
-                self._path.unlink(missing_ok=True)
-
     def _run_once(self) -> int | None:
         """Handle received messages and due work; return the exit code once there is one."""
         for key, _ in self._selector.select(POLL):
@@ -183,6 +176,7 @@ class Supervisor:
         self._halt_again(now)
         self._check_edge(now)
         self._check_stops(now)
+        self._listener.check(now)
         self._checked = now
         self._manager.alive(now)
         return self._check_child(now)
@@ -215,7 +209,7 @@ class Supervisor:
 
     def _start(self, now: float) -> None:
         """Start the edge in a session of its own, so that Ctrl-C reaches it only once, through us."""
-        environment = _ALLOCATOR | os.environ | {VARIABLE: str(self._path)}
+        environment = _ALLOCATOR | os.environ | {VARIABLE: str(self._listener.path)}
         self._started = now
         try:
             self._child = subprocess.Popen(self._command, env=environment, start_new_session=True)  # noqa: S603

@@ -308,9 +308,9 @@ class Edge:
         kept = (self.process.journal.problem, self.process.history.problem, self.missions.problem)
         metrics = self._metrics_port.problem if self._metrics_port else ""
         claims, expiry = self.cloud_claims.problem, self._expiry.problem
-        busy = self.process.starvation.problem
+        busy, bus = self.process.starvation.problem, (self.bus.problem, self.bus.removed)
         inputs, schedules = self._stop_inputs.problem, self.schedules.problem
-        problems = (self.bus.problem, *kept, schedules, inputs, metrics, expiry, claims, busy)
+        problems = (*bus, *kept, schedules, inputs, metrics, expiry, claims, busy)
         return [cloud, *map(degraded, (*problems, self._pair.problem, self.beside()))]
 
     def _dropped(self) -> int:

@@ -45,6 +45,13 @@ def test_a_second_edge_of_the_same_id_is_refused(directory, edge):
         open_edge(BusSettings("yard"), directory)
 
 
+def test_an_edge_whose_sockets_were_removed_says_that_programs_do_not_find_it(directory, edge):
+    assert edge.removed == ""
+    (directory / "yard.control.sock").unlink()
+    assert "yard.control.sock was removed, as at a logout" in edge.removed
+    assert "only fleet stop finds this edge until it is restarted" in edge.removed
+
+
 def test_an_edge_of_another_id_runs_beside_it(directory, opened, edge):
     opened(open_edge(BusSettings("barn"), directory))
 

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -273,6 +274,18 @@ def test_fleet_stop_says_that_an_edge_is_away_and_its_stop_is_kept(run):
     line = [sys.executable, "-m", "fleet", "stop", "--all"]
     said = subprocess.run(line, capture_output=True, text=True, check=False, timeout=60)
     assert f"edge {it.place.id} is away: its stop is set when it is back; halted now: rex" in said.stdout
+
+
+def test_fleet_stop_reaches_an_edge_whose_runtime_folder_was_removed(run):
+    it = run("main")
+    it.ready()
+    it.drive()
+    shutil.rmtree(it.place.runtime)
+    it.line("was removed, as at a logout; fleet stop reaches the supervisor")
+    line = [sys.executable, "-m", "fleet", "stop", "--all"]
+    said = subprocess.run(line, capture_output=True, text=True, check=False, timeout=60)
+    assert f"the stop is set; not seen to stand yet: rex\nreached: edge {it.place.id}\n" in said.stderr
+    assert "halt" in it.cart.words
 
 
 def test_a_stop_of_an_edge_that_is_frozen_is_written_by_its_supervisor_and_kept(run):

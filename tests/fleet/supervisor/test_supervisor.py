@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import socket
 import sys
 import tempfile
@@ -37,13 +38,17 @@ class Field:
 
     def __init__(self, folder):
         self.folder = folder
-        self.path = socket_of(folder, os.getpid())
+        self.path = socket_of(folder / "run", os.getpid())
+        self.other = socket_of(folder / "other", os.getpid())
+        self.path.parent.mkdir()
         self.ending = socket.socket(socket.AF_UNIX)
         self.ending.bind(str(folder / "end"))
         self.ending.listen()
         self.lines, self.code = [], None
         command = [sys.executable, "-c", ENDS_WHEN_TOLD, str(folder / "end")]
-        self.supervisor = Supervisor(command, path=self.path, report=self.lines.append, clock=SystemClock())
+        self.supervisor = Supervisor(
+            command, paths=[self.path, self.other], report=self.lines.append, clock=SystemClock()
+        )
         self.thread = threading.Thread(target=self._run)
         self.thread.start()
         self.child, _ = self.ending.accept()
@@ -75,13 +80,48 @@ def test_the_exit_code_is_the_edges_own(field):
     assert not field.path.exists()
 
 
+def test_a_stop_still_reaches_it_when_its_runtime_folder_was_removed(field):
+    shutil.rmtree(field.path.parent)
+    wait_until("it listens again", field.path.exists)
+    assert stop_all(field.path.parent, ("rex",))
+    (line,) = field.lines
+    assert f"{field.path} was removed, as at a logout" in line
+
+
+def test_a_stop_reaches_it_elsewhere_when_its_runtime_folder_cannot_be_made_again(field):
+    shutil.rmtree(field.path.parent)
+    field.path.parent.write_text("not a folder")
+    wait_until("it listens elsewhere", field.other.exists)
+    assert stop_all(field.other.parent, ("rex",))
+    assert str(field.other) in field.lines[0]
+
+
+def test_a_supervisor_that_can_listen_nowhere_says_so_once_and_goes_on(field):
+    shutil.rmtree(field.path.parent)
+    for path in (field.path, field.other):
+        path.parent.write_text("not a folder")
+    wait_until("it is reported", lambda: field.lines)
+    assert "cannot reach the supervisor here" in field.lines[0]
+    field.path.parent.unlink()
+    wait_until("it listens again", field.path.exists)
+    assert len(field.lines) == 2
+
+
+def test_a_socket_that_another_program_put_in_its_place_is_replaced(field):
+    field.path.unlink()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as other:
+        other.bind(str(field.path))
+        wait_until("it is reported", lambda: field.lines)
+    assert stop_all(field.path.parent, ("rex",))
+
+
 def test_the_edge_gets_few_memory_arenas_so_that_its_memory_stays_flat(field):
     variables = Path(f"/proc/{field.supervisor._child.pid}/environ").read_bytes().split(b"\0")
     assert b"MALLOC_ARENA_MAX=" + os.environb.get(b"MALLOC_ARENA_MAX", b"2") in variables
 
 
 def test_a_stop_without_an_edge_is_answered_as_kept_and_told_to_the_next(field):
-    (answer,) = stop_all(field.folder, ("rex",))
+    (answer,) = stop_all(field.path.parent, ("rex",))
     assert (answer.kept, answer.names) == (True, ())
     with contextlib.closing(connected(field.path, within=5.0)) as edge:
         pid = field.supervisor._child.pid
@@ -92,7 +132,7 @@ def test_a_stop_without_an_edge_is_answered_as_kept_and_told_to_the_next(field):
 
 
 def test_a_stop_is_kept_until_an_edge_that_was_told_of_it_serves_its_robots(field):
-    stop_all(field.folder, ("rex",))
+    stop_all(field.path.parent, ("rex",))
     hello = protocol.encode(protocol.Hello("yard", process=field.supervisor._child.pid))
     for _ in range(2):  # the first edge dies before it has set the stop
         with contextlib.closing(connected(field.path, within=5.0)) as edge:
@@ -114,7 +154,7 @@ def test_a_supervisor_that_can_start_no_thread_for_its_lines_goes_on(monkeypatch
 
 
 def test_a_worker_is_not_told_the_edges_stops_and_does_not_take_them_away(field):
-    stop_all(field.folder)
+    stop_all(field.path.parent)
     with contextlib.closing(connected(field.path, within=5.0)) as worker:
         worker.send(protocol.encode(protocol.Hello("yard", worker="arm", process=1)))
         assert protocol.decode(worker.recv(1000)) == Welcome(())
@@ -126,7 +166,7 @@ def test_a_worker_is_not_told_the_edges_stops_and_does_not_take_them_away(field)
 def test_whatever_it_is_sent_it_goes_on(field, data):
     with contextlib.closing(connected(field.path, within=5.0)) as somebody:
         somebody.send(data)
-    (answer,) = stop_all(field.folder)
+    (answer,) = stop_all(field.path.parent)
     assert isinstance(answer, StopAnswer)
 
 
@@ -167,20 +207,20 @@ def test_a_process_whose_supervisor_goes_ends():
 
 def test_stops_that_are_asked_again_and_again_are_one_for_the_next_edge(field):
     for _ in range(3):
-        stop_all(field.folder, ("rex",))
+        stop_all(field.path.parent, ("rex",))
     assert [stop.names for stop in field.supervisor._stops] == [("rex",)]
 
 
 @pytest.mark.parametrize("letter", ["x", "\0", "\U0001f600", "\udce9"])
 def test_a_stop_with_a_long_reason_is_taken_and_the_reason_cut(field, letter):
-    (answer,) = stop_all(field.folder, ("rex",), why=letter * 70_000, request=letter * 70_000)
+    (answer,) = stop_all(field.path.parent, ("rex",), why=letter * 70_000, request=letter * 70_000)
     assert answer.kept
     (stop,) = field.supervisor._stops
     assert (stop.names, len(stop.why), len(stop.request)) == (("rex",), 200, 200)
 
 
 def test_a_stop_of_more_names_than_fit_a_message_is_one_for_all(field):
-    (answer,) = stop_all(field.folder, tuple(f"robot-{number}" for number in range(10_000)))
+    (answer,) = stop_all(field.path.parent, tuple(f"robot-{number}" for number in range(10_000)))
     assert answer.kept
     assert [stop.names for stop in field.supervisor._stops] == [()]
 
@@ -212,7 +252,7 @@ def test_what_cannot_be_read_of_a_worker_stops_nothing(field):
 
 
 def test_a_name_that_is_no_text_holds_up_no_stop(field):
-    (answer,) = stop_all(field.folder, ("rex", "r\udce9x"))
+    (answer,) = stop_all(field.path.parent, ("rex", "r\udce9x"))
     assert answer.kept
 
 
