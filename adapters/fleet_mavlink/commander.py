@@ -18,6 +18,7 @@ from fleet_mavlink.messages import (
     Ask,
     CommandAck,
     CommandLong,
+    Heartbeat,
     PositionTargetGlobalInt,
     SetPositionTargetGlobalInt,
 )
@@ -62,6 +63,8 @@ class Commander:
         self._ever: set[int] = set()  # all commands sent so far
         self._unanswered: dict[int, float] = {}  # time of sending of each unanswered command
         self._mode_asked_at = -math.inf  # of the last change of mode that was not shown yet
+        self._asked_mode = ""
+        self._asked_after: Heartbeat | None = None  # the last one before
         vehicle.on_ack = self._acknowledged
 
     async def ask(
@@ -149,9 +152,9 @@ class Commander:
         Acknowledgements only explain a failure: PX4 sends two, the first of which is meaningless, and the
         second may be mistaken for that of the next command. Raises like ``ask``.
         """
-        unsure = self.changes_mode
+        unsure = self.changes_mode(shows(self.vehicle.state))
         if shows(self.vehicle.state) != mode:
-            self.mode_is_asked()
+            self.mode_is_asked(mode)
         async with CommandTurn(self.turns, ask, effect=effect) as exchange:
             already = shows(self.vehicle.state) == mode
             late = self._answer_is_due(ask)
@@ -207,7 +210,7 @@ class Commander:
     ) -> bool:
         """Send a command that leads to another mode; return whether a heartbeat shows it."""
         last = self.vehicle.state.heartbeat
-        self.mode_is_asked()
+        self.mode_is_asked(mode)
         self._send(ask, attempt)
 
         def settled(state: VehicleState) -> bool:
@@ -227,14 +230,15 @@ class Commander:
             self._mode_asked_at = -math.inf
             raise await self._refusal(ask, exchange.refusal, exchange)
 
-    def mode_is_asked(self) -> None:
+    def mode_is_asked(self, mode: str) -> None:
         """Note that a change of mode is written; from any thread."""
+        self._asked_mode, self._asked_after = mode, self.vehicle.state.heartbeat
         self._mode_asked_at = self.vehicle.now()
 
-    @property
-    def changes_mode(self) -> bool:
-        """True while the shown mode may be out of date: another one was asked for, and not seen yet."""
-        return self.vehicle.now() - self._mode_asked_at < _LATE
+    def changes_mode(self, shown: str) -> bool:
+        """Return whether the shown mode may be out of date: one was asked for, and not seen since."""
+        seen = shown == self._asked_mode and self.vehicle.state.heartbeat is not self._asked_after
+        return not seen and self.vehicle.now() - self._mode_asked_at < _LATE
 
     async def send_to(self, target: SetPositionTargetGlobalInt, altitude: float) -> None:
         """Send a position target (``altitude`` m AMSL) until the vehicle reports it; it is not acknowledged.

@@ -89,7 +89,8 @@ class Flight:
 
     async def be_in(self, mode: str) -> None:
         """Enter a mode unless it is surely in it."""
-        if self.mode(self.vehicle.state) != mode or self.commander.changes_mode:
+        shown = self.mode(self.vehicle.state)
+        if shown != mode or self.commander.changes_mode(shown):
             await self.enter(mode)
 
     async def enter_external(self) -> None:
