@@ -149,9 +149,9 @@ class MavlinkAdapter(Stops, PayloadCommands, TransitionCommands, UpkeepCommands)
         height = state.relative_altitude
         flies = state.in_air and state.landed is not Landed.TAKEOFF and not session.comes_down
         if flies and (altitude is None or (height is not None and height >= wanted)):
-            yield Progress(100.0, "in the air already; a take-off never descends")
-            return
-        climb = self._to_height(session, wanted) if flies else session.takeoff.climb(wanted)
+            climb = session.takeoff.stay()
+        else:
+            climb = self._to_height(session, wanted) if flies else session.takeoff.climb(wanted)
         async for progress in climb:
             yield progress
 
@@ -199,12 +199,12 @@ class MavlinkAdapter(Stops, PayloadCommands, TransitionCommands, UpkeepCommands)
     @command("arm", interrupts=False)
     async def arm(self, *, force: bool = False) -> None:
         """Start the motors, in a mode that can be moved in."""
-        await self._session.flight.arm(force=force)
+        await self._session.flight.arming.arm(force=force)
 
     @command("disarm", in_place=True)
     async def disarm(self, *, force: bool = False) -> None:
         """Stop the motors; refused in the air and while it drives, whatever ``force`` says."""
-        await self._session.flight.disarm(force=force)
+        await self._session.flight.arming.disarm(force=force)
 
     @command("kill", moves=False, safe=True)  # so that nothing is waited for before it
     async def kill(self, *, force: bool = False) -> None:

@@ -9,6 +9,8 @@ from fleet import CommandError
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.state import VehicleState
 
+_STALE = 2  # heartbeats in the mode that it had before that may arrive after a request
+
 
 class Authority:
     """Tracks the mode. A change that we did not request, while the vehicle is armed, ends our authority.
@@ -23,6 +25,9 @@ class Authority:
         self.cause = ""  # reason given by the fail-safe that ended it
         self._expected: frozenset[str] = frozenset()
         self._earlier: frozenset[str] = frozenset()  # requested before, not seen yet: may be shown first
+        self._left: frozenset[str] = frozenset()  # seen or asked for just before the expected ones
+        self._doubts = False  # the last heartbeat showed one of those, and was not believed
+        self._shown = 0  # heartbeats with an expected mode since it was expected
         self._mode = ""
         self._armed = False
         self._arms = ""  # requester of the arming, if not us
@@ -53,11 +58,16 @@ class Authority:
         """Expect a command to lead to one of these modes; that does not regain lost authority."""
         self._earlier |= self._expected
         self._expected = frozenset(modes)
+        self._shown = 0
         self._arms = ""
 
     def expect_also(self, *modes: str) -> None:
         """Expect one of these modes as an end of the present command as well; no effect without authority."""
         self._expected |= set(modes)
+
+    def asked_before(self, mode: str) -> bool:
+        """Return True for a mode that was asked for before the expected one, and may still be shown."""
+        return mode in self._earlier | self._left
 
     def taken_by(self, who: str, mode: str) -> None:
         """Lose authority to another station that commands the vehicle, which is in ``mode`` now."""
@@ -74,10 +84,15 @@ class Authority:
         """Process a new heartbeat, before its waiters run; ``alarm``: text of a fail-safe."""
         mode = flavour.mode_of(state)
         before, self._mode = self._mode, mode
+        changed = mode != before
         was_armed, self._armed = self._armed, state.armed
         if flavour.surface and not was_armed:
             before = ""  # a person who arms a rover in MANUAL drives it
-        if mode in self._expected:
+        self._shown = self._shown + 1 if mode in self._expected else 0
+        if self._shown > _STALE:
+            self._earlier = self._left = frozenset()
+        elif self._shown and changed:
+            self._left |= self._earlier
             self._earlier = frozenset()
         if not state.armed:
             self.lost_to = ""
@@ -85,7 +100,13 @@ class Authority:
         if self._arms and not was_armed:
             self.taken_by(self._arms, mode)
         if mode == before or mode in self._allowed(before, flavour.follows, flavour.ours):
+            self._doubts = False
             return
+        if mode in self._left and not (self._doubts or state.failsafe):
+            # Datagrams overtake each other: the next heartbeat tells.
+            self._doubts, self._mode = True, before
+            return
+        self._doubts = False
         already, self.lost_to = self.lost_to, mode
         if already or not before:
             return

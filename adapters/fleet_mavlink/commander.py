@@ -18,6 +18,7 @@ from fleet_mavlink.messages import (
     Ask,
     CommandAck,
     CommandLong,
+    Heartbeat,
     PositionTargetGlobalInt,
     SetPositionTargetGlobalInt,
 )
@@ -61,6 +62,9 @@ class Commander:
         self.turns = Turns(vehicle.now)
         self._ever: set[int] = set()  # all commands sent so far
         self._unanswered: dict[int, float] = {}  # time of sending of each unanswered command
+        self._mode_asked_at = -math.inf  # of the last change of mode that was not shown yet
+        self._asked_mode = ""
+        self._asked_after: Heartbeat | None = None  # the last one before
         vehicle.on_ack = self._acknowledged
 
     async def ask(
@@ -81,11 +85,15 @@ class Commander:
         """
         async with CommandTurn(self.turns, ask, effect=effect or effect_of(ask), yields=yields) as exchange:
             sent = 0
+            late = self._answer_is_due(ask) and not yields
             while True:
                 exchange.require_wanted()
                 self._send(ask, sent)
                 sent += 1
                 ack = await self._answer(exchange, seen)
+                if late and ack is not None:
+                    late, exchange.refusal = False, None
+                    ack = await self._answer(exchange, seen)
                 if ack is None:
                     if await self._obeyed_unanswered(exchange, ask, seen, sent, tries or self.timing.tries):
                         return
@@ -144,44 +152,99 @@ class Commander:
         Acknowledgements only explain a failure: PX4 sends two, the first of which is meaningless, and the
         second may be mistaken for that of the next command. Raises like ``ask``.
         """
+        unsure = self.changes_mode(shows(self.vehicle.state))
+        if shows(self.vehicle.state) != mode:
+            self.mode_is_asked(mode)
         async with CommandTurn(self.turns, ask, effect=effect) as exchange:
             already = shows(self.vehicle.state) == mode
-            late = self.vehicle.now() - self._unanswered.get(ask.command, -math.inf) < _LATE
+            late = self._answer_is_due(ask)
             for attempt in range(self.timing.tries):
-                began = self.vehicle.now()
                 exchange.refusal = None
-                self._send(ask, attempt)
-
-                def settled(state: VehicleState, began: float = began) -> bool:
-                    if exchange.superseded:
-                        return True
-                    shown = state.heartbeat_at > began and shows(state) == mode
-                    return shown or self._is_refused(exchange, state)
-
                 if already:
-                    ack = await self._answer(exchange, None)
-                    if late and ack is not None:  # that of an earlier equal command, with other parameters
-                        late, exchange.refusal = False, None
-                        ack = await self._answer(exchange, None)
-                    entered = ack is not None and ack.result == MavResult.ACCEPTED
+                    entered = await self._is_accepted(exchange, ask, attempt, late=late and attempt == 0)
+                    entered = entered and (not unsure or await self._stays(exchange, mode, shows))
                 else:
-                    await self.vehicle.until(settled, self.timing.heartbeat)
-                    entered = shows(self.vehicle.state) == mode
+                    entered = await self._is_shown(exchange, ask, attempt, mode, shows)
                 exchange.require_wanted()
                 if entered:
                     return
-                if exchange.refusal is not None:
-                    raise await self._refusal(ask, exchange.refusal, exchange)
+                await self._require_no_refusal(exchange, ask)
+            seen = f"does not change to {mode}, it stays in {shows(self.vehicle.state)}"
             raise TimedOut(
-                f"system {self.vehicle.system} does not change to {mode}, it stays in "
-                f"{shows(self.vehicle.state)}",
+                f"system {self.vehicle.system} {f'did not answer {_name(ask)}' if already else seen}",
                 messages=self._words_since(exchange.began),
             )
+
+    async def _is_accepted(self, exchange: CommandTurn, ask: Ask, attempt: int, *, late: bool) -> bool:
+        """Send a command that leads to the mode that is shown; return whether it was accepted.
+
+        ``late``: the first answer is that of an earlier equal command, with other parameters.
+        """
+        self._send(ask, attempt)
+        ack = await self._answer(exchange, None)
+        if late and ack is not None:
+            exchange.refusal = None
+            ack = await self._answer(exchange, None)
+        return ack is not None and ack.result == MavResult.ACCEPTED
+
+    async def _stays(self, exchange: CommandTurn, mode: str, shows: Callable[[VehicleState], str]) -> bool:
+        """Return whether the next heartbeat shows a mode that was accepted after another was asked for.
+
+        Datagrams overtake each other: the other command may have been carried out after this one.
+        """
+        last = self.vehicle.state.heartbeat
+
+        def settled(state: VehicleState) -> bool:
+            return bool(exchange.superseded) or state.heartbeat is not last
+
+        await self.vehicle.until(settled, self.timing.heartbeat)
+        return shows(self.vehicle.state) == mode
+
+    async def _is_shown(
+        self,
+        exchange: CommandTurn,
+        ask: Ask,
+        attempt: int,
+        mode: str,
+        shows: Callable[[VehicleState], str],
+    ) -> bool:
+        """Send a command that leads to another mode; return whether a heartbeat shows it."""
+        last = self.vehicle.state.heartbeat
+        self.mode_is_asked(mode)
+        self._send(ask, attempt)
+
+        def settled(state: VehicleState) -> bool:
+            if exchange.superseded:
+                return True
+            shown = state.heartbeat is not last and shows(state) == mode
+            return shown or _is_refused(exchange, state)
+
+        await self.vehicle.until(settled, self.timing.heartbeat)
+        entered = shows(self.vehicle.state) == mode
+        self._mode_asked_at = -math.inf if entered else self._mode_asked_at
+        return entered
+
+    async def _require_no_refusal(self, exchange: CommandTurn, ask: Ask) -> None:
+        """Raise the refusal of a change of mode, if there is one: the mode that is shown stays."""
+        if exchange.refusal is not None:
+            self._mode_asked_at = -math.inf
+            raise await self._refusal(ask, exchange.refusal, exchange)
+
+    def mode_is_asked(self, mode: str) -> None:
+        """Note that a change of mode is written; from any thread."""
+        self._asked_mode, self._asked_after = mode, self.vehicle.state.heartbeat
+        self._mode_asked_at = self.vehicle.now()
+
+    def changes_mode(self, shown: str) -> bool:
+        """Return whether the shown mode may be out of date: one was asked for, and not seen since."""
+        seen = shown == self._asked_mode and self.vehicle.state.heartbeat is not self._asked_after
+        return not seen and self.vehicle.now() - self._mode_asked_at < _LATE
 
     async def send_to(self, target: SetPositionTargetGlobalInt, altitude: float) -> None:
         """Send a position target (``altitude`` m AMSL) until the vehicle reports it; it is not acknowledged.
 
-        Raises Refused if the vehicle keeps another target, or if a more urgent command took over.
+        Raises Refused if the vehicle keeps another target, or if a more urgent command took over, TimedOut if
+        it does not answer.
         """
         look = CommandLong(MavCmd.REQUEST_MESSAGE, param1=float(PositionTargetGlobalInt.message_id))
         addressed = msgspec.structs.replace(target, target_system=self.vehicle.system)
@@ -199,20 +262,16 @@ class Commander:
                 exchange.require_wanted()
                 if _is_bound_for(self.vehicle.state, place, began):
                     return
+            if not exchange.acks and self.vehicle.state.sensors.bound_at < exchange.began:
+                raise TimedOut(
+                    f"system {self.vehicle.system} did not say where it flies to",
+                    hint=f"sent {self.timing.tries} times; is the link good?",
+                )
             raise Refused(
                 "the autopilot does not take the place",
                 hint="is it inside its own fence?",
                 messages=self._words_since(exchange.began),
             )
-
-    @staticmethod
-    def _is_refused(exchange: CommandTurn, state: VehicleState) -> bool:
-        """Return True if a heartbeat after a refusal still shows another mode.
-
-        A heartbeat right after the refusal does not count: it may be older than the change of mode, and the
-        refusal may be that of the previous command.
-        """
-        return exchange.refusal is not None and state.heartbeat_at > exchange.refused_at + _CROSSING
 
     def _acknowledged(self, ack: CommandAck) -> None:
         """Process an acknowledgement of the current command; others are late, or for another station."""
@@ -245,6 +304,10 @@ class Commander:
                 return ack
             wait = self.timing.working
 
+    def _answer_is_due(self, ask: Ask) -> bool:
+        """Return True if the next answer may be that of an earlier equal command, with other parameters."""
+        return self.vehicle.now() - self._unanswered.get(ask.command, -math.inf) < _LATE
+
     def addressed(self, ask: Ask) -> Ask:
         """Return a command with the vehicle's address filled in, and expect acknowledgements of it."""
         self._ever.add(ask.command)
@@ -274,6 +337,15 @@ class Commander:
         """Return the autopilot's texts since then: its warnings, or all texts without any."""
         said = [sentence for sentence in self.vehicle.sentences if sentence.at >= began]
         return _texts([sentence for sentence in said if sentence.severity <= WARNING] or said)
+
+
+def _is_refused(exchange: CommandTurn, state: VehicleState) -> bool:
+    """Return True if a heartbeat after a refusal still shows another mode.
+
+    A heartbeat right after the refusal does not count: it may be older than the change of mode, and the
+    refusal may be that of the previous command.
+    """
+    return exchange.refusal is not None and state.heartbeat_at > exchange.refused_at + _CROSSING
 
 
 def _is_bound_for(state: VehicleState, place: GeoPoint, since: float) -> bool:

@@ -1,11 +1,10 @@
-"""Flight procedures: arm, hold, land, return; each ends when the vehicle is seen to have done it."""
+"""Flight procedures: hold, land, return; each ends when the vehicle is seen to have done it."""
 
 from __future__ import annotations
 
 import asyncio
 import math
 from collections.abc import AsyncIterator, Callable
-from contextlib import suppress
 
 from fleet import (
     CommandError,
@@ -16,25 +15,23 @@ from fleet import (
     LinkError,
     Progress,
     Refused,
-    TimedOut,
     world_from_geo,
 )
+from fleet_mavlink.arming import Arming
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.constants import MavCmd
-from fleet_mavlink.flavour import Flavour, arm_command
+from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.home_position import VehicleHome
 from fleet_mavlink.messages import Ask, CommandLong, SetPositionTargetGlobalInt
 from fleet_mavlink.motion_effect import Effect, effect_of_descent
-from fleet_mavlink.preconditions import home_unknown, not_moved, require_connection, require_heartbeat
-from fleet_mavlink.remote_id import require_remote_id
+from fleet_mavlink.preconditions import home_unknown, moved_flavour, require_connection, require_heartbeat
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
-_ARMED_WITHIN = 3.0  # s; the heartbeat that shows it is sent once a second
+_SHOWN_WITHIN = 3.0  # s, for the modes that it had in between: heartbeats are sent once a second
 _POLL = 0.5  # s between checks of a long procedure
 FARTHEST = 100_000.0  # m; a farther goal is a mistake, such as a wrong unit or swapped coordinates
-_SLOW = 0.5  # m/s; slower counts as standing
 
 
 class Flight:
@@ -57,18 +54,16 @@ class Flight:
         self.ceiling = limits.altitude or math.inf
         self.fastest = limits.speed
         self.descent = ""  # mode of the last landing, or return home
+        self._entered_at = -math.inf  # time of the last change of mode that was accepted
         self._farthest = limits.distance or FARTHEST
         self.give_way = give_way
         self.home = VehicleHome(vehicle, commander)
+        self.arming = Arming(vehicle, commander, authority, self.be_in)
 
     @property
     def flavour(self) -> Flavour:
         """Flavour of the autopilot; raises NotReady before a heartbeat, Unsupported if not moved here."""
-        flavour = self.vehicle.flavour
-        if flavour is None:
-            require_connection(self.vehicle)
-            raise not_moved(self.vehicle)
-        return flavour
+        return moved_flavour(self.vehicle)
 
     def mode(self, state: VehicleState) -> str:
         """Return the name of the mode in a state."""
@@ -86,6 +81,17 @@ class Flight:
             change = ask or flavour.mode_command(mode)
             await self.commander.enter(mode, flavour.mode_of, change, effect=effect)
         self.descent = ""
+        self.mode_was_asked()
+
+    def mode_was_asked(self) -> None:
+        """Note that a command that leads to another mode was accepted."""
+        self._entered_at = self.vehicle.now()
+
+    async def be_in(self, mode: str) -> None:
+        """Enter a mode unless it is surely in it."""
+        shown = self.mode(self.vehicle.state)
+        if shown != mode or self.commander.changes_mode(shown):
+            await self.enter(mode)
 
     async def enter_external(self) -> None:
         """Change to the mode that follows setpoints."""
@@ -100,6 +106,7 @@ class Flight:
                 await self.commander.ask(brake.first.ask, tries=2, effect=Effect.NONE)
             await self.commander.enter(brake.mode, self.flavour.mode_of, brake.ask, effect=Effect.NONE)
         self.descent = ""
+        self.mode_was_asked()
 
     async def hold_if_ours(self) -> None:
         """Hold after a failure, unless we have no authority or it cannot be reached.
@@ -113,55 +120,6 @@ class Flight:
         except (CommandError, LinkError) as error:
             self.vehicle.log.warning("it does not hold: %s", error)
 
-    async def arm(self, *, force: bool = False) -> None:
-        """Arm, in a mode that allows take-off; raises Refused or NotReady with the autopilot's reason."""
-        require_connection(self.vehicle)
-        if self.vehicle.state.armed:
-            return
-        flavour = self.flavour
-        require_remote_id(self.vehicle)
-        if self.mode(self.vehicle.state) != flavour.arming:
-            await self.enter(flavour.arming)
-        self.authority.expect(flavour.arming)
-        try:
-            await self._arming(arm=True, force=force)
-        except Refused as refusal:
-            landed = flavour.lands_once and any(flavour.lands_once in each for each in refusal.messages)
-            if not landed or flavour.rewind is None:
-                raise
-            await self.commander.ask(flavour.rewind)
-            await self._arming(arm=True, force=force)
-
-    async def disarm(self, *, force: bool = False) -> None:
-        """Disarm on the ground; raises Refused in the air, even with ``force``."""
-        state = self.vehicle.state
-        require_connection(self.vehicle)
-        if not state.armed:
-            return
-        if state.in_air:
-            raise Refused("it is in the air and would fall", hint="send land")
-        if state.on_the_surface and not is_standing(state):
-            raise Refused("it moves, and would coast", hint="send stop first")
-        if not state.on_the_surface and force and state.in_air is None:
-            raise Refused("it is not known to be on the ground", hint="disarm without force, or land")
-        await self._arming(arm=False, force=force)
-
-    async def _arming(self, *, arm: bool, force: bool) -> None:
-        """Send the command, and wait until the heartbeat shows its effect."""
-
-        def shown(state: VehicleState) -> bool:
-            return state.armed is arm
-
-        await self.commander.ask(arm_command(arm=arm, force=force), seen=shown)
-        if not await self.vehicle.until(shown, _ARMED_WITHIN):
-            raise TimedOut(f"it took the command but is not {'armed' if arm else 'disarmed'}")
-
-    async def disarm_quietly(self) -> None:
-        """Disarm again after a take-off that did not happen."""
-        if self.vehicle.state.in_air is False:
-            with suppress(CommandError):
-                await self._arming(arm=False, force=False)
-
     async def come_down(self, mode: str, ask: Ask | None = None) -> AsyncIterator[Progress]:
         """Land or return home by a mode of the autopilot; ends on the ground with the motors off.
 
@@ -169,7 +127,7 @@ class Flight:
         """
         require_connection(self.vehicle)
         start = height_of(self.vehicle.state)
-        if not self.vehicle.state.armed:
+        if not await self.arming.has_motors_on():
             yield Progress(100.0, "on the ground")
             return
         self.give_way(self.flavour, mode)
@@ -194,13 +152,11 @@ class Flight:
         self.give_way(flavour, flavour.goto)
         before = flavour.before_go(backwards=backwards)
         if before is not None:
-            if self.mode(self.vehicle.state) != flavour.goto:
-                await self.enter(flavour.goto)  # a change of mode resets what ``before`` sets
+            await self.be_in(flavour.goto)  # a change of mode resets what ``before`` sets
             await self.commander.ask(before)
         go = flavour.go_command(to, await self.home.altitude(), speed, heading)
         if isinstance(go, SetPositionTargetGlobalInt):
-            if self.mode(self.vehicle.state) != flavour.goto:
-                await self.enter(flavour.goto)
+            await self.be_in(flavour.goto)
             await self.commander.send_to(go, to.altitude)
         else:
             await self.enter(flavour.goto, go)
@@ -236,12 +192,6 @@ class Flight:
         if away > self._farthest:
             raise Refused(f"{away:.0f} m from home is beyond the limit of {self._farthest:g} m")
 
-    async def kill(self) -> None:
-        """Stop the motors at once, even in the air; return once the heartbeat shows it."""
-        require_heartbeat(self.vehicle)
-        if self.vehicle.state.armed:
-            await self._arming(arm=False, force=True)
-
     async def reboot(self) -> None:
         """Restart the autopilot; raises Refused while it is armed."""
         require_connection(self.vehicle)
@@ -259,8 +209,13 @@ class Flight:
             raise Refused(f"taken over: the vehicle is in {self.authority.taker}")
         if not state.armed:
             raise Fault("the motors stopped on the way", hint="look at the vehicle")
-        if self.mode(state) not in modes:
+        if self.mode(state) not in modes and not self._is_shown_late(self.mode(state)):
             raise Refused(f"another command changed the mode to {self.mode(state)}")
+
+    def _is_shown_late(self, mode: str) -> bool:
+        """Return True for a mode that was asked for before the present one, and may be shown first."""
+        just_entered = self.vehicle.now() - self._entered_at < _SHOWN_WITHIN
+        return just_entered and self.authority.asked_before(mode)
 
     async def wait(self, seconds: float, *modes: str) -> None:
         """Wait for a time, checking that the flight continues as commanded."""
@@ -273,8 +228,3 @@ class Flight:
 def height_of(state: VehicleState) -> float:
     """Return metres above home, 0 while unknown."""
     return state.relative_altitude or 0.0
-
-
-def is_standing(state: VehicleState) -> bool:
-    """Return True while it does not move."""
-    return state.speed <= _SLOW

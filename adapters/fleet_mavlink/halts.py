@@ -74,6 +74,7 @@ class Halts:
             pending = self._commander.turns.current
             goes_on = pending is not None and not pending.superseded  # a landing, about to change the mode
             (self._authority.expect_also if goes_on else self._authority.expect)(*best.modes)
+            self._commander.mode_is_asked(best.mode)
             messages += map(self._commander.addressed, best.asks)
         return messages
 

@@ -150,11 +150,14 @@ class MissionPilot:
         self._plans = plans
         self._limits = limits
         self._vehicle = flight.vehicle
+        self._kept: tuple[PlanItem, ...] = ()  # of the last mission that the autopilot was seen to have
 
     async def fly(self, mission: FlyMission) -> AsyncIterator[Progress]:
         """Upload a mission and fly it to its end, or resume it; everything is checked before the upload."""
         require_has(self._vehicle, "plan")
         require_control(self._vehicle, self._flight.authority)
+        if mission.resumed and mission.items != self._kept:  # it was interrupted before it was sent
+            mission = msgspec.structs.replace(mission, resumed=False)
         flavour = self._flight.flavour
         home = self._home(mission)
         plan = plan_of(mission, flavour, home, *self._speeds(mission))
@@ -168,9 +171,10 @@ class MissionPilot:
             self._flight.give_way(flavour, flavour.hold)
             await self._flight.hold()
         await self._load(plan, flavour, resumed=mission.resumed)
+        self._kept = mission.items
         yield Progress(0.0, "the autopilot has it")
         if surface:
-            await self._flight.arm()
+            await self._flight.arming.arm()
         elif not self._vehicle.state.in_air:
             height = next(item.point.altitude for item in mission.items if item.point and item.kind != "land")
             height -= home.altitude if mission.above_sea else 0.0
@@ -200,6 +204,7 @@ class MissionPilot:
     async def _load(self, plan: MissionPlan, flavour: Flavour, *, resumed: bool) -> None:
         """Upload a mission and verify it; a resumed one must already be there."""
         if not resumed:
+            self._kept = ()
             await self._plans.upload(PlanType.MISSION, plan.items)
         kept = await self._plans.download(PlanType.MISSION)
         if not is_same(plan.items, kept, skip=int(flavour.home_is_first)):

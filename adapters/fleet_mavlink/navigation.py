@@ -30,11 +30,12 @@ from fleet import (
     world_from_geo,
     wrap_angle,
 )
-from fleet_mavlink.flight import FARTHEST, Flight, is_standing
+from fleet_mavlink.flight import FARTHEST, Flight
 from fleet_mavlink.frames import pose_of
 from fleet_mavlink.motion_effect import effect_of_descent
 from fleet_mavlink.preconditions import (
     home_unknown,
+    is_standing,
     known_heading,
     known_position,
     not_armed,
@@ -200,7 +201,7 @@ class AutopilotNavigator:
         flight, vehicle = self._flight, self._vehicle
         require_connection(vehicle)
         home, flavour = vehicle.state.home, flight.flavour
-        if not vehicle.state.armed:
+        if not await flight.arming.has_motors_on():
             raise not_armed()
         if home is None:
             raise home_unknown()

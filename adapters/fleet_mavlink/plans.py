@@ -35,6 +35,7 @@ _TRIES = 5
 _TRANSFERS = 3  # of one plan: the vehicle aborts one in which it hears nothing for some seconds
 _ITEM_TRIES = 50  # requests for the same item
 _ACCEPTED, _INVALID_SEQUENCE, _DENIED, _CANCELLED = 0, 13, 14, 15
+_OF_UPLOADS = frozenset({_INVALID_SEQUENCE, _CANCELLED})
 _RESULTS = (
     "ACCEPTED",
     "ERROR",
@@ -206,10 +207,17 @@ class Plans:
     async def _answer(
         self, ask: MavlinkMessage, heard: ReceivedMessages[_Said], wanted: Callable[[_Said], bool]
     ) -> _Said:
-        """Send a request until the answer arrives; raises TimedOut."""
+        """Send a request until the answer arrives; raises TimedOut.
+
+        What only an upload has is its late end, or the late answer to a repeated item.
+        """
+
+        def answers(said: _Said) -> bool:
+            return wanted(said) and not (isinstance(said, MissionAck) and said.type in _OF_UPLOADS)
+
         for _ in range(_TRIES):
             self._send(ask)
-            said = await heard.first(wanted, _SILENCE)
+            said = await heard.first(answers, _SILENCE)
             if said is not None:
                 return said
         raise TimedOut(f"system {self._vehicle.system} did not answer {type(ask).__name__}")

@@ -6,8 +6,12 @@ import math
 
 from fleet import GeoPoint, NotReady, Unsupported
 from fleet_mavlink.authority import Authority
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle, lacking_of
 from fleet_mavlink.vehicle import not_moved as not_moved_words
+
+_SLOW = 0.5  # m/s; slower counts as standing
 
 
 def require_heartbeat(vehicle: Vehicle) -> None:
@@ -54,6 +58,19 @@ def require_movable(vehicle: Vehicle, authority: Authority) -> None:
         raise not_in_the_air()
     if not state.knows_where(vehicle.now()):
         raise NotReady("no position of the last second that can be trusted", hint="wait for satellites")
+
+
+def moved_flavour(vehicle: Vehicle) -> Flavour:
+    """Return its flavour; raises NotReady before a heartbeat, Unsupported if it is not moved here."""
+    if vehicle.flavour is None:
+        require_connection(vehicle)
+        raise not_moved(vehicle)
+    return vehicle.flavour
+
+
+def is_standing(state: VehicleState) -> bool:
+    """Return True while it does not move."""
+    return state.speed <= _SLOW
 
 
 def not_moved(vehicle: Vehicle) -> Unsupported:

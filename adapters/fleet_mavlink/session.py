@@ -26,7 +26,7 @@ from fleet_mavlink.event_metadata import EventKeeper
 from fleet_mavlink.failsafes import Failsafes
 from fleet_mavlink.fence import FenceUploader
 from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.flight import Flight, is_standing
+from fleet_mavlink.flight import Flight
 from fleet_mavlink.frames import origin_of
 from fleet_mavlink.gimbal import Gimbal
 from fleet_mavlink.halts import Halts, require_ours
@@ -37,7 +37,7 @@ from fleet_mavlink.navigation import AutopilotNavigator
 from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
 from fleet_mavlink.plans import Plans
-from fleet_mavlink.preconditions import require_connection
+from fleet_mavlink.preconditions import is_standing, require_connection
 from fleet_mavlink.remote_id import RemoteId
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import VehicleState
@@ -247,7 +247,7 @@ class VehicleSession:
         """Stop the motors at once; end running commands and the stream of setpoints."""
         self.commander.turns.supersede("kill")
         self.driver.end()
-        await self.flight.kill()
+        await self.flight.arming.kill()
 
     async def setup_signing(self) -> None:
         """Give the vehicle our key; returns once it signs with it. Raises Unsupported when it does not."""

@@ -6,9 +6,9 @@ from collections.abc import AsyncIterator
 
 from fleet import CommandError, Fault, GeoPoint, Progress, Refused, TimedOut
 from fleet_mavlink.constants import Landed
-from fleet_mavlink.flight import Flight, height_of, is_standing
+from fleet_mavlink.flight import Flight, height_of
 from fleet_mavlink.parameters import Parameters
-from fleet_mavlink.preconditions import known_heading, known_position, require_control
+from fleet_mavlink.preconditions import is_standing, known_heading, known_position, require_control
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.winged_takeoff import WingedTakeOff
 from fleet_mavlink.wings import Winged
@@ -45,12 +45,10 @@ class TakeOff:
         require_control(self._vehicle, self._flight.authority)
         self.under_way = True
         try:
-            if self._vehicle.state.in_air and height_of(self._vehicle.state) > altitude - _CLOSE:
-                await self._flight.hold()
-                yield Progress(100.0, "in the air already; a take-off never descends")
-                return
             flavour = self._flight.flavour
-            if isinstance(flavour, Winged):
+            if self._vehicle.state.in_air and height_of(self._vehicle.state) > altitude - _CLOSE:
+                climb = self.stay()
+            elif isinstance(flavour, Winged):
                 climb = WingedTakeOff(self._flight, flavour, altitude).climb()
             else:
                 climb = self._try(altitude)
@@ -58,6 +56,14 @@ class TakeOff:
                 yield progress
         finally:
             self.under_way = False
+
+    async def stay(self) -> AsyncIterator[Progress]:
+        """Hold where it flies: the host has ended what it did before, and a take-off never descends."""
+        flight = self._flight
+        require_control(self._vehicle, flight.authority)
+        flight.give_way(flight.flavour, flight.flavour.hold)
+        await flight.hold()
+        yield Progress(100.0, "in the air already; a take-off never descends")
 
     async def _try(self, altitude: float) -> AsyncIterator[Progress]:
         """Take off; try again if the end of a landing switched the motors off in the meantime."""
@@ -93,15 +99,15 @@ class _Attempt:
         self._armed_by_us = not self._vehicle.state.armed
         flight.give_way(flavour, flavour.takeoff)
         if self._armed_by_us:
-            await flight.arm()
-        elif flavour.takeoff == flavour.arming != self._left:
-            await flight.enter(flavour.arming)
+            await flight.arming.arm()
+        elif flavour.takeoff == flavour.arming:
+            await flight.be_in(flavour.arming)
         self._target = await flight.home.altitude() + self._altitude
         try:
             await self._ask()
         except CommandError:
             if self._armed_by_us:
-                await flight.disarm_quietly()
+                await flight.arming.disarm_quietly()
                 raise
             if not await self._vehicle.until(self._shows_why, flight.commander.timing.heartbeat):
                 raise
@@ -119,8 +125,13 @@ class _Attempt:
         return bool(state.in_air) and not self._by_place and not self._flight.flavour.takes_off_in_air
 
     async def _climb_on(self) -> None:
-        """Fly to the height by a position: the take-off before this one had left the ground unseen."""
+        """Fly to the height by a position: the take-off before this one had left the ground unseen.
+
+        It may be higher already.
+        """
         self._by_place = True
+        higher = max(0.0, height_of(self._vehicle.state) - self._altitude)
+        self._altitude, self._target = self._altitude + higher, self._target + higher
         await self._go()
 
     async def _ask(self) -> None:
@@ -133,8 +144,9 @@ class _Attempt:
             await self._go()
             return
         ask = flavour.takeoff_command(self._altitude, self._target - self._altitude)
-        with flight.authority.asking(flavour.arming, flavour.takeoff, flavour.hold):
+        with flight.authority.asking(flavour.arming, flavour.takeoff):
             await flight.commander.ask(ask, seen=self._obeyed)
+        flight.mode_was_asked()
 
     def _obeyed(self, state: VehicleState) -> bool:
         """Return True if a vehicle that did not answer takes off nevertheless."""
@@ -190,7 +202,7 @@ class _Attempt:
     async def _give_up(self) -> None:
         """Undo the take-off, and raise TimedOut."""
         if self._armed_by_us:
-            await self._flight.disarm_quietly()
+            await self._flight.arming.disarm_quietly()
         raise TimedOut(f"it did not leave the ground in {_OFF_GROUND_WITHIN:g} s")
 
     async def _require_end(self) -> None:

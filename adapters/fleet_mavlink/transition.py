@@ -9,7 +9,7 @@ from typing import Literal
 from fleet import Progress, Refused, TimedOut, command
 from fleet_mavlink.constants import VTOL_GOES_FORWARD, MavCmd
 from fleet_mavlink.flight import Flight
-from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.messages import CommandLong, ExtendedSysState
 from fleet_mavlink.preconditions import require_control, require_has, require_movable
 from fleet_mavlink.px4_plane import Px4Plane
 from fleet_mavlink.session_adapter import SessionAdapter
@@ -34,10 +34,17 @@ class TransitionCommands(SessionAdapter):
 
 
 async def _begin(flight: Flight, to: To) -> None:
-    """Request a transition, unless it is in progress already."""
+    """Request a transition, unless it is in progress already.
+
+    It is also requested of a vehicle that flies so: it may have begun the opposite one unseen. It then holds,
+    because the host has ended what it did before.
+    """
     vehicle, flavour = flight.vehicle, flight.flavour
     mode = flavour.transitions[to]
     flight.give_way(flavour, mode or flavour.hold)
+    if mode and vehicle.state.vtol_state == _FLIES[to]:
+        await flight.hold()
+        return
     if mode:
         await flight.enter(mode)
         return
@@ -59,19 +66,21 @@ async def transition(flight: Flight, to: To) -> AsyncIterator[Progress]:
         wings = flavour.forward or _PX4
         wings.speed_to(vehicle.state, flight.fastest, None, math.inf)
 
-    def flies(state: VehicleState) -> bool:
-        return state.vtol_state == _FLIES[to]
+    mode = flavour.transitions[to] or flavour.hold
+    await _begin(flight, to)
+    asked = vehicle.now()
 
-    if not flies(vehicle.state):
-        mode = flavour.transitions[to]
-        await _begin(flight, to)
-        by, begun = vehicle.now() + _WITHIN, False
-        while not await vehicle.until(flies, _POLL):
-            flight.check(mode or flavour.hold)
-            begun = begun or vehicle.state.vtol_state == _GOES[to]
-            if begun and vehicle.state.vtol_state != _GOES[to]:
-                raise Refused("the transition was broken off")
-            if vehicle.now() > by:
-                raise TimedOut(f"it was not seen to fly {to} in {_WITHIN:g} s")
-            yield Progress(50.0, "in transition")
+    def flies(state: VehicleState) -> bool:
+        fresh = vehicle.seen_at.get(ExtendedSysState, -math.inf) > asked
+        return fresh and state.vtol_state == _FLIES[to]
+
+    begun = False
+    while not await vehicle.until(flies, _POLL):
+        flight.check(mode)
+        begun = begun or vehicle.state.vtol_state == _GOES[to]
+        if begun and vehicle.state.vtol_state not in {_GOES[to], _FLIES[to]}:
+            raise Refused("the transition was broken off")
+        if vehicle.now() > asked + _WITHIN:
+            raise TimedOut(f"it was not seen to fly {to} in {_WITHIN:g} s")
+        yield Progress(50.0, "in transition")
     yield Progress(100.0, f"it flies {to}" if to == "forward" else "it hovers")

@@ -114,11 +114,13 @@ class Turns:
                 self._halted = True
 
     def end_halted(self) -> bool:
-        """Wake the commands halted by another thread; return whether there were any."""
+        """Wake the commands halted by another thread; return whether there were any, and no motion since."""
         halted, self._halted = self._halted, False
         for exchange in self._all() if halted else ():
             if exchange.superseded:
                 exchange.wake()
+            elif exchange.effect is not Effect.NONE:
+                halted = False
         return halted
 
     def _all(self) -> tuple[CommandTurn, ...]:

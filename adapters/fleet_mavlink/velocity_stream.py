@@ -16,6 +16,7 @@ from fleet_mavlink.vehicle import Vehicle
 
 PERIOD = 0.05  # s between setpoints
 _AGAIN = 1.0  # s until a refused mode is requested again
+_LATE = 2.0  # s until the next mode is shown, if this one was left already
 
 
 class StreamPhase(enum.Enum):
@@ -159,6 +160,8 @@ class VelocityStream:
         mode = flavour.mode_of(self._vehicle.state)
         if self.phase is IDLE and mode == flavour.external != flavour.goto:
             self._to(BRAKING)  # the vehicle waits for setpoints after a superseded start
+            if self._authority.asked_before(mode):  # or it is shown late, and has been left since
+                self._again_at = self._vehicle.now() + _LATE
         if self.phase is not IDLE:
             self._stream()
             _STEPS[self.phase](self, flavour, mode)

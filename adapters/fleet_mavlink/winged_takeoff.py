@@ -44,7 +44,7 @@ class WingedTakeOff:
         flight.give_way(flavour, flavour.takeoff)
         if not vehicle.state.in_air:
             arms = not vehicle.state.armed
-            await flight.arm()
+            await flight.arming.arm()
             home = await flight.home.altitude()
             await flight.enter(flavour.takeoff, flavour.takeoff_command(self._altitude, home))
             yield Progress(0.0, "taking off")
@@ -62,7 +62,7 @@ class WingedTakeOff:
             flight.check(flavour.takeoff, flavour.hold)
             if vehicle.now() > by and height_of(vehicle.state) < 1.0:
                 if disarms:
-                    await flight.disarm_quietly()
+                    await flight.arming.disarm_quietly()
                 raise TimedOut(f"it did not leave the ground in {_OFF_GROUND_WITHIN:g} s")
             yield self._progress()
 

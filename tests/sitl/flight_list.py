@@ -128,6 +128,55 @@ async def takes_off_twice(it):
         await it.do("land")
 
 
+async def obeys_the_second_of_two_commands_on_the_ground(it):
+    """Ask for something else before the first is seen to begin: its motors do not run on."""
+    for first, moment, second in (
+        (("arm", {}), 0.1, "disarm"),
+        (("arm", {}), 0.1, "land"),
+        (("takeoff", {"altitude": HEIGHT}), 0.6, "land"),
+        (("takeoff", {"altitude": HEIGHT}), 0.6, "return_to_home"),
+        (("takeoff", {"altitude": HEIGHT}), 2.5, "land"),
+    ):
+        name, data = first
+        async with begun(it.do(name, **data)):
+            await asyncio.sleep(moment)
+        await it.do(second)
+        assert not it.state.armed, f"{name}, {second}: it is armed"
+        await asyncio.sleep(3.0)
+        assert not it.state.armed, f"{name}, {second}: it is armed later"
+
+
+async def obeys_the_second_of_two_commands_in_the_air(it):
+    """Ask for something else before the first is seen to begin: it does not come down, nor fly on."""
+    await it.do("takeoff", altitude=HEIGHT)
+    for first in ("land", "return_to_home"):
+        for moment, second in ((0.3, ("takeoff", {})), (0.1, ("ascend", {"distance": 1.0}))):
+            async with begun(it.do(first)):
+                await asyncio.sleep(moment)
+            name, data = second
+            await it.do(name, **data)
+            await it.until(lambda: it.state.speed < 0.6, 10.0)
+            height = it.state.relative_altitude
+            await asyncio.sleep(5.0)
+            mode = it.adapter._session.flight.mode(it.state)
+            assert it.state.armed, f"{first}, {name}: disarmed"
+            assert abs(it.state.relative_altitude - height) < 1.0, f"{first}, {name}: it moves in {mode}"
+            assert height > HEIGHT - 2.0, f"{first}, {name}: it came down in {mode}"
+    async with begun(flown(it, GoTo(goal=Goal(position=Vector3(0.0, 60.0, HEIGHT))))):
+        await it.until(lambda: it.state.speed > 2.0, LONG)
+    await it.do("takeoff")
+    await it.until(lambda: it.state.speed < 0.6, 10.0)
+    await it.drive(Velocity(Vector3(1.0, 0.0, 0.0)), 1.0)
+    await flown(it, GoTo(goal=Goal(position=Vector3(4.0, 4.0, HEIGHT))))
+    async with begun(it.do("land")):
+        await asyncio.sleep(0.0)
+        await it.adapter.stop("stop")
+    await asyncio.sleep(3.0)
+    await it.until(lambda: it.state.speed < 0.6, 10.0)
+    assert it.state.armed
+    await it.do("land")
+
+
 async def takes_no_goal_while_it_takes_off(it):
     """Ask for a goal, and to be armed, during a take-off: the goal is refused, the take-off goes on."""
     async with begun(it.do("takeoff", altitude=HEIGHT)) as rising:
@@ -266,6 +315,8 @@ STEPS = (
     takes_off_to_every_height_and_lands,
     takes_off_out_of_a_landing,
     takes_off_twice,
+    obeys_the_second_of_two_commands_on_the_ground,
+    obeys_the_second_of_two_commands_in_the_air,
     takes_no_goal_while_it_takes_off,
     moves_there_and_back_without_turning,
     moves_and_holds,

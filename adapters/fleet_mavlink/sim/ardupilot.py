@@ -14,7 +14,7 @@ from fleet_mavlink.sim.ardupilot_modes import MODES
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.command_request import FAILED
 from fleet_mavlink.sim.fence import is_outside
-from fleet_mavlink.sim.manoeuvres import DriveManoeuvre, GoToManoeuvre, Manoeuvre, place_of
+from fleet_mavlink.sim.manoeuvres import DriveManoeuvre, GoToManoeuvre, Land, Manoeuvre, place_of, resting
 from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.satellites import ARDUPILOT_LOSS, Loss
 from fleet_mavlink.sim.setpoints import ReceivedSetpoint, Triple, setpoint_of, turned
@@ -28,6 +28,7 @@ _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
 _AMSL_FRAMES = frozenset({0, 5})
 _STOP = (0.0, 0.0, 0.0)
 _LANDED_DISARM = 2.0
+_SPOOLED_DOWN = 1.0  # s after which its motors idle in LAND on the ground
 _CHECKS_EVERY = 1.0  # s; RUN_PREARM_CHECKS reports its findings without changing the bit
 _LOG_REOPENS = 5.0  # s after it could not be opened
 _PREARM_EVERY = 30.0
@@ -135,11 +136,16 @@ class ArduPilot(Autopilot):
         return "requires position" if mode.position and not self.has_position else ""
 
     def change_mode(self, number: int) -> bool:
-        """Enter the mode with this number and show it at once in a heartbeat; False if it is refused."""
+        """Enter the mode with this number and show it at once in a heartbeat; False if it is refused.
+
+        The mode that it has is not entered again: its manoeuvre goes on.
+        """
         mode = next((mode for mode in self.modes.values() if mode.custom == number), None)
         if mode is None:
             self.say(WARNING, f"No such mode {number}")
             return False
+        if mode is self.mode:
+            return True
         refusal = self.refusal_of(mode)
         if refusal:
             self.say(WARNING, f"Mode change to {mode.name} failed: {refusal}")
@@ -155,13 +161,16 @@ class ArduPilot(Autopilot):
     # setpoints
 
     def setpoint(self, message: object) -> None:
-        """Follow a setpoint in GUIDED flight; ignore it silently otherwise."""
-        if self.mode.name == "GUIDED" and self.armed and (self.flying or self.taking_off):
+        """Follow a setpoint in GUIDED flight; ignore it silently otherwise.
+
+        On the ground it only ends a take-off that has not left it yet.
+        """
+        if self.mode.name == "GUIDED" and self.armed:
             manoeuvre = self.fly_setpoint(setpoint_of(message))
             if isinstance(manoeuvre, GoToManoeuvre) and self.outside_fence(place_of(manoeuvre)):
                 return  # silently
             self.paused = None
-            self.manoeuvre = manoeuvre
+            self.manoeuvre = manoeuvre if self.flying else resting(manoeuvre)
 
     def fly_setpoint(self, setpoint: ReceivedSetpoint) -> Manoeuvre:
         """Return the manoeuvre; an invalid setpoint stops the vehicle."""
@@ -243,13 +252,18 @@ class ArduPilot(Autopilot):
                 self.say(CRITICAL, f"PreArm: {refusal}")
 
     def watch_idle(self) -> None:
-        """Disarm 2 s after a landing, and DISARM_DELAY after arming without a take-off."""
+        """Disarm 2 s after a landing, in LAND sooner if it is on the ground already.
+
+        Without a take-off it disarms DISARM_DELAY after it was armed.
+        """
+        lands, leaves = self.manoeuvre, self.flying or self.left_ground
+        never_left = isinstance(lands, Land) and not leaves and self.time - lands.begun > _SPOOLED_DOWN
         landed = self.touched_at is not None and self.time - self.touched_at > _LANDED_DISARM
         ends = self.manoeuvre.done or self.mode.name in {"LAND", "RTL"}
         delay = self.params["DISARM_DELAY"]
         since = max(self.armed_at, self.touched_at or 0.0)
         idle = delay > 0 and not self.flying and not self.taking_off and self.time - since > delay
-        if (landed and ends) or idle:
+        if (landed and ends) or idle or never_left:
             self.say(INFO, "Disarming motors")
             self.disarm()
 

@@ -9,6 +9,7 @@ from fleet.sim.faults import WIRE_FAULTS
 VEHICLE_FAULTS: Mapping[str, str] = {
     "ack_loss": "share of acknowledgements that are lost while the command is carried out, 0 to 1",
     "no_ack": "no command is acknowledged",
+    "state_lag": "seconds by which the mode and the flight state are shown late, as on a slow radio link",
     "slow_ack": "seconds that every command takes; IN_PROGRESS is sent at once",
     "camera_fails": "no picture can be taken",
     "compass_fails": "a calibration of the compass fails at its end",

@@ -77,6 +77,19 @@ class GoToManoeuvre(Manoeuvre):
         return aim_at(pilot, self, self.speed or pilot.speeds.cruise, heading)
 
 
+class Unflown(GoToManoeuvre):
+    """Have a position as the target, and rest on the ground."""
+
+    def aim(self, pilot: Autopilot) -> Aim:  # noqa: ARG002 - independent of the state
+        """Return no motion."""
+        return Aim(thrust=False)
+
+
+def resting(wanted: Manoeuvre) -> Manoeuvre:
+    """Return what a vehicle on the ground makes of a setpoint: it only keeps the target."""
+    return Unflown(*place_of(wanted)) if isinstance(wanted, GoToManoeuvre) else Idle()
+
+
 def place_of(place: NedPosition) -> tuple[float, float, float]:
     """Return a position as north, east, down."""
     return place.north, place.east, place.down
@@ -188,6 +201,7 @@ class Land(Manoeuvre):
 
     def __init__(self, pilot: Autopilot, place: NedPosition | None = None) -> None:
         here = place or braked(pilot)
+        self.begun = pilot.time
         self.north = here.north
         self.east = here.east
         self.down = 0.0
@@ -205,7 +219,7 @@ class Land(Manoeuvre):
 
 
 class Return(Manoeuvre):
-    """Climb to ``height`` above home, fly home, wait ``wait`` seconds, land."""
+    """Climb to ``height`` above home, fly home, wait ``wait`` seconds, land; on the ground rest."""
 
     def __init__(self, pilot: Autopilot, height: float, wait: float) -> None:
         home_north, home_east, home_down = pilot.home_ned()
@@ -217,7 +231,7 @@ class Return(Manoeuvre):
         ]
         self._wait = wait
         self._land_at: float | None = None
-        self._land: Land | None = None
+        self._land = Land(pilot) if pilot.landed else None
 
     def aim(self, pilot: Autopilot) -> Aim:
         """Return the motion of the present leg."""

@@ -148,8 +148,9 @@ def _altitude(pilot: SimPx4, ask: CommandRequest) -> int:
 
 def _go(pilot: SimPx4, place: Geo, *, heading: float, speed: float) -> int:
     """Change to LOITER at a position; NaN keeps a value."""
+    landed = pilot.landed  # until a take-off is detected, which is before it leaves the ground
     result = pilot.change_mode(MODES["LOITER"])
-    if result != ACCEPTED or not pilot.flying or not pilot.armed:
+    if result != ACCEPTED or landed or not pilot.armed:
         return result
     wanted = [new if math.isfinite(new) else now for new, now in zip(place, pilot.geo(), strict=True)]
     north, east, down = pilot.frame.ned_of(*wanted)

@@ -67,6 +67,7 @@ _DARK = 1.0  # s of silence during a reboot
 _DRIFT = 0.05  # share of the wind that the position control does not compensate
 _HELD = 12.0  # m/s of wind that it can compensate; the excess carries the vehicle away
 _COMPONENT = 1
+_STATES = (mav.MAVLink_heartbeat_message, mav.MAVLink_extended_sys_state_message)  # see the fault state_lag
 
 
 class SimVehicle:
@@ -109,6 +110,7 @@ class SimVehicle:
         self.equipment = Equipment(ardupilot=ardupilot)
         self._gust = 0.0
         self._dark_until = now
+        self._late: list[tuple[float, object]] = []  # states that are not shown yet, with their times
         self.pilot = self._boot(now)
         for name, value in (faults or {}).items():
             self.set_fault(name, value)
@@ -179,7 +181,17 @@ class SimVehicle:
         self.pilot.out.clear()
         if self.pilot.reboot_asked:
             self.reboot(now)
-        return messages
+        return self._lagging(messages, now)
+
+    def _lagging(self, messages: list[object], now: float) -> list[object]:
+        """Return the messages without the states that are shown later, and with those that are due."""
+        lag = self.faults.get("state_lag", 0.0)
+        if not lag and not self._late:
+            return messages
+        self._late.extend((now + lag, each) for each in messages if isinstance(each, _STATES))
+        due = [each for at, each in self._late if at <= now]
+        self._late = [late for late in self._late if late[0] > now]
+        return [*due, *(each for each in messages if not isinstance(each, _STATES))]
 
     def _wind(self) -> tuple[float, float]:
         """Return the effect of the wind, m/s north and east: a share as gusts, and the excess."""

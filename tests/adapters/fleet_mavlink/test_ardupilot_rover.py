@@ -486,3 +486,16 @@ def test_one_that_is_steered_by_its_drives_turns_where_it_stands(fly, sky):
 )
 def test_its_outputs_tell_how_it_is_steered(functions, turns):
     assert turns_in_place(functions) is turns
+
+
+def test_a_rover_that_is_not_seen_to_be_armed_yet_drives_home(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="rover") as it:
+            await it.met()
+            arming = asyncio.ensure_future(it.do("arm"))
+            await it.until(lambda: it.armed and not it.state.armed)
+            arming.cancel()
+            await it.do("return_to_home")
+            assert it.mode == "RTL"
+
+    fly(main())

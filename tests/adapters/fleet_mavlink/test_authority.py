@@ -125,5 +125,41 @@ def test_what_was_asked_for_just_before_may_still_be_shown_first(watched):
         watched.authority.expect(mode)
     watched.see("OFFBOARD", "AUTO.LOITER", "AUTO.LAND")
     assert watched.reasons == []
-    watched.see("OFFBOARD")
+    watched.see("OFFBOARD", "OFFBOARD")
+    assert len(watched.reasons) == 1
+
+
+def test_a_heartbeat_from_before_a_request_does_not_make_the_request_before_it_a_strangers(watched):
+    watched.see("AUTO.LOITER")
+    for mode in ("AUTO.LAND", "AUTO.LOITER"):
+        watched.authority.expect(mode)
+    watched.see("AUTO.LOITER", "AUTO.LAND", "AUTO.LOITER")  # the first was on its way already
+    assert watched.reasons == []
+
+
+def test_what_was_asked_for_before_and_is_not_shown_for_seconds_is_expected_no_more(watched):
+    watched.see("AUTO.LOITER")
+    for mode in ("AUTO.LAND", "AUTO.LOITER"):
+        watched.authority.expect(mode)
+    watched.see(*["AUTO.LOITER"] * 4, "AUTO.LAND")
+    assert len(watched.reasons) == 1
+
+
+def test_a_heartbeat_that_was_overtaken_on_its_way_shows_no_stranger(watched):
+    watched.see("AUTO.LOITER")
+    for mode in ("AUTO.LAND", "AUTO.LOITER"):
+        watched.authority.expect(mode)
+        watched.see(mode)
+    watched.see("AUTO.LAND", "AUTO.LOITER")
+    assert watched.reasons == []
+    watched.see("AUTO.LAND", "AUTO.LAND")
+    assert len(watched.reasons) == 1
+
+
+def test_a_mode_that_was_left_seconds_ago_is_a_strangers_at_once(watched):
+    watched.see("AUTO.LOITER")
+    for mode in ("AUTO.LAND", "AUTO.LOITER"):
+        watched.authority.expect(mode)
+        watched.see(mode)
+    watched.see("AUTO.LOITER", "AUTO.LOITER", "AUTO.LOITER", "AUTO.LAND")
     assert len(watched.reasons) == 1

@@ -12,7 +12,7 @@ from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import VehicleState
 
 ARM = CommandLong(MavCmd.COMPONENT_ARM_DISARM, param1=1.0)
-LOITER, OFFBOARD = 0x03040000, 0x00060000
+LOITER, LAND, OFFBOARD = 0x03040000, 0x06040000, 0x00060000
 MODE = Px4().mode_of
 
 
@@ -396,6 +396,32 @@ def test_a_change_of_mode_gives_way_to_something_urgent(talk):
     talk(test)
 
 
+def test_a_late_answer_to_an_equal_command_is_not_taken_for_this_ones(talk):
+    async def test(it):
+        overtaken = asyncio.ensure_future(it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=3.0)))
+        await asyncio.sleep(0.1)
+        overtaken.cancel()
+        it.later(0.2, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
+        it.later(0.4, ack(MavResult.FAILED, MavCmd.NAV_TAKEOFF))
+        with pytest.raises(Refused):
+            await it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=5.0))
+
+    talk(test)
+
+
+def test_a_command_whose_answer_may_be_that_of_the_one_before_is_sent_again(talk):
+    async def test(it):
+        overtaken = asyncio.ensure_future(it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=3.0)))
+        await asyncio.sleep(0.1)
+        overtaken.cancel()
+        it.later(0.2, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
+        it.later(1.5, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
+        await it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=5.0))
+        assert [sent.param7 for sent in it.sent] == [3.0, 5.0, 5.0]
+
+    talk(test)
+
+
 def test_a_late_answer_to_where_it_was_to_go_is_not_taken_for_the_holds(talk):
     async def test(it):
         px4 = Px4()
@@ -419,5 +445,21 @@ def test_an_answer_that_came_in_time_is_not_waited_for_twice(talk):
             it.later(0.1, ack(MavResult.ACCEPTED, MavCmd.DO_REPOSITION))
             await it.commander.enter("AUTO.LOITER", MODE, hold)
         assert len(it.sent) == 2
+
+    talk(test)
+
+
+def test_a_mode_that_it_is_in_is_asked_for_again_if_another_one_was_carried_out_after_it(talk):
+    async def test(it):
+        land = CommandLong(MavCmd.DO_SET_MODE, param1=1.0, param2=4.0, param3=6.0)
+        overtaken = asyncio.ensure_future(it.commander.enter("AUTO.LAND", MODE, land))
+        await asyncio.sleep(0.05)
+        overtaken.cancel()  # its frame is overtaken by the next one
+        for seconds in (0.05, 0.75):
+            it.later(seconds, ack(MavResult.ACCEPTED, MavCmd.DO_REPOSITION))
+        it.beats_later(0.7, mode=LAND, armed=True)
+        it.beats_later(1.7, mode=LOITER, armed=True)
+        await it.commander.enter("AUTO.LOITER", MODE, CommandInt(MavCmd.DO_REPOSITION))
+        assert [sent.command for sent in it.sent[1:]] == [MavCmd.DO_REPOSITION] * 2
 
     talk(test)

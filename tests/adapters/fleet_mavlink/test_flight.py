@@ -262,3 +262,54 @@ def test_a_way_down_goes_on_when_the_host_lets_go_and_ends_when_somebody_asks(fl
             coming.cancel()
 
     fly(main())
+
+
+@both
+@pytest.mark.parametrize(("name", "data"), [("disarm", {}), ("land", {}), ("kill", {"force": True})])
+def test_motors_that_are_not_seen_to_run_yet_are_switched_off(fly, sky, flavour, name, data):
+    async def main():
+        async with sky(flavour, allow_kill=True, faults={"state_lag": 0.5}) as it:
+            await it.met()
+            arming = asyncio.ensure_future(it.do("arm"))
+            await it.until(lambda: it.armed)
+            assert not it.state.armed
+            arming.cancel()
+            await it.do(name, **data)
+            assert not it.armed
+            await asyncio.sleep(3.0)
+            assert not it.armed
+
+    fly(main())
+
+
+def test_motors_are_not_stopped_by_force_in_the_air_that_is_not_seen_yet(fly, sky):
+    async def main():
+        async with sky(
+            "ardupilot", faults={"state_lag": 1.5}
+        ) as it:  # PX4 says it before it leaves the ground
+            await it.met()
+            rising = asyncio.ensure_future(it.do("takeoff", altitude=6.0))
+            await it.until(lambda: it.height > 0.3)
+            assert it.state.in_air is False
+            rising.cancel()
+            with pytest.raises(CommandError):
+                await it.do("disarm", force=True)
+            assert it.armed
+
+    fly(main())
+
+
+@both
+def test_a_landing_right_after_a_halt_is_not_undone_by_the_hold_that_follows_the_halt(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, faults={"state_lag": 0.5}) as it:
+            await it.met()
+            await it.do("takeoff", altitude=6.0)
+            await it.adapter.stop("hover")
+            it.adapter.drive(FORWARD)
+            await it.until(lambda: it.adapter._session.commander.turns.current is not None)
+            it.adapter.halt()  # the watchdog's: the only velocity has had its time
+            await it.do("land")
+            assert not it.armed
+
+    fly(main())

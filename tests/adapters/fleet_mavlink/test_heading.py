@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from fleet import FollowPath, Goal, GoTo, Refused, RelativeMove, Vector3, Velocity
+from fleet import FollowPath, Goal, GoTo, Refused, RelativeMove, TimedOut, Vector3, Velocity
 
 HABITS = [("ardupilot", "WP_YAW_BEHAVIOR", value) for value in (0, 1, 2, 3)]
 HABITS += [("px4", "MPC_YAW_MODE", value) for value in (0, 1, 2, 3, 4)]
@@ -143,5 +143,16 @@ def test_a_place_that_the_autopilot_does_not_take_is_refused_and_not_flown(fly, 
                 await flown(it, RelativeMove(Vector3(6.0, 0.0, 0.0)), Nose(it))
             assert it.mode == "BRAKE"
             assert it.place == pytest.approx(before, abs=0.5)
+
+    fly(main())
+
+
+def test_an_autopilot_that_does_not_answer_to_a_place_is_not_called_unwilling(fly, sky):
+    async def main():
+        async with sky("ardupilot") as it:
+            await turned_to(it, 60.0)
+            it.deaf_to |= {"SET_POSITION_TARGET_GLOBAL_INT", "COMMAND_LONG"}
+            with pytest.raises(TimedOut, match="did not say where it flies to"):
+                await flown(it, RelativeMove(Vector3(6.0, 0.0, 0.0)), Nose(it))
 
     fly(main())

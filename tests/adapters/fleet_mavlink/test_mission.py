@@ -5,6 +5,7 @@ import contextlib
 
 import msgspec
 import pytest
+from pymavlink.dialects.v20 import all as mav
 
 from fleet import FlyMission, GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Vector3
 from fleet.model.geodesy import geo_from_world
@@ -163,6 +164,12 @@ def test_a_mission_that_was_replaced_meanwhile_is_not_gone_on_with(fly, sky, fla
         async with sky(flavour) as it:
             await it.met()
             await it.do("takeoff")
+            async with contextlib.aclosing(it.adapter.navigate(SQUARE)) as steps:
+                async for step in steps:
+                    if step.reached:
+                        break
+            await it.adapter.stop("pause")
+            await it.adapter._session.plans.clear(PlanType.MISSION)
             with pytest.raises(Refused, match="replaced"):
                 await flown(it, msgspec.structs.replace(SQUARE, resumed=True))
 
@@ -382,5 +389,47 @@ def test_a_landing_that_nothing_leads_to_is_refused(fly, sky):
             with pytest.raises(Refused, match="must have a place before it"):
                 await flown(it, mission(PlanItem("land", at(0, 0, 0.0))))
             assert not it.armed
+
+    fly(main())
+
+
+@both
+def test_a_mission_that_was_paused_before_the_autopilot_had_it_is_sent_when_it_is_resumed(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, faults={"delay": 0.2}) as it:
+            await it.met()
+            await it.do("takeoff")
+            starting = asyncio.ensure_future(flown(it, SQUARE))
+            await asyncio.sleep(0.7)  # the items are on their way
+            starting.cancel()
+            await it.adapter.stop("pause")
+            await flown(it, msgspec.structs.replace(SQUARE, resumed=True))
+            assert it.place == pytest.approx((0.0, 15.0, 6.0), abs=1.2)
+
+    fly(main())
+
+
+def test_the_end_of_an_upload_that_was_broken_off_is_not_taken_for_the_answer_to_a_download(fly, sky):
+    async def main():
+        async with sky("ardupilot", faults={"delay": 0.2}) as it:  # it gives the upload up after seconds
+            await it.met()
+            await it.do("takeoff")
+            starting = asyncio.ensure_future(flown(it, SQUARE))
+            await asyncio.sleep(0.7)
+            starting.cancel()
+            await it.adapter._session.plans.download(PlanType.MISSION)
+
+    fly(main())
+
+
+@pytest.mark.parametrize("late", [13, 15])  # INVALID_SEQUENCE, OPERATION_CANCELLED
+def test_what_is_still_said_of_an_upload_does_not_end_a_download(fly, sky, frame_of, late):
+    async def main():
+        async with sky("ardupilot") as it:
+            await it.met()
+            await it.do("takeoff")
+            downloading = asyncio.ensure_future(it.adapter._session.plans.download(PlanType.MISSION))
+            it._peer.say(frame_of(mav.MAVLink_mission_ack_message(245, 191, late)))
+            await downloading
 
     fly(main())

@@ -1,5 +1,6 @@
 """Goals, flown by both simulated autopilots."""
 
+import asyncio
 import itertools
 import math
 
@@ -235,5 +236,37 @@ def test_a_hold_that_is_refused_does_not_hide_why_a_goal_failed(fly, sky, flavou
             it.deaf_to |= {"COMMAND_LONG", "COMMAND_INT"}
             with pytest.raises(TimedOut, match="not got nearer"):
                 await exhausted(going)
+
+    fly(main())
+
+
+@both
+@pytest.mark.parametrize("delay", [0.0, 0.3, 0.6])
+def test_a_goal_is_flown_to_though_a_mode_asked_for_just_before_is_shown_late(fly, sky, flavour, delay):
+    async def main():
+        async with sky(flavour, faults={"state_lag": 1.0}) as it:
+            await it.met()
+            await it.do("takeoff", altitude=8.0)
+            overtaken = asyncio.ensure_future(it.do("return_to_home"))
+            await it.until(lambda: it.mode == "RTL")
+            await asyncio.sleep(delay)
+            overtaken.cancel()
+            await exhausted(it.adapter.navigate(GoTo(Goal(position=Vector3(6.0, 4.0, 8.0)))))
+            assert it.place == pytest.approx((4.0, 6.0, 8.0), abs=1.0)
+            assert it.robot.losses == []
+
+    fly(main())
+
+
+def test_a_goal_is_flown_to_though_the_hold_after_a_drive_is_shown_late(fly, sky):
+    async def main():
+        async with sky("ardupilot", faults={"state_lag": 1.0}) as it:
+            await it.met()
+            await it.do("takeoff", altitude=8.0)
+            await it.drive(Velocity(Vector3(1.0, 0.0, 0.0)), 2.0)
+            it.adapter.drive(Velocity())
+            await it.until(lambda: it.mode == "BRAKE")
+            await exhausted(it.adapter.navigate(GoTo(Goal(position=Vector3(6.0, 4.0, 8.0)))))
+            assert it.place == pytest.approx((4.0, 6.0, 8.0), abs=1.0)
 
     fly(main())

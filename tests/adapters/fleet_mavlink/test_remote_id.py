@@ -172,7 +172,7 @@ def test_the_simulated_autopilot_refuses_by_itself_and_no_force_helps(fly, sky):
             await flight.enter("GUIDED")
             for force in (False, True):
                 with pytest.raises(CommandError, match="OpenDroneID: UA_TYPE required in BasicID"):
-                    await flight._arming(arm=True, force=force)
+                    await flight.arming._switch(on=True, force=force)
 
     fly(main())
 

@@ -230,3 +230,64 @@ def test_a_quadplane_takes_off_again_though_it_says_that_it_flies_once_it_is_arm
                 await it.do("land")
 
     fly(main())
+
+
+@both
+@pytest.mark.parametrize("data", [{}, {"altitude": 3.0}])
+def test_a_takeoff_in_the_air_ends_the_flight_that_the_host_has_ended(fly, sky, flavour, data):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=8.0)
+            async with contextlib.aclosing(it.adapter.navigate(GoTo(Goal(Vector3(90.0, 0.0, 8.0))))) as way:
+                await anext(way)
+                await it.until(lambda: it.speed > 3.0)
+            await it.do("takeoff", **data)
+            await asyncio.sleep(4.0)
+            assert it.speed < 0.3
+            assert it.height == pytest.approx(8.0, abs=EXACT)
+
+    fly(main())
+
+
+def test_a_second_takeoff_to_a_lower_height_before_it_is_seen_to_fly_never_descends(fly, sky):
+    async def main():
+        async with sky("ardupilot", faults={"state_lag": 1.2}) as it:
+            await it.met()
+            async with ended(it.do("takeoff", altitude=12.0)):
+                await it.until(lambda: it.height > 2.0)
+                assert it.state.in_air is False
+            await it.do("takeoff", altitude=1.5)
+            await asyncio.sleep(5.0)
+            assert it.height > 2.0
+
+    fly(main())
+
+
+def test_a_takeoff_flies_though_a_hold_that_was_asked_for_before_is_shown_late(fly, sky):
+    async def main():
+        async with sky("ardupilot", faults={"state_lag": 1.0}) as it:
+            await it.met()
+            await it.do("arm")
+            async with ended(it.adapter.stop("hover")):
+                await it.until(lambda: it.mode == "BRAKE")
+            await it.do("takeoff", altitude=5.0)
+            assert it.state.relative_altitude == pytest.approx(5.0, abs=EXACT)
+
+    fly(main())
+
+
+@both
+def test_a_takeoff_flies_though_a_landing_that_was_asked_for_before_is_shown_late(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, faults={"state_lag": 1.0}) as it:
+            await it.met()
+            async with ended(it.do("takeoff", altitude=9.0)):
+                await it.until(lambda: it.state.in_air and it.height > 1.0)
+            async with ended(it.do("land")):
+                await it.until(lambda: it.mode == "LAND")
+            await it.do("takeoff", altitude=8.0)
+            assert it.armed
+            assert it.state.relative_altitude == pytest.approx(8.0, abs=EXACT)
+
+    fly(main())

@@ -247,3 +247,37 @@ def test_a_px4_vtol_is_called_back_to_its_hover_first():
     back, hold = px4_plane_of(22, state).holding(state).asks
     assert (back.command, back.param1) == (MavCmd.DO_VTOL_TRANSITION, 3.0)
     assert hold.command == MavCmd.DO_REPOSITION
+
+
+@flavours
+@pytest.mark.parametrize("lag", [0.0, 0.7])
+def test_a_transition_that_is_asked_for_right_after_the_opposite_one_is_carried_out(fly, sky, flavour, lag):
+    async def main():
+        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+            await hovering(it)
+            it.sim.set_fault("state_lag", lag)
+            going = asyncio.ensure_future(it.do("transition", to="forward"))
+            await it.until(lambda: it.sim.pilot.vtol_state() == TO_FORWARD)
+            assert it.state.vtol_state == HOVERS
+            going.cancel()
+            await it.do("transition", to="hover")
+            await asyncio.sleep(8.0)
+            assert it.sim.pilot.vtol_state() == HOVERS
+
+    fly(main())
+
+
+@flavours
+def test_a_transition_to_what_it_flies_ends_the_flight_that_the_host_has_ended(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+            await hovering(it)
+            way = it.adapter.navigate(GoTo(Goal(Vector3(60.0, 0.0, HEIGHT))))
+            await anext(way)
+            await it.until(lambda: it.speed > 2.0)
+            await way.aclose()
+            await it.do("transition", to="hover")
+            await it.until(lambda: it.speed < 0.5, within=8.0)
+            assert it.place[1] < 45.0
+
+    fly(main())

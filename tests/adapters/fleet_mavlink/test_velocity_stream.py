@@ -296,3 +296,17 @@ def test_a_plain_stop_holds_a_vehicle_that_was_on_its_way_and_does_not_take_velo
             await it.until(lambda: it.speed < 0.2, within=6.0)
 
     fly(main())
+
+
+def test_a_goal_after_a_short_drive_is_not_held_up_by_a_mode_that_is_shown_late(fly, sky):
+    async def main():
+        async with sky("px4", faults={"state_lag": 1.0}) as it:
+            await it.met()
+            await it.do("takeoff", altitude=6.0)
+            await it.drive(Velocity(Vector3(1.0, 0.0, 0.0)), 1.0)
+            assert it.mode == "OFFBOARD"
+            async for _ in it.adapter.navigate(GoTo(Goal(position=Vector3(6.0, 0.0, 6.0)))):
+                pass
+            assert it.place == pytest.approx((0.0, 6.0, 6.0), abs=1.0)
+
+    fly(main())

@@ -165,15 +165,18 @@ class Flyer(Walker):
             await asyncio.sleep(0.1)
 
 
-class _Nowhere:
-    """An outbox for nobody."""
+class _Outbox:
+    """An outbox that passes the reports of all robots to ``tell``."""
+
+    def __init__(self, tell):
+        self._tell = tell
 
     def sender(self, _twin):
-        return lambda _report: None
+        return self._tell
 
 
-def local_robot(config, adapter, *, clock, scheduler):
-    """Return a robot of no process: what it reports and records goes nowhere."""
+def local_robot(config, adapter, *, clock, scheduler, tell=lambda _report: None):
+    """Return a robot of no process: what it records goes nowhere, what it reports to ``tell``."""
     return LocalRobot(
         config,
         adapter,
@@ -183,7 +186,7 @@ def local_robot(config, adapter, *, clock, scheduler):
         clock=clock,
         scheduler=scheduler,
         shared=SharedResources(),
-        outbox=_Nowhere(),
+        outbox=_Outbox(tell),
         journal=RobotJournal(),
         record=lambda _event: None,
         arrival=clock.monotonic,

@@ -441,3 +441,38 @@ def test_an_unknown_command_is_unsupported(ap):
     ap.run(0.2)
     assert ap.asks(34, 5) == [UNSUPPORTED]
     assert ap.asks(186, 500) == [UNSUPPORTED]
+
+
+def test_the_mode_that_it_has_is_not_entered_again(flying):
+    flying.stream(1, 2.0)
+    assert flying.set_mode("GUIDED") == [ACCEPTED]
+    flying.run(1)
+    assert flying.body.speed > 1.5
+
+
+@pytest.mark.parametrize("moves", ["velocity", "place"])
+def test_a_setpoint_before_it_leaves_the_ground_ends_a_takeoff(ap, moves):
+    ap.run(0.2)
+    ap.set_mode("GUIDED")
+    ap.asks(400, 1)
+    assert ap.asks(22, 0, 0, 0, 0, 0, 0, 5) == [ACCEPTED]
+    if moves == "velocity":
+        ap.drive(1.0, 0.0, 0.0)
+    else:
+        ap.tell(
+            mav.MAVLink_set_position_target_global_int_message(
+                0, 1, 1, 6, 3576, 473979420, 85455940, 15.0, 0, 0, 0, 0, 0, 0, 0, 0
+            )
+        )
+    ap.run(8)
+    assert ap.body.grounded
+
+
+@pytest.mark.parametrize(("mode", "seconds"), [("LAND", 2.0), ("RTL", 11.0)])
+def test_a_landing_on_the_ground_does_not_take_off(ap, mode, seconds):
+    ap.run(0.2)
+    ap.set_mode("GUIDED")
+    ap.asks(400, 1)
+    assert ap.set_mode(mode) == [ACCEPTED]
+    ap.until(lambda: not ap.pilot.armed, limit=seconds)
+    assert ap.body.grounded

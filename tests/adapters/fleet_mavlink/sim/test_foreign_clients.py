@@ -252,5 +252,5 @@ async def test_mavproxy_flies_ardupilot(mavproxy):
     mavproxy.type("param set WPNAV_SPEED 300")
     await mavproxy.shows("param show WPNAV_SPEED", r"WPNAV_SPEED\s+300")
     mavproxy.type("mode LAND")
-    await mavproxy.says("Mode LAND")
+    await mavproxy.says("DO_SET_MODE: ACCEPTED")  # it shows the mode later, when the motors may be off
     await mavproxy.says("DISARMED")

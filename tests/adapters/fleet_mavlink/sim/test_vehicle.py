@@ -193,3 +193,15 @@ def _is_sane(made):
     body = made.body
     values = (body.north, body.east, body.down, body.vn, body.ve, body.vd, body.heading)
     assert all(map(math.isfinite, values))
+
+
+def test_mode_and_flight_state_can_be_shown_late(either):
+    either.run(1.0)
+    either.vehicle.set_fault("state_lag", 1.5)
+    if either.ardupilot:
+        either.set_mode("GUIDED")
+    assert either.asks(400, 1) == [0]
+    either.run(1.3)
+    assert not either.last("HEARTBEAT").base_mode & 128
+    either.run(1.5)
+    assert either.last("HEARTBEAT").base_mode & 128
