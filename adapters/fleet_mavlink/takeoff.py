@@ -109,7 +109,7 @@ class _Attempt:
             if self._armed_by_us:
                 await flight.arming.disarm_quietly()
                 raise
-            if not await self._vehicle.until(self._shows_why, flight.commander.timing.heartbeat):
+            if not await self._vehicle.until(self._shows_why, _BEGUN_WITHIN):
                 raise
             if self._has_landed(self._vehicle.state):
                 return False

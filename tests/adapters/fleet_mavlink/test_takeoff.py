@@ -291,3 +291,17 @@ def test_a_takeoff_flies_though_a_landing_that_was_asked_for_before_is_shown_lat
             assert it.state.relative_altitude == pytest.approx(8.0, abs=EXACT)
 
     fly(main())
+
+
+def test_a_takeoff_right_after_a_disarm_that_is_shown_late_arms_again(fly, sky):
+    async def main():
+        async with sky("ardupilot", faults={"state_lag": 1.2}) as it:
+            await it.met()
+            await it.do("arm")
+            async with ended(it.do("disarm")):
+                await it.until(lambda: not it.armed)
+            assert it.state.armed
+            await it.do("takeoff", altitude=5.0)
+            assert it.state.relative_altitude == pytest.approx(5.0, abs=EXACT)
+
+    fly(main())
