@@ -37,6 +37,7 @@ from fleet_quadruped.recorded import CHANNELS, TOLERANCE, RecordedDog
 from fleet_quadruped.reports import BodyReporter
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.safety.stages import EMERGENCY_STOP
 
 __all__ = ["QuadrupedAdapter", "QuadrupedConfig"]
 
@@ -50,9 +51,8 @@ _Height = Annotated[float, Range(-1.0, 1.0, "m")]
 _POSING = "posing"
 _LED = 0.3  # s for which the body follows a joint target after it was sent
 _STANDS = frozenset({"standing", "walking"})
-_STILL = frozenset({"standing", "held", "off", "damped"})
+_STANDS_STILL = frozenset({"standing", "held"})
 _RECOVERING = "recovering"
-_ANSWERED = _STILL | {_RECOVERING}  # modes that end a plain stop, or need a further request
 _STOPPED = 4.5  # s until it must stand still; the host waits half a second longer
 
 
@@ -72,6 +72,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._body = BodyClient(robot, lamp=robot.state.get(_LAMP))
         self._reporter = BodyReporter(robot, config.trim, lambda: self._body.state)
         self._serves = True  # the body controller is running
+        self._lies = frozenset({"off"})  # modes in which it lies and nothing moves it
         self._dog: AnyBody
 
     @staticmethod
@@ -85,6 +86,8 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         robot = self.robot
         robot.health(Health(Level.OFFLINE, "its body controller has not reported a state yet"))
         self._dog = load_body(self.config.body_file)
+        if not isinstance(self._dog, DogDescription):  # a self-walking machine may stay damped
+            self._lies |= {"damped"}
         frames = await robot.enter(received(self._dog.buses, robot.log))
         process = await robot.enter(BodyProcess(self.config, self._dog.leave_time, frames.relay))
         self._reporter.begin()
@@ -103,12 +106,15 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     def drive(self, velocity: Velocity) -> None:
         """Walk with this velocity from now on; only a standing robot accepts one."""
-        if self._body.state.mode not in _STANDS and not velocity.is_zero:
-            raise NotReady(f"the dog is {self._body.state.mode}", hint="send stand_up first")
+        state = self._body.state
+        if state.mode not in _STANDS and not velocity.is_zero:
+            raise NotReady(f"the dog is {state.mode}", hint="send stand_up first")
+        if state.stopped < self._body.order.stop and not velocity.is_zero:  # the state is from before it
+            raise NotReady("the dog is carrying out an emergency stop", hint="send stand_up once it lies")
         self._body.change(_walking(velocity, self._body.now()))
 
     async def stop(self, reason: str) -> None:
-        """Stand still; in an emergency stop damp the joints, then disable the drives. Return once seen.
+        """Stand still; in an emergency stop damp the joints, then disable the drives. Return at the end.
 
         A robot in recovery cannot stand still: it sits down where it is.
         """
@@ -117,14 +123,24 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         if reason == _EMERGENCY:
             self.emergency_halt()
             number = self._body.order.stop
-            await self._body.until(lambda: self._body.state.stopped >= number, "the emergency stop")
+            await self._body.until(
+                lambda: self._body.state.stopped >= number and self._body.state.mode in self._lies,
+                "the emergency stop",
+                within=_STOPPED,
+            )
             return
         self.halt()
-        await self._body.until(lambda: self._body.state.mode in _ANSWERED, "standing still", within=_STOPPED)
+        number, still = self._body.order.halts, _STANDS_STILL | self._lies
+        ended = still | {_RECOVERING}  # which needs a further request
+        await self._body.until(
+            lambda: self._body.state.halted >= number and self._body.state.mode in ended,
+            "standing still",
+            within=_STOPPED,
+        )
         if self._body.state.mode == _RECOVERING:
             with contextlib.suppress(Refused):  # recovery ended in the meantime
                 await self._body.request(BodyRequest.SIT)
-            await self._body.until(lambda: self._body.state.mode in _STILL, "standing still", within=_STOPPED)
+            await self._body.until(lambda: self._body.state.mode in still, "standing still", within=_STOPPED)
 
     def halt(self) -> None:
         """Order the robot to stand still in its present posture; from any thread."""
@@ -230,7 +246,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             await self._body.reach(_STANDS, "standing up", within=29.0)
             return
         await self._body.until(lambda: self._body.state.mode == "off", "sitting down", within=11.0)
-        if self._body.state.fault:
+        if self._body.state.fault not in {"", EMERGENCY_STOP}:  # after an emergency stop it lies already
             raise Fault(self._body.state.fault)
 
 

@@ -99,6 +99,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         self.halt()
         if not self._board.serves:
             return
+        self._board.stands.clear()  # what was seen before this stop says nothing about a velocity just before
         try:
             async with asyncio.timeout(STANDSTILL):
                 await self._board.stands.wait()

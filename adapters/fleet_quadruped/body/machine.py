@@ -110,9 +110,7 @@ class BodyStateMachine:
         """Hold the present posture; joint moves are refused until they are requested again."""
         if self.mode is BodyMode.POSING:
             self.mode = BodyMode.HELD
-        if (
-            self.mode is BodyMode.ENABLING and self._after is BodyMode.POSING
-        ):  # it lies, its drives are still off
+        if self.mode is BodyMode.ENABLING:  # it lies, and has not begun to move
             self._enter(BodyMode.OFF)
         if self.posing is not None:
             self.posing.leaves = False

@@ -146,6 +146,7 @@ class Controller:
             answered=self._orders.answered,
             refusal=self._orders.refusal,
             stopped=self._orders.stopped,
+            halted=self._orders.halted,
             measured=tuple([self._looked - age for age in self._joints.ages]),
             posed=self._looked - max(*self._joints.ages, self._sensors.imu_age),
             felt=self._looked - self._sensors.imu_age,

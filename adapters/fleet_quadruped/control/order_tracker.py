@@ -15,17 +15,19 @@ _POWERS = frozenset({BodyRequest.STAND, BodyRequest.RECOVER, BodyRequest.CHECK, 
 
 
 class OrderTracker:
-    """Executes orders on a body. ``answered`` and ``stopped``: number of the last activity, and stop.
+    """Executes orders on a body.
+
+    ``answered``, ``halted`` and ``stopped``: number of the last activity, of the last stop of any kind, and
+    of the last emergency stop.
 
     ``refusal``: why the last activity was refused, empty if it was accepted.
     """
 
     def __init__(self, body: BodyStateMachine, abandoned: float) -> None:
-        self.answered = self.stopped = 0
+        self.answered = self.halted = self.stopped = 0
         self.refusal = ""
         self._body = body
         self._abandoned = abandoned  # s of silence of the host after which the robot sits down
-        self._halts = 0
 
     def obey(self, order: Order, now: float, sense: Sense, unfit: Callable[[], str]) -> None:
         """Execute the activity, then halt and stop, which so take precedence, then sit down without a host.
@@ -38,8 +40,8 @@ class OrderTracker:
             self._release(activity.ask)
             refusal = unfit() if self._powers_up(activity.ask) else ""
             self.refusal = refusal or body.ask(activity.ask, activity.value, sense)
-        if order.halts > self._halts:
-            self._halts = order.halts
+        if order.halts > self.halted:
+            self.halted = order.halts
             body.halt()
         if order.stop > self.stopped:
             self.stopped = order.stop

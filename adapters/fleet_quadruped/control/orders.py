@@ -76,6 +76,7 @@ class DogState(msgspec.Struct, frozen=True):
     answered: int = 0  # number of the last activity
     refusal: str = ""  # reason of its refusal, empty if it was accepted
     stopped: int = 0  # number of the last executed emergency stop
+    halted: int = 0  # number of the last executed stop of any kind
     measured: tuple[float, ...] = ()
     posed: float = -math.inf
     felt: float = -math.inf

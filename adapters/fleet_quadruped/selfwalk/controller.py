@@ -46,7 +46,7 @@ class SelfWalkController:
         self._lamp = Lamp(walker.led, buses)
         self._asks = RequestTracker()
         self._velocity_check = VelocityCheck()
-        self._activity = self._stops = 0
+        self._activity = self._stops = self._halted = 0
         self._stop_repeat = StopRepeat()
         self._sit_at = -math.inf
         self._since: float | None = None
@@ -132,6 +132,7 @@ class SelfWalkController:
             answered=self._asks.answered,
             refusal=self._asks.refusal,
             stopped=self._stops,
+            halted=self._halted,
             posed=measured,
             felt=measured,
             x=telemetry.x,
@@ -189,6 +190,7 @@ class SelfWalkController:
         if order.stop > self._stops:
             self._stops, self._stop_repeat.pending = order.stop, True
             self._stop(EMERGENCY_STOP, now)
+        self._halted = order.halts
         silent = now - order.alive
         if order.leave or silent > self.walker.safety.abandoned:
             self._sit(TOLD_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s")

@@ -23,7 +23,7 @@ from fleet.errors import StateError
 from fleet.host.journal.changes import Change, CommandEnd, NetChanges
 from fleet.host.journal.execution_journal import ExecutionJournal, Latched, Row, StartedCommand
 from fleet.host.journal.journal_file import LOST, JournalFile
-from fleet.host.journal.past_commands import DONE, InterruptedCommand, PastCommand, answer_to
+from fleet.host.journal.past_commands import DONE, MOTION, InterruptedCommand, PastCommand, answer_to
 from fleet.host.journal.unwritten_mark import UnwrittenMark
 from fleet.host.requests.receipt import Receipt
 from fleet.host.safety.dedup_cache import KEPT, DedupCache
@@ -38,6 +38,7 @@ for the interpreter just when the command is on its way to the robot."""
 LONGEST = 1 << 22
 """Bytes of commands that are kept in memory while the disk takes none."""
 RETRY = 1.0  # s between attempts to write what the disk did not take
+NOTED_AGAIN = 60.0  # s after which lasting motion is recorded again: old records are forgotten
 
 
 def _forget(_change: Change) -> None:
@@ -61,11 +62,25 @@ class RobotJournal:
         self._robot = robot
         self._put = put
         self._clock = clock
+        self._moved_at: float | None = None  # monotonic s at which present motion was recorded
 
     @property
     def cut_off(self) -> bool:
-        """True when an action of an earlier process has no known end: the robot may still be moving."""
-        return any(past.action and not past.outcome for past in self.past)
+        """True when motion of an earlier process has no known end: the robot may still be moving."""
+        return any(past.moves and not past.outcome for past in self.past)
+
+    def moves(self, moving: bool) -> None:  # noqa: FBT001 - it says what is recorded
+        """Record whether the robot may be moving because of this process; a repetition writes nothing."""
+        if self._clock is None:
+            return
+        now = self._clock.monotonic()
+        if not moving:
+            if self._moved_at is not None:
+                self._moved_at = None
+                self._put(CommandEnd("ended", self._robot, MOTION))
+        elif self._moved_at is None or now - self._moved_at > NOTED_AGAIN:
+            self._moved_at = now
+            self._put(StartedCommand(self._robot, MOTION, "motion", False, self._clock.time()))
 
     def latch(self, why: str) -> None:
         """Record an emergency stop, or with an empty ``why`` its release; from any thread.

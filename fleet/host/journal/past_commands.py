@@ -8,6 +8,8 @@ from fleet.host.requests.receipt import Receipt
 
 DONE = "completed"
 """Outcome of a command that the robot was seen to have carried out."""
+MOTION = ""
+"""Identity of the record of any motion, also of requests without an identity; no request has it."""
 
 
 class PastCommand(msgspec.Struct, frozen=True):
@@ -17,6 +19,11 @@ class PastCommand(msgspec.Struct, frozen=True):
     name: str
     action: bool
     outcome: str
+
+    @property
+    def moves(self) -> bool:
+        """True if the robot may still be moving unless the end is known."""
+        return self.action or self.identity == MOTION
 
     @property
     def verdict(self) -> str:

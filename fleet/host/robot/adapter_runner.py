@@ -198,7 +198,7 @@ class AdapterRunner:
             try:
                 await adapter.run()
             except BaseException as error:
-                why = str(_cause(error))
+                why = str(_cause(error)) or "its run was ended"  # a cancellation has no text
                 raise
             finally:
                 await _uninterrupted(self._stand(why, open_still=False))
@@ -225,11 +225,9 @@ class AdapterRunner:
         motion = self.controller.motion
         in_control = motion.in_control
         self._contained(self.controller.lost)(why)
-        if in_control:
+        if in_control or motion.may_be_moving:
             self.controller.halt()
-            with contextlib.suppress(Exception):  # the run is over; only the halt mattered
-                await motion.hold(why)
-                motion.may_be_moving &= not open_still
+            await motion.hold_at_end(why, open_still=open_still)
         self._ending.set()
 
     async def _wait_for_leftover(self) -> None:

@@ -164,16 +164,17 @@ class RobotController:
             return
         if self.motion.in_control:
             self.halt()
-        self.motion.fail(why)
+        self.motion.fail(why, halted=self.motion.in_control)
 
     def lost(self, why: str) -> None:
         """Handle the loss of the robot: its running requests fail, and are never resumed.
 
         A robot that is controlled by others is not halted.
         """
-        if not self.offline and self.motion.in_control:
+        if not self.offline:
             self.motion.lost()
-            self.halt()
+            if self.motion.in_control or self.motion.may_be_moving:
+                self.halt()
         self.attached.offline, self._admission.fault = why, ""
         self.motion.fail(why)
 
@@ -192,7 +193,8 @@ class RobotController:
         self.event_reporter.authority_lost(reason)
         self.motion.fail(f"authority lost: {reason}")
         self._admission.taken_over(f"taken: authority lost: {reason}")
-        self.motion.in_control, self.motion.may_be_moving, self.guard.taken = False, False, True
+        self.motion.taken()
+        self.guard.taken = True
 
     def end(self, why: str) -> None:
         """End motion that this edge causes, for a reason; a landing or a return home continues."""
@@ -239,6 +241,7 @@ class RobotController:
             self._command(ask, receipt)
         else:
             self.goals.take(ask, receipt)
+        self.motion.record()
 
     def _command(self, ask: Command, receipt: Receipt) -> None:
         """Admit a discrete command and execute it."""
@@ -261,6 +264,7 @@ class RobotController:
         elif own is not None:
             self.event_reporter.log.warning("%s by %s", ask.name, ask.origin.session or ask.origin.transport)
             self._journal.note(ask.id, ask.name)
+            self._journal.follow(ask.id, receipt)
             own(ask, receipt)
         elif spec is not None:
             self._execute(spec, ask, receipt)
@@ -284,5 +288,7 @@ class RobotController:
         def failed() -> None:
             if may_still_move(spec, receipt, superseding=superseding):
                 motion.settle_later(f"{ask.name} failed: {receipt.reason}")
+            elif spec.moves:
+                motion.not_begun(receipt)
 
         motion.executor.start(adapter, spec, ask, receipt, failed=failed)

@@ -15,7 +15,7 @@ from fleet.errors import CommandError, LinkError, Refused, TimedOut
 from fleet.host.journal.journal import RobotJournal
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import start_command
-from fleet.host.runtime.cancellation import cancel_and_wait, closing, was_cancelled
+from fleet.host.runtime.cancellation import IGNORED_AFTER, cancel_and_wait, closing, was_cancelled
 from fleet.model.command import Command, ReplyStatus
 from fleet.runtime.event_loop import make_task
 from fleet.runtime.exception_barrier import failure_of
@@ -40,17 +40,25 @@ class Executor:
 
     The sender is answered at once when a command is cancelled or times out, however the adapter's method
     reacts to the cancellation. Each command is in the ``journal`` before its method is called; a moving
-    command waits until earlier stops have ended.
+    command waits until earlier stops, and motion that was cancelled, have ended. ``barred`` returns why
+    nothing may move the robot by then, else None.
     """
 
     def __init__(
-        self, *, crashed: Callable[[Exception], None], journal: RobotJournal, log: logging.Logger = log
+        self,
+        *,
+        crashed: Callable[[Exception], None],
+        journal: RobotJournal,
+        barred: Callable[[], str | None] = lambda: None,
+        log: logging.Logger = log,
     ) -> None:
         self._crashed = crashed
+        self._barred = barred
         self._log = log
         self._journal = journal
         self._tasks: set[asyncio.Task[None]] = set()
         self._stops: set[asyncio.Task[None]] = set()
+        self._leaving: set[asyncio.Task[None]] = set()  # cancelled motion that has not ended yet
         self._mover: asyncio.Task[None] | None = None
         self._receipt: Receipt | None = None  # of the moving command
         self.moving = ""
@@ -91,7 +99,7 @@ class Executor:
         def give_up() -> None:
             self._moved(task)
             job.receipt.fail(TimedOut(f"{name} was not seen done within {seconds:g} s"))
-            cancel_and_wait(task, "its time was over", self._crashed)
+            self.end(task, "its time was over")
             job.failed()
 
         timer = asyncio.get_running_loop().call_later(seconds, give_up)
@@ -103,13 +111,30 @@ class Executor:
             mover, receipt = self._mover, self._receipt
             self._moved(mover)
             receipt.reject(why)
-            cancel_and_wait(mover, why, self._crashed)
+            self.end(mover, why)
 
-    def stop(self, work: Coroutine[object, object, None], name: str) -> None:
-        """Execute a stop; later moving commands wait for its end."""
+    def end(self, task: asyncio.Task[None], why: str) -> None:
+        """Cancel a task that moves the robot; later moving requests wait for its end.
+
+        One that ignores its cancellation is a failure of the adapter, and no longer waited for.
+        """
+
+        def ignored(error: Exception) -> None:
+            self._leaving.discard(task)
+            self._crashed(error)
+
+        self._leaving.add(task)
+        task.add_done_callback(self._leaving.discard)
+        cancel_and_wait(task, why, ignored)
+
+    def stop(
+        self, work: Coroutine[object, object, None], name: str, *, ended: Callable[[], None] = lambda: None
+    ) -> None:
+        """Execute a stop; later moving commands wait for its end. ``ended`` is called after that."""
         stop = self.spawn(work, name=name)
         self._stops.add(stop)
         stop.add_done_callback(self._stops.discard)
+        stop.add_done_callback(lambda _: ended())
 
     @property
     def stopping(self) -> bool:
@@ -117,9 +142,15 @@ class Executor:
         return bool(self._stops)
 
     async def standing(self) -> None:
-        """Wait until all stops in progress have ended, so that a command given after a stop follows it."""
-        while self._stops:
-            await asyncio.wait(set(self._stops))
+        """Wait until stops in progress and cancelled motion have ended: what is given next follows them."""
+        while busy := self._stops | self._leaving:
+            await asyncio.wait(busy, timeout=IGNORED_AFTER)
+
+    async def ready(self) -> None:
+        """Wait as ``standing``; raises Refused if nothing may move the robot by then."""
+        await self.standing()
+        if why := self._barred():
+            raise Refused(why)
 
     def spawn(self, work: Coroutine[object, object, None], *, name: str) -> asyncio.Task[None]:
         """Start a task of this robot; it is referenced until it ends."""
@@ -139,7 +170,7 @@ class Executor:
             self._journal.note(job.ask.id, job.ask.name, transport=job.ask.origin.transport)
             self._journal.follow(job.ask.id, job.receipt)
             if job.spec.moves:
-                await self.standing()
+                await (self.standing() if job.spec.safe else self.ready())
             call = start_command(job.adapter, job.spec, job.ask)
             data = await (_stepped(call, job.receipt) if job.spec.streams else call)
             msgspec.json.encode(data)  # raises if it cannot be encoded: the sender must get an answer

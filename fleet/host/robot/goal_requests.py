@@ -127,6 +127,7 @@ class GoalRequests:
         if refusal is not None or leader is None or self._attached.offline:
             receipt.reject(refusal or self._attached.absence)
         elif self._navigator.resume(leader):
+            self._motion.begin(ask)
             receipt.done()
         else:
             receipt.reject("there is no paused action")

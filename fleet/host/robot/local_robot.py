@@ -43,6 +43,8 @@ from fleet.runtime.event_loop import OWNER
 from fleet.supervisor.client import SupervisorClient
 from fleet.wire.rules import Kind
 
+RECORD_EVERY = 1.0  # s between records of the end of motion
+
 
 class LocalRobot:
     """A robot whose adapter runs in this process."""
@@ -92,6 +94,12 @@ class LocalRobot:
             restart=lambda: self.runner.restart(),  # noqa: PLW0108 - it is made below
             journal=journal,
             clock=clock,
+        )
+        scheduler.every(
+            RECORD_EVERY,
+            self.controller.motion.record,
+            owner=config.name,
+            failed=lambda error: self.runner.crashed(error),  # noqa: PLW0108 - it is made below
         )
         self.happenings = UnrequestedEvents(self.controller.event_reporter)
         self.requests = RequestIntake(

@@ -13,7 +13,7 @@ from fleet.host.journal.journal import RobotJournal
 from fleet.host.requests.action import Action
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.action_statuses import ActionStatuses
-from fleet.host.runtime.cancellation import cancel_and_wait, closing, no_wait, was_cancelled
+from fleet.host.runtime.cancellation import closing, no_wait, was_cancelled
 from fleet.model.navigation import ActionState, AnyTask, Control, Navigate, RelativeMove
 from fleet.model.report import NavigationReport
 from fleet.runtime.exception_barrier import guarded
@@ -24,22 +24,25 @@ log = logging.getLogger(__name__)
 class Navigator:
     """Navigation actions of one robot.
 
-    ``hold`` brings the robot to a standstill and never raises; ``crashed`` receives an unexpected error of
-    the adapter; ``ready`` waits until earlier stops have ended. Each action is in the ``journal`` before it
-    starts. ``statuses`` publishes and repeats the statuses of actions.
+    ``hold`` begins to bring the robot to a standstill; ``crashed`` receives an unexpected error of the
+    adapter; ``ready`` waits until the robot may begin, and raises Refused if it may not; ``end`` cancels a
+    task. Each action is in the ``journal`` before it starts. ``statuses`` publishes and repeats the statuses
+    of actions.
     """
 
     def __init__(
         self,
         *,
         publish: Callable[[NavigationReport], None],
-        hold: Callable[[str], Awaitable[None]],
+        hold: Callable[[str], None],
         crashed: Callable[[Exception], None],
         clock: Clock,
         journal: RobotJournal,
+        end: Callable[[asyncio.Task[None], str], None],
         ready: Callable[[], Awaitable[None]] = no_wait,
     ) -> None:
         self._ready = ready
+        self._cancel = end
         self.statuses = ActionStatuses(publish, clock, journal)
         self._hold = hold
         self._crashed = crashed
@@ -130,7 +133,7 @@ class Navigator:
     def _interrupt(self) -> None:
         """Cancel the work; it publishes nothing any more."""
         if self._work is not None:
-            cancel_and_wait(self._work, "the action was ended", self._crashed)
+            self._cancel(self._work, "the action was ended")
             self._work = None
 
     async def _run(self, who: GoalNavigator, action: Action) -> None:
@@ -146,11 +149,11 @@ class Navigator:
             if self._is_current():
                 action.complete()
         except (CommandError, LinkError) as error:
-            await self._fail(action, str(error))
+            self._fail(action, str(error))
         except asyncio.CancelledError:
             if was_cancelled():
                 raise
-            await self._fail(action, "the adapter cancelled it")
+            self._fail(action, "the adapter cancelled it")
         except Exception as error:
             log.exception("the adapter failed in navigate")
             if self._is_current():
@@ -169,11 +172,11 @@ class Navigator:
                     return
                 action.progress(progress)
 
-    async def _fail(self, action: Action, why: str) -> None:
+    def _fail(self, action: Action, why: str) -> None:
         """Report that the work failed, and hold the robot."""
         if self._is_current():
             action.move(ActionState.FAILED, message=why)
-            await self._hold(f"navigation failed: {why}")
+            self._hold(f"navigation failed: {why}")
 
 
 def _answer(receipt: Receipt, status: NavigationReport) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.clock import Clock
+from fleet.errors import CommandError, TimedOut
 from fleet.host.journal.journal import RobotJournal
 from fleet.host.requests.event_reporter import Ask, EventReporter
 from fleet.host.requests.receipt import Receipt
@@ -16,6 +17,7 @@ from fleet.host.robot.motion_guard import MotionGuard
 from fleet.host.robot.navigator import Navigator
 from fleet.host.robot.standstill import answer_stop, stand_still
 from fleet.host.robot.velocity_control import VelocityControl
+from fleet.model.command import ReplyStatus, Setpoint
 from fleet.model.report import NavigationReport
 
 
@@ -40,22 +42,27 @@ class RobotMotion:
         journal: RobotJournal,
     ) -> None:
         self.driving = driving
-        self.executor = Executor(crashed=crashed, journal=journal, log=event_reporter.log)
+        self.executor = Executor(
+            crashed=crashed, journal=journal, barred=driving.barred, log=event_reporter.log
+        )
         self.navigator = Navigator(
             publish=publish,
-            hold=self.settle,
+            hold=self.settle_later,
             crashed=crashed,
             clock=clock,
             journal=journal,
-            ready=self.executor.standing,
+            end=self.executor.end,
+            ready=self.executor.ready,
         )
-        self.in_control = False
+        self.in_control = self._had_control = False
         self.may_be_moving = journal.cut_off
         self._stop_unconfirmed = False  # a stop has begun, and no standstill was seen since
         self._attached = attached
         self._guard = guard
         self._event_reporter = event_reporter
         self._crashed = crashed
+        self._journal = journal
+        self.record()
 
     @property
     def activity(self) -> str:
@@ -67,10 +74,25 @@ class RobotMotion:
         """True while the robot moves, or may move, because of a request to this edge."""
         return bool(self.driving.activity or self.executor.moving or self.navigator.active)
 
+    def record(self) -> None:
+        """Record whether the robot may be moving, for a process that follows this one; call it often."""
+        moves = self.under_way or self.executor.stopping or self._stop_unconfirmed
+        self._journal.moves(self.may_be_moving or (moves and not self.executor.safe))
+
     def begin(self, ask: Ask) -> None:
         """Note that a request moves the robot from now on: this edge is in control."""
-        self.in_control, self._stop_unconfirmed = True, False
+        self._had_control, self.in_control = self.in_control, True
+        self._stop_unconfirmed &= isinstance(ask, Setpoint) and ask.velocity.is_zero
         self._event_reporter.moves(ask)
+
+    def not_begun(self, receipt: Receipt) -> None:
+        """Note that the robot refused the request that was begun last: who controlled it still does."""
+        if receipt.first is not None and receipt.first.status is ReplyStatus.DENIED:
+            self.in_control = self.in_control and self._had_control
+
+    def taken(self) -> None:
+        """Note that another party controls the robot."""
+        self.in_control = self.may_be_moving = self._stop_unconfirmed = False
 
     def end_driving(self, adapter: Adapter[Any]) -> None:
         """End a held velocity, also one whose lease has just expired, before another kind of motion."""
@@ -84,8 +106,10 @@ class RobotMotion:
         self.navigator.cancel(f"stopped by {stop}")
         self.driving.release()
 
-    def fail(self, why: str) -> None:
-        """End all running motion as failed; the robot itself is not stopped here."""
+    def fail(self, why: str, *, halted: bool = False) -> None:
+        """End all running motion as failed; the robot itself is not stopped here, but may be ``halted``."""
+        if halted and self.under_way:
+            self._stop_unconfirmed = True
         self._event_reporter.ended()
         self.driving.release()
         self.executor.cancel(why)
@@ -93,38 +117,70 @@ class RobotMotion:
 
     def lost(self) -> None:
         """Note that the robot is out of reach: whether it may go on moving, since nothing can stop it now."""
-        moving = self.under_way or self.executor.stopping or self._stop_unconfirmed
+        moved = self.under_way or self.executor.stopping or self.driving.drove_lately
+        moving = self._stop_unconfirmed or (self.in_control and moved)
         self.may_be_moving = moving and not self.executor.safe
+        self.record()
 
     def found(self) -> None:
         """Stop a robot that is back after it was lost in motion: it may still be moving."""
         if self.may_be_moving:
-            self.may_be_moving = False
+            # Until it is seen to stand, it may be lost once more.
+            self.may_be_moving, self._stop_unconfirmed = False, True
             self.settle_later("it was lost while it moved", anyway=True)
 
     def lease_ran_out(self) -> None:
         """Follow the watchdog's halt with the adapter's own zero velocity."""
         self._event_reporter.log.warning("no setpoint within its lease: stopped")
         adapter = self._attached.adapter
-        if adapter is not None and not self.under_way:
+        if adapter is not None and self.in_control and not self.under_way:
             self.driving.stand(adapter)
 
     # -- to a standstill -----------------------------------------------------------------------------
 
     async def hold(self, why: str) -> None:
-        """Stop the robot in time, or halt it; raises CommandError, LinkError, or what the adapter raised."""
+        """Stop the robot in time, or halt it; raises CommandError, LinkError, or what the adapter raised.
+
+        One that is driven again before it was seen to stand is not halted.
+        """
         self.driving.release()
         adapter = self._attached.adapter
         if adapter is None:
             return
         # A link that fails often fails the action or the stop first, and is lost only after that.
         self._stop_unconfirmed = True
-        await stand_still(adapter, why, name=self._attached.name, halt=self._attached.halt)
+        name = self._attached.name
+        try:
+            await stand_still(adapter, why, name=name, halt=self._halt_unless_driven)
+        except CommandError:
+            if self.driving.activity:
+                raise TimedOut(f"{name} was driven again before it was seen to stand") from None
+            raise
         self._stop_unconfirmed = False
+        self.driving.seen_standing()
+
+    async def hold_at_end(self, why: str, *, open_still: bool) -> None:
+        """Stop the robot at the end of a run, whose link may be ``open_still``; never raises.
+
+        One that was not seen to stand is stopped when it is back.
+        """
+        try:
+            await self.hold(why)
+        except Exception as error:  # noqa: BLE001 - the run is over; the halt has been written
+            self._event_reporter.log.warning("it was not seen to stand as its run ended: %s", error)
+        else:
+            self.may_be_moving &= not open_still
+        self.may_be_moving = self.may_be_moving or self._stop_unconfirmed
+        self.record()
+
+    def _halt_unless_driven(self) -> None:
+        """Halt the robot after a stop that failed, unless a newer velocity or joint target moves it."""
+        if not self.driving.activity:
+            self._attached.halt()
 
     def stand(self, why: str, receipt: Receipt) -> None:
         """Stop the robot, and answer once it stands; later moving requests wait for that."""
-        self.executor.stop(self._hold_and_answer(why, receipt), why)
+        self.executor.stop(self._hold_and_answer(why, receipt), why, ended=self.record)
 
     async def _hold_and_answer(self, why: str, receipt: Receipt) -> None:
         """Stop the robot, and answer."""
@@ -136,7 +192,7 @@ class RobotMotion:
 
     def settle_later(self, why: str, *, anyway: bool = False) -> None:
         """Begin to ``settle``; later moving requests wait for its end."""
-        self.executor.stop(self.settle(why, anyway=anyway), "stop")
+        self.executor.stop(self.settle(why, anyway=anyway), "stop", ended=self.record)
 
     async def settle(self, why: str, *, anyway: bool = False) -> None:
         """Stop the robot by ourselves, after a failure; without control over it only with ``anyway``."""

@@ -48,18 +48,20 @@ class SetpointRequests:
             receipt.done()
             return
         superseding = motion.under_way
-        motion.begin(ask)
+        if motion.in_control or not ask.velocity.is_zero:  # a zero takes the robot from nobody
+            motion.begin(ask)
         motion.navigator.cancel("teleoperation took over")
         if motion.driving.take(adapter, ask, receipt, superseding=superseding):
             self._last.accepted(ask.name)
+        else:
+            motion.not_begun(receipt)
 
     def joints(self, ask: JointSetpoint, receipt: Receipt) -> None:
         """Take joint targets: each joint follows its newest one until the lease expires."""
         adapter = self._adapter_for(self._can().joint_refusal or self._admission.joints(ask), receipt)
-        if adapter is not None:
+        if adapter is not None and self._motion.driving.joints.take(ask, receipt):
             self._motion.begin(ask)
-            if self._motion.driving.joints.take(ask, receipt):
-                self._last.accepted(ask.name)
+            self._last.accepted(ask.name)
 
     def _adapter_for(self, refusal: str | None, receipt: Receipt) -> Adapter[Any] | None:
         """Return the adapter for a setpoint; None after rejecting it, for ``refusal`` or another reason."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.clock import Clock
-from fleet.errors import CommandError, LinkError
+from fleet.errors import CommandError, LinkError, Refused
 from fleet.host.requests.event_reporter import robot_log
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.joint_control import JointControl
@@ -19,6 +20,10 @@ from fleet.model.command import Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.robot_config import AdapterConfig, Limits
 from fleet.runtime.exception_barrier import call_guarded
+
+UNHEARD = 10.0
+"""Seconds for which a robot may already have been out of reach when its loss is noticed: it may not have
+heard the zero velocity that ended its motion in this time."""
 
 
 class VelocityControl:
@@ -47,11 +52,13 @@ class VelocityControl:
         self._clock = clock
         self._lease = lease
         self._guard = guard
+        self.barred = barred
         self._halt = halt
         self._crashed = crashed
         self._keys = HeldKeys() if combines else None
         self._adapter: Adapter[Any] | None = None
         self._wanted = ZERO_VELOCITY  # before the guard's restrictions
+        self._driven_until = -math.inf  # monotonic s
 
     def configure(self, config: AdapterConfig, limits: Limits) -> None:
         """Apply changed limits, also to the velocity being held."""
@@ -69,6 +76,16 @@ class VelocityControl:
     def activity(self) -> str:
         """Short text about the present motion; empty without any."""
         return "driving" if self.deadman.armed else "joints led" if self.joints.deadman.armed else ""
+
+    @property
+    def drove_lately(self) -> bool:
+        """True while a robot whose loss is noticed now may not have heard a velocity, such as a zero."""
+        return self._clock.monotonic() - self._driven_until < UNHEARD
+
+    def seen_standing(self) -> None:
+        """Note that the robot was seen to stand."""
+        if not self.deadman.armed:
+            self._driven_until = -math.inf
 
     def take(self, adapter: Adapter[Any], ask: Setpoint, receipt: Receipt, *, superseding: bool) -> bool:
         """Make the adapter hold a setpoint, and answer; return whether it does.
@@ -101,23 +118,33 @@ class VelocityControl:
         """Make the adapter hold a velocity for its lease (s); raises the adapter's errors."""
         self._adapter, self._wanted = adapter, clamp(velocity, self._limits)
         velocity = self._guard.within(self._wanted)
-        self.deadman.feed(self._clock.monotonic(), lease)
+        now = self._clock.monotonic()
+        self.deadman.feed(now, lease)
         self._guard.held = velocity
+        self._driven_until = now + lease
         if velocity.is_zero:
+            self._driven_until = now
             self.deadman.clear()
         call_guarded(adapter.drive, velocity)
+        if not velocity.is_zero and (why := self.barred()):  # set meanwhile by another thread
+            self._halt()
+            self.release()
+            raise Refused(why)
         self._guard.taken = self._guard.taken and velocity.is_zero
 
     def hold_again(self) -> None:
         """Hold the requested velocity as far as the guard admits it now; the lease is not renewed."""
         velocity = self._guard.within(self._wanted)
-        if self._adapter is not None and self.deadman.armed and velocity != self._guard.held:
+        if self.barred() is not None or velocity == self._guard.held:
+            return
+        if self._adapter is not None and self.deadman.armed:
             self._guard.held = velocity
             call_guarded(self._adapter.drive, velocity)
 
     def stand(self, adapter: Adapter[Any]) -> None:
         """Make the adapter hold zero velocity; if it cannot, halt the robot."""
         self.release()
+        self._driven_until = self._clock.monotonic()
         try:
             call_guarded(adapter.drive, ZERO_VELOCITY)
         except (CommandError, LinkError) as error:

@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -21,12 +22,17 @@ from fleet import (
     Velocity,
 )
 from fleet.model.report import ImuReport, JointReport, LogReport, MetricsReport, PhotoReport
-from fleet.testing.robot import serve
-from fleet_quadruped import QuadrupedConfig
+from fleet.testing.robot import RecordingRobot, serve
+from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
+from fleet_quadruped.control.orders import DogState
 from fleet_quadruped.robot.description import EXAMPLE
 
 pytestmark = pytest.mark.real_time
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
+
+
+def config():
+    return QuadrupedConfig(name="rex", twin=TWIN, adapter="quadruped", link="sim:kinematic")
 
 
 async def all_of(command):
@@ -65,7 +71,8 @@ async def test_a_machine_that_walks_by_itself_takes_the_same_words(running, kind
         await adapter.stop("there")
         await all_of(adapter.sit_down(delta_z=0.05))
         await adapter.battery_check()
-        await adapter.stop("emergency_stop")
+        adapter.emergency_halt()
+        await adapter._body.until(lambda: adapter._body.state.mode == "damped", "giving way")
         with pytest.raises(Refused, match="it is damped"):
             await all_of(adapter.stand_up())
         await adapter._body.until(lambda: adapter._body.state.mode == "off", "lying")
@@ -158,6 +165,37 @@ async def test_a_stop_has_not_ended_while_the_dog_still_rises(running):
         assert adapter._body.state.mode == "standing"
 
 
+async def test_a_stop_is_not_answered_from_a_state_before_it():
+    adapter = QuadrupedAdapter(config(), robot := RecordingRobot("rex"))
+    shown = [DogState(stamp=robot.clock.monotonic(), mode="standing")]
+    orders, states = SimpleNamespace(put=lambda _: None), SimpleNamespace(get=lambda: shown[-1])
+    adapter._body.begin(SimpleNamespace(orders=orders, states=states), 0.005)
+    adapter._body.poll()
+    adapter.drive(Velocity(Vector3(0.4)))
+    stopping = asyncio.create_task(adapter.stop("asked"))
+    for mode, halted in [("standing", 0), ("walking", 0), ("walking", 1)]:
+        shown.append(DogState(stamp=robot.clock.monotonic(), mode=mode, halted=halted))
+        adapter._body.poll()
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        assert not stopping.done()
+    shown.append(DogState(stamp=robot.clock.monotonic(), mode="standing", halted=1))
+    adapter._body.poll()
+    await stopping
+
+
+@pytest.mark.parametrize("reason", ["asked", "emergency_stop"])
+async def test_a_stop_has_not_ended_while_an_emergency_stop_still_lowers_the_dog(running, reason):
+    async with running() as (adapter, robot, _):
+        await all_of(adapter.stand_up())
+        adapter.emergency_halt()
+        with pytest.raises(NotReady, match="carrying out an emergency stop"):
+            adapter.drive(Velocity(Vector3(0.3)))
+        await robot.until(lambda: adapter._body.state.mode == "damped")
+        await adapter.stop(reason)
+        assert adapter._body.state.mode == "off"
+
+
 async def test_a_stop_ends_a_recovery_where_the_dog_lies(running):
     async with running() as (adapter, robot, _):
         recovery = asyncio.create_task(all_of(adapter.recovery_stand()))
@@ -173,6 +211,8 @@ async def test_an_emergency_stop_is_seen_to_be_obeyed(running):
         await all_of(adapter.stand_up())
         adapter.drive(Velocity(Vector3(0.3)))
         await adapter.stop("emergency_stop")
+        assert adapter._body.state.mode == "off"
+        await all_of(adapter.sit_down())  # it lies already
         await robot.until(lambda: robot.healths[-1].cause == "emergency stop")
 
 

@@ -237,6 +237,16 @@ async def test_a_stop_that_is_not_seen_to_be_carried_out_is_not_called_done(benc
         await bench.adapter.stop("stop")
 
 
+async def test_a_stop_right_after_a_velocity_is_not_done_before_the_wheels_are_seen_to_stand(bench):
+    bench.adapter.drive(forward(0.3))
+    stopping = asyncio.create_task(bench.adapter.stop("stop"))
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    assert not stopping.done()
+    await bench.pass_time(1.0)
+    await stopping
+
+
 BAD_WIRES = [
     {"corrupt": 0.01},
     {"partial": 1.0},

@@ -1,6 +1,7 @@
 """The exception barrier around one robot, with adapters that fail in every way."""
 
 import asyncio
+import contextlib
 import itertools
 
 import pytest
@@ -285,6 +286,32 @@ async def test_a_person_need_not_wait_for_the_slow_retry(stage, asks):
     await asks.until(lambda: one.runner.health == Health())
 
 
+async def test_a_run_that_is_cancelled_is_not_called_reachable_while_its_link_is_being_closed(
+    stage, asks, bench
+):
+    closing, closed = asyncio.Event(), asyncio.Event()
+
+    @contextlib.asynccontextmanager
+    async def slow_link():
+        try:
+            yield
+        finally:
+            closing.set()
+            await closed.wait()
+
+    async def run(robot):
+        await robot.enter(slow_link())
+        robot.health(Health())
+        await asyncio.Event().wait()
+
+    one = stage(run)
+    await asks.until(lambda: one.runner.health == Health())
+    one.runner.restart()
+    await asyncio.wait_for(closing.wait(), 5)
+    assert bench.controller.offline
+    closed.set()
+
+
 # -- the robot is left standing ------------------------------------------------------------------------
 
 
@@ -314,6 +341,20 @@ async def test_a_robot_that_moves_is_stopped_when_its_run_ends(stage, asks, benc
     await asks.until(lambda: len(one.made) == 2)
     assert {"halt", "stop"} <= set(last_words(bench))
     assert bench.reports[-1].message == "the cable came out"
+
+
+async def test_a_robot_that_was_not_seen_to_stand_after_its_adapter_crashed_is_stopped_when_it_is_back(
+    stage, asks, bench
+):
+    one, _ = await moving(stage, asks, bench)
+    first = bench.puppet
+    bench.ask(asks.command("takeoff"))
+    await asks.settle()
+    first.raises, first.stops = ValueError("a bug in takeoff"), NotReady("it does not answer")
+    first.go.set()
+    await asks.until(lambda: len(one.made) == 2 and one.runner.health == Health())
+    await asks.settle()
+    assert last_words(bench)[-3:] == ["stop", "halt", "stop"]
 
 
 async def test_a_robot_that_moves_is_halted_though_its_loss_cannot_be_recorded(

@@ -802,6 +802,69 @@ async def test_a_robot_that_did_what_was_asked_after_a_stop_failed_is_left_alone
     assert "stop" not in bench.puppet.told[before:]
 
 
+async def test_one_that_is_lost_again_before_it_was_seen_to_stand_is_stopped_once_more(make_bench, asks):
+    bench = make_bench()
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.controller.detach("the port is gone")
+    bench.puppet.stops = "never"
+    bench.controller.attach(bench.puppet)
+    bench.controller.found()
+    await asks.settle()
+    bench.controller.detach("it is gone again")
+    bench.puppet.stops = ""
+    bench.puppet.go.set()
+    bench.controller.attach(bench.puppet)
+    bench.controller.found()
+    await asks.settle()
+    assert bench.puppet.told.count("stop") == 2
+
+
+@pytest.mark.parametrize(("since", "stopped"), [(3.0, ["stop"]), (60.0, [])])
+async def test_one_that_may_not_have_heard_the_end_of_its_velocity_is_stopped_when_it_is_back(
+    bench, asks, since, stopped
+):
+    bench.ask(asks.setpoint())
+    bench.clock.advance(0.6)
+    assert bench.controller.deadman.expire(bench.clock.monotonic())
+    bench.controller.halt()
+    bench.controller.motion.lease_ran_out()
+    bench.clock.advance(since)
+    bench.controller.lost("silent")
+    before = len(bench.puppet.told)
+    bench.controller.found()
+    await asks.settle()
+    assert bench.puppet.told[before:] == stopped
+
+
+@pytest.mark.parametrize("ended_by", ["a zero", "a late zero", "a fault"])
+async def test_one_whose_goal_ended_without_a_stop_before_it_was_lost_is_stopped_when_it_is_back(
+    bench, asks, ended_by
+):
+    bench.ask(asks.goal())
+    await asks.settle()
+    if ended_by == "a fault":
+        bench.controller.faulted("a leg is hot")
+    else:
+        bench.ask(asks.setpoint(0.0, stamp=None if ended_by == "a zero" else 0.0))
+    bench.clock.advance(3.0)
+    bench.controller.lost("silent")
+    before = len(bench.puppet.told)
+    bench.controller.found()
+    await asks.settle()
+    assert bench.puppet.told[before:] == ["stop"]
+
+
+async def test_one_that_was_seen_to_stand_since_its_last_velocity_is_left_alone_when_it_is_back(bench, asks):
+    bench.ask(asks.setpoint())
+    bench.ask(asks.command("stop"))
+    await asks.settle()
+    bench.controller.lost("silent")
+    bench.controller.found()
+    await asks.settle()
+    assert bench.puppet.told.count("stop") == 1
+
+
 @pytest.mark.parametrize("meanwhile", ["nothing", "land", "pilot"])
 async def test_one_that_stood_or_landed_or_has_a_pilot_is_left_alone_when_it_is_back(bench, asks, meanwhile):
     bench.puppet.land = bench.puppet.go.wait  # it takes its time

@@ -10,6 +10,7 @@ from fleet.errors import LinkLost
 from fleet.host.journal.journal import RobotJournal
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.navigator import Navigator
+from fleet.host.runtime.cancellation import cancel_and_wait
 from fleet.model.geometry import Vector3
 from fleet.model.navigation import FollowPath, Goal, GoTo, Navigate, Progress, RelativeMove
 from fleet.testing.clock import ManualClock
@@ -28,14 +29,12 @@ class Bench:
         self.adapter = types.SimpleNamespace(navigate=self.navigate)
         self.navigator = Navigator(
             publish=self.said.append,
-            hold=self.hold,
+            hold=self.held.append,
+            end=lambda task, why: cancel_and_wait(task, why, self.crashes.append),
             crashed=self.crashes.append,
             journal=RobotJournal(),
             clock=ManualClock(),
         )
-
-    async def hold(self, why):
-        self.held.append(why)
 
     async def navigate(self, task):
         self.tasks.append(task)

@@ -1,0 +1,224 @@
+"""Requests to one robot that overlap: what follows a stop, a loss, a pilot or a cancellation too soon."""
+
+import asyncio
+
+import msgspec
+import pytest
+
+from fleet.errors import LinkLost, NotReady
+from fleet.host.journal.changes import CommandEnd, NetChanges
+from fleet.host.journal.journal import RobotJournal
+from fleet.model.command import JointSetpoint
+from fleet.model.geometry import Vector3, Velocity
+from fleet.model.navigation import Control, GoTo, Navigate, Progress
+from fleet.testing.clock import ManualClock
+
+
+@pytest.mark.parametrize("ask", ["zero", "velocity", "joints", "shy"])
+async def test_what_does_not_move_the_robot_takes_it_from_no_pilot(bench, asks, ask):
+    for _ in range(2):
+        bench.ask(asks.setpoint())
+    bench.controller.authority_lost("the pilot took over")
+    bench.puppet.raises = NotReady("a pilot flies it")
+    bench.clock.advance(1.0)
+    ways = {
+        "zero": lambda: asks.setpoint(0.0),
+        "velocity": asks.setpoint,
+        "joints": lambda: JointSetpoint({"elbow": 1.0}, origin=asks.setpoint().origin),
+        "shy": lambda: asks.command("shy"),
+    }
+    bench.puppet.joint_ranges = dict
+    bench.controller.can = msgspec.structs.replace(bench.controller.can, moves_joints=True)
+    bench.puppet.raises = None if ask == "zero" else bench.puppet.raises
+    bench.ask(ways[ask]())
+    await asks.settle()
+    before = len(bench.puppet.told)
+    bench.controller.lost("no heartbeat")
+    assert bench.puppet.told[before:] == []
+
+
+async def test_a_lease_that_ran_out_as_a_pilot_took_over_tells_the_robot_nothing_more(bench, asks):
+    bench.ask(asks.setpoint())
+    bench.controller.authority_lost("the pilot took over")
+    before = len(bench.puppet.told)
+    bench.controller.motion.lease_ran_out()  # on its way from the watchdog since before that
+    assert bench.puppet.told[before:] == []
+
+
+@pytest.mark.parametrize("ask", ["takeoff", "goal"])
+async def test_what_waits_for_a_stop_does_not_begin_under_an_emergency_stop_of_another_thread(
+    make_bench, asks, ask
+):
+    bench = make_bench()
+    bench.puppet.stops = "never"
+    bench.ask(asks.command("stop"))
+    answers = bench.ask(asks.command(ask) if ask == "takeoff" else asks.goal(), waits=True)
+    await asks.settle()
+    bench.controller.emergency("by a thread")  # the loop has not heard of it yet
+    bench.puppet.go.set()
+    await asks.settle()
+    assert [told for told in bench.puppet.told if not isinstance(told, str)] == []
+    assert "emergency stop is set" in answers[-1].reason
+
+
+@pytest.mark.parametrize("way", ["asked", "held again"])
+async def test_a_velocity_that_an_emergency_stop_of_another_thread_overtakes_is_not_the_last_word(
+    bench, asks, monkeypatch, way
+):
+    bench.ask(asks.setpoint(0.5))
+    drive = bench.puppet.drive
+
+    def slowly(velocity):
+        bench.controller.emergency("by a thread")
+        drive(velocity)
+
+    if way == "asked":
+        bench.puppet.drive = slowly
+        assert not bench.ask(asks.setpoint(1.0))[0].ok
+    else:
+        bench.controller.emergency("by a thread")
+        monkeypatch.setattr(bench.controller.guard, "within", lambda _velocity: Velocity(Vector3(0.3)))
+        bench.controller.hold_again()
+    assert bench.puppet.told[-1] == "halt"
+
+
+async def test_a_stop_that_a_newer_velocity_overtakes_says_so_and_does_not_halt_it(
+    make_bench, asks, monkeypatch
+):
+    bench = make_bench()
+    monkeypatch.setattr("fleet.host.robot.standstill.STOP_TIMEOUT", 0.01)
+    bench.puppet.stops = "never"
+    answers = bench.ask(asks.command("stop"))
+    await asks.settle()
+    bench.ask(asks.setpoint())
+    await asks.until(lambda: answers)
+    assert "driven again" in answers[0].reason
+    assert bench.puppet.told[-1] == Velocity(Vector3(1.0))
+
+
+@pytest.mark.parametrize("before", ["land", "goal"])
+@pytest.mark.parametrize("after", ["takeoff", "goal", "resume"])
+async def test_nothing_begins_while_what_was_cancelled_still_cleans_up(bench, asks, before, after):
+    cleaned = asyncio.Event()
+
+    async def deaf(_task=None):
+        try:
+            await asyncio.Event().wait()
+        except asyncio.CancelledError:
+            await cleaned.wait()
+            bench.puppet.told.append("cleaned")
+            raise
+
+    async def steps(task):
+        yield Progress(1)
+        await deaf()
+
+    bench.puppet.land, navigate = deaf, bench.puppet.navigate
+    bench.puppet.navigate = steps
+    bench.ask(asks.command("land") if before == "land" else asks.goal("a1"))
+    await asks.settle()
+    control = Control.PAUSE if after == "resume" and before == "goal" else Control.STOP
+    bench.ask(Navigate(control, "", asks.goal().origin))
+    await asks.settle()
+    bench.puppet.navigate = navigate
+    bench.puppet.told.clear()
+    if control is Control.PAUSE:
+        bench.ask(Navigate(Control.RESUME, "", asks.goal().origin))
+    else:
+        bench.ask(asks.command("takeoff") if after == "takeoff" else asks.goal("a2"))
+    await asks.settle()
+    assert bench.puppet.told == []
+    cleaned.set()
+    await asks.settle()
+    assert bench.puppet.told[0] == "cleaned"
+    assert len(bench.puppet.told) == 2
+
+
+async def test_what_is_asked_after_a_failed_goal_waits_until_the_robot_stands(make_bench, asks):
+    bench = make_bench()
+    bench.puppet.raises, bench.puppet.stops = NotReady("lost its way"), "never"
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.puppet.raises = None
+    bench.ask(asks.goal("a2"))
+    await asks.settle()
+    assert bench.puppet.told[-1] == "stop"
+    bench.puppet.go.set()
+    await asks.settle()
+    assert isinstance(bench.puppet.told[-1], GoTo)
+
+
+async def test_a_resumed_action_counts_as_motion_for_who_waits_for_a_common_start(bench, asks):
+    heard = []
+    bench.controller.event_reporter.heard = heard.append
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.ask(Navigate(Control.PAUSE, "", asks.goal().origin))
+    await asks.settle()
+    heard.clear()
+    bench.ask(Navigate(Control.RESUME, "", asks.goal().origin))
+    assert heard == ["navigate by anna"]
+
+
+async def test_the_end_of_a_command_of_the_host_is_in_the_journal(make_bench, asks):
+    changes = []
+    bench = make_bench(journal=RobotJournal("rex", changes.append, clock=ManualClock()))
+    bench.ask(asks.command("release_emergency_stop", id="r1"))
+    assert CommandEnd("completed", "rex", "r1") in changes
+
+
+class Memory:
+    """What the journal of one robot has, from process to process."""
+
+    def __init__(self):
+        self.changes = NetChanges()
+
+    def journal(self):
+        past = [*self.changes.past("rex", ())]
+        return RobotJournal("rex", lambda change: self.changes.add([change]), past=past, clock=ManualClock())
+
+
+@pytest.mark.parametrize("ask", ["takeoff", "goal", "setpoint", "lost goal"])
+async def test_what_may_be_moving_is_stopped_by_later_processes_until_it_was_seen_to_stand(
+    make_bench, asks, ask
+):
+    memory = Memory()
+    bench = make_bench(journal=memory.journal())
+    asked = {"takeoff": lambda: asks.command("takeoff"), "setpoint": asks.setpoint}
+    bench.ask(asked.get(ask, lambda: asks.goal(""))())
+    await asks.settle()
+    if ask == "lost goal":
+        bench.controller.lost("silent")
+    for stops, told in [(LinkLost("gone"), ["stop", "halt"]), ("", ["stop"]), ("", [])]:
+        bench = make_bench(journal=memory.journal())
+        bench.puppet.stops = stops
+        await asks.settle()
+        assert bench.puppet.told == told
+
+
+@pytest.mark.parametrize("ask", ["takeoff that ended", "landing", "battery_check"])
+async def test_what_moves_no_more_or_lands_is_left_alone_by_the_next_process(make_bench, asks, ask):
+    memory = Memory()
+    bench = make_bench(journal=memory.journal())
+    bench.puppet.land = asyncio.Event().wait
+    bench.ask(asks.command({"takeoff that ended": "takeoff", "landing": "land"}.get(ask, ask)))
+    bench.puppet.go.set()
+    await asks.settle()
+    bench.controller.motion.record()
+    bench = make_bench(journal=memory.journal())
+    await asks.settle()
+    assert bench.puppet.told == []
+
+
+async def test_lasting_motion_is_not_forgotten(make_bench, asks):
+    changes = []
+    clock = ManualClock()
+    bench = make_bench(journal=RobotJournal("rex", changes.append, clock=clock))
+    bench.ask(asks.goal())
+    clock.advance(3600.0)
+    bench.controller.motion.record()
+    bench.controller.motion.record()
+    assert [change.stamp - clock.time() for change in changes if getattr(change, "name", "") == "motion"] == [
+        -3600.0,
+        0.0,
+    ]
