@@ -136,18 +136,18 @@ def cycles(number: int) -> None:
             100 * (now - then) / (WALK - 3)
             for now, then in zip((cpu_seconds(running.pid), cpu_seconds(sim)), before, strict=True)
         ]
-        told = json.loads(running.stdout.readline())
-    what = f"{number} hogs, FIFO {'given' if told['realtime'] else 'refused'}"
-    if not told["took"]:
-        line(f"cycle, {what}", "it never walked", told["fault"])
+        result = json.loads(running.stdout.readline())
+    what = f"{number} hogs, FIFO {'given' if result['realtime'] else 'refused'}"
+    if not result["took"]:
+        line(f"cycle, {what}", "it never walked", result["fault"])
         return
-    half, most = (1000 * each for each in quantiles(told["took"]))
+    half, most = (1000 * each for each in quantiles(result["took"]))
     line(f"cycle (read, body, write), {what}: p50, p99", f"{half:.2f}, {most:.2f} ms", "aim: p99 under 4 ms")
     line(
         "  longest; late cycles; without all answers",
-        f"{1000 * max(told['took']):.1f} ms; {told['overruns']}; {told['incomplete']}",
+        f"{1000 * max(result['took']):.1f} ms; {result['overruns']}; {result['incomplete']}",
     )
-    line("  walked, stopped by", f"{told['x']:.2f} m, {told['fault'] or 'nothing'}")
+    line("  walked, stopped by", f"{result['x']:.2f} m, {result['fault'] or 'nothing'}")
     line("  processor: controller, simulator (UDP buses)", f"{used[0]:.1f} %, {used[1]:.1f} %")
 
 

@@ -27,14 +27,14 @@ class Walk:
     def __init__(self):
         dog = load_description(EXAMPLE)
         self.rig = Rig(dog, MujocoWorld(dog))
-        self.true, self.told, self.joints = [], [], []
+        self.true, self.reported, self.joints = [], [], []
         self.rig.watch = self._see
         self.names = [joint.name for joint in dog.all_joints]
 
     def _see(self):
         state = self.rig.state()
         self.true.append(self.rig.sim.world.place()[:2])
-        self.told.append((state.x, state.y))
+        self.reported.append((state.x, state.y))
         self.joints.append((self.rig.sim.time, *state.angles))
 
     def square(self):
@@ -49,8 +49,8 @@ class Walk:
         self.rig.go(2.5)
 
     def _forward(self):
-        begun = self.told[-1]
-        while math.dist(self.told[-1], begun) < SIDE - 0.15:
+        begun = self.reported[-1]
+        while math.dist(self.reported[-1], begun) < SIDE - 0.15:
             self.rig.go(0.05, Twist(SPEED))
         self.rig.go(1.0)
 
@@ -106,7 +106,7 @@ def path_panel(draw, walk):
     box = (GAP + 10, GAP, GAP + 10 + HEIGHT - 2 * GAP, HEIGHT - GAP)
     panel = Panel(draw, box, (-0.3, -0.3), (1.3, 1.3), "Path seen from above: a square of 1 m, 0.5 m/s")
     panel.ticks((0.5, 0.5), ("m", "m"))
-    panel.line(walk.told, "#c2410c", 1)
+    panel.line(walk.reported, "#c2410c", 1)
     panel.line(walk.true, "#1f4fbf", 2)
     panel.legend({"true path": "#1f4fbf", "odometry": "#c2410c"})
 

@@ -75,8 +75,8 @@ class Arrivals:
         self.ear.settimeout(within)
         while len(found) < len(systems) and time.monotonic() < end:
             with contextlib.suppress(TimeoutError):
-                at, system, told = self.ear.recv(100).split()
-                if int(told) == command and int(system) in systems:
+                at, system, command_id = self.ear.recv(100).split()
+                if int(command_id) == command and int(system) in systems:
                     found.setdefault(int(system), float(at))
         return found
 

@@ -95,12 +95,12 @@ def walks(dog: DogDescription, seeds: int = 4) -> None:
         "turn": Twist(0, 0, pace.turn),
     }.items():
         seen = [slow_walk(standing(dog, 2 * seed), twist) for seed in range(1, seeds + 1)]
-        speeds, told, first, later = zip(*seen, strict=True)
+        speeds, reported, first, later = zip(*seen, strict=True)
         wanted = twist.turn or abs(twist.x) + abs(twist.y)
         off = max(abs(speed - wanted) for speed in speeds) / wanted
         line(
             f"{dog.drive.protocol}, gait walk: {name} {wanted:g}",
-            f"{min(speeds):.3f} to {max(speeds):.3f} (odometry {statistics.mean(told):.3f})",
+            f"{min(speeds):.3f} to {max(speeds):.3f} (odometry {statistics.mean(reported):.3f})",
             f"worst {off:.1%} off, tilt {max(first):.1f} deg at first, {max(later):.1f} later (aim 5)",
         )
 
@@ -116,8 +116,8 @@ def slow_walk(rig: Rig, twist: Twist) -> tuple[float, float, float, float]:
         math.remainder(end[2] - start[2], math.tau) if twist.turn else math.dist(start[:2], end[:2])
         for start, end in zip(begun, place(rig), strict=True)
     ]
-    true, told = (way / (3 * period) for way in moved)
-    return true, told, math.degrees(first), math.degrees(rig.tilt)
+    true, reported = (way / (3 * period) for way in moved)
+    return true, reported, math.degrees(first), math.degrees(rig.tilt)
 
 
 def place(rig: Rig) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -21,8 +21,8 @@ def measure(number):
         before, began = cpu_seconds(edge.pid), time.monotonic()
         time.sleep(SECONDS)
         percent = 100 * (cpu_seconds(edge.pid) - before) / (time.monotonic() - began)
-        told = psutil.Process(edge.pid)
-        return percent, told.memory_info().rss / 2**20, told.num_threads()
+        process_info = psutil.Process(edge.pid)
+        return percent, process_info.memory_info().rss / 2**20, process_info.num_threads()
 
 
 def run():

@@ -85,8 +85,8 @@ class Swarm:
         arrived = []
         with contextlib.suppress(BlockingIOError):
             while True:
-                data, told, *_ = self.link.recvmsg(4096, 64)
-                arrived.append((data, written_at(told)))
+                data, ancillary, *_ = self.link.recvmsg(4096, 64)
+                arrived.append((data, written_at(ancillary)))
         for data, at in arrived:
             for message in parser.parse_buffer(data) or ():
                 if message.get_msgId() in {COMMAND_INT, COMMAND_LONG}:
@@ -105,9 +105,9 @@ class Swarm:
             self.link.sendto(self.frames[system][0], self.to)
 
 
-def written_at(told):
+def written_at(ancillary):
     """Return the monotonic time of a datagram from its ancillary data."""
-    seconds, nanoseconds = STAMP.unpack(told[0][2][: STAMP.size])
+    seconds, nanoseconds = STAMP.unpack(ancillary[0][2][: STAMP.size])
     return seconds + nanoseconds / 1e9 - time.time() + time.monotonic()
 
 

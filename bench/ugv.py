@@ -99,7 +99,7 @@ async def many():
 FEEDBACK = b'{"T":1001,"L":0,"R":0,"gx":0,"gy":0,"gz":0,"ax":0,"ay":0,"az":8192,"odl":0,"odr":0,"v":1190}\n'
 
 
-def tap(masters, told):
+def tap(masters, write_fd):
     """Act as the boards in a separate process: record when each line arrives; finally write all records."""
     heard, rests, spoken, parent = [], dict.fromkeys(masters, b""), 0.0, os.getppid()
     while os.getppid() == parent:
@@ -111,7 +111,7 @@ def tap(masters, told):
                     os.write(master, line + b"\n")
                 heard.append((masters.index(master), line.decode(), now))
                 if b"%.4f" % LAST in line:
-                    os.write(told, json.dumps(heard).encode())
+                    os.write(write_fd, json.dumps(heard).encode())
                     return
         if time.monotonic() - spoken > 0.05:
             spoken = time.monotonic()
@@ -124,12 +124,12 @@ async def latency():
     pairs = [pty.openpty() for _ in range(BASES)]
     for _, device in pairs:
         tty.setraw(device)
-    hears, told = os.pipe()
+    read_fd, write_fd = os.pipe()
     child = os.fork()
     if child == 0:
-        tap([master for master, _ in pairs], told)
+        tap([master for master, _ in pairs], write_fd)
         os._exit(0)
-    os.close(told)
+    os.close(write_fd)
     scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
     scheduler.start()
     robots = [BenchRobot(scheduler) for _ in pairs]
@@ -147,7 +147,7 @@ async def latency():
             adapter.drive(Velocity(Vector3(speed)))
         await asyncio.sleep(0.05)
     adapters[0].drive(Velocity(Vector3(LAST)))
-    waits = await asyncio.to_thread(waits_of, hears, sent)
+    waits = await asyncio.to_thread(waits_of, read_fd, sent)
     print(
         f"  setpoint to bytes on the pty, {BASES} bases, {len(waits)} setpoints: "
         f"p50 {statistics.median(waits):.2f} ms, p99 {waits[int(len(waits) * 0.99)]:.2f} ms"
@@ -159,9 +159,9 @@ async def latency():
     await asyncio.gather(*runs, return_exceptions=True)
 
 
-def waits_of(hears, sent):
+def waits_of(read_fd, sent):
     """Return the latency of each setpoint in ms, sorted."""
-    with os.fdopen(hears, "rb") as pipe:
+    with os.fdopen(read_fd, "rb") as pipe:
         heard = json.loads(pipe.read())
     waits = []
     for number, line, at in heard:

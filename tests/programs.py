@@ -106,8 +106,8 @@ def _runs(name: str) -> bool:
     path = find(name)
     if path is None or not path.startswith(str(FOLDER)):
         return path is not None
-    told = subprocess.run([path, WANTED[name].check], capture_output=True, check=False)
-    return told.returncode not in _CANNOT_RUN
+    result = subprocess.run([path, WANTED[name].check], capture_output=True, check=False)
+    return result.returncode not in _CANNOT_RUN
 
 
 class _Apt:
@@ -145,9 +145,9 @@ class _Apt:
         """Run it; return its last error or warning."""
         command = [*self._command, *arguments]
         english = os.environ | {"LC_ALL": "C"}
-        told = subprocess.run(command, capture_output=True, text=True, check=False, env=english)
-        lines = [line[2:].strip() for line in told.stderr.splitlines() if line.startswith(("E:", "W:"))]
-        return lines[-1] if lines else f"it ended with {told.returncode}"
+        result = subprocess.run(command, capture_output=True, text=True, check=False, env=english)
+        lines = [line[2:].strip() for line in result.stderr.splitlines() if line.startswith(("E:", "W:"))]
+        return lines[-1] if lines else f"it ended with {result.returncode}"
 
 
 @contextlib.contextmanager

@@ -32,12 +32,12 @@ class Heard:
         self.live = False
 
     def took(self, packet, now):
-        told = json.loads(packet.payload)
+        message = json.loads(packet.payload)
         if packet.topic.endswith("/position"):
-            self.first = self.first or (now, time.time() - told["timestamp"])
+            self.first = self.first or (now, time.time() - message["timestamp"])
             return
-        number, _, life = told["message"].split()
-        self.numbers[told["action_id"], life].append(int(number))
+        number, _, life = message["message"].split()
+        self.numbers[message["action_id"], life].append(int(number))
 
     def lost(self):
         """Return the numbers missing below the highest received one, and how many arrived out of order."""

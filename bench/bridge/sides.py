@@ -91,11 +91,11 @@ def source(side, rate, pad=0):
     """Publish durable messages on a candidate's bus, each padded by ``pad`` bytes."""
     published = PublishedCount()
     command = (sys.executable, "-m", "bench.bridge.source", side.bus, str(rate), str(pad), *side.twins)
-    with tempfile.TemporaryFile("w+") as told:
-        with process(*command, stdout=told):
+    with tempfile.TemporaryFile("w+") as output:
+        with process(*command, stdout=output):
             yield published
-        told.seek(0)
-        total = told.read()
+        output.seek(0)
+        total = output.read()
         if not total:
             sys.exit("the source was killed before it printed how many it has published")
         published.total = int(total)

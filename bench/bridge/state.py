@@ -40,9 +40,9 @@ def measure(pid, port, twins):
         time.sleep(SECONDS)
         spent = time.monotonic() - began
         percent = 100 * (cpu_seconds(pid) - before) / spent
-        told = psutil.Process(pid)
+        process_info = psutil.Process(pid)
         rate = (heard.count - count) / spent / 4 / LOOKED_AT
-        return percent, rate, told.memory_info().rss / 2**20, told.num_threads()
+        return percent, rate, process_info.memory_info().rss / 2**20, process_info.num_threads()
 
 
 def ours(number):

@@ -109,8 +109,8 @@ def ours(stops, *, loaded):
             operator.stop(names[number % ROBOTS])
             time.sleep(PAUSE)
         time.sleep(1)
-        told = [json.loads(text) for text in journal.read_text().splitlines()]
-    return taken(operator.asked, [event for event in told if event["what"] == "halt"])
+        events = [json.loads(text) for text in journal.read_text().splitlines()]
+    return taken(operator.asked, [event for event in events if event["what"] == "halt"])
 
 
 def peers():
@@ -133,8 +133,8 @@ def peers():
             ended.set()
             flood.join()
             operator.bus_session.close()
-        told = [json.loads(text) for text in Path(journal.name).read_text().splitlines()]
-    return taken(operator.asked, told)
+        events = [json.loads(text) for text in Path(journal.name).read_text().splitlines()]
+    return taken(operator.asked, events)
 
 
 def _flood(bus_session, ended):

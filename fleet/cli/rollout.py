@@ -166,7 +166,7 @@ async def _status(out: Output, store_file: Path) -> ExitCode:
         found, _ = await store.rollout()
         if found is None:
             raise RolloutMissing("there is no roll-out yet; begin one with: fleet apply --fleet")
-        observed = await store.observed(found.progress.told)
+        observed = await store.observed(found.progress.statuses)
     finally:
         await store.close()
     show(out, found, observed)
@@ -215,7 +215,7 @@ async def drive(out: Output, store: NatsFleetStore) -> ExitCode:
         out.note(DETACHED)
         return ExitCode.INTERRUPTED
     found = driving.result()
-    show(out, found, await store.observed(found.progress.told))
+    show(out, found, await store.observed(found.progress.statuses))
     return CODES[found.progress.phase]
 
 
@@ -223,7 +223,7 @@ def show(out: Output, found: Rollout, observed: Mapping[str, ObservedState]) -> 
     """Show a roll-out, with a line for each edge that has started and is not simply done."""
     out.data({"rollout": msgspec.to_builtins(found), "observed": msgspec.to_builtins(observed)})
     out.say(_headline(found))
-    for edge, status in found.progress.told.items():
+    for edge, status in found.progress.statuses.items():
         report = observed.get(edge)
         mine = report if report is not None and report.rollout == found.id else None
         if mine is None:
@@ -237,7 +237,7 @@ def _headline(found: Rollout) -> str:
     progress = found.progress
     done, failed = progress.count(EdgeStatus.DONE), progress.count(EdgeStatus.FAILED)
     words = f"roll-out {found.id} of {found.by}: {progress.phase.value}"
-    words += f", {len(progress.told)} of {len(found.targets)} edges started, {done} done, {failed} failed"
+    words += f", {len(progress.statuses)} of {len(found.targets)} edges started, {done} done, {failed} failed"
     if overdue := progress.count(EdgeStatus.OVERDUE):
         words += f", {overdue} overdue"
     return f"{words}: {progress.why}" if progress.why else words

@@ -118,7 +118,7 @@ class Driver:
     async def turn(self) -> tuple[Rollout, dict[str, ObservedState]]:
         """Take one step; raises StoreError, RolloutMissing."""
         rollout, revision = await self._stored()
-        statuses = rollout.progress.told
+        statuses = rollout.progress.statuses
         observed = await self._store.observed(
             edge for edge, each in statuses.items() if each is EdgeStatus.OPEN
         )
@@ -151,8 +151,8 @@ class Driver:
         if progress != before.progress:
             await self._store.keep(rollout, revision)
         over = progress.phase is not RolloutPhase.RUNNING
-        for edge, state in progress.told.items():
-            news = state is not before.progress.told.get(edge) or not self._all_written
+        for edge, state in progress.statuses.items():
+            news = state is not before.progress.statuses.get(edge) or not self._all_written
             if state is EdgeStatus.OPEN and news and not over:
                 await self._store.desire(edge, self._desired(rollout, edge, withdrawn=False))
             elif state is EdgeStatus.OVERDUE and news and not over:

@@ -86,22 +86,22 @@ class Plan(msgspec.Struct, frozen=True):
 class RolloutProgress(msgspec.Struct, frozen=True):
     """Progress of a roll-out.
 
-    ``told``: status of each edge with an assigned bundle. ``since``: time of the assignment (Unix s).
+    ``statuses``: status of each edge with an assigned bundle. ``since``: time of the assignment (Unix s).
     ``why``: reason of an early end.
     """
 
     phase: RolloutPhase = RolloutPhase.RUNNING
-    told: dict[str, EdgeStatus] = {}
+    statuses: dict[str, EdgeStatus] = msgspec.field(name="told", default_factory=dict)
     since: dict[str, float] = {}
     why: str = ""
 
     def count(self, what: EdgeStatus) -> int:
         """Return the number of edges with this status."""
-        return sum(each is what for each in self.told.values())
+        return sum(each is what for each in self.statuses.values())
 
     def not_done(self) -> list[str]:
         """Return the edges with an assigned bundle that are not done."""
-        return [edge for edge, each in self.told.items() if each is not EdgeStatus.DONE]
+        return [edge for edge, each in self.statuses.items() if each is not EdgeStatus.DONE]
 
 
 def wave_ends(text: str, edges: int) -> tuple[int, ...]:
@@ -135,15 +135,15 @@ def limit_of(text: str) -> FailureLimit:
 def step(
     plan: Plan, progress: RolloutProgress, seen: Mapping[str, EdgeStatus], now: float
 ) -> RolloutProgress:
-    """Return the progress after the reported statuses; new entries of ``told`` get their bundle now.
+    """Return the progress after the reported statuses; new entries of ``statuses`` get their bundle now.
 
     ``now`` is in Unix seconds. The status of an edge without an assigned bundle, or of one that has settled,
     is ignored.
     """
     if progress.phase is not RolloutPhase.RUNNING:
         return progress
-    statuses = {name: _state(plan, progress, name, seen, now) for name in progress.told}
-    progress = msgspec.structs.replace(progress, told=statuses)
+    statuses = {name: _state(plan, progress, name, seen, now) for name in progress.statuses}
+    progress = msgspec.structs.replace(progress, statuses=statuses)
     failed = progress.count(EdgeStatus.FAILED) + progress.count(EdgeStatus.OVERDUE)
     if plan.limit.is_exceeded(failed, len(statuses)):
         why = f"{failed} of {len(statuses)} edges failed: {', '.join(_failed(plan, statuses)[:5])}"
@@ -152,7 +152,7 @@ def step(
     if following:
         opened = dict.fromkeys(following, EdgeStatus.OPEN)
         since = {**progress.since, **dict.fromkeys(following, now)}
-        return msgspec.structs.replace(progress, told={**statuses, **opened}, since=since)
+        return msgspec.structs.replace(progress, statuses={**statuses, **opened}, since=since)
     if len(statuses) == len(plan.edges) and not progress.count(EdgeStatus.OPEN):
         return _moved(progress, RolloutEvent.ALL_SETTLED)
     return progress
@@ -173,7 +173,7 @@ def _state(
     plan: Plan, progress: RolloutProgress, name: str, seen: Mapping[str, EdgeStatus], now: float
 ) -> EdgeStatus:
     """Return the status of an edge with an assigned bundle."""
-    before = progress.told[name]
+    before = progress.statuses[name]
     if before is not EdgeStatus.OPEN:
         return before
     found = seen.get(name, EdgeStatus.OPEN)

@@ -69,10 +69,10 @@ class CanContract(FrameContract):
     said = (CanFrame(0x361, b"\x57").packed(),)
 
     def velocity_of(self, frame):
-        told = CanFrame.unpack(frame)
-        if told.id != 0x111:
+        decoded = CanFrame.unpack(frame)
+        if decoded.id != 0x111:
             return None
-        speed, turn = struct.unpack(">hh", told.data)
+        speed, turn = struct.unpack(">hh", decoded.data)
         return Velocity(Vector3(speed / 1000), turn / 1000)
 
 
@@ -118,17 +118,17 @@ def test_every_dependency_is_explained(root, project):
     wanted = [*project["project"]["dependencies"]]
     wanted += [package for packages in project["dependency-groups"].values() for package in packages]
     wanted += [package for extra, packages in extras.items() if extra != "all" for package in packages]
-    assert {told.replace("any", "") for told in explained(root)} == set(wanted)
+    assert {dependency.replace("any", "") for dependency in explained(root)} == set(wanted)
 
 
 def explained(root):
     """Return each package with its bound, as the tables of docs/dependencies.md have them."""
     lines = (root / "docs" / "dependencies.md").read_text().splitlines()
     rows = [[cell.strip() for cell in line.strip("| ").split("|")] for line in lines if line.startswith("|")]
-    told = [
+    bounded = [
         row[-3:-1] for row in rows if (len(row) in (3, 4) and row[-2] == "any") or re.match("[<>=]", row[-2])
     ]
-    return [package + bound for packages, bound in told for package in packages.split(", ")]
+    return [package + bound for packages, bound in bounded for package in packages.split(", ")]
 
 
 def test_every_page_that_the_sources_name_is_there(root):

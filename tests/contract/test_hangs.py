@@ -53,13 +53,13 @@ def run_tests(root, tmp_path):
 
 @pytest.mark.parametrize("where", HANGING)
 def test_a_test_that_hangs_fails_with_its_name_and_the_others_run(run_tests, where):
-    code, told = run_tests(HANGING[where])
-    assert code == 1, told
-    summary = told.partition("short test summary info")[2]
+    code, output = run_tests(HANGING[where])
+    assert code == 1, output
+    summary = output.partition("short test summary info")[2]
     failed = [line for line in summary.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    assert failed, told
-    assert all("test_hanging.py::test_it" in line for line in failed), told
-    assert "1 passed" in told or "2 passed" in told, told
+    assert failed, output
+    assert all("test_hanging.py::test_it" in line for line in failed), output
+    assert "1 passed" in output or "2 passed" in output, output
 
 
 def test_a_test_that_ignores_its_cancellation_ends_its_process_with_its_name(run_tests):
@@ -67,9 +67,9 @@ def test_a_test_that_ignores_its_cancellation_ends_its_process_with_its_name(run
         "async def test_it():\n    while True:\n        try:\n            await asyncio.Event().wait()\n"
         "        except asyncio.CancelledError:\n            pass\n"
     )
-    code, told = run_tests(text, grace=0.5)
-    assert code == 1, told
-    assert "test_hanging.py::test_it takes more than 1 s" in told
-    code, told = run_tests(text, "-n", "1", grace=0.5)
-    assert "crashed while running" in told, told
-    assert "1 failed, 1 passed" in told, told
+    code, output = run_tests(text, grace=0.5)
+    assert code == 1, output
+    assert "test_hanging.py::test_it takes more than 1 s" in output
+    code, output = run_tests(text, "-n", "1", grace=0.5)
+    assert "crashed while running" in output, output
+    assert "1 failed, 1 passed" in output, output

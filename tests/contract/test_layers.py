@@ -9,8 +9,8 @@ from pathlib import Path
 
 def test_every_import_contract_is_kept(root):
     command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
-    told = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
-    assert told.returncode == 0, told.stdout
+    result = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout
 
 
 def test_nobody_inside_fleet_imports_the_root(root):

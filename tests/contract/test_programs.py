@@ -44,8 +44,8 @@ def test_a_missing_program_is_unpacked_and_starts_with_its_own_libraries_and_fil
     assert programs.fetch(said.append) == ""
     assert said == ["fetching pump for the tests into .venv-programs; nothing is installed"]
     root = programs.FOLDER / "root"
-    told = subprocess.run([programs.find("pump"), "two words"], capture_output=True, text=True, check=True)
-    assert told.stdout == f"{root}/usr/lib/here {root}/etc/pump.conf two words\n"
+    result = subprocess.run([programs.find("pump"), "two words"], capture_output=True, text=True, check=True)
+    assert result.stdout == f"{root}/usr/lib/here {root}/etc/pump.conf two words\n"
     assert sorted(path.name for path in programs.FOLDER.iterdir()) == [".gitignore", "bin", "root"]
 
 
@@ -64,7 +64,7 @@ def test_the_systems_own_program_or_another_that_does_as_well_is_used(programs, 
     assert (said, programs.find("pump")) == ([], str(own))
 
 
-def test_a_package_that_cannot_be_fetched_is_told_and_the_others_are_fetched(programs, monkeypatch):
+def test_a_package_that_cannot_be_fetched_is_reported_and_the_others_are_fetched(programs, monkeypatch):
     lost = programs.Program("no-such-package", "usr/bin/lost", "-h")
     monkeypatch.setattr(programs, "WANTED", {"lost": lost, **programs.WANTED})
     why = programs.fetch(lambda _: None)
@@ -73,7 +73,7 @@ def test_a_package_that_cannot_be_fetched_is_told_and_the_others_are_fetched(pro
     assert programs.find("lost") is None
 
 
-def test_a_machine_without_network_is_told(programs, monkeypatch):
+def test_a_machine_without_network_is_reported(programs, monkeypatch):
     monkeypatch.setenv("OFFLINE", "Temporary failure resolving 'mirror.example'")
     assert programs.fetch(lambda _: None) == (
         "apt-get could not fetch the lists of packages: Temporary failure resolving 'mirror.example'"
@@ -100,7 +100,7 @@ def test_a_fetched_program_that_has_lost_its_libraries_is_fetched_again(programs
 
 
 @pytest.mark.parametrize("missing", ["apt-get", "dpkg"])
-def test_a_system_with_other_packages_is_told(programs, tmp_path, missing):
+def test_a_system_with_other_packages_is_reported(programs, tmp_path, missing):
     (tmp_path / "system" / missing).unlink()
     assert programs.fetch(lambda _: None).startswith("this system has no apt-get: install them")
 
@@ -115,7 +115,7 @@ def test_the_last_line_says_what_did_not_run_and_why_and_in_ci_that_is_an_error(
         "def test_that_needs_one(program, name):\n    program(name)\n"
         "def test_that_needs_none():\n    pass\n"
     )
-    told = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-n", "2", "--rootdir", ".", "-c", "/dev/null", "."],
         cwd=tmp_path,
         env={"PATH": "/usr/bin:/bin", "CI": ci, "FLEET_TESTS_WHY_MISSING": "no network"},
@@ -124,8 +124,8 @@ def test_the_last_line_says_what_did_not_run_and_why_and_in_ci_that_is_an_error(
         check=False,
     )
     last = "3 tests did not run: no-browser is missing (2), no-nats is missing (1); no network"
-    assert told.stdout.splitlines()[-1] == last
-    assert told.returncode == code, told.stdout
+    assert result.stdout.splitlines()[-1] == last
+    assert result.returncode == code, result.stdout
 
 
 def script(path, text):

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 @pytest.mark.parametrize("words", [[], ["fly"]])
 def test_an_unknown_word_is_answered_with_how_to_use_it(root, words):
-    told = subprocess.run(
+    result = subprocess.run(
         [sys.executable, str(root / "run.py"), *words], capture_output=True, text=True, check=False, cwd="/"
     )
-    assert told.returncode == 2
-    assert "python3 run.py demo" in told.stderr
-    assert "Traceback" not in told.stderr
+    assert result.returncode == 2
+    assert "python3 run.py demo" in result.stderr
+    assert "Traceback" not in result.stderr
 
 
 @pytest.mark.parametrize("word", ["-h", "--help"])
@@ -47,7 +47,7 @@ def test_a_python_without_pip_makes_its_uv_with_a_pip_that_is_not_installed(boot
     assert steps == [[sys.executable, str(tmp_path / "pip.whl" / "pip"), *target]]
 
 
-def test_a_python_that_is_too_old_is_told(bootstrap, monkeypatch):
+def test_a_python_that_is_too_old_is_reported(bootstrap, monkeypatch):
     monkeypatch.setattr(bootstrap, "OLDEST_PYTHON", (99, 0))
     with pytest.raises(bootstrap.Impossible, match=r"at least 3\.11 is needed"):
         bootstrap.start(["demo"])

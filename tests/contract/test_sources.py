@@ -71,7 +71,7 @@ def test_every_report_and_every_error_of_an_adapter_is_public():
     assert reports | errors <= set(fleet.__all__)
 
 
-def test_a_name_that_is_not_public_is_told():
+def test_a_name_that_is_not_public_is_reported():
     with pytest.raises(AttributeError, match="module 'fleet' has no attribute 'no_such_name'"):
         _ = fleet.no_such_name
 

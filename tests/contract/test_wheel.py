@@ -13,8 +13,8 @@ def shipped(root, bootstrap, tmp_path_factory):
     """Build the wheel and return the paths in it."""
     folder = tmp_path_factory.mktemp("wheel")
     command = [str(bootstrap.find_uv()), "build", "--wheel", "--offline", "--out-dir", str(folder)]
-    told = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
-    assert told.returncode == 0, told.stderr
+    result = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
     (wheel,) = folder.glob("*.whl")
     return zipfile.ZipFile(wheel).namelist()
 

@@ -20,9 +20,13 @@ def fields(text):
 
 
 def test_it_depends_on_the_minor_version_of_python_that_its_environment_is_made_for():
-    told = fields(control_text("1.2.0", "arm64", (3, 13), 1000))
-    assert (told["Package"], told["Version"], told["Architecture"]) == ("zenoh-fleet", "1.2.0", "arm64")
-    assert "python3 (>= 3.13~), python3 (<< 3.14~)" in told["Depends"]
+    control = fields(control_text("1.2.0", "arm64", (3, 13), 1000))
+    assert (control["Package"], control["Version"], control["Architecture"]) == (
+        "zenoh-fleet",
+        "1.2.0",
+        "arm64",
+    )
+    assert "python3 (>= 3.13~), python3 (<< 3.14~)" in control["Depends"]
 
 
 def test_its_version_is_that_of_fleet():

@@ -11,20 +11,20 @@ class Plain(Adapter[AdapterConfig]):
 
     def __init__(self):
         super().__init__(None, RecordingRobot("plain"))
-        self.told = []
+        self.calls = []
 
     async def stop(self, reason):
-        self.told.append("stop")
+        self.calls.append("stop")
 
     def halt(self):
-        self.told.append("halt")
+        self.calls.append("halt")
 
 
 class Legged(Plain):
     """An adapter whose emergency halt is something else."""
 
     def emergency_halt(self):
-        self.told.append("damp")
+        self.calls.append("damp")
 
 
 @pytest.mark.parametrize("kind", [Plain, Legged])
@@ -33,4 +33,4 @@ def test_a_stop_of_a_robot_that_is_not_heard_is_its_halt_of_which_it_claims_noth
     adapter = kind()
     assert adapter.halt_unheard(reason) is False
     special = kind is Legged and reason == "emergency_stop"
-    assert adapter.told == (["damp"] if special else ["halt"])
+    assert adapter.calls == (["damp"] if special else ["halt"])

@@ -138,8 +138,8 @@ ARM = commands_of(Arm)
 
 
 def test_a_command_tells_the_ranges_and_units_of_its_numbers():
-    told = {name: str(bounds) for name, bounds in ARM["reach"].ranges.items()}
-    assert told == {"height": "0.1 to 2 m", "turn": "-90 to 90 degrees", "lamps": "0 to 255 of 255"}
+    ranges = {name: str(bounds) for name, bounds in ARM["reach"].ranges.items()}
+    assert ranges == {"height": "0.1 to 2 m", "turn": "-90 to 90 degrees", "lamps": "0 to 255 of 255"}
     with pytest.raises(Refused, match=r"it takes height \(0.1 to 2 m\), turn \(-90 to 90 degrees\)"):
         arguments(ARM["reach"], {"zzz": 1})
 
@@ -189,8 +189,8 @@ HORN = commands_of(Horn)["horn"]
 
 
 def test_bounds_by_msgspecs_meta_are_shown():
-    told = {name: str(bounds) for name, bounds in HORN.ranges.items()}
-    assert told == {"seconds": "1 to 30 s", "volume": "at least 0"}
+    ranges = {name: str(bounds) for name, bounds in HORN.ranges.items()}
+    assert ranges == {"seconds": "1 to 30 s", "volume": "at least 0"}
 
 
 @pytest.mark.parametrize(
@@ -229,8 +229,8 @@ def declares(annotations, signature="self, *, far"):
         ({"far": float}, "self, far, /", "cannot be given by name"),
     ],
 )
-def test_a_declaration_that_cannot_be_used_is_told_with_its_place(annotations, signature, reason):
-    with pytest.raises(BadDeclaration, match=reason) as told:
+def test_a_declaration_that_cannot_be_used_is_reported_with_its_place(annotations, signature, reason):
+    with pytest.raises(BadDeclaration, match=reason) as error:
         commands_of(declares(annotations, signature))
-    assert "command method go: " in str(told.value)
-    assert str(told.value).endswith("(<string>:2)")
+    assert "command method go: " in str(error.value)
+    assert str(error.value).endswith("(<string>:2)")

@@ -71,8 +71,8 @@ async def loses_its_satellites(it):
         assert "ailsafe" in it.robot.losses[-1], it.robot.losses[-1]
         await it.until(lambda: "not to be trusted" in it.robot.healths[-1].cause, 10.0)
         assert "ailsafe" in it.robot.healths[-1].cause
-        told = [each for each in it.robot.reports if isinstance(each, GpsReport)]
-        assert told[-1].fix_type == "none"
+        fixes = [each for each in it.robot.reports if isinstance(each, GpsReport)]
+        assert fixes[-1].fix_type == "none"
         await takes_nothing_that_needs_a_position(it)
     finally:
         await write(it, (name, on))

@@ -69,7 +69,7 @@ async def test_a_ground_station_pauses_a_vehicle_whoever_moves_it(sitl, module_a
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("loss", ["satellites", "battery"])
 @pytest.mark.parametrize("address", ADDRESSES or [None])
-async def test_a_loss_is_told_with_its_reason(sitl, module_at, address, loss):
+async def test_a_loss_is_reported_with_its_reason(sitl, module_at, address, loss):
     assert address, "say where the autopilot is: FLEET_SITL=udpin:0.0.0.0:14550"
     link, _, system = address.partition("#")
     async with sitl(link, int(system or 1)) as it:

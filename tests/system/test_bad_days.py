@@ -25,7 +25,7 @@ def is_well(state):
     return state["health"] == "ok"
 
 
-def test_an_absent_broker_is_told_and_the_robots_fly_on_the_bus(run, free_port):
+def test_an_absent_broker_is_reported_and_the_robots_fly_on_the_bus(run, free_port):
     running = run(cloud={"host": "127.0.0.1", "port": free_port, "tls": False})
     running.robot("good", "is well", is_well)
     assert "127.0.0.1" in running.line(r"WARNING .*cloud disconnected: .*").group()

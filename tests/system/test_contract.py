@@ -101,8 +101,8 @@ def test_the_sdk_asks_a_robot_with_one_answer_and_every_message_keeps_the_contra
     assert outside.done().count("poke") == 1
     for leaf in ("position", "rotation", "joint:update", "telemetry", "edge_health"):
         outside.cloud.heard(leaf, "it is sent", bool)
-    told = [each["type"] for each in outside.cloud.of("telemetry")]
-    assert told[:2] == ["connected", "telemetry_start"]
+    types = [each["type"] for each in outside.cloud.of("telemetry")]
+    assert types[:2] == ["connected", "telemetry_start"]
     heard = [each for each in outside.ears.heard if not each[0].startswith(OWN)]
     assert heard
     for topic, message in heard:
@@ -119,7 +119,7 @@ def test_the_sdk_asks_a_robot_with_one_answer_and_every_message_keeps_the_contra
     assert {message["source_type"] for message in ours if "source_type" in message} == {"edge"}
 
 
-def test_what_is_for_somebody_else_or_is_no_request_moves_nothing_and_is_told(outside):
+def test_what_is_for_somebody_else_or_is_no_request_moves_nothing_and_is_reported(outside):
     wrong = [
         {"twin_uuid": OTHER},
         {"source_type": "preview"},

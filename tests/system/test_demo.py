@@ -57,8 +57,8 @@ class Terminal:
 
     def _read(self):
         while select.select([self._master], [], [], 0.1)[0]:
-            told = os.read(self._master, 65536).decode().replace("\r", "")
-            self.text += ESCAPE.sub("", REDRAWN.sub("\n", told))
+            text = os.read(self._master, 65536).decode().replace("\r", "")
+            self.text += ESCAPE.sub("", REDRAWN.sub("\n", text))
 
 
 def test_the_first_screen_is_the_one_that_readme_shows(runtime):

@@ -36,8 +36,8 @@ class Operator:
         return 2 * math.atan2(turn["z"], turn["w"])
 
     def mode(self):
-        told = [each["metrics"].get("navigation", {}) for each in self.ears.of("metrics")]
-        return told[-1].get("mode", "") if told else ""
+        navigation = [each["metrics"].get("navigation", {}) for each in self.ears.of("metrics")]
+        return navigation[-1].get("mode", "") if navigation else ""
 
     def is_seen(self, mode):
         wait_until(f"the dog to be {mode}", lambda: self.mode() == mode, within=60)

@@ -97,9 +97,9 @@ def test_a_mission_with_a_hole_has_failed_and_says_where(pilot):
     execution = uuid.uuid4().hex
     steps = [{"type": "waypoint", "params": {"latitude": 47.4, "altitude_m": 5}}]
     pilot.say("mission/command", command="start", mission_execution_uuid=execution, steps=steps)
-    told = pilot.heard("mission/status", "failed", lambda each: each["mission_execution_uuid"] == execution)
-    assert told["status"] == "failed"
-    assert "items.0.longitude" in told["message"]
+    status = pilot.heard("mission/status", "failed", lambda each: each["mission_execution_uuid"] == execution)
+    assert status["status"] == "failed"
+    assert "items.0.longitude" in status["message"]
 
 
 def test_plain_mosquitto_pub_flies_it(program, pilot):

@@ -99,7 +99,7 @@ def test_a_follower_goes_where_its_leader_is_once_asked_and_a_stop_ends_it(pair)
     assert math.radians(held[0]) > -1.0
 
 
-def test_targets_of_a_leader_in_the_cloud_lead_and_whatever_is_wrong_with_them_is_told(pair):
+def test_targets_of_a_leader_in_the_cloud_lead_and_whatever_is_wrong_with_them_is_reported(pair):
     _, follower, board = pair
 
     def lead(**more):
@@ -123,11 +123,11 @@ def test_targets_of_a_leader_in_the_cloud_lead_and_whatever_is_wrong_with_them_i
     for why, message in wrong.items():
         session = f"arm {why}" if why == "late" else "arm"
 
-        def told(why=why, message=message, session=session):
+        def is_reported(why=why, message=message, session=session):
             lead(**message, session_id=session)
             return refused(follower, why)
 
-        wait_until(f"{why} is told", told)
+        wait_until(f"{why} is told", is_reported)
     follower.ears.client.publish(
         follower.topic(JOINTS), '{"source_type": "edge_leader", "positions": {"pan": NaN}}', qos=1
     )
@@ -162,8 +162,8 @@ def test_an_emergency_stop_holds_the_mount_until_it_is_released(pair):
 
 def test_a_leader_is_not_led_by_its_own_state(pair):
     leader, _, _ = pair
-    told = leader.heard(JOINTS, "its state", lambda it: "pan" in it["positions"])
-    leader.ears.say(leader.topic(JOINTS), {**told, "session_id": "another edge", "timestamp": time.time()})
+    state = leader.heard(JOINTS, "its state", lambda it: "pan" in it["positions"])
+    leader.ears.say(leader.topic(JOINTS), {**state, "session_id": "another edge", "timestamp": time.time()})
     leader.ears.say(
         leader.topic(JOINTS),
         {"source_type": "edge_leader", "target_positions": {"pan": 1.0}, "timestamp": time.time()},

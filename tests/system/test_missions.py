@@ -147,7 +147,7 @@ def is_free(yard, name):
     wait_until(f"{name} is given back", free)
 
 
-def told(yard, run):
+def story(yard, run):
     """Return the story of a run."""
     return json.loads(yard.call("mission", "log", run, "--json").stdout)["log"]
 
@@ -189,7 +189,7 @@ def test_a_robot_in_a_run_obeys_nobody_else_until_it_is_taken(yard):
     assert state["outcome"] == "undone"  # its role is not filled any more: the drone lands
     robots = {each["robot"]: each for each in state["robots"]}
     assert robots["beast"]["outcome"] == "taken"
-    assert not [line for line in told(yard, run) if line.get("robot") == "beast" and "undo" in line["text"]]
+    assert not [line for line in story(yard, run) if line.get("robot") == "beast" and "undo" in line["text"]]
 
 
 @pytest.mark.timeout(300)
@@ -200,7 +200,7 @@ def test_an_emergency_stop_of_all_ends_the_run_and_nothing_is_undone(yard):
     state = ended(yard, run)
     assert state["outcome"] == "aborted"
     assert {each["outcome"] for each in state["robots"]} == {"stopped"}
-    assert not any("begins land" in line["text"] for line in told(yard, run))
+    assert not any("begins land" in line["text"] for line in story(yard, run))
 
 
 @pytest.mark.timeout(300)
@@ -235,7 +235,7 @@ def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(y
         assert state["outcome"] in TERMINAL, (seed, kill, state)
         begun = [
             (line["step"], line["robot"], line["text"])
-            for line in told(yard, run)
+            for line in story(yard, run)
             if "begins" in line["text"]
         ]
         assert len(begun) == len(set(begun)), (seed, kill, begun)

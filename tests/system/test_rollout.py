@@ -113,9 +113,9 @@ class Site:
 
     def status(self):
         """Return what the edge reports of the roll-out, as the operator is shown it."""
-        told = self.call("rollout", "status", "--store", str(self.source / "rollout.yaml"), "--json")
-        observed = json.loads(told.stdout).get("observed", {}) if told.returncode == 0 else {}
-        return observed.get("yard", {"stage": "", "why": told.stderr})
+        result = self.call("rollout", "status", "--store", str(self.source / "rollout.yaml"), "--json")
+        observed = json.loads(result.stdout).get("observed", {}) if result.returncode == 0 else {}
+        return observed.get("yard", {"stage": "", "why": result.stderr})
 
     def roll_out(self, bundle, *options):
         """Roll a bundle out; return the exit code and what the edge reports at its end."""

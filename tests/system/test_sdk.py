@@ -126,7 +126,7 @@ def test_the_sdk_reads_the_battery_by_its_catalog(drone):
     assert 0 < power["percentage"] <= 100
 
 
-def test_the_sdk_is_told_why_a_command_is_refused(drone):
+def test_the_sdk_learns_why_a_command_is_refused(drone):
     twin, client, _ = drone
     answer = client.mqtt.request_command(twin.uuid, "takeoff", {"altitude": 3000.0}, source_type="tele")
     assert answer["status"] == "denied", answer
@@ -137,8 +137,8 @@ def test_the_sdk_is_told_why_a_command_is_refused(drone):
 
 def ready(ears):
     """Say whether the autopilot says that it can be armed."""
-    told = ears.of("flight_controller")
-    return bool(told) and told[-1].get("ready_to_arm")
+    reports = ears.of("flight_controller")
+    return bool(reports) and reports[-1].get("ready_to_arm")
 
 
 def ended(state):

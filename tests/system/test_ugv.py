@@ -88,9 +88,9 @@ def test_the_sdk_drives_it_and_a_square_of_goals_closes(beast):
     assert inflight
     assert all(way["distance_remaining_m"] <= 4.5 for way in inflight)
     assert "distance_remaining_m" not in ways[0]
-    told = [each["type"] for each in ears.of("telemetry")]
-    told = told[told.index("connected") :]  # before it answered, the edge may have said that it does not
-    assert told[:2] == ["connected", "telemetry_start"]
+    types = [each["type"] for each in ears.of("telemetry")]
+    types = types[types.index("connected") :]  # before it answered, the edge may have said that it does not
+    assert types[:2] == ["connected", "telemetry_start"]
     assert ears.of("battery/status")[-1]["percentage"] == pytest.approx(80.8, abs=0.1)
 
 

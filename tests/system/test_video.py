@@ -149,17 +149,17 @@ def test_a_camera_is_seen_in_a_browser_from_start_video_to_stop_video(site, came
 
 
 def test_video_that_nobody_sends_is_refused_with_what_to_do(site):
-    told = site.ask("start_video")
-    assert (told["type"], told["status"]) == ("video_started", "error")
-    assert told["reason"] == "no program on the bus sends video of rex"
+    status = site.ask("start_video")
+    assert (status["type"], status["status"]) == ("video_started", "error")
+    assert status["reason"] == "no program on the bus sends video of rex"
     (answer,) = site.cloud.answers("start_video")
     assert "fleet video rex" in answer["reason"]
 
 
-def test_what_came_of_video_that_was_asked_for_on_the_bus_is_told_in_the_cloud_once(site):
+def test_what_came_of_video_that_was_asked_for_on_the_bus_is_reported_in_the_cloud_once(site):
     assert site.edge.call("send", "rex", "start_video", "-f", str(site.file)).returncode
-    told = site.cloud.heard("start_video/status", "the refusal", bool)
-    assert (told["type"], told["status"], told["source_type"]) == ("video_started", "error", "edge")
+    status = site.cloud.heard("start_video/status", "the refusal", bool)
+    assert (status["type"], status["status"], status["source_type"]) == ("video_started", "error", "edge")
     assert site.ask("start_video")["status"] == "error"
     assert len(site.cloud.of("start_video/status")) == 2
 
@@ -173,7 +173,7 @@ def test_the_streams_of_a_program_that_is_killed_vanish(site, camera):
     assert site.ask("start_video")["status"] == "error"
 
 
-def test_a_camera_that_gives_no_picture_is_told(site, camera):
+def test_a_camera_that_gives_no_picture_is_reported(site, camera):
     camera.breaks()
     site.send_video(camera)
     assert "No such file" in site.ask("start_video")["reason"]

@@ -38,11 +38,11 @@ class RobotWire:
         self._socket.close()
 
     def _read(self):
-        told = 0.0
+        written_at = 0.0
         while not self._ended.is_set():
             with contextlib.suppress(TimeoutError, ConnectionError):
-                if time.monotonic() - told > 0.2:
-                    told = time.monotonic()
+                if time.monotonic() - written_at > 0.2:
+                    written_at = time.monotonic()
                     self._socket.send(b"here\n")
                 frame = self._socket.recv(100)
                 self.frames.append((time.time(), frame))

@@ -33,8 +33,8 @@ def write_recording(folder, begins, seconds, *, ends=True, edge="yard-1"):
     reader = SampleReader()
     file = ring.file(begins)
 
-    def put(key, told, at):
-        payload = told if isinstance(told, bytes) else msgspec.json.encode(told)
+    def put(key, value, at):
+        payload = value if isinstance(value, bytes) else msgspec.json.encode(value)
         for message in reader.read(edge, key, payload):
             file.add(message, round(at * 1e9))
 

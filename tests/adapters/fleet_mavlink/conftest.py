@@ -58,7 +58,7 @@ def frame_of():
     return framed
 
 
-class Told:
+class VehicleHarness:
     """A vehicle on a clock of the test's own; ``sent`` is what was written to it."""
 
     def __init__(self, flavour="px4"):
@@ -79,8 +79,8 @@ class Told:
 
 
 @pytest.fixture
-def told():
-    return Told
+def harness():
+    return VehicleHarness
 
 
 class Sky(Operator):

@@ -374,7 +374,7 @@ def test_who_arms_it_in_manual_has_it_and_keeps_it_when_the_edge_ends(fly, sky):
     fly(main())
 
 
-def test_the_host_is_told_what_it_lacks(fly, sky):
+def test_the_host_learns_what_it_lacks(fly, sky):
     async def drive(it):
         assert it.robot.lacking == ArduRover.lacking
         for name in ("takeoff", "land", "ascend"):

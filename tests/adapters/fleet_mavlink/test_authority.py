@@ -38,7 +38,7 @@ def test_a_mode_that_we_asked_for_is_ours(watched):
     assert watched.authority.lost_to == ""
 
 
-def test_a_mode_that_we_did_not_ask_for_is_told_once(watched):
+def test_a_mode_that_we_did_not_ask_for_is_reported_once(watched):
     watched.see("AUTO.LOITER", "POSCTL", "POSCTL", "ALTCTL")
     assert watched.reasons == [
         "mode changed from AUTO.LOITER to POSCTL, not by us: a pilot or another station"
@@ -63,7 +63,7 @@ def test_an_arming_that_we_ask_for_later_is_ours(watched):
     assert watched.reasons == []
 
 
-def test_a_fail_safe_is_told_as_what_it_is(watched):
+def test_a_fail_safe_is_reported_as_what_it_is(watched):
     watched.see("AUTO.LOITER").see("AUTO.RTL", status=5)
     assert watched.reasons[0].endswith("its own fail-safe")
 

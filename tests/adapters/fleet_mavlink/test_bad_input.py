@@ -121,7 +121,7 @@ def test_a_hundred_thousand_buffers_raise_nothing_and_make_no_vehicle(seed):
     for number in range(25_000):
         it.receive(makers[number % len(makers)](chance), None)
         if number % 250 == 0:
-            told(vehicle)
+            send_all_reports(vehicle)
     assert set(it.heard) <= {1, 2}, "the recording's own"
     assert it.broken > 5_000
     assert len(vehicle.seen_at) > len(WANTED) / 2, "right frames between them are read"
@@ -162,17 +162,17 @@ def test_a_cut_frame_costs_no_more_than_itself(frame, data):
 def test_a_message_may_say_anything(number, payload):
     it, vehicle = heard_of(framed(number, payload))
     assert it.heard == (1,)
-    told(vehicle)
+    send_all_reports(vehicle)
 
 
 @many
 @given(st.lists(st.tuples(st.sampled_from(WANTED), st.binary(min_size=20, max_size=60)), max_size=12))
 def test_no_sequence_of_messages_gives_a_report_that_cannot_be_sent(said):
     _, vehicle = heard_of(*(framed(*each) for each in said))
-    told(vehicle)
+    send_all_reports(vehicle)
 
 
-def told(vehicle):
+def send_all_reports(vehicle):
     """Make every report of a vehicle, and send it."""
     state, kind = vehicle.state, vehicle.kind
     if kind is None:

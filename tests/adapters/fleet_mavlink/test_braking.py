@@ -166,9 +166,9 @@ def test_a_rover_is_reported_with_its_type_and_without_a_height(fly, sky):
             driving = await other_station_drives(it)
             it.robot.reports.clear()
             await asyncio.sleep(6.0)
-            told = {type(report) for report in it.robot.reports}
-            assert {PoseReport, GpsReport, BatteryReport, FlightControllerReport} <= told
-            assert FlightStateReport not in told
+            types = {type(report) for report in it.robot.reports}
+            assert {PoseReport, GpsReport, BatteryReport, FlightControllerReport} <= types
+            assert FlightStateReport not in types
             controller = next(each for each in it.robot.reports if isinstance(each, FlightControllerReport))
             assert (controller.vehicle, controller.mode) == ("ground_rover", "GUIDED")
             assert controller.armed
@@ -220,8 +220,11 @@ def test_a_rover_on_px4_is_refused_with_what_is_missing_and_what_is_moved(vehicl
 
 def first_brake(autopilot, vehicle_type, **state):
     """Return the mode that brakes a vehicle, best first."""
-    told = VehicleState(**state)
-    return [brake.mode for brake in kind_of(Heartbeat(vehicle_type, autopilot), told).brakes(told)]
+    vehicle_state = VehicleState(**state)
+    return [
+        brake.mode
+        for brake in kind_of(Heartbeat(vehicle_type, autopilot), vehicle_state).brakes(vehicle_state)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -251,7 +254,7 @@ def test_a_hovering_quadplane_is_neither_sent_forward_nor_left_to_a_stick_that_i
     assert first_brake(ARDUPILOT, vehicle_type, **hovers) == ["QLAND"]
 
 
-def test_what_is_told_to_be_on_its_wings_circles():
+def test_what_is_said_to_be_on_its_wings_circles():
     for vtol_state in (0, 4):
         assert first_brake(ARDUPILOT, 1, vtol_state=vtol_state) == ["LOITER", "CIRCLE"]
 
@@ -314,8 +317,8 @@ def test_everything_has_a_name_and_a_command_that_brakes_it():
 class Bench:
     """Any vehicle, armed and moving; ``answers`` says what it makes of each command."""
 
-    def __init__(self, told, autopilot, vehicle_type, *, mode=0, vtol_state=0):
-        self.it = told("ardupilot")
+    def __init__(self, harness, autopilot, vehicle_type, *, mode=0, vtol_state=0):
+        self.it = harness("ardupilot")
         self.autopilot, self.type, self.mode = autopilot, vehicle_type, mode
         self.speed = 12.0
         self.refuses = set()
@@ -356,25 +359,25 @@ class Bench:
         self.moves()
 
 
-async def test_a_px4_plane_that_circles_has_done_what_it_can(told):
-    it = Bench(told, PX4, 1)
+async def test_a_px4_plane_that_circles_has_done_what_it_can(harness):
+    it = Bench(harness, PX4, 1)
     it.slows = False
     await it.brakes.brake()
     assert [each.command for each in it.asked] == [MavCmd.DO_REPOSITION]
     assert math.isnan(it.asked[0].param5)
 
 
-async def test_a_px4_vtol_that_hovers_must_stand(told, monkeypatch):
+async def test_a_px4_vtol_that_hovers_must_stand(harness, monkeypatch):
     monkeypatch.setattr("fleet_mavlink.braking._WITHIN", 0.05)
     monkeypatch.setattr("fleet_mavlink.braking._AT_LEAST", 0.05)
-    it = Bench(told, PX4, 22, vtol_state=3)
+    it = Bench(harness, PX4, 22, vtol_state=3)
     it.slows = False
     with pytest.raises(TimedOut, match="still moves at 12"):
         await it.brakes.brake()
 
 
-async def test_a_sub_without_a_place_keeps_its_depth(told):
-    it = Bench(told, ARDUPILOT, 12)
+async def test_a_sub_without_a_place_keeps_its_depth(harness):
+    it = Bench(harness, ARDUPILOT, 12)
     modes = []
     answer = it._answer
 
@@ -387,21 +390,21 @@ async def test_a_sub_without_a_place_keeps_its_depth(told):
     assert modes == [16, 2]
 
 
-async def test_an_unknown_autopilot_is_asked_to_pause_and_must_stand(told):
-    it = Bench(told, OTHER, 10)
+async def test_an_unknown_autopilot_is_asked_to_pause_and_must_stand(harness):
+    it = Bench(harness, OTHER, 10)
     await it.brakes.brake()
     assert [each.command for each in it.asked] == [MavCmd.DO_PAUSE_CONTINUE]
 
 
-async def test_an_unknown_autopilot_that_refuses_is_told(told):
-    it = Bench(told, OTHER, 10)
+async def test_an_unknown_autopilot_that_refuses_is_reported(harness):
+    it = Bench(harness, OTHER, 10)
     it.refuses.add(MavCmd.DO_PAUSE_CONTINUE)
     with pytest.raises(Refused, match="was not stopped"):
         await it.brakes.brake()
 
 
-async def test_a_plane_that_takes_no_mode_is_told_and_never_disarmed(told):
-    it = Bench(told, ARDUPILOT, 1)
+async def test_a_plane_that_takes_no_mode_is_reported_and_never_disarmed(harness):
+    it = Bench(harness, ARDUPILOT, 1)
     it.refuses.add(MavCmd.DO_SET_MODE)
     with pytest.raises(Refused, match="fixed_wing on ardupilot was not stopped"):
         await it.brakes.brake()

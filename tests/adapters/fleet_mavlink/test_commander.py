@@ -19,33 +19,33 @@ MODE = Px4().mode_of
 class Talk:
     """A commander in a loop whose time jumps; ``later`` lets the vehicle say something after a while."""
 
-    def __init__(self, told):
+    def __init__(self, harness):
         loop = asyncio.get_running_loop()
-        self.told = told()
-        self.told.clock.monotonic = self.told.vehicle.now = loop.time
-        self.commander = Commander(self.told.vehicle, CommandTimeouts())
+        self.harness = harness()
+        self.harness.clock.monotonic = self.harness.vehicle.now = loop.time
+        self.commander = Commander(self.harness.vehicle, CommandTimeouts())
         self.loop = loop
-        self.told.beat()
+        self.harness.beat()
 
     @property
     def sent(self):
-        return self.told.sent
+        return self.harness.sent
 
     def later(self, seconds, *messages):
-        self.loop.call_later(seconds, self.told.say, *messages)
+        self.loop.call_later(seconds, self.harness.say, *messages)
 
     def beats_later(self, seconds, **beat):
-        self.loop.call_later(seconds, lambda: self.told.beat(**beat))
+        self.loop.call_later(seconds, lambda: self.harness.beat(**beat))
 
 
 @pytest.fixture
-def talk(fly, told):
+def talk(fly, harness):
     """Run a test with a Talk."""
-    return lambda test: fly(_with(test, told))
+    return lambda test: fly(_with(test, harness))
 
 
-async def _with(test, told):
-    await test(Talk(told))
+async def _with(test, harness):
+    await test(Talk(harness))
 
 
 def ack(result, command=MavCmd.COMPONENT_ARM_DISARM):
@@ -98,14 +98,14 @@ def test_answers_to_what_was_never_asked_are_counted_and_late_ones_are_not(talk)
         )
         await it.commander.ask(ARM)
         await asyncio.sleep(0.1)
-        assert it.told.vehicle.trust.counts == {NEVER_SENT: 1}
+        assert it.harness.vehicle.trust.counts == {NEVER_SENT: 1}
 
     talk(test)
 
 
 def test_an_answer_that_came_before_is_none_to_this_one(talk):
     async def test(it):
-        it.told.say(ack(MavResult.FAILED))
+        it.harness.say(ack(MavResult.FAILED))
         it.later(0.2, ack(MavResult.ACCEPTED))
         await it.commander.ask(ARM)
 
@@ -113,7 +113,7 @@ def test_an_answer_that_came_before_is_none_to_this_one(talk):
 
 
 @pytest.mark.parametrize("before", [0.005, 0.015])
-def test_a_refusal_is_told_in_the_autopilots_words_whether_they_come_first_or_last(talk, before):
+def test_a_refusal_is_reported_in_the_autopilots_words_whether_they_come_first_or_last(talk, before):
     async def test(it):
         it.later(
             before,
@@ -132,7 +132,7 @@ def test_a_refusal_is_told_in_the_autopilots_words_whether_they_come_first_or_la
 
 def test_what_was_said_before_the_command_is_no_reason(talk):
     async def test(it):
-        it.told.say(StatusTextMessage(2, "PreArm: Old news"))
+        it.harness.say(StatusTextMessage(2, "PreArm: Old news"))
         await asyncio.sleep(1)
         it.later(0.01, ack(MavResult.DENIED))
         with pytest.raises(Refused, match="the autopilot answered DENIED to COMPONENT_ARM_DISARM"):
@@ -211,7 +211,7 @@ def test_work_in_progress_is_waited_for_and_not_asked_again(talk):
     talk(test)
 
 
-def test_work_that_never_ends_is_told(talk):
+def test_work_that_never_ends_is_reported(talk):
     async def test(it):
         it.later(0.1, ack(MavResult.IN_PROGRESS))
         with pytest.raises(TimedOut, match="did not say how it ended"):
@@ -246,7 +246,7 @@ def test_commands_go_one_after_the_other(talk):
         second = asyncio.ensure_future(it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF)))
         await asyncio.sleep(0.1)
         assert [sent.command for sent in it.sent] == [MavCmd.COMPONENT_ARM_DISARM]
-        it.told.say(ack(MavResult.ACCEPTED))
+        it.harness.say(ack(MavResult.ACCEPTED))
         await first
         it.later(0.1, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
         await second
@@ -337,7 +337,7 @@ def test_a_mode_is_believed_from_the_heartbeat_only(talk):
         it.later(0.003, ack(MavResult.ACCEPTED, MavCmd.DO_SET_MODE))
         it.beats_later(0.9, mode=OFFBOARD)
         await it.commander.enter("OFFBOARD", MODE, offboard())
-        assert MODE(it.told.vehicle.state) == "OFFBOARD"
+        assert MODE(it.harness.vehicle.state) == "OFFBOARD"
 
     talk(test)
 
@@ -389,7 +389,7 @@ def test_a_change_of_mode_gives_way_to_something_urgent(talk):
         doing = asyncio.ensure_future(it.commander.enter("OFFBOARD", MODE, offboard()))
         await asyncio.sleep(0.1)
         it.commander.turns.supersede("stop")
-        it.told.say(StatusTextMessage(6, "anything"))
+        it.harness.say(StatusTextMessage(6, "anything"))
         with pytest.raises(Refused, match="superseded: stop"):
             await doing
 

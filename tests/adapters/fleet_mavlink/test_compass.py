@@ -25,7 +25,7 @@ def test_a_calibration_is_followed_to_its_end(fly, sky, flavour):
 
 
 @both
-def test_a_calibration_that_fails_is_told(fly, sky, flavour):
+def test_a_calibration_that_fails_is_reported(fly, sky, flavour):
     async def main():
         async with sky(flavour, faults={"compass_fails": 1.0}) as it:
             await it.met()

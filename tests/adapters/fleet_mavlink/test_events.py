@@ -128,8 +128,8 @@ def test_an_autopilot_without_files_is_flown_all_the_same(fly, sky):
     fly(main())
 
 
-def test_a_text_that_an_event_said_more_fully_is_not_said_again(told):
-    vehicle = told("px4").vehicle
+def test_a_text_that_an_event_said_more_fully_is_not_said_again(harness):
+    vehicle = harness("px4").vehicle
     full, short = "Failsafe activated: switching to Hold", "Failsafe activated"
     vehicle._say([Sentence(full, 2, 1.0, event=True), Sentence(short, 2, 1.1), Sentence(short, 2, 9.0)])
     assert [each.text for each in vehicle.sentences] == [full, short]

@@ -20,7 +20,7 @@ async def flown(steps):
 
 
 @both
-def test_what_is_wrong_is_told_as_health_and_not_touched(fly, sky, flavour):
+def test_what_is_wrong_is_reported_as_health_and_not_touched(fly, sky, flavour):
     async def main():
         async with sky(flavour, failsafes="check") as it:
             await it.met()
@@ -44,10 +44,10 @@ def test_it_is_set_where_fleet_yaml_says_so_and_again_after_a_reboot(fly, sky, f
             it.sim.pilot.params._values[PARAMETER[flavour]] = (2, 0.0)
             it.sim.set_fault("reboot", 1.0)
             await it.until(lambda: it.sim.pilot.params[PARAMETER[flavour]] > 0, within=30.0)
-            told = [
+            records = [
                 each for each in caplog.records if f"fail-safe {PARAMETER[flavour]} was" in each.getMessage()
             ]
-            assert {each.name for each in told} == {it.robot.log.name}, "whose parameter it is"
+            assert {each.name for each in records} == {it.robot.log.name}, "whose parameter it is"
 
     fly(main())
 

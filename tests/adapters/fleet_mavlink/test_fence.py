@@ -60,7 +60,7 @@ def test_the_autopilot_keeps_it_without_the_edge(fly, sky, flavour):
 
 
 @both
-def test_it_is_not_changed_in_flight_and_that_is_told(fly, sky, flavour):
+def test_it_is_not_changed_in_flight_and_that_is_reported(fly, sky, flavour):
     async def main():
         async with sky(flavour, fence=FENCE) as it:
             await it.until(lambda: is_well(it), within=30.0)

@@ -49,7 +49,7 @@ def test_every_mode_that_is_used_has_a_number(flavour):
 
 
 @flavours
-def test_a_mode_without_a_name_is_told_by_its_number(flavour):
+def test_a_mode_without_a_name_is_reported_by_its_number(flavour):
     assert flavour.mode_name(0x77777777) == "MODE(0x77777777)"
 
 
@@ -91,7 +91,7 @@ def test_speed_goes_with_px4s_command_and_after_ardupilots():
     )
 
 
-def test_both_are_told_where_the_nose_points_and_ardupilot_to_heed_it():
+def test_both_are_sent_a_heading_and_ardupilot_is_set_to_use_it():
     assert PX4.go_command(PLACE, 488.0, 3.0, 1.0).param4 == 1.0
     target = ARDUPILOT.go_command(PLACE, 488.0, 3.0, 1.0)
     assert (target.yaw, target.type_mask & 0x400, target.type_mask & 0x800) == (1.0, 0, 0x800)

@@ -97,7 +97,7 @@ def test_it_returns_home_and_lands(fly, sky, flavour):
 
 
 @both
-def test_a_refused_takeoff_is_told_in_the_autopilots_words(fly, sky, flavour):
+def test_a_refused_takeoff_is_reported_in_the_autopilots_words(fly, sky, flavour):
     async def main():
         async with sky(flavour) as it:
             await it.met()
@@ -127,7 +127,7 @@ def test_lost_acknowledgements_do_not_make_it_do_things_twice(fly, sky, flavour)
 
 
 @both
-def test_a_silent_link_is_told_and_nothing_moves_when_it_comes_back(fly, sky, flavour):
+def test_a_silent_link_is_reported_and_nothing_moves_when_it_comes_back(fly, sky, flavour):
     async def main():
         async with sky(flavour) as it:
             await it.met()

@@ -40,33 +40,33 @@ def causes_of(records):
                 continue
             looked = now
             failsafe.see(vehicle.state, vehicle.kind.mode_of(vehicle.state), vehicle.sentences, now)
-            told = (failsafe.text, *position_troubles(vehicle.state, now))
-            if not found or found[-1][1] != told:
-                found.append((round(now, 1), told))
+            causes = (failsafe.text, *position_troubles(vehicle.state, now))
+            if not found or found[-1][1] != causes:
+                found.append((round(now, 1), causes))
     return found
 
 
-def test_a_copters_loss_is_told_within_a_second_and_its_fail_safe_with_its_reason(recording):
-    told = causes_of(recording("ap_copter_gps_loss"))
-    first = next(at for at, (_, *troubles) in told if troubles)
+def test_a_copters_loss_is_reported_within_a_second_and_its_fail_safe_with_its_reason(recording):
+    causes = causes_of(recording("ap_copter_gps_loss"))
+    first = next(at for at, (_, *troubles) in causes if troubles)
     assert first == pytest.approx(58.4, abs=1.0), "the receiver was switched off at 57.6"
-    at, words = next((at, words) for at, words in told if len(words) == 3)
+    at, words = next((at, words) for at, words in causes if len(words) == 3)
     assert at == pytest.approx(65.6, abs=0.3)
     assert words[1] == "no satellite fix (3 satellites)"
     assert "its estimator lost horizontal velocity, position" in words[2]
-    reasons = {words[0] for _, words in told} - {""}
+    reasons = {words[0] for _, words in causes} - {""}
     assert any("EKF variance; EKF Failsafe: changed to LAND Mode" in each for each in reasons)
     assert not any("Cleared" in each for each in reasons)
-    assert told[-1][1] == ("",), "it is over at the end"
+    assert causes[-1][1] == ("",), "it is over at the end"
 
 
-def test_px4s_loss_is_told_within_a_second(recording):
-    told = causes_of(recording("px4_gps_loss"))
-    first = next(at for at, (_, *troubles) in told if troubles)
+def test_px4s_loss_is_reported_within_a_second(recording):
+    causes = causes_of(recording("px4_gps_loss"))
+    first = next(at for at, (_, *troubles) in causes if troubles)
     assert first == pytest.approx(19.2, abs=1.0), "the receiver was switched off at 18.8"
-    assert any("Failsafe activated" in words[0] for _, words in told)
-    assert any("its estimator lost" in words[-1] for _, words in told)
-    assert told[-1][1] == ("",)
+    assert any("Failsafe activated" in words[0] for _, words in causes)
+    assert any("its estimator lost" in words[-1] for _, words in causes)
+    assert causes[-1][1] == ("",)
 
 
 def test_each_step_of_a_battery_fail_safe_has_its_own_reason(recording):
@@ -76,7 +76,7 @@ def test_each_step_of_a_battery_fail_safe_has_its_own_reason(recording):
 
 
 @both
-def test_it_is_told_marked_and_ended_in_the_air(fly, sky, flavour):
+def test_it_is_reported_marked_and_ended_in_the_air(fly, sky, flavour):
     async def main():
         async with sky(flavour) as it:
             await it.met()

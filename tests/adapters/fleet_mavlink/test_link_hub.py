@@ -54,7 +54,7 @@ def ack(command, *, system=0, component=0):
     return mav.MAVLink_command_ack_message(command, 0, 0, 0, system, component)
 
 
-def test_two_vehicles_on_one_link_are_told_apart(hub, frame_of):
+def test_two_vehicles_on_one_link_are_distinguished(hub, frame_of):
     with hub.vehicle(1) as one, hub.vehicle(2) as two:
         hub.receive(frame_of(COPTER, system=1) + frame_of(COPTER, system=2), ONE)
         hub.receive(frame_of(mav.MAVLink_attitude_message(1, 0.5, 0, 0, 0, 0, 0), system=2), ONE)
@@ -129,7 +129,7 @@ def test_an_autopilot_that_restarts_and_speaks_from_elsewhere_is_no_second_one(h
         assert not vehicle.trust.counts
 
 
-def test_only_those_that_are_heard_now_and_are_nobodys_are_told(hub, clock, frame_of):
+def test_only_those_that_are_heard_now_and_are_nobodys_are_reported(hub, clock, frame_of):
     with hub.vehicle(1):
         for system in (1, 2, 3):
             hub.receive(frame_of(COPTER, system=system), ONE)

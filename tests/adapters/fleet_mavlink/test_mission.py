@@ -64,7 +64,7 @@ def test_a_mission_is_sent_taken_off_for_and_flown_item_by_item(fly, sky, flavou
 
 
 @both
-def test_what_is_still_told_of_the_last_mission_is_not_taken_for_the_next_ones(fly, sky, flavour):
+def test_what_is_still_reported_of_the_last_mission_is_not_taken_for_the_next_ones(fly, sky, flavour):
     async def main():
         async with sky(flavour) as it:
             await it.met()

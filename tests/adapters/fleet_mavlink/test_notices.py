@@ -6,7 +6,7 @@ from fleet.testing.clock import ManualClock
 from fleet_mavlink.notices import _MOST, Notices
 
 
-def test_each_reason_is_told_once_a_minute_with_what_was_not_told(caplog):
+def test_each_reason_is_logged_once_a_minute_with_the_number_left_out(caplog):
     clock = ManualClock()
     notices = Notices(logging.getLogger("desk"), clock.monotonic)
     assert notices.add("a", "first")

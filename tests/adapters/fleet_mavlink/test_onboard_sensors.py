@@ -45,7 +45,7 @@ def test_a_gimbal_that_looks_down_has_a_negative_pitch():
     assert (aim.pitch, aim.yaw) == (pytest.approx(-45.0), pytest.approx(0.0))
 
 
-def test_motors_turn_as_fast_as_is_told_and_their_angles_follow():
+def test_motors_turn_as_fast_as_is_reported_and_their_angles_follow():
     motors, sensors = Motors(("a", "b")), after(EscTelemetry1To4((60, 120, 0, 0)), now=1.0)
     assert motors.report(sensors, 1.0, 0.0).velocities == pytest.approx({"a": math.tau, "b": 2 * math.tau})
     assert motors.report(sensors, 1.25, 0.0).positions == {
@@ -80,7 +80,7 @@ def test_motors_are_the_joints_that_the_config_names(fly, sky):
     fly(main())
 
 
-def test_a_position_that_is_not_told_any_more_is_not_told_again(fly, sky):
+def test_a_position_that_is_not_reported_any_more_is_not_reported_again(fly, sky):
     async def main():
         async with sky("px4") as it:
             await it.met()
@@ -95,7 +95,7 @@ def test_a_position_that_is_not_told_any_more_is_not_told_again(fly, sky):
     fly(main())
 
 
-def test_what_went_wrong_on_the_link_is_counted_and_told(fly, sky):
+def test_what_went_wrong_on_the_link_is_counted_and_reported(fly, sky):
     async def main():
         async with sky("px4", faults={"corrupt": 0.2}) as it:
             await it.met()

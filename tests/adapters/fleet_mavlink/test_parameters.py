@@ -96,7 +96,7 @@ def test_a_parameter_is_written_in_the_encoding_of_its_autopilot(fly, sky, flavo
 
 
 @both
-def test_a_parameter_that_does_not_exist_is_told(fly, sky, flavour):
+def test_a_parameter_that_does_not_exist_is_reported(fly, sky, flavour):
     async def main():
         async with sky(flavour) as it:
             await it.met()

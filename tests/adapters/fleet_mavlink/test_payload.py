@@ -132,7 +132,7 @@ def test_without_a_camera_no_picture_is_taken(fly, sky, flavour):
     fly(main())
 
 
-def test_a_camera_that_fails_or_falls_silent_is_told(fly, sky):
+def test_a_camera_that_fails_or_falls_silent_is_reported(fly, sky):
     async def main():
         async with sky("px4", accessories=("camera",)) as it:
             await it.met()

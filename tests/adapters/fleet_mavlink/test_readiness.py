@@ -93,7 +93,7 @@ def test_what_ardupilot_says_counts_before_its_bit_shows_it(fly, sky, vehicle):
     fly(main())
 
 
-def test_an_arming_that_was_refused_is_told_though_the_checks_find_nothing(fly, sky):
+def test_an_arming_that_was_refused_is_reported_though_the_checks_find_nothing(fly, sky):
     async def main():
         async with sky("ardupilot", vehicle="plane") as it:
             await refused_for_its_log(it)
@@ -169,7 +169,7 @@ def test_what_is_armed_is_not_asked(fly, sky):
     fly(main())
 
 
-def test_reasons_are_told_once_and_not_for_ever():
+def test_reasons_are_reported_once_and_not_for_ever():
     said = [
         Sentence("PreArm: GPS 1: Bad fix", 2, 10.0),
         Sentence("PreArm: Need Position Estimate", 2, 60.0),

@@ -27,7 +27,7 @@ async def in_the_air(sky, flavour, **config):
 
 
 @both
-def test_a_velocity_ends_and_the_loss_is_told_in_the_autopilots_words(fly, sky, flavour):
+def test_a_velocity_ends_and_the_loss_is_reported_in_the_autopilots_words(fly, sky, flavour):
     async def main():
         async with in_the_air(sky, flavour) as it:
             await it.drive(Velocity(Vector3(1.0, 0.0, 0.0)), 2.0)
@@ -125,7 +125,7 @@ def test_its_fail_safe_is_verified_where_there_is_a_receiver(flavour, name):
     assert names(receiver=True) - names(receiver=False) == {name}
 
 
-def test_a_remote_control_whose_loss_does_nothing_is_told(fly, sky):
+def test_a_remote_control_whose_loss_does_nothing_is_reported(fly, sky):
     async def main():
         async with sky("ardupilot", failsafes="check") as it:
             it.sim.pilot.params._values["FS_THR_ENABLE"] = (2, 0.0)

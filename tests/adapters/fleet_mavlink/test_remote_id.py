@@ -39,23 +39,25 @@ def packed():
     return lambda message: pack(message, 245, 191, 0)
 
 
-def test_the_operator_is_told_as_the_foreign_decoder_reads_it(packed):
-    told = {each.get_type(): each for each in (read(each, packed) for each in everything(CONFIG, 7, 2, NOON))}
-    assert {(each.target_system, each.target_component) for each in told.values()} == {(7, 1)}
-    system = told["OPEN_DRONE_ID_SYSTEM"]
+def test_the_operator_is_reported_as_the_foreign_decoder_reads_it(packed):
+    messages = {
+        each.get_type(): each for each in (read(each, packed) for each in everything(CONFIG, 7, 2, NOON))
+    }
+    assert {(each.target_system, each.target_component) for each in messages.values()} == {(7, 1)}
+    system = messages["OPEN_DRONE_ID_SYSTEM"]
     assert (system.operator_latitude, system.operator_longitude) == (473_977_000, -85_456_000)
     assert system.operator_altitude_geo == 535.0
     assert system.timestamp == NOON - 1_546_300_800
     assert system.operator_location_type == mav.MAV_ODID_OPERATOR_LOCATION_TYPE_FIXED
     assert (system.classification_type, system.category_eu, system.class_eu) == (1, 1, 3)
-    assert told["OPEN_DRONE_ID_OPERATOR_ID"].operator_id == "FIN87astrdge12k8"
-    assert told["OPEN_DRONE_ID_SELF_ID"].description == "roof survey"
-    basic = told["OPEN_DRONE_ID_BASIC_ID"]
+    assert messages["OPEN_DRONE_ID_OPERATOR_ID"].operator_id == "FIN87astrdge12k8"
+    assert messages["OPEN_DRONE_ID_SELF_ID"].description == "roof survey"
+    basic = messages["OPEN_DRONE_ID_BASIC_ID"]
     assert (basic.id_type, basic.ua_type) == (mav.MAV_ODID_ID_TYPE_SERIAL_NUMBER, 2)
     assert bytes(basic.uas_id).rstrip(b"\0") == b"1596F1A2B3C4D5E6"
 
 
-def test_the_place_is_told_again_as_an_update(packed):
+def test_the_place_is_reported_again_as_an_update(packed):
     said = read(update(CONFIG, 7, NOON), packed)
     assert said.get_type() == "OPEN_DRONE_ID_SYSTEM_UPDATE"
     assert (said.target_system, said.operator_latitude, said.operator_longitude) == (
@@ -65,7 +67,7 @@ def test_the_place_is_told_again_as_an_update(packed):
     )
 
 
-def test_what_is_not_known_is_not_told(packed):
+def test_what_is_not_known_is_not_sent(packed):
     config = RemoteIdConfig(latitude=1.0, longitude=2.0)
     said = {each.get_type(): each for each in (read(each, packed) for each in everything(config, 1, 2, NOON))}
     assert "OPEN_DRONE_ID_BASIC_ID" not in said
@@ -73,9 +75,9 @@ def test_what_is_not_known_is_not_told(packed):
     assert said["OPEN_DRONE_ID_SYSTEM"].classification_type == 0
 
 
-@pytest.mark.parametrize(("kind", "told"), [(2, 2), (13, 2), (1, 1), (22, 4), (10, 15)])
-def test_the_kind_of_aircraft_is_told(kind, told):
-    assert ua_type(kind) == told
+@pytest.mark.parametrize(("kind", "expected"), [(2, 2), (13, 2), (1, 1), (22, 4), (10, 15)])
+def test_the_kind_of_aircraft_is_reported(kind, expected):
+    assert ua_type(kind) == expected
 
 
 @pytest.mark.parametrize("text", ["Zürich", "a\nb"])

@@ -162,7 +162,7 @@ def test_two_copters_on_one_link_keep_their_own_words(recording):
         assert not replay.vehicles[system].clashing
 
 
-def test_readiness_is_told_as_the_autopilots_showed_it(recording):
+def test_readiness_is_reported_as_the_autopilots_showed_it(recording):
     for name in ("ap_copter_full_flight", "px4_full_flight"):
         vehicle = Replay([1]).play(recording(name)).vehicles[1]
         assert vehicle.flavour.ready_to_arm(vehicle.state) is True

@@ -25,7 +25,7 @@ PX4 = Px4()
 NOTHING = VehicleState()
 
 
-def test_of_a_vehicle_of_which_nothing_is_known_nothing_is_told():
+def test_of_a_vehicle_of_which_nothing_is_known_nothing_is_reported():
     assert reports.pose_report(NOTHING, HOME, 1.0) is None
     assert reports.gps_report(NOTHING, 9.0, 1.0) is None
     assert reports.battery_report(NOTHING, 1.0) is None
@@ -64,7 +64,7 @@ def test_the_origin_is_home_at_the_height_of_home():
     assert origin_of(NOTHING) is None
 
 
-def test_a_fix_and_a_battery_are_told_as_known():
+def test_a_fix_and_a_battery_are_reported_as_known():
     place = GeoPoint(47.0, 8.0, 500.0)
     state = VehicleState(
         fix=Fix(place, "3d", 12, 0.9, None),
@@ -80,7 +80,7 @@ def test_a_fix_and_a_battery_are_told_as_known():
 
 
 @pytest.mark.parametrize(
-    ("state", "left", "told"),
+    ("state", "left", "expected"),
     [
         (mav.MAV_BATTERY_CHARGE_STATE_CHARGING, 600, {"charging": True}),
         (mav.MAV_BATTERY_CHARGE_STATE_OK, 600, {"charging": False, "estimated_runtime_minutes": 10.0}),
@@ -88,7 +88,7 @@ def test_a_fix_and_a_battery_are_told_as_known():
         (mav.MAV_BATTERY_CHARGE_STATE_UNDEFINED, 0, {}),
     ],
 )
-def test_the_bytes_of_an_autopilot_that_is_charged_say_so_in_the_cloud(frame_of, state, left, told):
+def test_the_bytes_of_an_autopilot_that_is_charged_say_so_in_the_cloud(frame_of, state, left, expected):
     message = mav.MAVLink_battery_status_message(
         0, 0, 0, 300, [16000] + [65535] * 9, 120, 0, -1, 80, time_remaining=left, charge_state=state
     )
@@ -96,10 +96,10 @@ def test_the_bytes_of_an_autopilot_that_is_charged_say_so_in_the_cloud(frame_of,
     report = reports.metrics_report(reduce(VehicleState(), frame.message, 1.0), PX4, 7.0)
     ((_, payload),) = to_mqtt(report, sender(source_type="edge"))
     power = json.loads(payload)["metrics"]["power"]
-    assert power == {"battery_percent": 80.0, "voltage": 16.0, "current": 1.2, **told}
+    assert power == {"battery_percent": 80.0, "voltage": 16.0, "current": 1.2, **expected}
 
 
-def test_the_flight_controllers_state_is_told_in_its_words():
+def test_the_flight_controllers_state_is_reported_in_its_words():
     beat = Heartbeat(2, 12, 0x80, 0x05040000, 5)
     state = VehicleState(heartbeat=beat, landed=Landed.IN_AIR, prearm_ok=True, reboots=2, mission_current=3)
     said = [Sentence("Returning to launch", 6, 0.0)]

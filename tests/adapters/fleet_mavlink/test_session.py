@@ -114,7 +114,7 @@ def test_a_second_vehicle_with_the_same_id_ends_motion_but_not_the_hold(fly, sky
     fly(main())
 
 
-def test_the_ids_that_are_heard_are_told_when_ours_is_not_among_them(fly, sky):
+def test_the_ids_that_are_heard_are_reported_when_ours_is_not_among_them(fly, sky):
     async def main():
         async with sky("px4", system_id=42) as it:
             await it.until(
@@ -173,7 +173,7 @@ def test_an_offboard_that_nobody_feeds_is_braked_and_left(fly, sky):
     fly(main())
 
 
-def test_a_fail_safe_is_told_and_not_fought(fly, sky):
+def test_a_fail_safe_is_reported_and_not_fought(fly, sky):
     async def main():
         async with sky("px4") as it:
             await it.met()

@@ -68,7 +68,7 @@ def test_a_heading_that_means_unknown_is_unknown():
     assert after(GlobalPositionInt(1, 1, 1, 0, 0, 0, 0, 0, 65535)).heading is None
 
 
-def test_a_fix_is_told_with_its_accuracy_and_forgotten_when_lost():
+def test_a_fix_is_reported_with_its_accuracy_and_forgotten_when_lost():
     state = after(GpsRawInt(6, 473_977_420, 85_455_940, 500_000, 255, 1200, 0))
     assert (state.fix.kind, state.fix.satellites) == ("rtk_fixed", None)
     assert (state.fix.horizontal_accuracy, state.fix.vertical_accuracy) == (1.2, None)
@@ -106,7 +106,7 @@ def test_home_is_as_high_as_the_newest_position_says():
     assert state.home_altitude == 488.0
 
 
-def test_whether_it_flies_is_told_by_the_landed_state_then_by_the_motors_then_by_the_height():
+def test_whether_it_flies_is_known_by_the_landed_state_then_by_the_motors_then_by_the_height():
     assert after(ExtendedSysState(Landed.LANDING)).in_air is True
     assert after(ExtendedSysState(Landed.ON_GROUND), BEAT, POSITION).in_air is False
     assert after(Heartbeat(2, 12), POSITION).in_air is False

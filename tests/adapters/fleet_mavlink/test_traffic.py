@@ -39,7 +39,7 @@ class Sky:
         self.members.append(member)
         return member.__enter__()
 
-    def told(self, one):
+    def traffic_of(self, one):
         """Return what an aircraft is told, as pymavlink reads it."""
         said = near(one, self.traffic.aircraft.values(), self.clock.monotonic())
         return [mav.MAVLink(None).decode(bytearray(pack(each, 245, 191, 0))) for each in said]
@@ -50,9 +50,9 @@ def air():
     return Sky()
 
 
-def test_each_is_told_of_the_other(air):
+def test_each_is_sent_the_other(air):
     one, other = air.has("kestrel-1"), air.has("Heron_2", metres=100, height=30.0, velocity=(300, 400, -150))
-    (said,) = air.told(one)
+    (said,) = air.traffic_of(one)
     assert said.get_type() == "ADSB_VEHICLE"
     assert said.ICAO_address == other.address
     assert said.callsign == "HERON2"
@@ -64,38 +64,38 @@ def test_each_is_told_of_the_other(air):
     valid = mav.ADSB_FLAGS_VALID_COORDS | mav.ADSB_FLAGS_VALID_ALTITUDE | mav.ADSB_FLAGS_VALID_HEADING
     valid |= mav.ADSB_FLAGS_VALID_VELOCITY | mav.ADSB_FLAGS_VALID_CALLSIGN | mav.ADSB_FLAGS_SIMULATED
     assert said.flags == valid | mav.ADSB_FLAGS_VERTICAL_VELOCITY_VALID
-    assert [each.callsign for each in air.told(other)] == ["KESTREL1"]
+    assert [each.callsign for each in air.traffic_of(other)] == ["KESTREL1"]
 
 
 @pytest.mark.parametrize(
     "other", [{"flies": False}, {"metres": 3000}, {"kind": 10}], ids=["on the ground", "far away", "a rover"]
 )
-def test_what_is_not_in_the_way_is_not_told(air, other):
+def test_what_is_not_in_the_way_is_not_sent(air, other):
     one = air.has("kestrel")
     air.has("heron", **other)
-    assert air.told(one) == []
+    assert air.traffic_of(one) == []
 
 
-def test_what_stands_on_the_ground_is_told_nothing(air):
+def test_what_stands_on_the_ground_is_sent_nothing(air):
     one = air.has("kestrel", armed=False, flies=False)
     air.has("heron")
-    assert air.told(one) == []
+    assert air.traffic_of(one) == []
 
 
-def test_an_aircraft_that_is_silent_is_not_told_any_more(air):
+def test_an_aircraft_that_is_silent_is_not_sent_any_more(air):
     one = air.has("kestrel")
     air.has("heron", metres=10)
     air.clock.advance(4.0)
-    assert [each.tslc for each in air.told(one)] == [4]
+    assert [each.tslc for each in air.traffic_of(one)] == [4]
     air.clock.advance(2.0)
-    assert air.told(one) == []
+    assert air.traffic_of(one) == []
 
 
-def test_of_many_the_nearest_are_told(air):
+def test_of_many_the_nearest_are_sent(air):
     one = air.has("kestrel")
     for number in range(30):
         air.has(f"d{number}", metres=900 - number * 30)
-    assert [each.callsign for each in air.told(one)] == [f"D{29 - number}" for number in range(10)]
+    assert [each.callsign for each in air.traffic_of(one)] == [f"D{29 - number}" for number in range(10)]
 
 
 def test_addresses_are_of_no_state_and_nobody_has_anothers(air):
@@ -115,7 +115,7 @@ def test_a_callsign_has_capitals_and_digits(name, sign):
 
 
 @pytest.mark.parametrize("traffic", ["off", "tell"])
-def test_it_is_told_once_a_second_where_fleet_yaml_says_so(fly, sky, monkeypatch, traffic):
+def test_it_is_reported_once_a_second_where_fleet_yaml_says_so(fly, sky, monkeypatch, traffic):
     shared = Traffic()
 
     @contextlib.asynccontextmanager

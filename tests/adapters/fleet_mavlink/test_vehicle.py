@@ -4,8 +4,8 @@ import asyncio
 import time
 
 
-async def test_what_comes_while_the_computer_is_late_is_seen_all_the_same(told):
-    it = told()
+async def test_what_comes_while_the_computer_is_late_is_seen_all_the_same(harness):
+    it = harness()
     it.beat()
     waiting = asyncio.ensure_future(it.vehicle.until(lambda state: state.armed, 0.02))
     await asyncio.sleep(0)
@@ -14,7 +14,7 @@ async def test_what_comes_while_the_computer_is_late_is_seen_all_the_same(told):
     assert await waiting
 
 
-async def test_a_wait_ends_without_what_never_comes(told):
-    it = told()
+async def test_a_wait_ends_without_what_never_comes(harness):
+    it = harness()
     it.beat()
     assert not await it.vehicle.until(lambda state: state.armed, 0.01)

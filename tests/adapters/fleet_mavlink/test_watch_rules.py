@@ -190,7 +190,7 @@ def test_plans_are_denied_by_their_kind(kind):
         assert (answer.type, answer.mission_type) == (mav.MAV_MISSION_DENIED, kind)
 
 
-def test_a_parameter_is_denied_and_its_value_is_told_again():
+def test_a_parameter_is_denied_and_its_value_is_reported_again():
     message = from_station(mav.MAVLink_param_set_message(1, 1, b"RTL_ALT", 5.0, 9))
     answer = refusal(message)
     assert (answer.get_type(), answer.error, answer.param_id) == ("PARAM_ERROR", 3, "RTL_ALT")

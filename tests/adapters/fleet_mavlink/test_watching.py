@@ -150,7 +150,7 @@ def test_a_stations_heartbeat_does_not_reach_the_vehicle(fly, sky):
 
 
 @both
-def test_who_only_watches_commands_nothing_and_is_told_so(fly, sky, flavour, caplog):
+def test_who_only_watches_commands_nothing_and_that_is_logged(fly, sky, flavour, caplog):
     async def main():
         async with watched(sky, flavour) as (it, station):
             for _ in range(3):
@@ -161,11 +161,11 @@ def test_who_only_watches_commands_nothing_and_is_told_so(fly, sky, flavour, cap
             assert not [each for each in it.asked(400) if each.param1 == 1]
 
     fly(main())
-    told = [line for line in caplog.messages if "COMMAND_LONG refused: may: watch" in line]
-    assert told == [f"ground station 255/190 at {DESK}: COMMAND_LONG refused: may: watch"]
+    lines = [line for line in caplog.messages if "COMMAND_LONG refused: may: watch" in line]
+    assert lines == [f"ground station 255/190 at {DESK}: COMMAND_LONG refused: may: watch"]
 
 
-def test_a_reason_is_told_again_after_a_minute(fly, sky, caplog):
+def test_a_reason_is_reported_again_after_a_minute(fly, sky, caplog):
     async def main():
         async with watched(sky) as (_, station):
             for _ in range(3):
@@ -174,9 +174,9 @@ def test_a_reason_is_told_again_after_a_minute(fly, sky, caplog):
             await station.asks(400, 1)
 
     fly(main())
-    told = [line for line in caplog.messages if "COMMAND_LONG refused" in line]
-    assert len(told) == 2
-    assert told[1].endswith("(2 more since)")
+    lines = [line for line in caplog.messages if "COMMAND_LONG refused" in line]
+    assert len(lines) == 2
+    assert lines[1].endswith("(2 more since)")
 
 
 @both

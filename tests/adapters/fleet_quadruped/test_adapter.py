@@ -144,7 +144,7 @@ async def test_a_halt_at_the_same_time_loses_no_emergency_stop(running):
         assert adapter._body.order.stop == 20
 
 
-async def test_a_latched_fault_is_told_as_one_until_it_is_reset(running):
+async def test_a_latched_fault_is_reported_as_one_until_it_is_reset(running):
     async with running(link="sim:kinematic?faults=overcurrent:8") as (adapter, robot, _):
         await robot.until(lambda: "RL_hip: over-current" in robot.healths[-1].cause)
         assert robot.healths[-1].level is Level.FAULT
@@ -250,7 +250,7 @@ async def test_a_killed_body_controller_is_a_lost_link(running):
             await run
 
 
-async def test_a_frozen_body_controller_is_told_at_once_and_is_a_lost_link(running):
+async def test_a_frozen_body_controller_is_reported_at_once_and_is_a_lost_link(running):
     async with running() as (adapter, robot, _):
         await all_of(adapter.stand_up())
         os.kill(adapter._body.process.pid, signal.SIGSTOP)
@@ -283,13 +283,13 @@ async def test_a_dog_sits_down_to_the_end_however_often_its_run_is_cancelled(run
     assert not states.get().capture  # told to leave is no fault that takes the place of a real one
 
 
-async def test_a_drive_that_is_another_device_is_told(running):
+async def test_a_drive_that_is_another_device_is_reported(running):
     with pytest.raises(LinkRefused, match="RL_knee"):
         async with running(link="sim:kinematic?faults=stranger:9"):
             pass
 
 
-async def test_a_bus_that_cannot_be_opened_is_told(running):
+async def test_a_bus_that_cannot_be_opened_is_reported(running):
     with pytest.raises((LinkLost, LinkRefused), match="nowhere"):
         async with running(link=None, buses={"a": "can:slcan:/dev/nowhere"}):
             pass
@@ -317,5 +317,5 @@ async def test_what_was_asked_before_a_lost_link_is_not_done_again(running):
         finally:
             again.cancel()
             await asyncio.gather(again, return_exceptions=True)
-    told = [report.message for report in robot.reports_of(LogReport)]
-    assert told == ["odometry was reset: position 0, 0 is where the dog is now"] * 2
+    messages = [report.message for report in robot.reports_of(LogReport)]
+    assert messages == ["odometry was reset: position 0, 0 is where the dog is now"] * 2

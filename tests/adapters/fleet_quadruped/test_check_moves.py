@@ -24,7 +24,7 @@ def test_a_key_makes_it_give_way_at_once_and_be_off(dog):
     assert moves.ended == "emergency stop"
 
 
-def test_a_dog_that_is_refused_is_told_with_the_reason(dog):
+def test_a_dog_that_is_refused_is_reported_with_the_reason(dog):
     rig, clock = Rig(dog.model_copy(update={"imu": None})), ManualClock()
     moves = CheckMoves(dog, clock, lambda: False)
     run(rig, moves, clock)

@@ -32,27 +32,27 @@ def run(*arguments):
     return click.testing.CliRunner().invoke(can, [str(text) for text in arguments], standalone_mode=False)
 
 
-def test_a_good_description_is_told_with_its_load():
-    told = run("check", EXAMPLE)
-    assert told.return_value == 0
-    assert "bus a: 40% of 1000000 bit/s at 100 cycles a second" in told.output
+def test_a_good_description_is_reported_with_its_load():
+    result = run("check", EXAMPLE)
+    assert result.return_value == 0
+    assert "bus a: 40% of 1000000 bit/s at 100 cycles a second" in result.output
 
 
-def test_a_bad_description_is_told(write_dog):
-    told = run("check", write_dog(("mass: 12.6", "mass: -1")))
-    assert isinstance(told.exception, ConfigError)
+def test_a_bad_description_is_reported(write_dog):
+    result = run("check", write_dog(("mass: 12.6", "mass: -1")))
+    assert isinstance(result.exception, ConfigError)
 
 
 @pytest.mark.parametrize("command", ["check", "monitor"])
 def test_buses_that_the_description_does_not_have_are_refused(command):
-    told = run(command, EXAMPLE, "--bus", "b=can:virtual:x")
-    assert isinstance(told.exception, LinkRefused)
+    result = run(command, EXAMPLE, "--bus", "b=can:virtual:x")
+    assert isinstance(result.exception, LinkRefused)
 
 
 def test_calibrating_asks_first():
-    told = click.testing.CliRunner().invoke(can, ["calibrate", str(EXAMPLE)], input="n\n")
-    assert told.exit_code == 1
-    assert "Is the dog in the pose" in told.output
+    result = click.testing.CliRunner().invoke(can, ["calibrate", str(EXAMPLE)], input="n\n")
+    assert result.exit_code == 1
+    assert "Is the dog in the pose" in result.output
 
 
 @pytest.mark.parametrize("any_dog", ["cia402", "mit"], indirect=True)  # those that a scan can ask safely
@@ -73,10 +73,10 @@ def test_an_empty_bus_has_no_devices(dog):
 
 def test_a_dog_on_the_bench_is_never_enabled(on_bench):
     sim, _, bench = on_bench
-    told = bench.settle()
-    assert {joint.power for joint in told} == {Power.DISABLED}
+    feedback = bench.settle()
+    assert {joint.power for joint in feedback} == {Power.DISABLED}
     assert all(motor.kp == motor.kd == 0 for motor in sim.world.motors)
-    assert problems(bench.joints, told) == []
+    assert problems(bench.joints, feedback) == []
 
 
 def test_a_silent_drive_is_named(on_bench):

@@ -41,17 +41,17 @@ def test_a_wrong_sign_is_found(dog, name, calibrated):
 
 
 @pytest.mark.parametrize("joint", [0, 4, 11], ids=lambda joint: JOINTS[joint])  # one of each kind
-def test_the_joint_and_its_offset_are_told(dog, joint):
+def test_the_joint_and_its_offset_are_reported(dog, joint):
     looks = [shifted(look, joint, 0.15) for look in seen(dog)]
     (line,) = problems(dog, looks)
     name = JOINTS[joint]
-    told = float(line.partition("most likely its offset is ")[2].split()[0])
+    offset = float(line.partition("most likely its offset is ")[2].split()[0])
     assert line.startswith(f"{name}: ")
-    assert told == pytest.approx(dog.joints[name].offset + dog.joints[name].sign * 0.15, abs=0.05)
+    assert offset == pytest.approx(dog.joints[name].offset + dog.joints[name].sign * 0.15, abs=0.05)
 
 
 @pytest.mark.parametrize("joint", range(len(JOINTS)))
-def test_lying_folded_a_joint_far_from_the_fold_is_told(dog, joint):
+def test_lying_folded_a_joint_far_from_the_fold_is_reported(dog, joint):
     fold = dog.posture(dog.poses.fold)
     assert at_rest(dog, fold) == []
     assert at_rest(dog, shifted(Observation(fold, Quaternion()), joint, 1.0).angles)[0].startswith(

@@ -276,14 +276,14 @@ class Written:
 
     def write(self, targets):
         self.targets += 1
-        told = self.rig.controller.drives.feedback(self.rig.sim.time)
+        feedback = self.rig.controller.drives.feedback(self.rig.sim.time)
         for number, joint in enumerate(self.rig.dog.all_joints):
             angle, safety = targets.angles[number], self.rig.dog.safety
             assert joint.low + safety.margin <= angle <= joint.high - safety.margin, joint.name
             assert abs(targets.speeds[number]) <= joint.kind.velocity
             assert abs(targets.torques[number]) <= joint.kind.torque
             if joint.low + safety.margin < angle < joint.high - safety.margin:
-                assert abs(angle - told.angles[number]) <= safety.following + 1e-9, joint.name
+                assert abs(angle - feedback.angles[number]) <= safety.following + 1e-9, joint.name
         self._write(targets)
 
     def wire(self):

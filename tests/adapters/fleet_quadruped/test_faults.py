@@ -114,7 +114,7 @@ def test_a_fault_in_mid_trot_ends_in_its_stage_with_its_cause(any_dog, case):
 
 @pytest.mark.combinations
 @pytest.mark.parametrize("fault", ["overcurrent", "mute", "imu"])
-def test_what_was_stopped_hard_is_damped_everywhere_then_off_and_told_as_a_fault(any_dog, fault):
+def test_what_was_stopped_hard_is_damped_everywhere_then_off_and_reported_as_a_fault(any_dog, fault):
     safety = any_dog.safety.model_copy(update={"damp_time": 1.5})
     rig = walking(any_dog.model_copy(update={"safety": safety}))
     rig.sim.fault(fault, RL_HIP)
@@ -143,7 +143,7 @@ def test_a_dog_whose_imu_falls_silent_while_it_recovers_lets_go(any_dog):
     assert rig.fault.startswith("imu: no valid frame for ")
 
 
-def test_a_dog_that_is_told_to_sit_while_it_recovers_gives_way_where_it_lies(any_dog):
+def test_a_dog_that_is_asked_to_sit_while_it_recovers_gives_way_where_it_lies(any_dog):
     rig = Rig(any_dog)
     rig.go(0.1)
     assert rig.ask(BodyRequest.RECOVER) == ""
@@ -187,7 +187,7 @@ REFUSALS = (
         ("mute", LinkLost, r"^RL_hip: id 8 on bus 'a'"),
     ],
 )
-def test_what_cannot_be_configured_is_told_by_name(any_dog, fault, error, cause):
+def test_what_cannot_be_configured_is_reported_by_name(any_dog, fault, error, cause):
     with pytest.raises(error, match=cause):
         unconfigured(any_dog, fault).drives.configure()
 
@@ -197,19 +197,19 @@ def test_a_drive_that_does_not_take_its_mode_is_refused(dog):
         unconfigured(dog, "mode").drives.configure()
 
 
-def test_two_drives_with_one_id_are_told_and_never_enabled(any_dog):
+def test_two_drives_with_one_id_are_reported_and_never_enabled(any_dog):
     rig = Rig(any_dog)
     rig.sim.fault("twin", RL_HIP)
     rig.reconnect()
     rig.go(0.2)
-    told = r"RL_hip: two (drives|motors) answer as id 8 on bus a: give each its own"
-    assert re.match(told, health_of(rig.state(), 100).cause)
-    assert re.match(told, rig.ask(BodyRequest.STAND))
+    expected = r"RL_hip: two (drives|motors) answer as id 8 on bus a: give each its own"
+    assert re.match(expected, health_of(rig.state(), 100).cause)
+    assert re.match(expected, rig.ask(BodyRequest.STAND))
     assert rig.mode is BodyMode.OFF
 
 
 @pytest.mark.parametrize("fault", ["overcurrent", "hot"])
-def test_a_fault_of_a_resting_dog_is_told_and_reset_by_command_only(any_dog, fault):
+def test_a_fault_of_a_resting_dog_is_reported_and_reset_by_command_only(any_dog, fault):
     rig = Rig(any_dog)
     rig.sim.fault(fault, RL_HIP)
     rig.go(1.5)
@@ -228,7 +228,7 @@ def test_a_dog_with_an_empty_battery_does_not_stand_up(any_dog):
     assert rig.ask(BodyRequest.STAND) == "battery: 5 %, it sits down at 10 %"
 
 
-def test_a_drive_that_misses_its_first_enabling_is_told_again(any_dog):
+def test_a_drive_that_misses_its_first_enabling_is_reported_again(any_dog):
     rig = Rig(any_dog)
     rig.sim.fault("lazy", RL_HIP)
     rig.stand()
@@ -322,7 +322,7 @@ def test_one_odd_value_of_the_battery_does_not_make_it_sit_down(any_dog):
     assert (rig.mode, rig.fault) == (BodyMode.WALKING, "")
 
 
-def test_a_battery_that_says_nothing_is_told(any_dog):
+def test_a_battery_that_says_nothing_is_reported(any_dog):
     rig = Rig(any_dog)
     rig.sim.fault("bms")
     rig.go(any_dog.battery.timeout + 1.2)
@@ -447,7 +447,9 @@ def test_a_warm_joint_slows_the_dog_before_it_sits_down(any_dog):
     rig.go(4.2, Twist(0.8))
     assert rig.state().warning == "joints are warm: speed is held to 30%"
     assert rig.controller.body.walker.odometry.twist.x < 0.6 * cool
-    assert max(told for told in rig.state().temperatures if told is not None) == pytest.approx(82, abs=2)
+    assert max(
+        temperature for temperature in rig.state().temperatures if temperature is not None
+    ) == pytest.approx(82, abs=2)
 
 
 # -- who resets --------------------------------------------------------------------------------------

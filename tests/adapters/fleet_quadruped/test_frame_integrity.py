@@ -40,9 +40,9 @@ def test_a_fixed_frame_leaves_room_for_its_seal():
 
 def test_a_counter_goes_on_and_wraps_in_its_own_bits():
     integrity = FrameIntegrity(0x111, ProtectedFrame(counter=Counter(at=1, bits=4, shift=4)))
-    told = [integrity.put(b"\x00\x05")[1] for _ in range(18)]
-    assert told[:3] == [0x05, 0x15, 0x25]
-    assert told[15:] == [0xF5, 0x05, 0x15]
+    counters = [integrity.put(b"\x00\x05")[1] for _ in range(18)]
+    assert counters[:3] == [0x05, 0x15, 0x25]
+    assert counters[15:] == [0xF5, 0x05, 0x15]
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def test_a_controller_that_is_started_again_lets_a_held_dog_down_gently(upright)
     upright.stand()
 
 
-def test_a_held_dog_is_told_and_its_joints_are_led_from_where_they_are(upright):
+def test_a_held_dog_is_reported_and_its_joints_are_led_from_where_they_are(upright):
     upright.pass_time(0.5)
     before = [motor.angle for motor in upright.sim.world.motors]
     upright.reconnect()
@@ -144,7 +144,7 @@ def test_a_leg_that_fails_in_mid_trot_does_not_let_the_others_fall(dog):
     assert rig.drop < GENTLE
 
 
-def test_nothing_is_written_to_drives_before_they_have_told_whether_they_hold_the_dog(dog):
+def test_nothing_is_written_to_drives_before_they_have_reported_whether_they_hold_the_dog(dog):
     rig = Rig(dog)
     rig.stand()
     rig.reconnect()
@@ -153,7 +153,7 @@ def test_nothing_is_written_to_drives_before_they_have_told_whether_they_hold_th
     assert not [frame for frame in rig.buses["a"].sent if 0x200 < frame.id < 0x280]
 
 
-def test_motors_that_say_no_status_give_way_before_they_are_told_to_be_off(mit_dog):
+def test_motors_that_say_no_status_give_way_before_they_are_switched_off(mit_dog):
     drive = mit_dog.drive.model_copy(update={"profile": "tmotor-ak80-9-v1.1"})
     rig = Watched(mit_dog.model_copy(update={"drive": drive}))
     rig.stand()
@@ -244,14 +244,14 @@ def test_who_leaves_has_seen_every_drive_without_torque(any_dog, monkeypatch, lo
     if loss:
         rig.sim.fault("loss", loss)
     leave(rig, monkeypatch)
-    told = rig.controller.drives.feedback(rig.sim.time)
-    assert {Power.DISABLED, Power.FAULT} >= set(told.powers)
+    feedback = rig.controller.drives.feedback(rig.sim.time)
+    assert {Power.DISABLED, Power.FAULT} >= set(feedback.powers)
     if any_dog.drive.protocol == "cia402":
         assert {DriveState.SWITCH_ON_DISABLED, DriveState.FAULT} >= {drive.state for drive in rig.sim.drives}
     assert all(motor.kp == motor.kd == 0 for motor in rig.sim.world.motors)
 
 
-def test_a_drive_that_keeps_its_torque_is_told(dog):
+def test_a_drive_that_keeps_its_torque_is_reported(dog):
     rig = Rig(dog)
     rig.stand()
     rig.ask(BodyRequest.SIT)

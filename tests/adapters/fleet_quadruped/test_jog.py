@@ -102,7 +102,7 @@ def test_a_drive_that_falls_silent_ends_it(wall):
         wall.jogger.move()
 
 
-def test_a_torque_limit_that_could_not_be_taken_back_is_told(dog, caplog):
+def test_a_torque_limit_that_could_not_be_taken_back_is_reported(dog, caplog):
     wall = Wall(dog)
     wall.on_the_way = lambda: wall.sim.fault("mute", NUMBER + 1)
     with pytest.raises(LinkLost):
@@ -136,11 +136,11 @@ def test_the_drive_has_its_own_torque_limit_back(dog):
     assert wall.sim.drives[NUMBER].sdo.objects[MAX_TORQUE].value == 1234
 
 
-def test_other_drives_are_told_nothing(dog):
+def test_other_drives_are_sent_nothing(dog):
     wall = Wall(dog)
     wall.jogger.move()
-    told = {frame.id for frame in wall.bus.sent}
-    assert told & {RPDO1 + joint.id for joint in dog.all_joints} == {RPDO1 + dog.all_joints[NUMBER].id}
+    ids = {frame.id for frame in wall.bus.sent}
+    assert ids & {RPDO1 + joint.id for joint in dog.all_joints} == {RPDO1 + dog.all_joints[NUMBER].id}
 
 
 @pytest.mark.parametrize("step", [0.05, -0.17])
@@ -178,5 +178,5 @@ def test_a_sign_that_is_turned_over_asks_for_a_new_calibration(dog):
 @pytest.mark.parametrize(("option", "value"), [("--degrees", "nan"), ("--degrees", "0"), ("--torque", "nan")])
 def test_a_step_that_nobody_sees_or_that_is_no_number_is_refused(option, value):
     line = ["jog", str(EXAMPLE), "--joint", "FR_hip", option, value]
-    told = click.testing.CliRunner().invoke(can, line, standalone_mode=False)
-    assert isinstance(told.exception, LinkRefused)
+    result = click.testing.CliRunner().invoke(can, line, standalone_mode=False)
+    assert isinstance(result.exception, LinkRefused)

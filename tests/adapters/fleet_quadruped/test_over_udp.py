@@ -111,14 +111,14 @@ def _stopped(url):
     return seen
 
 
-def test_a_person_jogs_one_motor_and_is_told_its_sign(write_dog):
+def test_a_person_jogs_one_motor_and_its_sign_is_shown(write_dog):
     body = str(write_dog(("protocol: cia402", "protocol: mit\n  profile: damiao-8006")))
     tries = []
     while len(tries) < TRIES and "sign:" not in "".join(tries):
         with _on_a_bus("--body", body) as url:
-            code, told = _jog(body, url)
-            tries.append(told)
-    assert re.search(r"FR_knee: moved \+(1\.[89]|2\.[01])\d degrees; sign: -1", told), tries
+            code, output = _jog(body, url)
+            tries.append(output)
+    assert re.search(r"FR_knee: moved \+(1\.[89]|2\.[01])\d degrees; sign: -1", output), tries
     assert code == 0
 
 
@@ -129,12 +129,12 @@ def _jog(body, url):
     line = [sys.executable, "-m", "fleet", *jog]
     with subprocess.Popen(line, stdin=terminal, stdout=terminal, stderr=terminal) as jogging:
         os.close(terminal)
-        told = ""
+        output = ""
         for words in ("everybody clear?", "Did it move the foot to the rear?", "sign: -1"):
-            told += _read_until(person, words)
+            output += _read_until(person, words)
             os.write(person, b"y\n")
     os.close(person)
-    return jogging.returncode, told
+    return jogging.returncode, output
 
 
 def _read_until(terminal, words):

@@ -21,6 +21,6 @@ def test_a_description_and_the_captures_are_seen_from_the_folder_of_fleet_yaml(t
     assert config.captures_folder == tmp_path / "faults"
 
 
-def test_a_description_that_is_not_there_is_told_with_where_it_was_looked_for(tmp_path):
+def test_a_description_that_is_not_there_is_reported_with_where_it_was_looked_for(tmp_path):
     with pytest.raises(ValidationError, match=f"there is no {tmp_path}/rex.yaml"):
         QuadrupedConfig.model_validate(DOG | {"body": "rex.yaml"}, context={"folder": tmp_path})

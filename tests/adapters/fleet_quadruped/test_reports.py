@@ -24,15 +24,15 @@ class Reported(Rig):
     def __init__(self, dog, world=None):
         super().__init__(dog, world)
         self.motion = MotionReports(1.0)
-        self.told = {JointReport: [], PoseReport: [], ImuReport: []}
+        self.reports = {JointReport: [], PoseReport: [], ImuReport: []}
         self.watch = self.note
 
     def note(self):
         for report in self.motion.reports(self.state(), EPOCH):
-            self.told[type(report)].append(report)
+            self.reports[type(report)].append(report)
 
     def forget(self):
-        for reports in self.told.values():
+        for reports in self.reports.values():
             reports.clear()
 
 
@@ -44,13 +44,13 @@ def walking(any_dog):
     return rig
 
 
-def test_nothing_is_told_while_the_bus_is_cut(walking):
+def test_nothing_is_reported_while_the_bus_is_cut(walking):
     walking.sim.fault("silent")
     walking.go(0.05, Twist(0.4))
     walking.forget()
     with pytest.raises(LinkLost):
         walking.go(5.0, Twist(0.4))
-    assert walking.told == {JointReport: [], PoseReport: [], ImuReport: []}
+    assert walking.reports == {JointReport: [], PoseReport: [], ImuReport: []}
 
 
 def test_every_report_has_the_time_of_its_measurement(walking):
@@ -58,46 +58,46 @@ def test_every_report_has_the_time_of_its_measurement(walking):
     walking.sim.fault("loss", 0.3)
     walking.go(0.3, Twist(0.4))
     now = EPOCH + walking.sim.time
-    for reports in walking.told.values():
+    for reports in walking.reports.values():
         stamps = [report.stamp for report in reports]
         assert stamps == sorted(stamps)
         assert now - 0.3 - 0.1 <= stamps[0] <= stamps[-1] <= now
-    poses = [report.stamp for report in walking.told[PoseReport]]
+    poses = [report.stamp for report in walking.reports[PoseReport]]
     assert len(set(poses)) == len(poses)
 
 
-def test_a_drive_that_is_silent_is_not_in_what_is_told(walking):
+def test_a_drive_that_is_silent_is_not_in_what_is_reported(walking):
     walking.sim.fault("mute", RL_HIP)
     walking.go(0.05, Twist(0.4))
     walking.forget()
     walking.go(0.5, Twist(0.4))
-    assert len(walking.told[JointReport]) > 30
-    assert all("RL_hip" not in report.positions for report in walking.told[JointReport])
-    assert all(len(report.positions) == 11 for report in walking.told[JointReport])
-    assert walking.told[PoseReport] == []
+    assert len(walking.reports[JointReport]) > 30
+    assert all("RL_hip" not in report.positions for report in walking.reports[JointReport])
+    assert all(len(report.positions) == 11 for report in walking.reports[JointReport])
+    assert walking.reports[PoseReport] == []
 
 
-def test_a_silent_imu_is_not_told_again(walking):
+def test_a_silent_imu_is_not_reported_again(walking):
     walking.sim.fault("imu")
     walking.go(0.03, Twist(0.4))
     walking.forget()
     walking.go(0.5, Twist(0.4))
-    assert walking.told[ImuReport] == walking.told[PoseReport] == []
-    assert len(walking.told[JointReport]) > 30
+    assert walking.reports[ImuReport] == walking.reports[PoseReport] == []
+    assert len(walking.reports[JointReport]) > 30
 
 
 def test_the_height_is_that_of_the_legs_and_not_the_wanted_one(dog):
     rig = Reported(dog, MujocoWorld(dog))
     rig.go(0.2)
-    assert rig.told[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.03)
+    assert rig.reports[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.03)
     rig.stand()
     for _ in range(3):
         rig.go(0.4, Twist(0.5))
-        assert rig.told[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.02)
+        assert rig.reports[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.02)
     rig.emergency()
     rig.go(3.0)
-    assert rig.told[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.03)
-    assert rig.told[PoseReport][-1].position.z < 0.15
+    assert rig.reports[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.03)
+    assert rig.reports[PoseReport][-1].position.z < 0.15
 
 
 def test_a_tilted_dog_is_as_high_as_its_lowest_foot_says(dog):

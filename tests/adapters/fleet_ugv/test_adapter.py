@@ -164,14 +164,14 @@ async def test_wheels_of_both_sides_are_scaled_together(bench):
     assert bench.motion() == b'{"T":1,"L":0.3490,"R":0.5250}\n'
 
 
-async def test_a_calibrated_base_is_told_what_makes_it_go_as_asked(make_bench):
+async def test_a_calibrated_base_is_sent_what_makes_it_go_as_asked(make_bench):
     bench = await make_bench(calibration={"track": 0.2, "left": 1.25, "right": -1.25}).ready()
     bench.motion()
     bench.adapter.drive(forward(0.25, 1.0))
     assert bench.motion() == b'{"T":1,"L":0.1200,"R":0.2800}\n'
 
 
-async def test_a_board_that_does_not_confirm_its_dead_man_is_driven_slowly_and_told(make_bench):
+async def test_a_board_that_does_not_confirm_its_dead_man_is_driven_slowly_and_reported(make_bench):
     bench = make_bench(faults={"no_confirm": 1.0})
     await bench.pass_time(5.0)
     assert "did not confirm" in bench.robot.healths[-1].cause
@@ -291,7 +291,7 @@ async def test_lamps_toggle_and_are_set_in_all_the_words_there_are(bench):
     assert bench.board.lamps == (0, 0)
 
 
-async def test_the_camera_turns_in_steps_within_its_limits_and_its_joints_are_told(make_bench):
+async def test_the_camera_turns_in_steps_within_its_limits_and_its_joints_are_reported(make_bench):
     bench = await make_bench(module="pan-tilt").ready()
     await bench.do("camera_left")
     await bench.do("camera_up")
@@ -373,7 +373,7 @@ async def test_a_base_refuses_what_hangs_on_no_wire_of_its_own(make_bench, profi
     assert bench.motion() == b""
 
 
-async def test_battery_and_status_are_told_when_asked(bench):
+async def test_battery_and_status_are_reported_when_asked(bench):
     bench.robot.reports.clear()
     await bench.do("battery_check")
     assert bench.last(BatteryReport).percent == pytest.approx(80.8, abs=0.1)

@@ -164,7 +164,7 @@ async def live(config, steps):
 
 
 @pytest.mark.parametrize("profile", ["waveshare-beast", "ros-arduino", "hoverboard"])
-def test_no_wheel_is_told_more_than_its_limit_nor_longer_than_its_lease(make_config, profile):
+def test_no_wheel_is_commanded_more_than_its_limit_nor_longer_than_its_lease(make_config, profile):
     @settings(max_examples=30)
     @given(STEPS, st.sampled_from([{}, {"speed": 0.2}, {"yaw_rate": 20.0}]))
     def check(steps, limits):

@@ -72,7 +72,7 @@ def test_speeds_make_the_way_where_there_are_no_counters():
     assert odometry.x == pytest.approx(0.5)
 
 
-def test_a_counter_reset_is_no_way_back_and_is_told():
+def test_a_counter_reset_is_no_way_back_and_is_reported():
     odometry = WheelOdometry(SCALE, 1.0)
     run(odometry, ways(1.0, 1.0, 41))
     step = odometry.update(Feedback(distances=(0.0, 0.0)), 102.05)
@@ -108,8 +108,8 @@ def test_the_way_of_a_time_when_nobody_listened_is_not_lost(stalled, at_once):
 def test_counters_that_wrap_go_on():
     wrap = 10.0
     odometry = WheelOdometry(Scale(track=0.2, wrap=wrap), 1.0)
-    told = [4.9 + 0.02 * n for n in range(11)]
-    run(odometry, [Feedback(distances=(math.remainder(way, wrap),) * 2) for way in told])
+    distances = [4.9 + 0.02 * n for n in range(11)]
+    run(odometry, [Feedback(distances=(math.remainder(way, wrap),) * 2) for way in distances])
     assert odometry.x == pytest.approx(0.2)
 
 
@@ -129,16 +129,16 @@ def test_calibration_scales_each_side_and_can_turn_it_round():
 
 @given(st.lists(st.tuples(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5), st.floats(-40, 40)), max_size=30))
 @example([(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.265625, 0.0)])  # two are left out
-def test_whatever_is_told_the_pose_stays_finite_and_moves_no_faster_than_wheels_can(told):
+def test_whatever_is_reported_the_pose_stays_finite_and_moves_no_faster_than_wheels_can(samples):
     odometry, taken_at = WheelOdometry(SCALE, 1.0), 100.0
-    for number, (left, right, rate) in enumerate(told):
+    for number, (left, right, rate) in enumerate(samples):
         now, before = 100.0 + number * 0.05, odometry.pose.position
         step = odometry.update(Feedback(distances=(left, right), gyro=gyro(rate)), now)
         assert (odometry.pose.position - before).norm() <= 1.5 * (now - taken_at) + 0.05 + 1e-9
         taken_at = taken_at if step is None else now
 
 
-def test_a_gyro_that_is_mounted_upside_down_is_told_the_right_way_up_and_without_its_bias():
+def test_a_gyro_that_is_mounted_upside_down_is_reported_the_right_way_up_and_without_its_bias():
     odometry = WheelOdometry(Scale(track=0.2, gyro=-1.0), 1.0)
     run(odometry, [Feedback(distances=(0.0, 0.0), gyro=gyro(0.02))] * 400)
     assert odometry.level(0.02) == pytest.approx(0.0, abs=0.001)

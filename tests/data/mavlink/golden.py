@@ -93,8 +93,8 @@ class Recording:
         messages = list(decoded(HERE / f"{name}.tlog"))
         beat = next(each for _, each in messages if is_vehicles(each))
         self.system = beat.get_srcSystem()
-        told = [at for at, each in messages if each.get_type() == "EXTENDED_SYS_STATE"]
-        self.rarely_tells_landing = len(told) < 1.5 * messages[-1][0]
+        times = [at for at, each in messages if each.get_type() == "EXTENDED_SYS_STATE"]
+        self.rarely_tells_landing = len(times) < 1.5 * messages[-1][0]
         self.tells_mode = sum(each.get_type() == "CURRENT_MODE" for _, each in messages) > 50
         self._height = self._nose = 0.0
         self._landed = 0
@@ -240,8 +240,8 @@ class Flown:
         self._note(self._vehicle.step(self.now))
         self._look()
 
-    def _note(self, told):
-        for message in told:
+    def _note(self, messages):
+        for message in messages:
             if message.get_type() == "COMMAND_ACK" and message.command in FLIGHT:
                 self.seen.acks.append((message.command, message.result))
 

@@ -71,7 +71,7 @@ def test_no_value_of_a_secret_is_in_it_but_every_name(site, tmp_path):
     assert found.manifest.masked == ("fleet.yaml",)
 
 
-def test_a_file_that_is_not_beside_the_fleet_file_is_told(site, tmp_path):
+def test_a_file_that_is_not_beside_the_fleet_file_is_reported(site, tmp_path):
     (tmp_path / "elsewhere.yaml").write_text("x: 1\n")
     (site / "robots.yaml").write_text(ROBOTS.replace("bodies/rex.yaml", str(tmp_path / "elsewhere.yaml")))
     found = packed(site, tmp_path / "none")

@@ -131,7 +131,7 @@ def test_state_that_this_fleet_cannot_use_is_refused_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_disk_that_does_not_confirm_is_told_and_the_state_is_not_said_to_be_as_it_was(
+def test_a_disk_that_does_not_confirm_is_reported_and_the_state_is_not_said_to_be_as_it_was(
     backup, tmp_path, monkeypatch
 ):
     state = tmp_path / "yard-1"
@@ -146,11 +146,11 @@ def test_a_disk_that_does_not_confirm_is_told_and_the_state_is_not_said_to_be_as
     monkeypatch.setattr(os, "fsync", fails)
     with pytest.raises(
         BackupError, match="did not confirm it: Input/output error; the state before is"
-    ) as told:
+    ) as error:
         restored(backup, state, replace=True)
-    assert "as it was" not in str(told.value)
+    assert "as it was" not in str(error.value)
     (before,) = [path for path in tmp_path.iterdir() if path != state]
-    assert str(before) in str(told.value)
+    assert str(before) in str(error.value)
     assert (state / "journal.db").exists()
 
 

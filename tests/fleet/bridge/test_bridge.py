@@ -126,11 +126,11 @@ def test_a_twin_that_joins_is_heard_and_one_that_leaves_is_not(
     wait_until("its pose is heard", lambda: f"{topic}position" in dict(listener.heard))
     stop = json.dumps({"command": "emergency_stop"})
 
-    def told():
+    def command_arrived():
         paho.mqtt.publish.single(f"{topic}command", stop, 1, hostname="127.0.0.1", port=port)
         return ada.emergencies
 
-    wait_until("its command arrives", told)
+    wait_until("its command arrives", command_arrived)
     background_loop.call(bridge.leave, THIRD)
     wait_until("it is disconnected", lambda: listener.telemetry(THIRD)[-1:] == ["disconnected"])
     number = len(ada.emergencies)
@@ -203,8 +203,8 @@ def test_a_twins_heartbeat_carries_how_its_robot_is_and_the_edge_has_one_of_its_
     own = wait_until("the edge's own", lambda: heard.get("edges/yard-1/health"))
     ear.close()
     assert (own["health"], own["robots"]) == ("degraded", {"ok": 1, "offline": 1})
-    told = [heard[f"cyberwave/twin/{twin}/edge_health"] for twin in (TWIN, OTHER)]
-    assert [(each["health"], each["cause"]) for each in told] == [
+    heartbeats = [heard[f"cyberwave/twin/{twin}/edge_health"] for twin in (TWIN, OTHER)]
+    assert [(each["health"], each["cause"]) for each in heartbeats] == [
         ("offline", "nothing heard for 3 s"),
         ("ok", ""),
     ]
@@ -278,7 +278,7 @@ def test_a_legacy_status_does_not_come_back_as_a_command(bridge, listener, rex):
     assert len(rex.received) == 1
 
 
-def test_an_edge_that_vanishes_is_told_by_its_will_and_taken_back_when_it_is_there(
+def test_an_edge_that_vanishes_is_reported_by_its_will_and_taken_back_when_it_is_there(
     background_loop, broker, make_bridge
 ):
     listener = Listener(background_loop, broker.port)

@@ -28,7 +28,7 @@ def words(port, topics=("cyberwave/twin/a/telemetry", "cyberwave/twin/b/telemetr
     return DisconnectPlan(settings, "fleet_live_1", topics)
 
 
-def test_every_twin_is_told_as_disconnected_by_a_program_of_its_own(port):
+def test_every_twin_is_published_as_disconnected_by_a_program_of_its_own(port):
     heard = {}
     took = lambda packet, _now: heard.__setitem__(packet.topic, packet.payload)  # noqa: E731
     left = msgspec.json.encode(words(port, tuple(f"cyberwave/twin/{n}/telemetry" for n in range(200))))
@@ -48,7 +48,7 @@ def test_a_broker_that_is_away_is_given_up_in_time(free_port, monkeypatch):
     assert asyncio.run(publish_disconnected(words(free_port), SystemClock())) is False
 
 
-def test_what_cannot_be_read_is_told_in_one_line(monkeypatch, capsys):
+def test_what_cannot_be_read_is_reported_in_one_line(monkeypatch, capsys):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"nonsense")))
     assert disconnect_program.main() == 1
     assert (

@@ -104,7 +104,7 @@ def test_what_several_reads_bring_is_taken_in_order(bench, rex):
     ("name", "kind"), [("start_video", "video_started"), ("stop_video", "video_stopped")]
 )
 @pytest.mark.parametrize("properties", [{}, {"response_topic": INBOX}])
-def test_what_came_of_a_command_for_video_is_told_on_its_status_topic_besides(
+def test_what_came_of_a_command_for_video_is_reported_on_its_status_topic_besides(
     bench, rex, name, kind, properties
 ):
     rex.answers = lambda *_: Reply(name, ReplyStatus.ACCEPTED, done=True)
@@ -115,7 +115,7 @@ def test_what_came_of_a_command_for_video_is_told_on_its_status_topic_besides(
     assert status == {"type": kind, "status": "ok", "source_type": "edge"}
 
 
-def test_video_is_told_when_it_is_known_what_came_of_it(bench, accepting):
+def test_video_is_reported_when_it_is_known_what_came_of_it(bench, accepting):
     bench.arrive(command("start_video"))
     assert [topic for topic, _, _ in bench.sent] == [f"{T}/command"]  # a robot of its own has only taken it
 
@@ -273,7 +273,7 @@ def test_who_gives_no_inbox_gets_a_status_on_the_command_topic(bench, accepting)
     ("inbox", "correlation", "named"),
     [(None, None, {}), (INBOX, b"q1", {"correlation_id": "q1"}), (INBOX, b"\xff\x00", {})],
 )
-def test_how_a_command_ended_that_was_accepted_is_told_to_all_who_hear_of_the_twin(
+def test_how_a_command_ended_that_was_accepted_is_published_to_all_subscribers_of_the_twin(
     bench, rex, inbox, correlation, named
 ):
     ends = []
@@ -300,7 +300,7 @@ def test_only_what_ends_by_no_status_of_its_own_is_followed_to_its_end(bench, re
     assert waited == {"command": True, "navigate": False, "motion": False, "mission": False}
 
 
-def test_a_robot_that_is_told_not_to_sends_no_status(bench, ports):
+def test_a_robot_that_is_configured_not_to_sends_no_status(bench, ports):
     ports[OTHER].answers = lambda *_: Reply("takeoff", ReplyStatus.ACCEPTED)
     bench.arrive(command("takeoff", topic=f"cyberwave/twin/{OTHER}/command"))
     assert bench.sent == []
@@ -340,13 +340,13 @@ def test_navigation_with_an_inbox_is_answered_there(bench, accepting):
     "name",
     ["move", "turn_left", "ascend", "velocity_command", "locomotion_velocity"],
 )
-def test_the_success_of_a_setpoint_is_not_told(bench, accepting, name):
+def test_the_success_of_a_setpoint_is_not_published(bench, accepting, name):
     bench.arrive(*[command(name)] * 20)
     assert len(accepting.received) == 20
     assert bench.sent == []
 
 
-def test_the_success_of_a_verb_with_a_distance_is_told_for_it_comes_once(bench, accepting):
+def test_the_success_of_a_verb_with_a_distance_is_reported_for_it_comes_once(bench, accepting):
     accepting.once = True
     bench.arrive(command("ascend"))
     assert [(topic, reply["command"], reply["status"]) for topic, reply, _ in bench.sent] == [
@@ -354,7 +354,7 @@ def test_the_success_of_a_verb_with_a_distance_is_told_for_it_comes_once(bench, 
     ]
 
 
-def test_the_success_of_a_setpoint_is_told_to_who_gives_an_inbox(bench, accepting):
+def test_the_success_of_a_setpoint_is_sent_to_who_gives_an_inbox(bench, accepting):
     bench.arrive(command("move", response_topic=INBOX))
     assert len(bench.sent) == 1
 
@@ -404,7 +404,7 @@ def test_a_message_beyond_the_size_of_its_topic_is_not_read(bench, rex):
     assert rex.unread == ["33554432 bytes are more than the 1048576 that are read"]
 
 
-def test_joint_targets_reach_the_robot_and_their_refusal_is_told(bench, rex):
+def test_joint_targets_reach_the_robot_and_their_refusal_is_reported(bench, rex):
     rex.answers = lambda *_: Reply("joint_targets", ReplyStatus.REJECTED, "rex has no 'joint_targets'")
     bench.arrive(*[CloudMessage(f"cyberwave/joint/{TWIN}/update", b'{"positions": {"a": 1}}')] * 40)
     assert [kind for kind, _, _ in rex.received] == ["joints"] * 40
@@ -530,7 +530,9 @@ def test_a_flood_leaves_the_loop_its_turns_and_keeps_its_order(bench, accepting,
     assert names == sorted(names, key=lambda name: int(name[1:]))
 
 
-def test_only_stops_are_obeyed_for_a_twin_that_another_edge_has_and_who_asks_is_told(bench, accepting, clock):
+def test_only_stops_are_obeyed_for_a_twin_that_another_edge_has_and_the_refusal_says_so(
+    bench, accepting, clock
+):
     bench.downlink.held = {TWIN: "yard-0"}
     bench.arrive(command("takeoff", response_topic=INBOX), command("emergency_stop"), command("stop"))
     assert len(accepting.emergencies) == 1
@@ -549,7 +551,7 @@ def test_only_stops_are_obeyed_for_a_twin_that_another_edge_has_and_who_asks_is_
     assert bench.downlink.refusals.counts() == {"held elsewhere": 3}
 
 
-def test_a_reason_is_told_once_a_minute_however_often_it_comes(bench, caplog, clock):
+def test_a_reason_is_reported_once_a_minute_however_often_it_comes(bench, caplog, clock):
     for _ in range(1000):
         bench.arrive(command("takeoff", retain=True))
     assert len(caplog.records) == 1
@@ -572,7 +574,7 @@ def test_what_is_for_us_crosses_though_it_names_the_backend_as_its_sender(bench)
     assert [key for key, _ in bench.put] == [f"cw/{TWIN}/data/cloud/webrtc_answer"]
 
 
-def test_askers_that_count_their_requests_alike_are_told_apart_and_an_id_is_short(bench, rex):
+def test_senders_that_count_their_requests_alike_are_distinguished_and_an_id_is_short(bench, rex):
     other = f"{T}/command/another/response"
     bench.arrive(
         command("takeoff", response_topic=INBOX, correlation=b"1"),

@@ -27,7 +27,7 @@ def test_of_each_kind_a_robot_tells_so_many_a_minute_and_each_robot_and_kind_has
     assert limits.admits(TOPIC, event(kind), 60.0, 0.0)
 
 
-def test_what_was_cut_is_told_a_minute_later_with_its_number_and_reason():
+def test_what_was_cut_is_reported_a_minute_later_with_its_number_and_reason():
     limits = EventLimits()
     for n in range(DEFAULT_A_MINUTE + 3):
         limits.admits(TOPIC, event(), float(n), 1000.0 + n)
@@ -39,8 +39,8 @@ def test_what_was_cut_is_told_a_minute_later_with_its_number_and_reason():
 
 def test_a_loop_through_the_cloud_is_cut_until_it_has_been_quiet_for_a_minute():
     limits = EventLimits()
-    told = [limits.admits(TOPIC, event(asker=CLOUD, request=f"r{n}"), 5.0 * n, 0.0) for n in range(30)]
-    assert told == [True] * LOOP + [False] * (30 - LOOP)
+    admitted = [limits.admits(TOPIC, event(asker=CLOUD, request=f"r{n}"), 5.0 * n, 0.0) for n in range(30)]
+    assert admitted == [True] * LOOP + [False] * (30 - LOOP)
     assert limits.admits(TOPIC, event(asker=CLOUD, request="late"), 5.0 * 29 + 60.0, 0.0)
     (cut,) = limits.take_suppressed(500.0)
     assert (cut.reason.value, cut.lost) == ("loop", 30 - LOOP)

@@ -139,11 +139,11 @@ def test_periodic_telemetry_of_an_outage_does_not_come_after_it_as_news(broker, 
     wait_until("what happened is heard", lambda: [m for _, m in heard if m.get("type") == "authority_lost"])
     tell({**state, "ts": 100.0})
 
-    def told():
+    def timestamps():
         list(bridge.tick())
         return [message["timestamp"] for _, message in heard if message.get("type") == state["type"]]
 
-    assert wait_until("the state of now is heard", told) == [100.0]
+    assert wait_until("the state of now is heard", timestamps) == [100.0]
 
 
 def test_what_an_edge_could_not_send_is_sent_by_the_next_one(broker, heard, make_bridge, tmp_path):
@@ -158,7 +158,7 @@ def test_what_an_edge_could_not_send_is_sent_by_the_next_one(broker, heard, make
     assert actions(heard) == [f"a{number}" for number in range(60)]
 
 
-def test_what_was_lost_is_told_on_the_twins_telemetry(broker, heard, make_bridge):
+def test_what_was_lost_is_reported_on_the_twins_telemetry(broker, heard, make_bridge):
     broker.broker.faults.refuse = UNAVAILABLE
     bridge = make_bridge(messages=10)
     tell_statuses(bridge, 0, 60)

@@ -26,7 +26,7 @@ def streams(ports, refusals, clock):
     return OwnedStreams(ports, refusals, clock)
 
 
-def test_a_stream_is_there_while_it_is_told(streams, clock):
+def test_a_stream_is_there_while_it_is_reported(streams, clock):
     streams.heard(key("front"), TOLD)
     clock.advance(LIFETIME - 0.1)
     streams.heard(key("front"), TOLD)

@@ -325,7 +325,7 @@ def test_an_event_does_not_wait_for_a_turn_and_state_does(bench, pose):
     assert [suffix for _, suffix, _, _ in bench.sent] == ["navigate/status"]
 
 
-def test_a_flood_of_log_lines_is_thinned_and_told_now_and_then(bench, caplog):
+def test_a_flood_of_log_lines_is_thinned_and_reported_now_and_then(bench, caplog):
     for _ in range(100):
         for number in range(20):
             bench.uplink.arrived(LOG, line(f"line {number}"))
@@ -360,9 +360,9 @@ def test_what_a_robot_of_ours_tells_nobody_else_on_the_bus_does(bench, pose, cap
     for _ in range(3):
         bench.uplink.arrived(key, pose(66.0))
     bench.run(1.0)
-    told = [message["position"]["x"] for _, message in bench.of("position")]
-    assert 2.0 in told
-    assert 66.0 not in told
+    positions = [message["position"]["x"] for _, message in bench.of("position")]
+    assert 2.0 in positions
+    assert 66.0 not in positions
     assert bench.uplink.refusals.counts() == {"forged": 3}
     assert "refused position of" in caplog.text
 
@@ -393,7 +393,7 @@ def test_channels_without_a_rule_stay_on_the_bus(bench, channel):
 
 
 @pytest.mark.parametrize("key", ["thermal", "thermal/front", "battery/second"])
-def test_a_channel_that_no_rule_has_is_told_once_and_counted(bench, caplog, key):
+def test_a_channel_that_no_rule_has_is_reported_once_and_counted(bench, caplog, key):
     for _ in range(10):
         bench.uplink.arrived(f"cw/{TWIN}/data/{key}", b"{}")
     assert bench.uplink.refusals.counts() == {"no rule": 1}
@@ -401,18 +401,18 @@ def test_a_channel_that_no_rule_has_is_told_once_and_counted(bench, caplog, key)
 
 
 @pytest.mark.parametrize("key", ["commands/velocity", "frames", "frames/front", "cloud/position", "alert"])
-def test_what_is_for_the_bus_alone_is_not_told(bench, key):
+def test_what_is_for_the_bus_alone_is_not_reported(bench, key):
     bench.uplink.arrived(f"cw/{TWIN}/data/{key}", b"{}")
     assert bench.uplink.refusals.counts() == {}
 
 
-def test_what_fleet_yaml_switched_off_is_not_told():
+def test_what_fleet_yaml_switched_off_is_not_reported():
     bench = Bench(rulebook("satellite"))
     bench.uplink.arrived(f"cw/{TWIN}/data/imu", b"{}")
     assert bench.uplink.refusals.counts() == {}
 
 
-def test_fields_that_do_not_cross_are_told_by_name(bench, caplog):
+def test_fields_that_do_not_cross_are_reported_by_name(bench, caplog):
     say(bench, "battery", {"charge_pct": 50.0, "cell_temperature": 31.5, "source_type": "edge"})
     bench.turn()
     assert bench.uplink.refusals.counts() == {"unknown fields": 1}
@@ -429,7 +429,7 @@ def test_invented_keys_do_not_fill_the_memory(bench, pose):
     assert len(bench.of("position")) == 1
 
 
-def test_a_sample_that_cannot_be_read_is_counted_and_told_once_a_minute(bench, caplog, pose):
+def test_a_sample_that_cannot_be_read_is_counted_and_reported_once_a_minute(bench, caplog, pose):
     for _ in range(10):
         bench.uplink.arrived(POSITION, b"garbage")
         bench.run(2.0)
@@ -495,11 +495,11 @@ def test_no_sequence_of_arrivals_is_above_the_rate_or_loses_the_newest(arrivals)
     bench.run(1.5)
     for kind, number in newest.items():
         _, suffix, rate = from_kind[kind]
-        told = bench.of(suffix)
-        assert told[-1][1]["timestamp"] == number
-        stamps = [message["timestamp"] for _, message in told]
+        messages = bench.of(suffix)
+        assert messages[-1][1]["timestamp"] == number
+        stamps = [message["timestamp"] for _, message in messages]
         assert stamps == sorted(stamps), "an older value after a newer one"
-        for (first, start), (last, end) in itertools.combinations(enumerate(when for when, _ in told), 2):
+        for (first, start), (last, end) in itertools.combinations(enumerate(when for when, _ in messages), 2):
             assert end - start >= (last - first - 0.5) * (1 / rate - SLACK) - 1e-6
 
 
@@ -577,13 +577,13 @@ def test_of_periodic_telemetry_the_newest_of_each_part_crosses(bench):
         say(bench, "telemetry", {"type": "camera_sync_frame", "frame_index": number})
         bench.turn(0.05)
     bench.run(1.0)
-    told = [(message, qos) for _, suffix, message, qos in bench.sent if suffix == "telemetry"]
-    motors = [[m["n"] for m, _ in told if m.get("motor_id") == motor] for motor in (1, 2)]
+    messages = [(message, qos) for _, suffix, message, qos in bench.sent if suffix == "telemetry"]
+    motors = [[m["n"] for m, _ in messages if m.get("motor_id") == motor] for motor in (1, 2)]
     assert [each[-1] for each in motors] == [39, 39]
     assert all(4 <= len(each) <= 7 for each in motors), "2 Hz"
-    assert [m["n"] for m, _ in told if m["type"] == "vehicle_state"][-1] == 39
-    assert {qos for m, qos in told if m["type"] == "vehicle_state"} == {0}
-    assert [(m["frame_index"], qos) for m, qos in told if m["type"] == "camera_sync_frame"] == [
+    assert [m["n"] for m, _ in messages if m["type"] == "vehicle_state"][-1] == 39
+    assert {qos for m, qos in messages if m["type"] == "vehicle_state"} == {0}
+    assert [(m["frame_index"], qos) for m, qos in messages if m["type"] == "camera_sync_frame"] == [
         (number, 2) for number in range(40)
     ]
 
@@ -595,9 +595,9 @@ def test_the_metrics_of_a_program_are_not_lost_behind_the_robot_s_own(bench):
     say(bench, "metrics", {"metrics": {"load": {"loaded": True}}})
     bench.forward({METRICS: MetricsReport(1.0, power={"voltage": 11.0})})
     bench.run(1.2)
-    told = [message["metrics"] for _, message in bench.of("metrics")]
-    assert {"load": {"loaded": True}} in told
-    assert told[-1]["power"] == {"voltage": 11.0} or told[-2]["power"] == {"voltage": 11.0}
+    metrics = [message["metrics"] for _, message in bench.of("metrics")]
+    assert {"load": {"loaded": True}} in metrics
+    assert metrics[-1]["power"] == {"voltage": 11.0} or metrics[-2]["power"] == {"voltage": 11.0}
 
 
 def test_invented_states_do_not_fill_the_memory(bench):
@@ -763,16 +763,16 @@ def test_joints_cross_in_the_layout_that_fleet_yaml_asks_for():
     bench = Bench(rulebook("lan", [RuleChanges({"joint:update": RuleChange(layout="single")})]))
     bench.uplink.arrived(f"cw/{TWIN}/data/joint_states", encode_report(JointReport(1.0, {"a": 1, "b": 2}), 0))
     bench.turn()
-    told = [message for _, topic, message, _ in bench.sent]
-    assert [message["joint_name"] for message in told] == ["a", "b"]
+    messages = [message for _, topic, message, _ in bench.sent]
+    assert [message["joint_name"] for message in messages] == ["a", "b"]
 
 
 def test_scale_crosses_and_is_said_again(bench):
     bench.uplink.arrived(f"cw/{TWIN}/data/scale", encode_report(ScaleReport(1.0, Vector3(1, 1, 2)), 0))
     bench.run(3.0)
-    told = bench.of("scale")
-    assert told[0][1]["scale"] == {"x": 1, "y": 1, "z": 2}
-    assert len(told) >= 3
+    messages = bench.of("scale")
+    assert messages[0][1]["scale"] == {"x": 1, "y": 1, "z": 2}
+    assert len(messages) >= 3
 
 
 # -- rules of fleet.yaml ------------------------------------------------------------------------------
@@ -878,8 +878,8 @@ def test_nobody_on_the_bus_tells_events_of_our_own_robot_in_the_fleets_name(benc
         bench.uplink.arrived(key, encode_report(FORGED, number))
     bench.uplink.arrived(key, b'{"ts": 1, "event_type": "fall", "source": "camera", "data": {}}')
     bench.forward({key: EventReport(5.0, EventKind.EMERGENCY_STOP, "true")})
-    told = [(message["event_type"], message["data"].get("text")) for _, message in bench.of("event")]
-    assert told == [("fall", None), ("emergency_stop", "true")]
+    events = [(message["event_type"], message["data"].get("text")) for _, message in bench.of("event")]
+    assert events == [("fall", None), ("emergency_stop", "true")]
     assert bench.uplink.refusals.counts() == {"forged": 12}
 
 

@@ -285,17 +285,17 @@ def test_who_has_no_role_hears_nothing(yard, joined):
 
 def test_what_is_on_the_links_is_shown_only_to_consoles_and_routers(yard, joined):
     heard = {name: queue.Queue() for name in ROLES}
-    for name, told in heard.items():
-        joined(name).subscribe("fleet/**", lambda key, _payload, told=told: told.put(key))
+    for name, received in heard.items():
+        joined(name).subscribe("fleet/**", lambda key, _payload, received=received: received.put(key))
     frames, after = "fleet/yard/frames/main", "fleet/yard/health"
 
     def put():
         yard.reports.put(frames, b"{}")
         yard.reports.put(after, b"{}")
 
-    wait_until("all hear", lambda: put() or all(after in told.queue for told in heard.values()))
+    wait_until("all hear", lambda: put() or all(after in received.queue for received in heard.values()))
     wait_until("those who may", lambda: put() or all(frames in heard[who].queue for who in ("desk", "hub")))
-    assert {name for name, told in heard.items() if frames in told.queue} == {"desk", "hub"}
+    assert {name for name, received in heard.items() if frames in received.queue} == {"desk", "hub"}
 
 
 def test_the_sdk_on_another_computer_joins_by_its_certificate(yard, opened, certificates, there, monkeypatch):

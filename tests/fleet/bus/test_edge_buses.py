@@ -23,19 +23,19 @@ def runtime():
 
 
 async def test_an_edge_is_joined_when_it_comes_and_left_when_it_goes(runtime):
-    told, opened = asyncio.Queue(), []
+    changes, opened = asyncio.Queue(), []
     edges = EdgeBuses(
         [BusSettings("yard-1")],
         runtime,
         SystemClock(),
         only=True,
         opened=lambda edge, _bus: opened.append(edge),
-        changed=lambda edge, problem: told.put_nowait((edge, problem)),
+        changed=lambda edge, problem: changes.put_nowait((edge, problem)),
     )
     running = asyncio.create_task(edges.run())
 
     async def hears(problem):
-        while await told.get() != ("yard-1", problem):
+        while await changes.get() != ("yard-1", problem):
             pass
 
     async with asyncio.timeout(DEADLINE):

@@ -18,7 +18,7 @@ def test_a_star_addresses_many(one, many):
     assert keys_intersect(one, many)
 
 
-def test_the_tokens_of_edges_and_robots_are_told_apart():
+def test_the_tokens_of_edges_and_robots_are_distinguished():
     assert not keys_intersect(keys.edge("*"), keys.robot("yard", "rex"))
     assert not keys_intersect(keys.worker("yard", "arm"), keys.robot("*", "*"))
 

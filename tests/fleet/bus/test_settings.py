@@ -59,7 +59,7 @@ def test_a_directory_of_another_user_is_refused(tmp_path, monkeypatch):
         runtime_dir({"FLEET_RUNTIME_DIR": str(tmp_path)})
 
 
-def test_a_directory_that_cannot_be_made_is_told(tmp_path):
+def test_a_directory_that_cannot_be_made_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(BusError, match=r"cannot create .*file/run"):
         runtime_dir({"FLEET_RUNTIME_DIR": str(tmp_path / "file" / "run")})

@@ -174,10 +174,10 @@ def test_an_answer_to_an_asker_who_left_harms_nobody(directory, edge):
 
 
 def test_asking_later_tells_every_answer_and_the_end(edge, caller):
-    told = queue.Queue()
+    answers = queue.Queue()
     edge.control.answer("a", lambda question: (question.reply(b"1"), question.reply(b"2"), question.close()))
-    caller.ask_later("a", b"", timeout=DEADLINE, on_answer=told.put, on_end=lambda: told.put("end"))
-    assert [told.get(timeout=DEADLINE) for _ in range(3)] == [b"1", b"2", "end"]
+    caller.ask_later("a", b"", timeout=DEADLINE, on_answer=answers.put, on_end=lambda: answers.put("end"))
+    assert [answers.get(timeout=DEADLINE) for _ in range(3)] == [b"1", b"2", "end"]
 
 
 def test_an_answer_that_cannot_be_taken_does_not_keep_the_end_away(edge, caller, caplog):
@@ -222,7 +222,7 @@ def test_a_setting_that_zenoh_does_not_take_is_named_in_one_line():
 @pytest.mark.parametrize(
     "endpoint", ["tcp/nonsense", "foo/127.0.0.1:1", "tcp/203.0.113.9:7447", "tls/127.0.0.1:0"]
 )
-def test_an_endpoint_that_cannot_be_opened_is_told_in_one_line(endpoint):
+def test_an_endpoint_that_cannot_be_opened_is_reported_in_one_line(endpoint):
     with pytest.raises(BusError, match=r"^the bus cannot be opened: [^\n]+$"):
         ZenohSession({"listen/endpoints": [endpoint]})
 

@@ -59,7 +59,7 @@ async def test_a_picture_comes_from_a_snapshot_url(snapshot):
     assert (await take_picture(f"{snapshot}/shot")).data == JPEG
 
 
-async def test_a_camera_that_refuses_is_told(snapshot):
+async def test_a_camera_that_refuses_is_reported(snapshot):
     with pytest.raises(Refused, match="404"):
         await take_picture(f"{snapshot}/other")
 

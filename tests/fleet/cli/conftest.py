@@ -135,12 +135,12 @@ class PlayedEdge:
         twin, stamp = fields.pop("twin", ""), fields.pop("stamp", 1.0)
         state = RobotState(name, twin, "toy", self.edge, stamp, **fields)
 
-        def told():
+        def encoded_state():
             known = name in self._stands and "last_command" not in fields
             ended = {"emergency_stop": True, "last_command": "emergency_stop", "last_outcome": "done"}
             return msgspec.json.encode(msgspec.structs.replace(state, **ended) if known else state)
 
-        self._control.answer(keys.state(self.edge, name), self._event_reporter(told))
+        self._control.answer(keys.state(self.edge, name), self._event_reporter(encoded_state))
 
     def garbles(self, name):
         """Answer for a robot with what is no state."""
@@ -152,13 +152,13 @@ class PlayedEdge:
 
     def summarises(self, *troubles, site="", robots=None, version="1.0", publish=False):
         """Tell a summary to whoever asks, and publish it once if that is wanted."""
-        told = Summary(
+        summary = Summary(
             self.edge, version, time.time(), 5.0, site, robots=robots or {"ok": 20}, troubles=troubles
         )
         if publish:
-            self._control.put(keys.summary(self.edge), encode(told))
+            self._control.put(keys.summary(self.edge), encode(summary))
         else:
-            self._control.answer(keys.summary(self.edge), self._event_reporter(encode(told)))
+            self._control.answer(keys.summary(self.edge), self._event_reporter(encode(summary)))
         return self
 
     def sees(self, other):

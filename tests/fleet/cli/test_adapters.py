@@ -1,4 +1,4 @@
-def test_what_was_found_is_told_with_how_far_it_came(fleet, place):
+def test_what_was_found_is_reported_with_how_far_it_came(fleet, place):
     (place / "plugins" / "broken.py").write_text("import no_such_library\n")
     result = fleet("adapters")
     assert result.code == 0
@@ -9,7 +9,7 @@ def test_what_was_found_is_told_with_how_far_it_came(fleet, place):
     )
 
 
-def test_programs_are_told_what_an_adapter_takes(fleet):
+def test_programs_learn_what_an_adapter_takes(fleet):
     found = {each["name"]: each for each in fleet("adapters", "--json").json["adapters"]}
     assert found["toy"] == {
         "name": "toy",
@@ -50,13 +50,13 @@ def test_one_adapter_is_shown_with_parameters_units_and_help(fleet):
     assert "\n\nbeep [" in fleet("adapters", "toy").out
 
 
-def test_an_adapter_that_is_not_there_is_told_with_the_nearest(fleet):
+def test_an_adapter_that_is_not_there_is_reported_with_the_nearest(fleet):
     result = fleet("adapters", "tou")
     assert result.code == 3
     assert "toy" in result.err
 
 
-def test_an_adapter_that_is_not_there_is_told_with_the_ways_to_add_it(fleet):
+def test_an_adapter_that_is_not_there_is_reported_with_the_ways_to_add_it(fleet):
     result = fleet("adapters", "hexapod")
     assert result.code == 3
     assert "install its package here, or name the folder of its file in plugins" in " ".join(

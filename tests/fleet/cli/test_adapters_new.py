@@ -57,15 +57,17 @@ def test_it_says_what_it_wrote_and_what_comes_next(fleet, place):
 
 
 @pytest.mark.parametrize(
-    ("pip", "told"),
+    ("pip", "expected"),
     [
         (True, "&& python -m pip install -e"),
         (False, f"&& uv pip install --python {shlex.quote(sys.executable)} -e"),
     ],
 )
-def test_the_installer_that_comes_next_is_one_that_the_environment_has(fleet, place, monkeypatch, pip, told):
+def test_the_installer_that_comes_next_is_one_that_the_environment_has(
+    fleet, place, monkeypatch, pip, expected
+):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: pip and name == "pip")
-    assert told in fleet("adapters", "new", "six-wheeler").err
+    assert expected in fleet("adapters", "new", "six-wheeler").err
 
 
 def test_a_program_gets_the_files_as_json(fleet, place):
@@ -84,7 +86,7 @@ def test_what_is_there_stays_as_it_is(fleet, place):
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "expected"),
     [
         ("Rover", "use small letters"),
         ("2wheels", "use small letters"),
@@ -97,22 +99,22 @@ def test_what_is_there_stays_as_it_is(fleet, place):
         ("mavlink", "there is an adapter 'mavlink' already"),
     ],
 )
-def test_a_name_that_cannot_be_is_refused(fleet, place, name, told):
+def test_a_name_that_cannot_be_is_refused(fleet, place, name, expected):
     before = sorted(place.iterdir())
     result = fleet("adapters", "new", name)
     assert result.code == 2
-    assert told in " ".join(result.err.split())
+    assert expected in " ".join(result.err.split())
     assert sorted(place.iterdir()) == before
 
 
-def test_a_kind_that_is_none_is_told_with_those_there_are(fleet, place):
+def test_a_kind_that_is_none_is_reported_with_those_there_are(fleet, place):
     assert "'frame', 'can', 'sdk'" in fleet("adapters", "new", "rover", "--kind", "ros").err
 
 
 def test_help_shows_the_kinds_and_an_example(fleet):
-    told = fleet("adapters", "new", "--help").out
-    assert "frames on a CAN bus" in told
-    assert "For example:  fleet adapters new hexapod --kind can" in told
+    help_text = fleet("adapters", "new", "--help").out
+    assert "frames on a CAN bus" in help_text
+    assert "For example:  fleet adapters new hexapod --kind can" in help_text
 
 
 def test_an_adapter_of_frames_is_short():

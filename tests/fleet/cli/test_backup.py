@@ -19,7 +19,7 @@ def test_a_backup_is_one_file_and_is_restored_elsewhere(fleet, place, state, run
     assert (state / "journal.db").exists()
 
 
-def test_what_is_left_to_a_person_is_told_by_both(fleet, place, state, runtime):
+def test_what_is_left_to_a_person_is_reported_by_both(fleet, place, state, runtime):
     (place / "secrets.yaml").write_text("cyberwave_token: THE-VALUE\n")
     (place / "secrets.yaml").chmod(0o600)
     made = fleet("backup", "-o", "a.backup")

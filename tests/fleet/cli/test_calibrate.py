@@ -30,7 +30,7 @@ def test_what_was_right_stays():
     assert calibrated({"left": 1.2}, **measured()) == {"track": 0.2, "left": 1.2, "right": 1.0, "gyro": 1.0}
 
 
-def test_a_robot_that_went_further_than_it_told_has_larger_wheels():
+def test_a_robot_that_went_further_than_it_reported_has_larger_wheels():
     new = calibrated({}, **measured(way=1.1))
     assert (new["left"], new["right"], new["gyro"]) == (1.1, 1.1, 1.0)
 
@@ -95,7 +95,7 @@ def test_who_interrupts_it_or_hears_no_end_of_it_stops_the_robot(
     assert asked == [("beast", "navigate", "relative_move"), ("beast", "command", "stop")]
 
 
-def test_a_robot_that_is_not_in_the_file_is_told(place, capsys):
+def test_a_robot_that_is_not_in_the_file_is_reported(place, capsys):
     (place / "fleet.yaml").write_text(FLEET)
     assert main(["calibrate", "rex"]) != 0
     assert "no robot 'rex'" in capsys.readouterr().err

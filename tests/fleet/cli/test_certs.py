@@ -110,7 +110,7 @@ def test_all_certificates_are_shown_with_their_state(fleet, site):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "told"),
+    ("arguments", "code", "expected"),
     [
         (("issue", "../x", "--as", "edge"), 2, "is no name"),
         (("issue", "ca", "--as", "edge"), 2, "is no name"),
@@ -121,29 +121,29 @@ def test_all_certificates_are_shown_with_their_state(fleet, site):
         (("ls", "-d", "."), 1, "begin with: fleet certs init SITE"),
     ],
 )
-def test_what_cannot_be_is_refused(fleet, site, arguments, code, told):
+def test_what_cannot_be_is_refused(fleet, site, arguments, code, expected):
     result = fleet("certs", *arguments)
     assert result.code == code
-    assert told in result.err
+    assert expected in result.err
 
 
 @pytest.mark.parametrize(
-    ("left", "told"),
+    ("left", "expected"),
     [({"days": 31}, ""), ({"days": 29, "hours": 1}, "expires in 29 days"), ({"days": -1}, "has expired on")],
 )
-def test_the_end_of_a_certificate_is_told_thirty_days_ahead(fleet, site, place, left, told):
+def test_the_end_of_a_certificate_is_reported_thirty_days_ahead(fleet, site, place, left, expected):
     fleet("certs", "issue", "yard-1", "--as", "edge")
     aged(site, **left)
     (place / "fleet.yaml").write_text((place / "fleet.yaml").read_text() + TLS)
     result = fleet("check")
     assert result.code == 0
-    assert (told in result.err) if told else (result.err == "")
+    assert (expected in result.err) if expected else (result.err == "")
     assert [warning["path"] for warning in fleet("check", "--json").json["warnings"]] == ["bus.tls"] * bool(
-        told
+        expected
     )
 
 
-def test_a_certificate_that_cannot_be_read_is_told(tmp_path):
+def test_a_certificate_that_cannot_be_read_is_reported(tmp_path):
     (tmp_path / "ca.pem").write_text("nothing")
     expiry = CertificateExpiry([tmp_path / "ca.pem", tmp_path / "none.pem"], SystemClock())
     assert expiry.problem == (

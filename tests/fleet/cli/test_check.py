@@ -3,12 +3,12 @@ import pytest
 PAIR = "pair: [a, b]\nlease: {servers: ['tls://lease.example.com:4222']}"
 
 
-def test_a_good_file_is_told_in_one_line(fleet):
+def test_a_good_file_is_reported_in_one_line(fleet):
     result = fleet("check")
     assert result == (0, "fleet.yaml is valid: edge yard-1, 1 robot (1 toy), 0 groups, no cloud\n", "")
 
 
-def test_a_good_file_is_told_to_programs(fleet):
+def test_a_good_file_is_reported_to_programs(fleet):
     assert fleet("check", "--json").json == {
         "ok": True,
         "file": "fleet.yaml",
@@ -55,7 +55,7 @@ def test_problems_go_to_stderr_with_line_and_caret(fleet, place):
     )
 
 
-def test_problems_are_told_to_programs(fleet, place):
+def test_problems_are_reported_to_programs(fleet, place):
     (place / "other.yaml").write_text("edge: {id: e}\nrobots: 1\n")
     result = fleet("check", "other.yaml", "--json")
     assert (result.code, result.err) == (3, "")
@@ -136,21 +136,23 @@ def test_one_robot_beside_those_of_a_partner_is_warned_of_too(fleet, place):
 
 
 @pytest.mark.parametrize(
-    ("site", "start", "told", "hint"),
+    ("site", "start", "expected", "hint"),
     [
         (SITE, "", "it cannot be placed beside the others", "start: [metres east"),
         ("", START, "position of its start on Earth is unknown", "site: {origin:"),
         (SITE, START, "", ""),
     ],
 )
-def test_a_robot_that_cannot_be_placed_beside_the_others_is_warned_of(fleet, place, site, start, told, hint):  # noqa: PLR0917
+def test_a_robot_that_cannot_be_placed_beside_the_others_is_warned_of(  # noqa: PLR0917
+    fleet, place, site, start, expected, hint
+):
     (place / "fleet.yaml").write_text(TWO.format(site=site, start=start))
     result = fleet("check", "--json")
     assert result.code == 0, result.json
     warnings = result.json["warnings"]
-    assert len(warnings) == bool(told)
+    assert len(warnings) == bool(expected)
     for warning in warnings:
-        assert told in warning["message"]
+        assert expected in warning["message"]
         assert warning["hint"].startswith(hint)
         assert warning["path"].startswith("robots[1]")
 

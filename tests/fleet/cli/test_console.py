@@ -131,8 +131,8 @@ def test_people_log_in_at_a_console_without_an_edge_and_command_in_their_name(
     sent = far_edge.answers("rex")
     start_office().stdout.readline()
     wait_until("the port", lambda: _answers(beyond.port))
-    shown, told = beyond.log_in()
-    assert (told["operator"], told["permission"]) == ("anna", "operate")
+    shown, session = beyond.log_in()
+    assert (session["operator"], session["permission"]) == ("anna", "operate")
     with beyond.page(shown) as page:
         while "yard-1/rex" not in json.loads(page.recv(timeout=DEADLINE)).get("robots", {}):
             pass

@@ -31,8 +31,8 @@ def test_people_are_added_listed_changed_and_removed(fleet, path, typed):
     kept = path.read_text()
     assert PASSWORD not in kept + result.out + result.err
     assert verify_password(read_people(path)["anna"].password, PASSWORD)
-    told = json.loads(fleet("console", "people", "list", "--json").out)
-    assert told == {"file": str(path), "people": [{"name": "anna", "permission": "operate"}]}
+    listed = json.loads(fleet("console", "people", "list", "--json").out)
+    assert listed == {"file": str(path), "people": [{"name": "anna", "permission": "operate"}]}
     assert "$argon2id" not in fleet("console", "people", "list").out
     assert "sessions end" in fleet("console", "people", "permit", "anna", "view").out
     assert read_people(path)["anna"].permission == "view"
@@ -54,7 +54,7 @@ def test_people_are_added_listed_changed_and_removed(fleet, path, typed):
         (("permit", "eve", "view"), "", "is named eve"),
     ],
 )
-def test_what_cannot_be_done_is_told_and_changes_nothing(fleet, path, monkeypatch, *, given, text, why):
+def test_what_cannot_be_done_is_reported_and_changes_nothing(fleet, path, monkeypatch, *, given, text, why):
     monkeypatch.setattr("sys.stdin", io.StringIO(f"{text}\n"))
     result = fleet("console", "people", *given)
     assert (result.code != 0, why in result.err) == (True, True)

@@ -22,10 +22,10 @@ class Notes:
 def test_what_to_try_is_said_of_the_robot_that_is_there(one):
     notes = Notes()
     _welcome(notes, "127.0.0.1", 1883, [one])
-    told = "\n".join(notes.lines)
-    assert f"send {one.robot} {one.command}" in told
-    assert f"cyberwave/twin/{twin_of(one.robot)}/command" in told
-    assert not any(other.robot in told for other in TRIES if other is not one)
+    text = "\n".join(notes.lines)
+    assert f"send {one.robot} {one.command}" in text
+    assert f"cyberwave/twin/{twin_of(one.robot)}/command" in text
+    assert not any(other.robot in text for other in TRIES if other is not one)
 
 
 def test_a_demo_of_nothing_is_a_usage_error_and_starts_nothing(fleet):
@@ -50,10 +50,10 @@ def test_every_kind_of_robot_can_be_tried():
 def test_another_edges_robots_are_other_twins_and_are_named_with_their_edge():
     notes = Notes()
     _welcome(notes, "127.0.0.1", 1883, TRIES[:1], "demo-2")
-    told = "\n".join(notes.lines)
-    assert "send demo-2/drone-1 takeoff" in told
-    assert "goto demo-2/drone-1" in told
-    assert f"cyberwave/twin/{twin_of('drone-1', 'demo-2')}/command" in told
+    text = "\n".join(notes.lines)
+    assert "send demo-2/drone-1 takeoff" in text
+    assert "goto demo-2/drone-1" in text
+    assert f"cyberwave/twin/{twin_of('drone-1', 'demo-2')}/command" in text
     assert twin_of("drone-1", "demo-2") != twin_of("drone-1")
     file = json.loads(demo_file(1, "127.0.0.1", 1883, ugvs=1, dogs=1, edge="demo-2"))
     assert file["edge"]["id"] == "demo-2"
@@ -62,7 +62,7 @@ def test_another_edges_robots_are_other_twins_and_are_named_with_their_edge():
     }
 
 
-def test_a_second_demo_is_told_a_free_name(fleet, spawn_edge):
+def test_a_second_demo_is_offered_a_free_name(fleet, spawn_edge):
     spawn_edge("demo")
     spawn_edge("demo-2")
     result = fleet("demo")

@@ -53,13 +53,13 @@ def test_one_command_is_shown_with_types_units_and_ranges(fleet):
 
 
 @pytest.mark.usefixtures("kestrel")
-def test_a_misspelt_command_is_told_with_the_nearest(fleet):
+def test_a_misspelt_command_is_reported_with_the_nearest(fleet):
     result = fleet("describe", "kestrel", "takeof")
     assert (result.code, "did you mean 'takeoff'?" in result.err) == (5, True)
 
 
 @pytest.mark.usefixtures("kestrel")
-def test_a_robot_whose_process_is_silent_is_told_as_such(fleet):
+def test_a_robot_whose_process_is_silent_is_reported_as_such(fleet):
     result = fleet("describe", "rex")
     assert (result.code, "its worker is silent" in result.err) == (6, True)
 

@@ -51,7 +51,7 @@ def test_a_file_that_others_may_write_is_refused(fleet, place, with_robot):
     assert "others may write it (mode 0666), and so decide what runs here: chmod go-w" in result.err
 
 
-def test_a_drop_in_file_in_the_edges_own_process_is_told(fleet, with_robot):
+def test_a_drop_in_file_in_the_edges_own_process_is_reported(fleet, with_robot):
     with_robot(worker="main")
     result = fleet("check")
     assert result.code == 0

@@ -25,7 +25,7 @@ def test_the_one_edge_that_has_its_pairs_robots_is_meant():
         (edges(a="holder"), "z", "no edge z of a pair can be reached"),
     ],
 )
-def test_anything_else_is_told(found, named, problem):
+def test_anything_else_is_reported(found, named, problem):
     with pytest.raises(FleetError, match=problem):
         _holder(found, named)
 

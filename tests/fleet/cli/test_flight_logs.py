@@ -72,7 +72,7 @@ def test_an_answer_that_is_not_what_was_asked_is_refused(fleet, kestrel, place, 
     assert not (place / "kestrel-3.bin").exists()
 
 
-def test_a_log_that_is_not_there_is_told(fleet, kestrel):
+def test_a_log_that_is_not_there_is_reported(fleet, kestrel):
     assert "has no log 4" in fleet("flight-logs", "kestrel", "get", "4").err
 
 

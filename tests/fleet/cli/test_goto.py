@@ -108,7 +108,7 @@ def test_a_group_is_spread_in_a_place_that_has_room_for_it(fleet, placed):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "told"),
+    ("arguments", "code", "expected"),
     [
         (("ground", "dock-1"), 5, "dock-1 has room for 1, these are 2"),
         (("all", "yard", "--spacing", "1"), 5, "yard has room for 2, these are 3"),
@@ -116,10 +116,10 @@ def test_a_group_is_spread_in_a_place_that_has_room_for_it(fleet, placed):
         (("rex", "dock-1", "--geo"), 2, "dock-1 has a frame of its own"),
     ],
 )
-def test_a_place_that_is_none_or_too_small_moves_nobody(fleet, placed, arguments, code, told):
+def test_a_place_that_is_none_or_too_small_moves_nobody(fleet, placed, arguments, code, expected):
     asked = [placed.answers(name, TAKEN) for name in ("rex", "beast", "mule")]
     result = fleet("goto", *arguments)
-    assert (result.code, told in result.err) == (code, True), result.err
+    assert (result.code, expected in result.err) == (code, True), result.err
     assert asked == [[], [], []]
 
 

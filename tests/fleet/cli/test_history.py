@@ -83,7 +83,7 @@ def test_a_program_gets_the_time_with_its_zone_the_edge_and_the_asker(fleet, yar
     assert last["asker"] == {"way": "local", "name": "root", "proven": True}
 
 
-def test_an_unknown_robot_is_told(fleet, yard):
+def test_an_unknown_robot_is_reported(fleet, yard):
     assert fleet("history", "rx").code == 5
 
 
@@ -97,7 +97,7 @@ def test_the_file_is_read_when_no_edge_runs(fleet, runtime, state, file):
     assert (record["edge"], record["text"]) == ("yard-1", "emergency_stop asked")
 
 
-def test_without_an_edge_and_without_a_file_that_is_told(fleet, runtime, state):
+def test_without_an_edge_and_without_a_file_that_is_reported(fleet, runtime, state):
     assert fleet("history").code == 4
 
 
@@ -120,7 +120,7 @@ def test_a_release_of_all_releases_who_is_stopped(fleet, yard):
     assert [(each["robot"], each["stopped"]["asker"]["name"]) for each in released] == [("rex", "root")]
 
 
-def test_one_that_is_not_stopped_is_told_and_one_that_is_refused_fails(fleet, yard):
+def test_one_that_is_not_stopped_is_reported_and_one_that_is_refused_fails(fleet, yard):
     assert "max: no emergency stop is set" in fleet("release", "max").err
     yard.answers("rex", Reply("release_emergency_stop", ReplyStatus.REJECTED, "stop input pendant is silent"))
     result = fleet("release", "all")
@@ -147,6 +147,6 @@ def test_every_command_says_who_asks(fleet, yard):
     assert json.loads(asked[0].payload)["session_id"] == local_user()
 
 
-def test_who_became_root_is_told_with_the_name_from_before():
+def test_who_became_root_is_named_as_before():
     assert local_user({"SUDO_USER": "anna", "USER": "root"}).startswith("anna@")
     assert local_user({}).startswith("uid-")

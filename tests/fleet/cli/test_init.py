@@ -53,7 +53,7 @@ def test_secrets_that_are_there_are_kept(fleet, place):
     assert (place / "secrets.yaml").read_text() == "a: b\n"
 
 
-def test_a_folder_that_cannot_be_written_is_told(fleet, place):
+def test_a_folder_that_cannot_be_written_is_reported(fleet, place):
     (place / "file").write_text("")
     result = fleet("init", "file/new")
     assert result.code == 1

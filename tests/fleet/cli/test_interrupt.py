@@ -60,7 +60,7 @@ def test_in_the_middle_of_an_import_or_of_the_end_nothing_is_said(place, runtime
 
 
 @pytest.mark.parametrize("command", [["--help"], ["--version"]])
-def test_a_program_that_was_told_to_ignore_ctrl_c_goes_on(command):
+def test_a_program_that_was_set_to_ignore_ctrl_c_goes_on(command):
     ignoring = f"trap '' INT; {sys.executable} -c \"$0\" click {' '.join(command)}"
     done = subprocess.run(["sh", "-c", ignoring, PROGRAM], check=False, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

@@ -75,7 +75,7 @@ def test_rotated_files_and_what_is_no_line(fleet, kept):
     assert [each[0] for each in messages(fleet("logs", "--json"))] == [str(n) for n in range(10)]
 
 
-def test_without_a_log_that_is_told(fleet, kept):
+def test_without_a_log_that_is_reported(fleet, kept):
     assert fleet("logs").code == 4
 
 

@@ -25,7 +25,7 @@ def run_alone(argument):
     return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
 
 
-def test_the_version_is_told_without_loading_anything():
+def test_the_version_is_reported_without_loading_anything():
     done = run_alone("--version")
     assert (done.stdout, done.stderr) == (f"fleet {__version__}\n", "")
 
@@ -72,7 +72,7 @@ def test_help_lists_every_command(fleet):
 
 
 @pytest.mark.parametrize(("wrong", "near"), [("chek", "check"), ("adaptors", "adapters"), ("stpo", "stop")])
-def test_a_misspelt_command_is_told_with_the_nearest(fleet, wrong, near):
+def test_a_misspelt_command_is_reported_with_the_nearest(fleet, wrong, near):
     result = fleet(wrong)
     assert (result.code, result.out) == (2, "")
     assert f"there is no command {wrong!r}; did you mean {near!r}?" in result.err
@@ -107,7 +107,7 @@ def test_a_reader_that_went_away_is_no_traceback(place):
     process.stderr.close()
 
 
-def test_a_full_disk_behind_the_output_is_told_in_one_line(place):
+def test_a_full_disk_behind_the_output_is_reported_in_one_line(place):
     with open("/dev/full", "w") as full:  # noqa: PTH123 - a device
         command = [sys.executable, "-m", "fleet", "schema"]
         done = subprocess.run(command, check=False, stdout=full, stderr=subprocess.PIPE, cwd=place)

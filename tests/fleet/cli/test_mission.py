@@ -197,7 +197,7 @@ def test_of_several_runs_one_must_be_named(fleet, yard):
         ),
     ],
 )
-def test_a_run_is_told_in_a_sentence(fields, line):
+def test_a_run_is_reported_in_a_sentence(fields, line):
     assert state_line(msgspec.structs.replace(state(), **fields)) == line
 
 
@@ -212,11 +212,11 @@ def test_a_run_is_told_in_a_sentence(fields, line):
         ),
     ],
 )
-def test_a_robot_of_a_run_is_told_in_a_sentence(robot, line):
+def test_a_robot_of_a_run_is_reported_in_a_sentence(robot, line):
     assert robot_lines(msgspec.structs.replace(state(), robots=(robot,))) == [line]
 
 
-def test_the_story_of_a_run_is_told_in_sentences(fleet, yard):
+def test_the_story_of_a_run_is_reported_in_sentences(fleet, yard):
     yard.story = [
         RunLogEntry(1000.0, "begins takeoff", "up.1", "kestrel"),
         RunLogEntry(1001.0, "anna paused the run"),

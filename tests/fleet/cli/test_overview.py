@@ -60,8 +60,8 @@ def test_everything_is_shown_where_there_is_no_bound():
 
 
 def test_causes_that_differ_in_measured_figures_alone_are_one_line():
-    told = [line for line in overview(FORTY, [edge()]) if "heartbeat" in line]
-    assert told == ["drone-7, drone-17, drone-27 and 1 more: no heartbeat for 7 s"]
+    lines = [line for line in overview(FORTY, [edge()]) if "heartbeat" in line]
+    assert lines == ["drone-7, drone-17, drone-27 and 1 more: no heartbeat for 7 s"]
 
 
 def test_causes_that_differ_in_the_robots_own_name_alone_are_one_line_that_names_none():
@@ -81,7 +81,7 @@ def test_a_robot_outside_the_sites_frame_says_whose_frame_it_is_in():
     assert " own" not in "".join(overview(alone, [edge()]))
 
 
-def test_real_and_simulated_robots_are_told_apart_and_counted():
+def test_real_and_simulated_robots_are_distinguished_and_counted():
     lines = overview([robot(1), robot(2, simulated=False)], [edge()], width=80, height=24)
     assert lines[0] == "2 robots: 2 ok; 1 simulated, 1 real"
     at = lines[1].index("SIM")
@@ -93,7 +93,7 @@ def test_an_emergency_stop_is_counted():
     assert "1 with an emergency stop set" in overview([stopped, robot(2)], [edge()])[0]
 
 
-def test_robots_of_several_edges_on_one_bus_are_told_apart():
+def test_robots_of_several_edges_on_one_bus_are_distinguished():
     states = [robot(1), msgspec.structs.replace(robot(1), edge="barn")]
     lines = overview(states, [edge(), edge("barn")], width=120, height=40)
     assert {columns(line)[0] for line in lines[2:4]} == {"yard-1/drone-1", "barn/drone-1"}

@@ -55,7 +55,7 @@ def test_a_backup_differs_in_nothing_from_its_robot(fleet, kestrel, place):
     assert "exists" in fleet("params", "kestrel", "backup", "all.param").err
 
 
-def test_a_file_that_cannot_be_read_is_told_in_one_line(fleet, kestrel, place):
+def test_a_file_that_cannot_be_read_is_reported_in_one_line(fleet, kestrel, place):
     (place / "latin.param").write_bytes(b"\xff\xfe")
     for name, said in (("none.param", "No such file or directory"), ("latin.param", "not UTF-8 text")):
         result = fleet("params", "kestrel", "diff", name)
@@ -98,7 +98,7 @@ def birds(play_edge):
     return birds
 
 
-def test_parameters_of_a_group_are_shown_by_robot_and_who_has_none_is_told(fleet, birds):
+def test_parameters_of_a_group_are_shown_by_robot_and_who_has_none_is_reported(fleet, birds):
     birds({"RTL_ALT": 1500})
     result = fleet("params", "birds", "get", "RTL_ALT")
     assert result.code == 7

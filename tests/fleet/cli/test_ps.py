@@ -27,7 +27,7 @@ def test_without_the_edge_of_the_file_it_says_that(fleet, runtime):
     assert "edge yard-1: edge 'yard-1' does not run here" in result.err
 
 
-def test_a_broken_file_is_told_as_such(fleet, place, runtime):
+def test_a_broken_file_is_reported_as_such(fleet, place, runtime):
     (place / "fleet.yaml").write_text("edge: {id: 5")
     assert fleet("ps", "-f", "fleet.yaml").code == 3
 
@@ -48,7 +48,7 @@ def test_robots_and_edges_of_all_edges_are_shown(fleet, play_edge):
     assert any(row.startswith("edge yard-1: ok") for row in rows)
 
 
-def test_robots_of_one_name_on_two_edges_are_told_apart(fleet, play_edge):
+def test_robots_of_one_name_on_two_edges_are_distinguished(fleet, play_edge):
     play_edge("demo", robots={"drone-1": {"health": "ok"}})
     play_edge("demo-2", robots={"drone-1": {"cause": "no heartbeat"}, "dog-1": {"health": "ok"}})
     rows = fleet("ps").out.splitlines()
@@ -79,7 +79,7 @@ def test_json_has_every_field_of_everything(fleet, play_edge):
     assert robot["position"] == {"x": 1.0, "y": 2.0, "z": 3.0}
 
 
-def test_a_sender_whose_clock_is_off_or_whose_way_is_slow_is_told(fleet, play_edge):
+def test_a_sender_whose_clock_is_off_or_whose_way_is_slow_is_reported(fleet, play_edge):
     play_edge("yard-1", robots={"rex": {"senders": {"cloud/anna": 1.9, "bus/": 0.004}}})
     assert fleet("ps").out.count("late") == 1
     assert "rex: the clock of cloud/anna, or its way, is 1.90 s late" in fleet("ps").out
@@ -131,7 +131,7 @@ def test_an_edge_with_a_password_is_reached_with_its_file(fleet, place, play_edg
     assert [edge["edge"] for edge in result.json["edges"]] == ["yard-1"]
 
 
-def test_a_frozen_edge_is_told_and_hides_no_other(fleet, play_edge, spawn_edge):
+def test_a_frozen_edge_is_reported_and_hides_no_other(fleet, play_edge, spawn_edge):
     play_edge("yard-1", robots={"rex": {"health": "ok"}})
     os.kill(spawn_edge("barn").pid, signal.SIGSTOP)
     result = fleet("ps", "--json")
@@ -140,14 +140,14 @@ def test_a_frozen_edge_is_told_and_hides_no_other(fleet, play_edge, spawn_edge):
     assert result.code == 0
 
 
-def test_an_edge_that_answers_nothing_is_told(fleet, spawn_edge):
+def test_an_edge_that_answers_nothing_is_reported(fleet, spawn_edge):
     spawn_edge("barn")
     result = fleet("ps")
     assert result.code == 4
     assert "does not answer" in result.err
 
 
-def test_an_edge_that_answers_nothing_is_told_beside_one_that_does(fleet, play_edge, spawn_edge):
+def test_an_edge_that_answers_nothing_is_reported_beside_one_that_does(fleet, play_edge, spawn_edge):
     play_edge("yard-1", robots={"rex": {"health": "ok"}})
     spawn_edge("barn")
     result = fleet("ps")
@@ -173,7 +173,7 @@ def test_an_edge_says_how_far_the_cloud_is_and_what_waits_was_dropped_or_refused
     assert said in edge_line(busy)
 
 
-def test_messages_that_nobody_subscribes_to_are_told_from_those_that_wait_for_the_cloud():
+def test_messages_that_nobody_subscribes_to_are_distinguished_from_those_that_wait_for_the_cloud():
     edge = EdgeState("yard-1", "0", 1.0, 5.0, cloud="connected", queued=3, spooled=3, unheard=2)
     assert "(1 message not sent yet, 2 messages kept until somebody subscribes)" in edge_line(edge)
 

@@ -37,7 +37,7 @@ def test_a_robot_that_is_ready_says_so(fleet, answers):
 
 
 @pytest.mark.parametrize("data", [None, {"ready": "yes", "checks": []}, {"checks": 3}])
-def test_an_answer_that_is_no_check_list_is_told(fleet, answers, data):
+def test_an_answer_that_is_no_check_list_is_reported(fleet, answers, data):
     answers(data)
     result = fleet("ready", "kestrel")
     assert result.code == 5

@@ -54,11 +54,11 @@ class Rehearsing:
     def _answer(self, question):
         do, name = question.parameters.get("do"), question.asked.rpartition("/")[2]
         if do is None:
-            told = MissionState("patrol", "yard-1")
+            state = MissionState("patrol", "yard-1")
         else:
             self.asked.append((do, json.loads(question.payload)))
-            told = self.begun if do == "rehearse" else self.states.pop(0)
-        question.reply(msgspec.json.encode(told), keys.mission("yard-1", name if do else "patrol"))
+            state = self.begun if do == "rehearse" else self.states.pop(0)
+        question.reply(msgspec.json.encode(state), keys.mission("yard-1", name if do else "patrol"))
         question.close()
 
 
@@ -141,7 +141,7 @@ def test_where_nobody_is_placed_the_closest_approach_is_not_known(fleet, yard):
         ),
     ],
 )
-def test_what_cannot_be_rehearsed_is_told(fleet, yard, begun, states, why):
+def test_what_cannot_be_rehearsed_is_reported(fleet, yard, begun, states, why):
     yard.begun, yard.states = begun, states
     result = fleet("mission", "rehearse", "patrol")
     assert (result.code, why in result.err) == (5, True)

@@ -39,7 +39,7 @@ def test_a_difference_is_shown_and_is_an_exit_code_of_its_own(fleet, fleet_of, m
     assert "differences in" in result.out
 
 
-def test_a_robot_that_is_not_in_it_is_told(fleet, fleet_of):
+def test_a_robot_that_is_not_in_it_is_reported(fleet, fleet_of):
     result = fleet("replay", str(RECORDING), "--through-adapters", "-f", fleet_of("heron"))
     assert (result.code, "heron: not compared" in result.err) == (5, True)
 

@@ -42,7 +42,7 @@ def test_bundles_must_be_signed_by_a_trusted_key_and_be_one_for_each_edge(fleet,
     assert "no trusted key signed the bundle" in fleet("apply", "--fleet", "1.bundle").err
 
 
-def test_a_store_that_is_not_there_and_waves_that_mean_nothing_are_told(fleet, site):
+def test_a_store_that_is_not_there_and_waves_that_mean_nothing_are_reported(fleet, site):
     settings(site)
     assert "'x' are no waves" in fleet("apply", "--fleet", "1.bundle", "--waves", "x").err
     assert "'x' is no limit" in fleet("apply", "--fleet", "1.bundle", "--stop-if", "x").err

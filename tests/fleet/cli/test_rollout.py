@@ -23,10 +23,10 @@ def test_accounts_are_printed_for_the_configuration_of_the_server(fleet):
 
 
 @pytest.mark.parametrize("command", ["status", "resume", "abort"])
-def test_a_store_that_does_not_answer_is_told(fleet, settings, command, monkeypatch):
+def test_a_store_that_does_not_answer_is_reported(fleet, settings, command, monkeypatch):
     monkeypatch.setattr(driver, "SILENT_FOR", 0.0)  # how long it is asked again is tested with the driver
-    told = fleet("rollout", command)
-    assert (told.code, "does not answer OPERATOR" in told.err) == (1, True)
+    result = fleet("rollout", command)
+    assert (result.code, "does not answer OPERATOR" in result.err) == (1, True)
 
 
 def test_an_agent_needs_an_edge(fleet, settings):

@@ -18,7 +18,7 @@ def yard(play_edge):
     return play_edge("yard-1", robots=robots, groups={"ground": ["rex", "beast"]})
 
 
-def test_a_command_that_was_taken_is_told(fleet, yard):
+def test_a_command_that_was_taken_is_reported(fleet, yard):
     asked = yard.answers("rex", ACCEPTED)
     result = fleet("send", "rex", "takeoff", "altitude=5", "name=a b", 'list=[1, "x"]')
     assert (result.code, result.out, result.err) == (0, "rex: takeoff accepted\n", "")
@@ -66,7 +66,7 @@ def test_what_was_asked_for_is_shown(fleet, yard):
     assert (result.code, result.out) == (0, 'rex: look done\n{"height": 3}\n')
 
 
-def test_a_refusal_is_told_with_what_to_do(fleet, yard):
+def test_a_refusal_is_reported_with_what_to_do(fleet, yard):
     yard.answers("rex", DENIED)
     result = fleet("send", "rex", "takeoff")
     assert (result.code, result.out) == (5, "rex: takeoff denied: no GPS (wait for a fix)\n")
@@ -78,7 +78,7 @@ def test_a_command_that_fails_after_it_was_taken_is_a_refusal(fleet, yard):
     assert (result.code, result.out.splitlines()[-1]) == (5, "rex: takeoff failed: motor 3")
 
 
-def test_a_robot_that_is_silent_is_told_once(fleet, yard):
+def test_a_robot_that_is_silent_is_reported_once(fleet, yard):
     yard.answers("rex", LATE)
     result = fleet("send", "rex", "takeoff")
     assert (result.code, result.out, result.err) == (6, "rex: takeoff timeout: the robot is silent\n", "")
@@ -126,12 +126,12 @@ def test_what_a_robot_answers_cannot_steer_the_terminal(fleet, yard):
     assert not {"\x1b", "\r", "\x07"} & set(result.out + result.err)
 
 
-def test_an_unknown_robot_is_told_with_the_nearest(fleet, yard):
+def test_an_unknown_robot_is_reported_with_the_nearest(fleet, yard):
     result = fleet("send", "kestral", "land")
     assert (result.code, result.err) == (5, "fleet: there is no robot 'kestral' (did you mean 'kestrel'?)\n")
 
 
-def test_an_unknown_robot_that_resembles_none_is_told_with_all(fleet, yard):
+def test_an_unknown_robot_that_resembles_none_is_reported_with_all(fleet, yard):
     result = fleet("send", "zzz", "land")
     assert result.err == "fleet: there is no robot 'zzz' (there are: beast, kestrel, rex)\n"
 
@@ -177,7 +177,7 @@ def test_a_robot_of_a_group_that_does_not_run_is_not_passed_over(fleet, play_edg
     ]
 
 
-def test_an_empty_group_is_told_as_such(fleet, play_edge):
+def test_an_empty_group_is_reported_as_such(fleet, play_edge):
     play_edge("yard-1", robots={"rex": {"health": "ok"}}, groups={"ground": []})
     assert "the group 'ground' is empty" in fleet("send", "ground", "land").err
 

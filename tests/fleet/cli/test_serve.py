@@ -16,7 +16,7 @@ def asked():
     return ServeEnd(ended, clock.monotonic, left.append), clock, left, ended
 
 
-async def test_the_first_signal_ends_in_order_and_is_told_once(asked, capsys):
+async def test_the_first_signal_ends_in_order_and_is_reported_once(asked, capsys):
     ending, _, left, ended = asked
     ending.asked()
     assert (ended.is_set(), left) == (True, [])

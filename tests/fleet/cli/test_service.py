@@ -66,7 +66,7 @@ def test_the_unit_of_a_pair_says_which_edge_it_is(fleet, installable, monkeypatc
     assert not unit.exists()
 
 
-def test_who_is_not_root_is_told_so(fleet, installable, monkeypatch):
+def test_who_is_not_root_is_refused_with_that_reason(fleet, installable, monkeypatch):
     monkeypatch.setattr(command, "is_root", lambda: False)
     result = fleet("service", "install")
     assert (result.code, "sudo fleet service install" in result.err) == (1, True)
@@ -84,13 +84,13 @@ def test_a_fleet_file_in_a_home_is_refused(fleet, installable, monkeypatch):
 def test_the_status_has_an_exit_code_for_a_service_that_does_not_run(
     fleet, installable, monkeypatch, state, code
 ):
-    told = f"LoadState=loaded\nActiveState={state}\nStatusText=the edge is running\n"
-    monkeypatch.setattr(command, "run_program", lambda _: told)
+    properties = f"LoadState=loaded\nActiveState={state}\nStatusText=the edge is running\n"
+    monkeypatch.setattr(command, "run_program", lambda _: properties)
     result = fleet("service", "status")
     assert (result.code, "the edge is running" in result.out) == (code, True)
 
 
-def test_a_service_that_is_not_installed_is_told_with_the_command(fleet, installable, monkeypatch):
+def test_a_service_that_is_not_installed_is_reported_with_the_command(fleet, installable, monkeypatch):
     monkeypatch.setattr(command, "run_program", lambda _: "LoadState=not-found\n")
     result = fleet("service", "status")
     assert (result.code, "fleet service install" in result.err) == (4, True)
@@ -141,10 +141,10 @@ def test_an_agent_for_another_edge_or_without_roll_outs_is_refused(fleet, rolled
 
 @pytest.mark.parametrize(("state", "code"), [("active", 0), ("failed", 4)])
 def test_the_status_has_the_agent_where_there_is_one(fleet, installable, monkeypatch, state, code):
-    def told(command):
+    def run_systemctl(command):
         return f"LoadState=loaded\nActiveState={state if 'agent' in command[-1] else 'active'}\n"
 
-    monkeypatch.setattr(command, "run_program", told)
+    monkeypatch.setattr(command, "run_program", run_systemctl)
     result = fleet("service", "status")
     assert (result.code, f"fleet-yard-1.agent.service: {state}" in result.out) == (code, True)
 

@@ -81,7 +81,7 @@ def test_what_an_edge_says_cannot_steer_the_terminal():
     assert not {"\x1b", "\r", "\n"} & set("".join(shown([up("e", evil)])))
 
 
-def test_causes_without_room_in_the_summaries_are_told():
+def test_causes_without_room_in_the_summaries_are_reported():
     edge = up("e", HUB)
     full = SeenEdge("e", True, 1.0, Summary("e", "1", NOW, 1.0, robots={"ok": 1}, more=3), NOW)
     assert "and 3 causes without room in the summaries: fleet ps" in shown([edge, full])

@@ -32,7 +32,7 @@ def filled(state):
     return state
 
 
-def test_an_edge_that_has_kept_nothing_is_told_so(fleet, state):
+def test_an_edge_that_has_kept_nothing_is_reported(fleet, state):
     assert fleet("spool", "status").out == f"{state}: 0 messages; no edge uses it\n"
     assert fleet("spool", "export", "--json").json == []
     assert fleet("spool", "purge", "--yes").out == "deleted 0 messages\n"
@@ -80,7 +80,7 @@ def test_while_its_edge_runs_a_spool_is_shown_but_not_emptied(fleet, state):
     spool.close()
 
 
-def test_a_file_that_is_no_spool_is_told(fleet, state):
+def test_a_file_that_is_no_spool_is_reported(fleet, state):
     state.mkdir()
     (state / "spool.db").write_text("rubbish" * 1000)
     result = fleet("spool", "status")
@@ -110,7 +110,7 @@ def test_on_a_full_disk_that_has_no_room_for_an_index_or_a_lock_what_waits_is_sh
     assert (result.json["messages"], result.json["in_use"]) == (3, False)
 
 
-def test_what_cannot_be_read_whole_for_a_full_disk_is_told_and_no_part_of_it_shown(fleet, state, request):
+def test_what_cannot_be_read_whole_for_a_full_disk_is_reported_and_no_part_of_it_shown(fleet, state, request):
     spool = Spool(SpoolSettings(folder=state.with_name("other")), SystemClock())
     spool.put(Outgoing("T/telemetry", b"{}", 1))
     wait_until("it is on disk", lambda: (state.with_name("other") / "spool.db-wal").stat().st_size > 0)

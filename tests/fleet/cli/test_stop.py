@@ -23,7 +23,7 @@ def yard(play_edge):
     return play_edge("yard-1", robots=robots, groups={"ground": ["rex", "beast"]})
 
 
-def test_robots_are_stopped_and_how_they_are_released_is_told(fleet, yard):
+def test_robots_are_stopped_and_how_they_are_released_is_shown(fleet, yard):
     result = fleet("stop", "rex")
     assert (result.code, result.out) == (0, "rex: stopped\n")
     assert result.err == "reached: edge yard-1\nreleased with: fleet release ROBOT\n"
@@ -50,7 +50,7 @@ def test_everything_is_stopped_on_every_edge(fleet, yard, play_edge):
     assert yard.stops == barn.stops == [[]]
 
 
-def test_who_was_not_stopped_is_told(fleet, yard):
+def test_who_was_not_stopped_is_reported(fleet, yard):
     result = fleet("stop", "rex", "kestral")
     assert (result.code, result.out) == (7, "rex: stopped\n")
     assert "kestral: NOT STOPPED" in result.err
@@ -112,12 +112,12 @@ def test_an_edge_that_took_the_stop_from_its_supervisor_is_not_missing(fleet, ya
 
 
 def test_the_help_says_what_an_emergency_stop_lets_through(fleet):
-    told = " ".join(fleet("stop", "--help").out.split())
-    assert "Aircraft: land, return_to_home" in told
-    assert "Wheeled robots, dogs, boats and submarines: nothing that moves them" in told
+    help_text = " ".join(fleet("stop", "--help").out.split())
+    assert "Aircraft: land, return_to_home" in help_text
+    assert "Wheeled robots, dogs, boats and submarines: nothing that moves them" in help_text
 
 
-def test_a_robot_whose_worker_hears_no_stop_is_told_when_all_are_stopped(fleet, yard):
+def test_a_robot_whose_worker_hears_no_stop_is_reported_when_all_are_stopped(fleet, yard):
     yard.also_speaks("mule", cause="worker mule: frozen")
     result = fleet("stop", "--all")
     assert result.code == 7
@@ -206,7 +206,7 @@ def test_robots_are_seen_to_stand_also_where_the_file_is_named_otherwise_than_th
     assert (result.code, result.out) == (0, "mule: stopped\n")
 
 
-def test_a_password_that_cannot_be_read_is_told_with_its_edge(fleet, yard, play_edge, place):
+def test_a_password_that_cannot_be_read_is_reported_with_its_edge(fleet, yard, play_edge, place):
     shut = play_edge("barn", robots={"mule": {}}, user="me", password="secret")
     (place / "barn.yaml").write_text("edge: {id: barn}\nbus: {user: me, password: !secret gone}\n")
     result = fleet("stop", "--all", "-f", "barn.yaml")
@@ -219,7 +219,7 @@ def test_a_password_that_cannot_be_read_is_told_with_its_edge(fleet, yard, play_
     assert shut.stops == [[]]
 
 
-def test_a_file_whose_edge_is_not_there_is_told_and_the_others_are_stopped(fleet, yard, place):
+def test_a_file_whose_edge_is_not_there_is_reported_and_the_others_are_stopped(fleet, yard, place):
     (place / "far.yaml").write_text("edge: {id: far}\n")
     result = fleet("stop", "--all", "-f", "far.yaml")
     assert (result.code, len(result.out.splitlines())) == (7, 3)
@@ -273,7 +273,7 @@ def test_the_sockets_of_our_edges_are_found_whatever_the_environment_was(tmp_pat
     assert runtime_dirs({"FLEET_RUNTIME_DIR": "/only"}) == [place.__class__("/only")]
 
 
-def test_a_robot_that_was_not_seen_to_stop_is_told_in_its_own_words(fleet, play_edge):
+def test_a_robot_that_was_not_seen_to_stop_is_reported_in_its_own_words(fleet, play_edge):
     refused = {"last_command": "emergency_stop", "last_outcome": "error: HOLD was refused: FAILED"}
     play_edge("yard-1", robots={"rover": refused, "rex": {}})
     result = fleet("stop", "--all")
@@ -283,7 +283,7 @@ def test_a_robot_that_was_not_seen_to_stop_is_told_in_its_own_words(fleet, play_
     )
 
 
-def test_a_stop_that_stays_under_way_is_told_as_not_seen(fleet, play_edge, monkeypatch):
+def test_a_stop_that_stays_under_way_is_reported_as_not_seen(fleet, play_edge, monkeypatch):
     monkeypatch.setattr("fleet.cli.stop.SEEN_WITHIN", 0.3)
     play_edge("yard-1", robots={"rover": {"last_command": "emergency_stop", "last_outcome": "under way"}})
     result = fleet("stop", "rover")

@@ -115,7 +115,7 @@ def test_robots_are_watched_by_ps_and_sites_by_top(fleet, runtime):
 # -- live ------------------------------------------------------------------------------------------------
 
 
-def test_what_an_edge_publishes_is_seen_at_once_and_garbage_is_told(watch, play_edge):
+def test_what_an_edge_publishes_is_seen_at_once_and_garbage_is_reported(watch, play_edge):
     edge = play_edge("edge-b").summarises()
     assert reaches(watch.look()) == {"edge-b": "up"}
     edge.summarises(HUB, publish=True)

@@ -50,6 +50,6 @@ def test_a_refusal_is_an_error_with_every_problem(monkeypatch):
         asked(monkeypatch, ChangesAnswer(refusal="it cannot be used", problems=("line 1", "line 2")))
 
 
-def test_silence_is_told_with_the_version_of_the_edge(monkeypatch):
+def test_silence_is_reported_with_the_version_of_the_edge(monkeypatch):
     with pytest.raises(TimedOut, match=r"it runs fleet 0\.1\.0; if that is older, restart it"):
         asked(monkeypatch, TimedOut("no answer"))

@@ -38,7 +38,7 @@ def test_an_edge_is_forgotten_once(environ):
 
 
 @pytest.mark.parametrize("broken", [b"", b"[]", b'{"format": 1}', b'{"format": 1, "buses": {"x": {"y": 1}}}'])
-def test_a_file_that_cannot_be_read_is_told_and_not_written_over(environ, file, broken):
+def test_a_file_that_cannot_be_read_is_reported_and_not_written_over(environ, file, broken):
     file.parent.mkdir(parents=True)
     file.write_bytes(broken)
     edges = SeenEdges(None, environ)
@@ -48,7 +48,7 @@ def test_a_file_that_cannot_be_read_is_told_and_not_written_over(environ, file, 
     assert file.read_bytes() == broken
 
 
-def test_a_file_of_a_newer_fleet_is_told(environ, file):
+def test_a_file_of_a_newer_fleet_is_reported(environ, file):
     file.parent.mkdir(parents=True)
     file.write_text(json.dumps({"format": 2, "shelves": []}))
     with pytest.raises(StateError, match="format 2, of a newer fleet"):

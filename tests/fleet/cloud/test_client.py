@@ -207,7 +207,7 @@ def test_overlapping_filters_are_an_error(watched):
 
 
 @pytest.mark.parametrize("code", [0x87, 0x89, 0x8A])
-def test_a_refusal_is_told_and_tried_again_slowly(broker, watched, code):
+def test_a_refusal_is_reported_and_tried_again_slowly(broker, watched, code):
     broker.broker.faults.refuse = code
     edge = watched(broker.port, refused_backoff=(0.1, 0.1)).start()
     edge.reaches(REFUSED, "the broker")
@@ -259,7 +259,7 @@ def test_a_dead_link_is_noticed_though_watching_it_failed_before(broker, watched
     assert "watching the cloud connection failed" in caplog.text
 
 
-def test_a_codec_that_panics_is_told_and_does_not_end_the_connecting(broker, watched, monkeypatch):
+def test_a_codec_that_panics_is_reported_and_does_not_end_the_connecting(broker, watched, monkeypatch):
     class PanicException(BaseException):
         """As the codec raises."""
 
@@ -304,13 +304,13 @@ def test_a_broker_that_never_answers_is_given_up(listener, watched):
         edge.reaches(DISCONNECTED, "did not answer within 0.2 s")
 
 
-def test_nobody_at_the_port_is_told(listener, watched):
+def test_nobody_at_the_port_is_reported(listener, watched):
     port = listener.getsockname()[1]
     listener.close()
     watched(port).start().reaches(DISCONNECTED, f"127.0.0.1:{port} cannot be reached")
 
 
-def test_a_broker_that_talks_nonsense_is_told_so_and_left(listener, watched):
+def test_a_broker_that_talks_nonsense_gets_the_reason_and_is_left(listener, watched):
     edge = watched(listener.getsockname()[1]).start()
     with listener.accept()[0] as broker:
         broker.settimeout(20.0)
@@ -409,7 +409,7 @@ def test_tls_refuses_a_certificate_of_another_host(run_mosquitto, watched, certi
     edge.reaches(REFUSED, "as the certificate does")
 
 
-def test_a_broker_without_tls_is_told_apart(broker, watched):
+def test_a_broker_without_tls_is_distinguished(broker, watched):
     watched(broker.port, host="localhost", tls=True).start().reaches(DISCONNECTED, "wants tls: false")
 
 

@@ -37,7 +37,7 @@ def test_a_broker_that_forgot_us_is_noticed(broker, watched):
     edge.until(lambda: edge.client.stats.connects == 2)
 
 
-def test_the_reason_that_the_broker_gives_is_told(broker, watched):
+def test_the_reason_that_the_broker_gives_is_reported(broker, watched):
     edge = watched(broker.port).connected()
     broker.call(broker.broker.disconnect_all, mqtt5.DisconnectReasonCode.SERVER_SHUTTING_DOWN)
     edge.reaches(CloudState.DISCONNECTED, "the broker is shutting down")

@@ -242,7 +242,7 @@ def test_what_nobody_hears_or_the_broker_has_no_room_for_is_sent_again(code):
     assert talk.stats.acked == 1
 
 
-def test_a_refusal_is_told_once_for_each_reason(caplog):
+def test_a_refusal_is_reported_once_for_each_reason(caplog):
     talk = Talk()
     for name in "abc":
         talk.put(message(name))
@@ -447,7 +447,7 @@ def test_a_message_of_qos_2_that_was_not_completed_is_sent_again():
     assert (again.topic, int(again.qos), again.duplicate) == ("offer", 2, True)
 
 
-def test_a_message_of_qos_2_that_the_broker_refuses_is_told_and_not_released():
+def test_a_message_of_qos_2_that_the_broker_refuses_is_reported_and_not_released():
     talk = Talk()
     talk.put(message("offer", 2))
     (published,) = talk.send()

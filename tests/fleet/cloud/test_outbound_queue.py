@@ -47,8 +47,8 @@ def take(box, *, now=None, size=1_000_000):
 
 
 def read(taken, now):
-    told = [mqtt5.read(memoryview(publish_qos0(message, now, 5)))[0] for message in taken]
-    return [(each.topic, each.message_expiry_interval) for each in told]
+    packets = [mqtt5.read(memoryview(publish_qos0(message, now, 5)))[0] for message in taken]
+    return [(each.topic, each.message_expiry_interval) for each in packets]
 
 
 def test_messages_leave_in_order_with_their_time(box, clock):

@@ -67,7 +67,7 @@ def test_a_message_of_qos_0_is_late_when_nothing_is_left_of_its_time():
 
 
 @pytest.mark.parametrize(("left", "seconds"), [(0.2, 1), (-5.0, 1), (7.0, 7), (7.01, 8), (1e12, 0xFFFF_FFFF)])
-def test_the_time_that_is_left_is_told_in_whole_seconds_and_never_as_none(left, seconds):
+def test_the_time_that_is_left_is_reported_in_whole_seconds_and_never_as_none(left, seconds):
     message = Outgoing("t", b"", 1, deadline=1000.0 + left)
     assert only(publish(message, 1, 1000.0, 5), 5).message_expiry_interval == seconds
     light = QueuedQos0(qos0_route("t", left), b"", 0.0)
@@ -76,8 +76,8 @@ def test_the_time_that_is_left_is_told_in_whole_seconds_and_never_as_none(left, 
 
 def test_what_has_waited_tells_what_is_left_of_its_time():
     message = QueuedQos0(qos0_route("t", 10.0), b"x", 0.0)
-    told = [only(publish_qos0(message, waited, 5), 5) for waited in (0.0, 0.99, 1.01, 9.99)]
-    assert [each.message_expiry_interval for each in told] == [10, 10, 9, 1]
+    packets = [only(publish_qos0(message, waited, 5), 5) for waited in (0.0, 0.99, 1.01, 9.99)]
+    assert [each.message_expiry_interval for each in packets] == [10, 10, 9, 1]
 
 
 @pytest.mark.parametrize("topic", ["x" * 65_536, "\ud800"])

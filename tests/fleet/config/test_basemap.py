@@ -31,21 +31,21 @@ def test_another_version_is_named():
 def test_an_archive_without_pictures_is_refused_at_its_line(yard, module_at, kind, problem):
     write_archive = module_at("tools/map_archive.py").write_archive
     write_archive(yard.folder / "area.pmtiles", {(0, 0, 0): b"a tile"}, kind=kind)
-    (told,) = yard.problems(SITE + FLEET)
-    assert told.startswith("fleet.yaml:3:")
-    assert problem in told
+    (reported,) = yard.problems(SITE + FLEET)
+    assert reported.startswith("fleet.yaml:3:")
+    assert problem in reported
 
 
 def test_an_archive_that_is_not_there_is_refused(yard):
-    (told,) = yard.problems(SITE + FLEET)
-    assert "there is no area.pmtiles" in told
+    (reported,) = yard.problems(SITE + FLEET)
+    assert "there is no area.pmtiles" in reported
 
 
 def test_a_site_that_is_nowhere_on_earth_has_no_map(yard, module_at):
     module_at("tools/map_archive.py").write_archive(yard.folder / "area.pmtiles", {(0, 0, 0): b"a tile"})
-    (told,) = yard.problems(FLEET)
-    assert "the site's position on this map is unknown" in told
-    assert "site: {origin:" in told
+    (reported,) = yard.problems(FLEET)
+    assert "the site's position on this map is unknown" in reported
+    assert "site: {origin:" in reported
 
 
 def test_a_map_of_pictures_is_taken(yard, module_at):

@@ -49,7 +49,7 @@ def test_the_same_file_differs_in_nothing(one):
 
 
 @given(outlines, outlines)
-def test_every_robot_of_either_file_is_told_once_and_every_section_that_differs(old, new):
+def test_every_robot_of_either_file_is_reported_once_and_every_section_that_differs(old, new):
     found = difference(old, new, not_shown)
     robots = [change for change in found if not change.section]
     names = [change.name for change in robots]

@@ -89,7 +89,7 @@ def test_a_mission_may_carry_out_another(problems):
         ("feet: land, all: {mission", "feet: {mission", 12, "a mission is alone in its step"),
     ],
 )
-def test_each_problem_is_told_with_its_place(problems, instead, of, line, message):
+def test_each_problem_is_reported_with_its_place(problems, instead, of, line, message):
     found = problems(instead, of)
     assert any((at, message in words) == (line, True) for at, words, _ in found), found
     assert all(column > 1 for _, _, column in found)

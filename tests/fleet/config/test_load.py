@@ -35,7 +35,7 @@ def test_defaults_stand_under_each_robot_and_its_own_words_win(yard, fleet_text)
     assert slower.limits.speed == 1.0
 
 
-def test_all_problems_are_told_at_once_with_their_places(yard):
+def test_all_problems_are_reported_at_once_with_their_places(yard):
     assert yard.problems("""\
         edge: {id: Yard}
         cloud: {host: m, port: 99999, tsl: true}
@@ -89,7 +89,7 @@ def test_a_problem_is_shown_with_its_line_and_a_caret(yard):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "expected"),
     [
         ("adaptr: toy", "robots[0].adaptr: unknown key (did you mean 'adapter'?)"),
         ("worker: w", "robots[0]: the key 'adapter' is missing (known adapters: toy)"),
@@ -102,12 +102,12 @@ def test_a_problem_is_shown_with_its_line_and_a_caret(yard):
         ),
     ],
 )
-def test_a_robot_without_a_usable_adapter_is_told(yard, wrong, told):
-    assert told in yard.problems(small(ROBOT.replace("adapter: toy", wrong)))[0]
+def test_a_robot_without_a_usable_adapter_is_reported(yard, wrong, expected):
+    assert expected in yard.problems(small(ROBOT.replace("adapter: toy", wrong)))[0]
 
 
 @pytest.mark.parametrize(
-    ("robots", "told"),
+    ("robots", "expected"),
     [
         ("robots: []", "1:25: robots: must not be empty"),
         ("robots: 7", "1:25: robots: must be a list"),
@@ -116,12 +116,12 @@ def test_a_robot_without_a_usable_adapter_is_told(yard, wrong, told):
         ("", "1:1: the key 'robots' is missing"),
     ],
 )
-def test_robots_that_are_no_list_are_told(yard, robots, told):
-    assert yard.problems(f"{{edge: {{id: e}}, {robots}}}")[0].startswith(f"fleet.yaml:{told}")
+def test_robots_that_are_no_list_are_reported(yard, robots, expected):
+    assert yard.problems(f"{{edge: {{id: e}}, {robots}}}")[0].startswith(f"fleet.yaml:{expected}")
 
 
 @pytest.mark.parametrize(
-    ("second", "told"),
+    ("second", "expected"),
     [
         ("name: a, twin: 0b7e7a52-3c1d-4f08-8f6e-5d2a9c4b1e73, link: y", "5:12: robots[1].name: {} name"),
         ("name: b, twin: 6F0C9A1E-8d2b-4c57-9a39-2f4a1d0b7c11, link: y", "5:21: robots[1].twin: {} twin"),
@@ -131,13 +131,13 @@ def test_robots_that_are_no_list_are_told(yard, robots, told):
         ),
     ],
 )
-def test_two_robots_cannot_be_one(yard, second, told):
+def test_two_robots_cannot_be_one(yard, second, expected):
     (problem,) = yard.problems(small() + f"  - {{{second}, adapter: toy}}\n")
     same = f"robots[0] ({yard.file}:4) has the same".replace(f"{yard.folder}/", "")
-    assert problem.startswith(f"fleet.yaml:{told.format(same)} (give each robot a ")
+    assert problem.startswith(f"fleet.yaml:{expected.format(same)} (give each robot a ")
 
 
-def test_a_part_of_a_list_that_is_wrong_is_told_with_what_the_list_is_for(yard):
+def test_a_part_of_a_list_that_is_wrong_is_reported_with_what_the_list_is_for(yard):
     problems = yard.problems(
         small(ROBOT.replace("adapter: toy", "adapter: toy, fence: {inclusion: [[[0, 1]]]}"))
     )
@@ -146,7 +146,7 @@ def test_a_part_of_a_list_that_is_wrong_is_told_with_what_the_list_is_for(yard):
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "expected"),
     [
         ("start: [1, 2, 90]", "robots[0].start: the heading counts in radians: 90 is more than a turn"),
         ("start: [0, 0, 0], origin: {latitude: 1, longitude: 2}", "robots[0].start: origin places the robot"),
@@ -156,13 +156,13 @@ def test_a_part_of_a_list_that_is_wrong_is_told_with_what_the_list_is_for(yard):
         ("separation: {radios: 1}", "robots[0].separation.radios: unknown key (did you mean 'radius'?)"),
     ],
 )
-def test_a_place_or_a_separation_that_is_none_is_told_where_it_stands(yard, given, told):
+def test_a_place_or_a_separation_that_is_none_is_reported_where_it_stands(yard, given, expected):
     (problem,) = yard.problems(small(ROBOT.replace("adapter: toy", f"adapter: toy, {given}")))
-    assert told in problem
+    assert expected in problem
 
 
 @pytest.mark.parametrize("origin", ["[47.4, 8.5]", "[8.5, 190, 400]", "[95, 8.5, 400]", "here"])
-def test_a_sites_origin_that_is_no_place_is_told_where_it_stands(yard, origin):
+def test_a_sites_origin_that_is_no_place_is_reported_where_it_stands(yard, origin):
     problems = yard.problems(small(more=f"site: {{origin: {origin}}}\n"))
     assert all("site.origin" in problem for problem in problems)
     assert problems
@@ -176,7 +176,7 @@ def test_a_site_and_a_start_are_taken(yard):
     assert (config.start, config.separation.radius) == ((1.0, -2.0, 1.57), 2.0)
 
 
-def test_a_merge_key_is_told_with_what_does_the_same(yard):
+def test_a_merge_key_is_reported_with_what_does_the_same(yard):
     merged = "x-base: &base {adapter: toy}\n" + small(ROBOT.replace("adapter: toy", "<<: *base"))
     (problem,) = yard.problems(merged)
     assert "robots[0].<<: << merges nothing" in problem
@@ -194,7 +194,7 @@ def test_keys_that_begin_with_x_are_left_alone(yard):
     assert yard.load(small(more="x-notes: {any: [thing]}\n")).robots
 
 
-def test_a_wrong_default_is_told_once_for_all_robots(yard):
+def test_a_wrong_default_is_reported_once_for_all_robots(yard):
     text = small(more="defaults: {limits: {spede: 1}}\n")
     text += "  - {name: b, twin: 0b7e7a52-3c1d-4f08-8f6e-5d2a9c4b1e73, adapter: toy, link: y}\n"
     assert yard.problems(text) == [
@@ -222,7 +222,7 @@ def test_a_partial_load_with_no_robot_left_fails(yard):
     assert len(yard.problems(small(ROBOT.replace("toy", "gone")), partial=True)) == 1
 
 
-def test_a_broken_adapter_is_told_at_the_robot_with_the_reason(yard):
+def test_a_broken_adapter_is_reported_at_the_robot_with_the_reason(yard):
     yard.write("import no_such_library\n", "plugins/gone.py")
     (problem,) = yard.problems(small(ROBOT.replace("toy", "gone")))
     assert "the adapter 'gone' cannot be used" in problem
@@ -248,14 +248,14 @@ def test_a_validator_that_crashes_is_a_problem_of_its_robot(yard):
     ]
 
 
-def test_a_missing_file_is_told_with_what_to_do(yard):
-    (told,) = yard.problems()
-    assert told.startswith("fleet.yaml:1:1: cannot read fleet.yaml: No such file or directory")
-    assert told.endswith("(fleet init writes an example)")
+def test_a_missing_file_is_reported_with_what_to_do(yard):
+    (problem,) = yard.problems()
+    assert problem.startswith("fleet.yaml:1:1: cannot read fleet.yaml: No such file or directory")
+    assert problem.endswith("(fleet init writes an example)")
 
 
 @pytest.mark.parametrize("text", ["", "# nothing\n", "[]", "text"])
-def test_a_file_that_is_no_mapping_is_told(yard, text):
+def test_a_file_that_is_no_mapping_is_reported(yard, text):
     assert yard.problems(text)[0].endswith("(fleet init writes an example)")
 
 
@@ -267,7 +267,7 @@ def test_two_hundred_robots_load(yard):
     assert len(yard.load(small() + robots).robots) == 200
 
 
-def test_a_drop_in_file_is_read_and_told_as_an_installed_adapter(yard, fleet_text):
+def test_a_drop_in_file_is_read_and_reported_as_an_installed_adapter(yard, fleet_text):
     problems = yard.problems(fleet_text.replace("pace: fast", "pace: fsat"))
     yard.drop_in()
     assert yard.problems() == problems
@@ -359,7 +359,7 @@ def test_a_group_of_either_form_has_the_same_members(yard):
     assert yard.load(small(more="groups: {yard: [a]}\n")).config.members == {"yard": ("a",)}
 
 
-def test_two_groups_that_contradict_each_other_are_told_unless_the_robot_says_it_itself(yard):
+def test_two_groups_that_contradict_each_other_are_reported_unless_the_robot_says_it_itself(yard):
     more = "groups:\n  one: {robots: [a], limits: {speed: 1}}\n  two: {robots: [a], limits: {speed: 2}}\n"
     (problem,) = yard.problems(small(more=more))
     assert "fleet.yaml:5:8: groups.two: another group of a says something else" in problem
@@ -369,7 +369,7 @@ def test_two_groups_that_contradict_each_other_are_told_unless_the_robot_says_it
 
 
 @pytest.mark.parametrize(
-    ("group", "told"),
+    ("group", "expected"),
     [
         ("{robots: [a], limits: {sped: 1}}", "groups.y.limits.sped: unknown key (did you mean 'speed'?)"),
         ("{limits: {speed: 1}}", "groups.y: the key 'robots' is missing"),
@@ -379,5 +379,5 @@ def test_two_groups_that_contradict_each_other_are_told_unless_the_robot_says_it
         ("a", "groups.y: must be a list"),
     ],
 )
-def test_what_is_wrong_with_a_group_is_told_where_it_stands(yard, group, told):
-    assert any(told in problem for problem in yard.problems(small(more=f"groups: {{y: {group}}}\n")))
+def test_what_is_wrong_with_a_group_is_reported_where_it_stands(yard, group, expected):
+    assert any(expected in problem for problem in yard.problems(small(more=f"groups: {{y: {group}}}\n")))

@@ -76,6 +76,6 @@ def test_what_is_in_the_file_is_sent_along_and_part_of_the_hash(mission):
         (None, r"patrol.yaml:5:35: .*way.yaml: No such file"),
     ],
 )
-def test_what_is_wrong_with_a_route_is_told_with_its_place(mission, content, problem):
+def test_what_is_wrong_with_a_route_is_reported_with_its_place(mission, content, problem):
     with pytest.raises(InvalidConfig, match=problem):
         mission("way.yaml", **({} if content is None else {"way_yaml": content}))

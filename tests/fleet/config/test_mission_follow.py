@@ -47,7 +47,7 @@ def test_one_may_follow_one_that_follows_another(tmp_path):
         ("{feet: {goto: [1, 2]}, eye: {follow: feet, retry: 1}}", 52, "is not known to bear it"),
     ],
 )
-def test_what_could_not_end_is_told_with_its_place(tmp_path, do, column, why):
+def test_what_could_not_end_is_reported_with_its_place(tmp_path, do, column, why):
     with pytest.raises(InvalidConfig) as caught:
         read(tmp_path, do)
     problem = caught.value.problems[0]

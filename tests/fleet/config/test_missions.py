@@ -87,11 +87,11 @@ def test_a_mission_becomes_a_program_of_instructions(mission):
         ("on_failure: undo\noccupies: [gate]", "on_failure: undo", 21, "there is no place 'gate'"),
     ],
 )
-def test_each_problem_is_told_with_its_place(mission, instead, of, line, message):
+def test_each_problem_is_reported_with_its_place(mission, instead, of, line, message):
     with pytest.raises(InvalidConfig) as caught:
         mission(instead, of)
-    told = [(each.line, message in each.message) for each in caught.value.problems]
-    assert (line, True) in told, caught.value.problems
+    found = [(each.line, message in each.message) for each in caught.value.problems]
+    assert (line, True) in found, caught.value.problems
     assert all(each.column > 1 for each in caught.value.problems)
 
 
@@ -114,7 +114,7 @@ def test_an_input_without_a_default_must_be_given(mission):
         mission("type: number,", "type: number, default: 5,").program({})
 
 
-def test_a_plan_that_is_missing_or_not_flown_here_is_told_at_its_place(mission, tmp_path):
+def test_a_plan_that_is_missing_or_not_flown_here_is_reported_at_its_place(mission, tmp_path):
     plan = "{all: {plan: field.plan}}", "{all: return_to_home}"
     with pytest.raises(InvalidConfig, match=r"patrol.yaml:19:\d+: .*field.plan: No such file"):
         mission(*plan)

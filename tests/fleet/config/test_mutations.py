@@ -58,7 +58,7 @@ def registry(yard):
     return Registry(yard.installed)
 
 
-def test_one_mistake_is_told_at_its_own_line(yard, fleet_text, registry):
+def test_one_mistake_is_reported_at_its_own_line(yard, fleet_text, registry):
     lines = fleet_text.splitlines()
     chance = random.Random(20261121)
     for mutate, number in chance.choices(mutations(lines), k=MUTATIONS):
@@ -66,12 +66,14 @@ def test_one_mistake_is_told_at_its_own_line(yard, fleet_text, registry):
         yard.write("\n".join(mutated) + "\n")
         with pytest.raises(InvalidConfig) as caught:
             load(yard.file, {}, registry=registry)
-        told = {problem.line for problem in caught.value.problems}
-        assert expected + 1 in told, (mutate.__name__, lines[number], str(caught.value))
-        assert len(told) == 1 or lines[number].startswith(("robots", "  - name", "plugins")), str(told)
+        reported = {problem.line for problem in caught.value.problems}
+        assert expected + 1 in reported, (mutate.__name__, lines[number], str(caught.value))
+        assert len(reported) == 1 or lines[number].startswith(("robots", "  - name", "plugins")), str(
+            reported
+        )
 
 
-def test_in_a_partial_load_each_robot_runs_or_is_told(yard, fleet_text, registry):
+def test_in_a_partial_load_each_robot_runs_or_is_reported(yard, fleet_text, registry):
     lines = fleet_text.splitlines()
     chance = random.Random(20261122)
     for mutate, number in chance.choices(mutations(lines), k=MUTATIONS // 4):
@@ -80,11 +82,11 @@ def test_in_a_partial_load_each_robot_runs_or_is_told(yard, fleet_text, registry
             loaded = load(yard.file, {}, registry=registry, partial=True)
         except InvalidConfig:
             continue
-        told = {problem.path.partition(".")[0] for problem in loaded.problems}
-        assert len(loaded.robots) + len(told) == 2
+        reported = {problem.path.partition(".")[0] for problem in loaded.problems}
+        assert len(loaded.robots) + len(reported) == 2
 
 
-def test_a_token_in_the_file_is_never_told(yard, fleet_text, registry):
+def test_a_token_in_the_file_is_never_shown(yard, fleet_text, registry):
     lines = fleet_text.splitlines()
     chance = random.Random(20261123)
     for mutate, number in chance.choices(mutations(lines), k=MUTATIONS // 4):

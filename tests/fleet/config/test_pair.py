@@ -49,7 +49,7 @@ def test_the_variable_means_nothing_where_there_is_no_pair(yard):
         (PAIR + "remote_workers: [far]\n", {}, "workers on other computers"),
     ],
 )
-def test_what_a_pair_cannot_have_is_told(yard, head, environ, problem):
+def test_what_a_pair_cannot_have_is_reported(yard, head, environ, problem):
     assert any(problem in each for each in yard.problems(text(head), environ))
 
 

@@ -37,7 +37,7 @@ def test_places_are_read_with_what_they_leave_out(yard):
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "expected"),
     [
         ("{}", "places.p: where is it"),
         ("{at: [1]}", "places.p.at"),
@@ -53,10 +53,10 @@ def test_places_are_read_with_what_they_leave_out(yard):
         ("{at: [1, 2], radios: 2}", "places.p.radios: unknown key (did you mean 'radius'?)"),
     ],
 )
-def test_a_place_that_is_none_is_told_where_it_stands(yard, given, told):
+def test_a_place_that_is_none_is_reported_where_it_stands(yard, given, expected):
     (problem,) = yard.problems(fleet([f"p: {given}"]))
     assert "fleet.yaml:7:" in problem
-    assert told in problem
+    assert expected in problem
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ def tls(tmp_path):
     return {"cert": tmp_path / "x.pem", "key": tmp_path / "x.pem"}
 
 
-def test_a_console_listens_on_loopback_alone_unless_it_is_told_more():
+def test_a_console_listens_on_loopback_alone_unless_configured_otherwise():
     assert ConsoleConfig().endpoint is None
 
 

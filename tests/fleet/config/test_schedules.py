@@ -10,7 +10,7 @@ def fleet(given):
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "expected"),
     [
         ("{mission: m}", "schedules.dawn.mission: exactly one of cron, every, once, on_event is needed"),
         ("{mission: m, every: 1 h, once: 2027-01-01T00:00Z}", "schedules.dawn.once: exactly one of"),
@@ -29,12 +29,12 @@ def fleet(given):
         ("{mission: m, on_event: {kind: battery, robots: [b]}}", "on_event.robots[0]: there is no robot 'b'"),
     ],
 )
-def test_a_schedule_that_is_none_is_told_where_it_stands(yard, given, told):
+def test_a_schedule_that_is_none_is_reported_where_it_stands(yard, given, expected):
     problems = yard.problems(fleet(given))
-    assert any("fleet.yaml:5:" in problem and told in problem for problem in problems), problems
+    assert any("fleet.yaml:5:" in problem and expected in problem for problem in problems), problems
 
 
-def test_a_mission_that_there_is_not_is_told(yard):
+def test_a_mission_that_there_is_not_is_reported(yard):
     (problem,) = yard.problems(fleet("{mission: patrol, every: 1 h}"))
     assert "fleet.yaml:5:" in problem
     assert "schedules.dawn.mission: there is no mission 'patrol'" in problem

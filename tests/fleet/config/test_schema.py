@@ -68,7 +68,7 @@ def test_the_prefix_comes_from_the_first_variable_that_is_set(section, environ, 
     assert section("cloud: {host: h}", environ).cloud.prefix == prefix
 
 
-def test_a_wrong_variable_is_told_by_its_name(refused):
+def test_a_wrong_variable_is_reported_by_its_name(refused):
     assert refused("cloud: {host: h}", {"CYBERWAVE_MQTT_PORT": "no"}) == [
         (
             "fleet.yaml:2:8: cloud.port (from CYBERWAVE_MQTT_PORT): must be a whole number "
@@ -139,7 +139,7 @@ def test_a_bus_that_is_guarded_is_taken(section, bus):
 
 
 @pytest.mark.parametrize(
-    ("bus", "told"),
+    ("bus", "expected"),
     [
         (
             f"listen: [tls/0.0.0.0:1, tcp/0.0.0.0:2], {TLS}",
@@ -174,10 +174,10 @@ def test_a_bus_that_is_guarded_is_taken(section, bus):
         ("connect: [unixsock-stream//run/" + "x" * 103 + "]", {"connect[0]: the path has 108 bytes"}),
     ],
 )
-def test_each_endpoint_of_the_bus_is_judged_by_itself(refused, bus, told):
+def test_each_endpoint_of_the_bus_is_judged_by_itself(refused, bus, expected):
     problems = [problem.partition("bus.")[2] for problem in refused(f"bus: {{{bus}}}")]
-    assert len(problems) == len(told)
-    assert all(any(problem.startswith(start) for problem in problems) for start in told), problems
+    assert len(problems) == len(expected)
+    assert all(any(problem.startswith(start) for problem in problems) for start in expected), problems
 
 
 def test_a_password_over_the_open_network_is_taken_with_a_warning(yard):
@@ -290,24 +290,24 @@ def test_topics_have_rules_for_all_robots_and_for_one(yard):
         ("  inbound:", "  listen:", "it is called inbound now"),
     ],
 )
-def test_a_mistake_in_a_rule_is_told_once_at_its_line_with_a_near_miss(yard, right, wrong, problem):
+def test_a_mistake_in_a_rule_is_reported_once_at_its_line_with_a_near_miss(yard, right, wrong, problem):
     text = TOPICS.replace(right, wrong, 1)
-    (told,) = yard.problems(text)
+    (reported,) = yard.problems(text)
     line = next(number for number, row in enumerate(text.splitlines(), 1) if wrong.strip() in row)
-    place = int(told.partition(":")[2].partition(":")[0])
-    assert problem in told
+    place = int(reported.partition(":")[2].partition(":")[0])
+    assert problem in reported
     assert place == line or text.splitlines()[place - 1].strip() in ("rules:", "inbound:")
 
 
 def test_a_word_that_was_renamed_is_refused_with_its_new_name(yard):
-    (told,) = yard.problems(TOPICS + "    battery_policy: {action: tell}\n")
-    assert "it is called warn now" in told
+    (reported,) = yard.problems(TOPICS + "    battery_policy: {action: tell}\n")
+    assert "it is called warn now" in reported
 
 
 def test_figures_are_for_this_computer_unless_said_otherwise(yard):
     base = TOPICS.replace("plugins:", "metrics: {host: 0.0.0.0}\nplugins:")
-    (told,) = yard.problems(base)
-    assert "other computers could read it without a password; set insecure: true" in told
+    (reported,) = yard.problems(base)
+    assert "other computers could read it without a password; set insecure: true" in reported
     assert yard.load(base.replace("0.0.0.0}", "0.0.0.0, insecure: true}")).config.metrics.port == 9464
     assert yard.load(TOPICS).config.metrics is None
 
@@ -341,7 +341,7 @@ def test_a_stop_input_that_cannot_be_what_was_meant_is_refused(refused, text, wh
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "expected"),
     [
         ("password: abc", "cloud.password: a password needs the username:"),
         ("token: ''", "cloud.token: is empty"),
@@ -350,9 +350,9 @@ def test_a_stop_input_that_cannot_be_what_was_meant_is_refused(refused, text, wh
         ("username: '', password: abc", "cloud.username: is empty"),
     ],
 )
-def test_credentials_that_let_nobody_in_are_told(refused, given, told):
+def test_credentials_that_let_nobody_in_are_reported(refused, given, expected):
     (problem,) = refused(f"cloud: {{host: h, {given}}}")
-    assert told in problem
+    assert expected in problem
 
 
 def test_a_token_as_password_needs_no_user_name(section):

@@ -15,7 +15,7 @@ def reading(tmp_path):
     return reading
 
 
-def told(document):
+def problems_of(document):
     return [f"{each.line}:{each.column}: {each.message}" for each in document.problems]
 
 
@@ -75,9 +75,9 @@ def test_every_value_has_a_place(reading):
     ],
     ids=range(15),
 )
-def test_what_is_no_plain_yaml_is_told_with_its_place(reading, text, place_and_message):
+def test_what_is_no_plain_yaml_is_reported_with_its_place(reading, text, place_and_message):
     document = reading(text)
-    assert told(document)[0].startswith(place_and_message)
+    assert problems_of(document)[0].startswith(place_and_message)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_what_is_no_plain_yaml_is_told_with_its_place(reading, text, place_and_m
         ("a: *b\n", "must be quoted"),
     ],
 )
-def test_what_is_no_yaml_is_told_with_what_it_probably_wants(reading, text, hint):
+def test_what_is_no_yaml_is_reported_with_what_it_probably_wants(reading, text, hint):
     (problem,) = reading(text).problems
     assert hint in problem.hint
 
@@ -103,13 +103,13 @@ def test_aliases_that_multiply_are_stopped(reading):
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 12)]
     document = reading("\n".join(lines))
-    assert "more than 100000 values" in told(document)[0]
+    assert "more than 100000 values" in problems_of(document)[0]
     assert () in document.spoiled
 
 
 def test_aliases_that_nest_ever_deeper_are_stopped(reading):
     deep = [f"a{n}: &a{n} {'[' * 30}*a{n - 1}{']' * 30}" for n in range(1, 60)]
-    assert "nested too deeply" in told(reading("\n".join(["a0: &a0 x", *deep])))[0]
+    assert "nested too deeply" in problems_of(reading("\n".join(["a0: &a0 x", *deep])))[0]
 
 
 def test_variables_are_filled_in(reading):
@@ -127,9 +127,9 @@ def test_variables_are_filled_in(reading):
         ("'${open'", "1:4: ${open is no variable"),
     ],
 )
-def test_a_variable_without_a_value_is_told(reading, text, message):
+def test_a_variable_without_a_value_is_reported(reading, text, message):
     document = reading(f"a: {text}\n")
-    assert told(document) == [message]
+    assert problems_of(document) == [message]
     assert document.data == {"a": None}
 
 
@@ -155,13 +155,13 @@ def test_nothing_outside_the_folder_is_included(tmp_path, name):
     assert "is outside the folder" in document.problems[0].message
 
 
-def test_files_that_include_each_other_are_told(reading, tmp_path):
+def test_files_that_include_each_other_are_reported(reading, tmp_path):
     (tmp_path / "other.yaml").write_text("b: !include fleet.yaml\n")
-    assert told(reading("a: !include other.yaml\n")) == ["1:4: fleet.yaml includes itself"]
+    assert problems_of(reading("a: !include other.yaml\n")) == ["1:4: fleet.yaml includes itself"]
 
 
-def test_an_include_that_is_not_there_is_told_where_it_is_asked_for(reading):
-    assert told(reading("a: 1\nb: !include none.yaml\n"))[0].startswith("2:4: cannot read")
+def test_an_include_that_is_not_there_is_reported_where_it_is_asked_for(reading):
+    assert problems_of(reading("a: 1\nb: !include none.yaml\n"))[0].startswith("2:4: cannot read")
 
 
 class TestSecrets:
@@ -187,18 +187,18 @@ class TestSecrets:
         assert "others can read it" in document.problems[0].message
 
     @pytest.mark.parametrize("text", ["token: [1]", "- token", "token", "token: 'canary", "\ttoken: canary"])
-    def test_a_broken_file_is_told_without_its_text(self, reading, secrets, text):
+    def test_a_broken_file_is_reported_without_its_text(self, reading, secrets, text):
         secrets(text)
         (problem,) = reading("a: !secret token\n").problems
         assert problem.line == 1
         assert "canary" not in problem.shown()
 
-    def test_a_misspelt_secret_is_told_with_the_nearest(self, reading, secrets):
+    def test_a_misspelt_secret_is_reported_with_the_nearest(self, reading, secrets):
         secrets("cyberwave_token: x\n")
         (problem,) = reading("a: !secret cyberwave_tokn\n").problems
         assert problem.hint == "did you mean 'cyberwave_token'?"
 
-    def test_each_use_of_a_missing_file_is_told(self, reading):
+    def test_each_use_of_a_missing_file_is_reported(self, reading):
         assert len(reading("a: !secret x\nb: !secret y\n").problems) == 2
 
 
@@ -206,5 +206,5 @@ class TestSecrets:
 @pytest.mark.parametrize("text", ["a: !include it\n", "a: !secret it\n"])
 def test_what_is_no_regular_file_is_refused_and_never_waited_for(reading, tmp_path, make, text):
     make(tmp_path / ("it" if "include" in text else "secrets.yaml"), 0o600)
-    (problem,) = told(reading(text))
+    (problem,) = problems_of(reading(text))
     assert "no regular file" in problem

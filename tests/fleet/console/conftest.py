@@ -51,7 +51,7 @@ class Page:
                 self.entries.setdefault(kind, {}).update(entries)
         return message
 
-    def told(self, kind, name, holds=bool):
+    def wait_for(self, kind, name, holds=bool):
         """Read until an entry is so."""
         while not (name in self.entries.get(kind, {}) and holds(self.entries[kind][name])):
             self._take()
@@ -125,9 +125,9 @@ class Console:
             answer = connection.getresponse()
             return answer.status, answer.headers, answer.read()
 
-    def post(self, path, told, **headers):
+    def post(self, path, content, **headers):
         """Send JSON as a page of the console does."""
-        body = told if isinstance(told, bytes) else json.dumps(told).encode()
+        body = content if isinstance(content, bytes) else json.dumps(content).encode()
         usual = {"origin": self.base, "content_type": "application/json", "content_length": str(len(body))}
         return self.request("POST", path, body=body, **(usual | headers))
 

@@ -15,7 +15,7 @@ from fleet.model.permission import Permission
 @pytest.mark.parametrize(
     "cookie", [None, "", "fleet_console_0000000000000000=x", "{name}=", "{name}=guess", "{name}={value}x"]
 )
-def test_nothing_is_told_and_nothing_done_without_a_session(console, method, path, cookie):
+def test_nothing_is_reported_and_nothing_done_without_a_session(console, method, path, cookie):
     name, _, value = console.cookie().partition("=")
     given = cookie and cookie.format(name=name, value=value)
     if method == "GET":
@@ -28,9 +28,9 @@ def test_nothing_is_told_and_nothing_done_without_a_session(console, method, pat
 def test_a_link_is_good_once_and_its_cookie_is_out_of_reach_of_scripts_and_other_sites(console):
     token = console.token()
     status, headers, body = console.post("/api/session", {"token": token})
-    told = json.loads(body)
-    assert (status, told.pop("proof") != "") == (200, True)
-    assert told == {"operator": "anna", "permission": "admin"}
+    session = json.loads(body)
+    assert (status, session.pop("proof") != "") == (200, True)
+    assert session == {"operator": "anna", "permission": "admin"}
     name, *flags = headers["set-cookie"].split("; ")
     assert name.startswith("fleet_console_")
     assert {"HttpOnly", "SameSite=strict", "Path=/"} <= set(flags)
@@ -38,7 +38,7 @@ def test_a_link_is_good_once_and_its_cookie_is_out_of_reach_of_scripts_and_other
 
 
 @pytest.mark.parametrize(
-    ("told", "status"),
+    ("content", "status"),
     [
         ({"token": "guess"}, 403),
         ({"token": ""}, 403),
@@ -50,8 +50,8 @@ def test_a_link_is_good_once_and_its_cookie_is_out_of_reach_of_scripts_and_other
         (b"[" * 10_000, 400),
     ],
 )
-def test_what_is_no_token_opens_no_session(console, told, status):
-    assert console.post("/api/session", told)[0] == status
+def test_what_is_no_token_opens_no_session(console, content, status):
+    assert console.post("/api/session", content)[0] == status
 
 
 def test_a_cookie_of_another_console_is_no_good_here(runtime, serve_console, console):

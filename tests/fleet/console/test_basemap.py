@@ -51,7 +51,7 @@ def served(runtime, serve_console, archive):
         yield console
 
 
-def test_a_page_is_told_how_to_place_the_pictures(served):
+def test_a_page_learns_how_to_place_the_pictures(served):
     status, _, body = served.request("GET", "/api/basemap", cookie=served.cookie())
     assert status == 200
     assert json.loads(body) == {

@@ -47,7 +47,7 @@ def test_several_robots_are_spread_each_at_its_own_height(view):
 
 
 @pytest.mark.parametrize(
-    ("asked", "told"),
+    ("asked", "expected"),
     [
         (GotoAsked("r", ("yard/rex", "yard/drone"), 1.0, 1.0), "one point for 2 robots"),
         (GotoAsked("r", ("yard/lost",), 1.0, 1.0), "not placed in the site's frame: lost"),
@@ -55,8 +55,8 @@ def test_several_robots_are_spread_each_at_its_own_height(view):
         (ReleaseAsked("r", ()), "no robot is named"),
     ],
 )
-def test_what_makes_no_sense_is_refused_before_anybody_is_asked(view, asked, told):
-    with pytest.raises(Refused, match=told):
+def test_what_makes_no_sense_is_refused_before_anybody_is_asked(view, asked, expected):
+    with pytest.raises(Refused, match=expected):
         prepare(asked, view)
 
 
@@ -65,7 +65,7 @@ def yard(play_edge, console):
     yard = play_edge("yard-1", robots={"rex": {}, "shy": {}, "mute": {"cause": "its worker is gone"}})
     with console.page() as page:
         for name in ("rex", "shy", "mute"):
-            page.told("robots", f"yard-1/{name}")
+            page.wait_for("robots", f"yard-1/{name}")
     return yard
 
 
@@ -89,14 +89,14 @@ def test_a_refusal_comes_with_its_reason_and_hint(console, yard):
     assert (answer["status"], answer["reason"], answer["hint"]) == ("rejected", "too loud", "later")
 
 
-def test_a_robot_that_does_not_answer_is_told_so_with_the_cause_that_is_known(console, yard):
+def test_a_robot_that_does_not_answer_is_reported_with_the_cause_that_is_known(console, yard):
     with console.page() as page:
         page.ask("command", request="r", robot="yard-1/mute", command="beep")
         answer = page.answer("r")
     assert (answer["status"], answer["reason"]) == ("timeout", "its worker is gone")
 
 
-def test_who_stopped_a_robot_when_and_why_and_its_history_are_told(console, yard):
+def test_who_stopped_a_robot_when_and_why_and_its_history_are_reported(console, yard):
     anna = Requester(Transport.LOCAL, "anna", proven=True)
     stopped = Record(
         5.0,

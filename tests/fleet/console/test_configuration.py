@@ -27,7 +27,7 @@ def yard(play_edge):
 
 def test_it_is_shown_with_what_is_wrong_and_what_is_not_in_use_yet(console, yard):
     with console.page() as page:
-        page.told("edges", "yard-1", lambda edge: edge["alive"])
+        page.wait_for("edges", "yard-1", lambda edge: edge["alive"])
         page.ask("config", request="r", edge="yard-1")
         found = page.answer("r")["config"]
     assert found == {
@@ -39,12 +39,12 @@ def test_it_is_shown_with_what_is_wrong_and_what_is_not_in_use_yet(console, yard
     }
 
 
-def test_a_file_that_cannot_be_used_is_told_with_its_problems(console, play_edge):
+def test_a_file_that_cannot_be_used_is_reported_with_its_problems(console, play_edge):
     shed = play_edge("shed-1", robots={})
     answer = ChangesAnswer((), "/f", "/f cannot be used; nothing was changed", ("/f:1:1: bad",))
     shed.tells(keys.changes("shed-1"), answer)
     with console.page() as page:
-        page.told("edges", "shed-1", lambda edge: edge["alive"])
+        page.wait_for("edges", "shed-1", lambda edge: edge["alive"])
         page.ask("config", request="r", edge="shed-1")
         found = page.answer("r")["config"]
     assert found["problems"] == ["/f cannot be used; nothing was changed", "/f:1:1: bad"]

@@ -23,9 +23,9 @@ def view():
 
 
 def ask(view, operator=BEN):
-    told = control.asked(ControlAsked("r", REX), view, operator, 5.0)
-    view.put("requests", REX, told)
-    return told
+    entry = control.asked(ControlAsked("r", REX), view, operator, 5.0)
+    view.put("requests", REX, entry)
+    return entry
 
 
 def test_who_has_control_is_asked_and_gives_it_or_keeps_it(view):
@@ -46,16 +46,16 @@ def test_nobody_else_answers_for_who_was_asked_and_nobody_twice(view):
 
 
 @pytest.mark.parametrize(
-    ("change", "operator", "told"),
+    ("change", "operator", "expected"),
     [
         ({"control": ""}, BEN, "nobody has control"),
         ({}, ANNA, "you have control"),
         ({"run": "3f2a", "control": ""}, BEN, "it is in run 3f2a"),
     ],
 )
-def test_where_there_is_nobody_to_ask_it_is_said(view, change, operator, told):
+def test_where_there_is_nobody_to_ask_it_is_said(view, change, operator, expected):
     view.take_state(msgspec.structs.replace(view.states[REX], **change), 2.0)
-    with pytest.raises(Refused, match=told):
+    with pytest.raises(Refused, match=expected):
         ask(view, operator)
 
 

@@ -14,11 +14,11 @@ def yard(play_edge, console):
     yard = play_edge("yard-1", robots={"rex": {}, "beast": {}, "deaf": {}})
     with console.page() as page:
         for name in ("rex", "beast", "deaf"):
-            page.told("robots", f"yard-1/{name}")
+            page.wait_for("robots", f"yard-1/{name}")
     return yard
 
 
-def told(asked):
+def velocity_messages(asked):
     return [json.loads(each.payload) for each in list(asked)]
 
 
@@ -32,7 +32,7 @@ def test_a_velocity_is_passed_on_by_the_operators_name_and_answered_with_its_num
     with console.page(Permission.OPERATE) as page:
         page.ask("drive", number=7, robot="yard-1/rex", linear_x=0.5, angular_z=-0.2)
         assert page.next("drove") == {"type": "drove", "number": 7, "status": "accepted", "reason": ""}
-    message = told(asked["rex"])[0]
+    message = velocity_messages(asked["rex"])[0]
     assert (message["linear_x"], message["angular_z"], message["session_id"]) == (0.5, -0.2, "anna")
     assert asked["rex"][0].parameters["kind"] == "motion"
 
@@ -41,7 +41,7 @@ def test_a_page_that_closes_while_it_drives_ends_the_motion(console, asked):
     with console.page() as page:
         page.ask("drive", number=1, robot="yard-1/rex", linear_x=0.5)
         page.next("drove")
-    wait_until("the zero", lambda: told(asked["rex"])[-1]["linear_x"] == 0.0)
+    wait_until("the zero", lambda: velocity_messages(asked["rex"])[-1]["linear_x"] == 0.0)
 
 
 def test_a_page_that_drives_nobody_sends_nothing_when_it_closes(console, asked):
@@ -59,8 +59,8 @@ def test_driving_another_robot_ends_the_motion_of_the_one_before(console, asked)
     with console.page() as page:
         page.ask("drive", number=1, robot="yard-1/rex", linear_x=0.5)
         page.ask("drive", number=2, robot="yard-1/beast", linear_x=0.5)
-        wait_until("both", lambda: told(asked["beast"]))
-        wait_until("the zero", lambda: told(asked["rex"])[-1]["linear_x"] == 0.0)
+        wait_until("both", lambda: velocity_messages(asked["beast"]))
+        wait_until("the zero", lambda: velocity_messages(asked["rex"])[-1]["linear_x"] == 0.0)
 
 
 @pytest.mark.parametrize("value", ["1e9", "NaN", '"fast"', "null"])

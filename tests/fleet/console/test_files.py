@@ -54,8 +54,10 @@ def test_the_page_loads_nothing_from_elsewhere_and_has_no_code_in_itself():
 
 def test_what_others_wrote_is_as_they_released_it_and_has_its_licence():
     root = Path(__file__).parents[3]
-    told = (root / "docs" / "dependencies.md").read_text()
-    rows = re.findall(r"^\| (\S+\.(?:js|css)) \| (\w+) \S+ \| [\w-]+ \| ([0-9a-f]{64}) ", told, re.MULTILINE)
+    dependencies = (root / "docs" / "dependencies.md").read_text()
+    rows = re.findall(
+        r"^\| (\S+\.(?:js|css)) \| (\w+) \S+ \| [\w-]+ \| ([0-9a-f]{64}) ", dependencies, re.MULTILINE
+    )
     vendor = root / "fleet" / "console" / "static" / "vendor"
     files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in vendor.glob("*.*s*")}
     files = {name: digest for name, digest in files.items() if not name.endswith(".txt")}

@@ -20,7 +20,7 @@ def view():
     return FleetView()
 
 
-def test_a_page_is_told_what_changed_since_it_looked(view):
+def test_a_page_gets_what_changed_since_it_looked(view):
     view.take_state(state(), 10.0)
     seen = view.version
     assert list(view.since(0)["robots"]) == ["yard/rex"]

@@ -67,8 +67,8 @@ POSTS = [
 )
 def test_a_stop_from_a_foreign_page_or_in_a_foreign_form_is_refused(console, changed):
     headers = {name: value and value.format(port=console.port) for name, value in changed.items()}
-    told = {"ask": "stop", "request": "x"}
-    status, _, _ = console.post("/api/stop", told, cookie=console.cookie(), **headers)
+    content = {"ask": "stop", "request": "x"}
+    status, _, _ = console.post("/api/stop", content, cookie=console.cookie(), **headers)
     assert status in {400, 403}
 
 

@@ -15,7 +15,7 @@ from fleet.testing.clock import ManualClock
 HERE = "10.0.0.9"
 
 
-class Told:
+class RecordedLogins:
     """What the history was told."""
 
     def __init__(self):
@@ -54,31 +54,31 @@ def clock():
 
 
 @pytest.fixture
-def told():
-    return Told()
+def recorded():
+    return RecordedLogins()
 
 
 @pytest.fixture
-def login(path, told, clock, verified):
-    return Login(People(path), told, clock)
+def login(path, recorded, clock, verified):
+    return Login(People(path), recorded, clock)
 
 
-async def test_a_name_with_its_password_gets_a_session_with_its_permission(login, told):
+async def test_a_name_with_its_password_gets_a_session_with_its_permission(login, recorded):
     opened = await login.log_in("anna", "right", HERE)
     operator = login.sessions.operator_of({login.sessions.cookie: opened.cookie}, opened.proof)
     assert (operator.name, operator.permission) == ("anna", Permission.OPERATE)
     assert login.sessions.cookie.startswith("__Host-")
-    assert told.events == [("anna", HERE)]
+    assert recorded.events == [("anna", HERE)]
 
 
 async def test_an_unknown_name_gets_the_same_answer_after_the_same_work_and_is_not_written(
-    login, told, verified
+    login, recorded, verified
 ):
     wrong = await login.log_in("anna", "wrong", HERE)
     unknown = await login.log_in("my secret password", "right", HERE)
     assert wrong == unknown == LoginRefused(403, WRONG)
     assert verified == ["hash of right", None]
-    assert told.events == [("anna", HERE, 0.0), ("", HERE, 0.0)]
+    assert recorded.events == [("anna", HERE, 0.0), ("", HERE, 0.0)]
 
 
 async def test_a_name_waits_after_failures_even_with_the_right_password_and_from_elsewhere(login, clock):
@@ -135,7 +135,7 @@ async def test_a_session_ends_at_once_when_its_person_is_changed(login, path, ch
     assert login.sessions.operator_of(cookies, opened.proof) is None
 
 
-async def test_a_file_that_cannot_be_read_is_told_as_such(login, path):
+async def test_a_file_that_cannot_be_read_is_reported_as_such(login, path):
     path.write_text("garbage")
     refused = await login.log_in("anna", "right", HERE)
     assert (refused.status, "file of people cannot be read" in refused.why) == (503, True)

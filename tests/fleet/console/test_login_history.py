@@ -37,7 +37,7 @@ def test_who_came_in_is_proven_and_who_failed_is_not(history):
     assert unknown.text == "a login at the console with an unknown name failed, from 10.0.0.8"
 
 
-def test_failures_are_bounded_by_the_minute_and_their_number_is_told(history, clock):
+def test_failures_are_bounded_by_the_minute_and_their_number_is_reported(history, clock):
     for _ in range(FAILURES + 5):
         history.failed("anna", "10.0.0.8", 0.0)
     assert len(waiting(history)) == FAILURES

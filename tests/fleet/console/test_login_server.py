@@ -78,8 +78,8 @@ class Beyond:
             answer = connection.getresponse()
             return answer.status, answer.headers, answer.read()
 
-    def post(self, path, told, **headers):
-        body = told if isinstance(told, bytes) else json.dumps(told).encode()
+    def post(self, path, content, **headers):
+        body = content if isinstance(content, bytes) else json.dumps(content).encode()
         usual = {"origin": self.base, "content_type": "application/json", "content_length": str(len(body))}
         return self.request("POST", path, body=body, **(usual | headers))
 
@@ -87,9 +87,9 @@ class Beyond:
         """Log in; return the headers by which the session is shown, and what was told."""
         status, answered, body = self.post("/api/login", {"name": name, "password": password}, **headers)
         assert status == 200, body
-        told = json.loads(body)
+        session = json.loads(body)
         cookie = answered["set-cookie"].partition(";")[0]
-        return {"cookie": cookie, "x_fleet_proof": told["proof"]}, told
+        return {"cookie": cookie, "x_fleet_proof": session["proof"]}, session
 
     def status(self, shown):
         return self.request("GET", "/api/session", **shown)[0]
@@ -186,8 +186,8 @@ def yard(play_edge):
 
 def test_a_login_opens_a_session_with_a_cookie_that_only_this_site_over_tls_is_sent(beyond):
     status, headers, body = beyond.post("/api/login", {"name": "anna", "password": PASSWORD})
-    told = json.loads(body)
-    assert (status, told["operator"], told["permission"]) == (200, "anna", "operate")
+    session = json.loads(body)
+    assert (status, session["operator"], session["permission"]) == (200, "anna", "operate")
     name, *flags = headers["set-cookie"].split("; ")
     assert name.startswith("__Host-fleet_console_")
     assert {"HttpOnly", "SameSite=strict", "Secure", "Path=/"} <= set(flags)
@@ -195,7 +195,7 @@ def test_a_login_opens_a_session_with_a_cookie_that_only_this_site_over_tls_is_s
 
 
 @pytest.mark.parametrize(
-    ("told", "expected"),
+    ("content", "expected"),
     [
         ({"name": "anna", "password": "wrong horse battery"}, 403),
         ({"name": "nobody-here", "password": PASSWORD}, 403),
@@ -209,8 +209,8 @@ def test_a_login_opens_a_session_with_a_cookie_that_only_this_site_over_tls_is_s
         (b"garbage", 400),
     ],
 )
-def test_what_is_not_a_name_with_its_password_opens_no_session(beyond, told, expected):
-    status, headers, _ = beyond.post("/api/login", told, source="127.0.0.2")
+def test_what_is_not_a_name_with_its_password_opens_no_session(beyond, content, expected):
+    status, headers, _ = beyond.post("/api/login", content, source="127.0.0.2")
     assert (status, headers["set-cookie"]) == (expected, None)
 
 
@@ -251,8 +251,8 @@ def test_a_cookie_that_is_replayed_after_logout_is_no_good_and_its_page_is_close
             _read_to_the_end(page)
     assert (closed.value.rcvd.code, closed.value.rcvd.reason) == (4401, "the session has ended")
     assert beyond.status(shown) == 401
-    told = json.loads(beyond.request("GET", "/api/session", **shown)[2])
-    assert told["login"] == "/login.html"
+    session = json.loads(beyond.request("GET", "/api/session", **shown)[2])
+    assert session["login"] == "/login.html"
     assert beyond.post("/api/stop", {"ask": "stop", "request": "late"}, **shown)[0] == 401
     assert beyond.post("/api/logout", {}, **shown)[0] == 401
 
@@ -275,8 +275,8 @@ def test_who_is_removed_or_may_do_less_has_no_session_and_no_page_any_more(beyon
 
 
 def test_who_may_only_view_may_stop_and_nothing_else(beyond, yard):
-    shown, told = beyond.log_in("vera")
-    assert told["permission"] == "view"
+    shown, session = beyond.log_in("vera")
+    assert session["permission"] == "view"
     with beyond.page(shown) as page:
         page.send(json.dumps({"ask": "release", "request": "r1", "robots": ["yard-1/rex"]}))
         answer = _answer(page, "r1")
@@ -362,7 +362,7 @@ def test_the_login_page_needs_no_session_and_has_the_policy_without_inline_code(
     assert body.count(b"<script") == 1
 
 
-def test_plain_http_is_told_where_to_go_and_gets_nothing_else(beyond):
+def test_plain_http_learns_where_to_go_and_gets_nothing_else(beyond):
     with socket.create_connection(("127.0.0.1", beyond.port), timeout=DEADLINE) as plain:
         plain.sendall(b"GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n")
         with plain.makefile("rb") as answer:
@@ -380,14 +380,14 @@ def test_plain_http_is_told_where_to_go_and_gets_nothing_else(beyond):
     ],
     ids=["no host", "no key", "no certificate"],
 )
-def test_a_certificate_that_cannot_be_used_is_told(tmp_path, spoil, why):
+def test_a_certificate_that_cannot_be_used_is_reported(tmp_path, spoil, why):
     write_certificate(tmp_path)
     spoil(tmp_path)
     with pytest.raises(ConsoleError, match=why):
         LoginServer(task_in(tmp_path, 0), None, ManualClock())
 
 
-def test_a_port_that_is_taken_is_told(tmp_path):
+def test_a_port_that_is_taken_is_reported(tmp_path):
     write_certificate(tmp_path)
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
@@ -427,8 +427,8 @@ def test_in_a_browser_one_logs_in_stops_robots_is_removed_and_logs_out(open_page
     page.wait_for_selector('#robots li[data-id="yard-1/rex"]')
     page.keyboard.press("Escape")
     page.keyboard.press("Escape")
-    told = "[...fleetPage.stops.values()].map((stop) => stop.told && stop.told.by)"
-    wait_until("the stop to be told", lambda: "bert" in page.evaluate(told))
+    script = "[...fleetPage.stops.values()].map((stop) => stop.told && stop.told.by)"
+    wait_until("the stop to be told", lambda: "bert" in page.evaluate(script))
     wait_until("the stop to reach the edge", lambda: yard.stops)
     page.reload()
     page.locator("#link-words", has_text="bert · view").wait_for()

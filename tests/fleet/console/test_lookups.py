@@ -44,7 +44,7 @@ async def lookups():
     return Lookups(SimpleNamespace(pasts=Pasts()))
 
 
-async def test_the_extent_of_the_recordings_is_told(lookups):
+async def test_the_extent_of_the_recordings_is_reported(lookups):
     found = await lookups.calls[ExtentAsked](ExtentAsked("r"))
     assert found == {"extent": {"since": 1.0, "until": 2.0}}
 

@@ -45,8 +45,8 @@ class PlayedMissions:
 def missions(play_edge, console):
     missions = PlayedMissions(play_edge("yard-1", robots={"rex": {"health": "ok"}}))
     with console.page() as page:
-        assert page.told("missions", "yard-1/patrol")["summary"] == "Go round."
-        assert page.told("runs", "yard-1/3f2a")["question"]["text"] == "Is the gate open?"
+        assert page.wait_for("missions", "yard-1/patrol")["summary"] == "Go round."
+        assert page.wait_for("runs", "yard-1/3f2a")["question"]["text"] == "Is the gate open?"
     return missions
 
 
@@ -67,7 +67,7 @@ def test_a_question_is_answered(console, missions):
     assert missions.asked[-1][1] == {"do": "answer", "question": 2, "goes_on": True, "session_id": "anna"}
 
 
-def test_what_the_edge_refuses_is_told_with_its_reason_and_hint(console, missions, monkeypatch):
+def test_what_the_edge_refuses_is_reported_with_its_reason_and_hint(console, missions, monkeypatch):
     monkeypatch.setitem(missions.answers, "patrol", Started(refusal="rex is stopped", hint="release it"))
     with console.page() as page:
         page.ask("mission", request="r", edge="yard-1", name="patrol")
@@ -79,7 +79,7 @@ def test_what_the_edge_refuses_is_told_with_its_reason_and_hint(console, mission
     )
 
 
-def test_a_run_that_nobody_knows_is_told_so(console, missions):
+def test_a_run_that_nobody_knows_is_reported(console, missions):
     with console.page() as page:
         page.ask("run", request="r", edge="yard-1", run="none", do="abort")
         assert page.answer("r")["reason"] == "no edge answers on fleet/yard-1/runs/none"
@@ -116,8 +116,8 @@ def test_a_rehearsal_is_followed_to_its_result(console, missions):
         while not (answer := page.next("answer")).get("done"):
             pass
     assert answer["rehearsal"]["result"]["seconds"] == 12.0
-    told = [each["rehearsal"] for each in page.answers if each["request"] == "r"]
-    assert [each.get("step", "") for each in told] == ["", "go", ""]
+    rehearsals = [each["rehearsal"] for each in page.answers if each["request"] == "r"]
+    assert [each.get("step", "") for each in rehearsals] == ["", "go", ""]
     (_, begun, first), (_, looked, second), (_, again, third) = missions.asked[-3:]
     assert (first, second, third) == ("rehearse", "rehearsal", "rehearsal")
     assert (begun["inputs"], begun["session_id"]) == ({"height": 5}, "anna")
@@ -132,7 +132,7 @@ def test_a_rehearsal_is_followed_to_its_result(console, missions):
     ],
     ids=["refused", "failed"],
 )
-def test_a_rehearsal_that_there_cannot_be_is_told_with_its_reason(console, missions, states):
+def test_a_rehearsal_that_there_cannot_be_is_reported_with_its_reason(console, missions, states):
     missions.rehearsal = list(states)
     with console.page(Permission.OPERATE) as page:
         page.ask("rehearse", request="r", edge="yard-1", name="patrol")

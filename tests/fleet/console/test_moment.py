@@ -11,30 +11,32 @@ AT = 1_795_000_000.0
 REX = "yard-1/rex"
 
 
-def told(topic, schema, value, *, ago=0.5):
+def recorded(topic, schema, value, *, ago=0.5):
     """Return a message that was recorded so many seconds before the moment."""
     data = value if isinstance(value, bytes) else msgspec.json.encode(value)
     return ReadMessage(f"/yard-1/{topic}", schema, AT - ago, AT - ago, data)
 
 
 def state(ago=0.5, **fields):
-    return told(
+    return recorded(
         "rex/state", "fleet.RobotState", RobotState("rex", "", "toy", "yard-1", AT - ago, **fields), ago=ago
     )
 
 
 def edge(ago=0.5):
-    return told("health", "fleet.EdgeState", EdgeState("yard-1", "1", AT - ago, 5.0), ago=ago)
+    return recorded("health", "fleet.EdgeState", EdgeState("yard-1", "1", AT - ago, 5.0), ago=ago)
 
 
 def pose(x=1.0):
     half = {"orientation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}, "position": {"x": x, "y": 0.0, "z": 0.0}}
-    return told("rex/position", "foxglove.PoseInFrame", {"timestamp": {"sec": 1, "nsec": 0}, "pose": half})
+    return recorded(
+        "rex/position", "foxglove.PoseInFrame", {"timestamp": {"sec": 1, "nsec": 0}, "pose": half}
+    )
 
 
 def places(ago=0.5):
     goals = {"robots": [{"robot": {"name": "rex", "way": [{"x": 3.0, "y": 4.0, "z": 0.0}]}}]}
-    return told("places/main", "fleet.Document", goals, ago=ago)
+    return recorded("places/main", "fleet.Document", goals, ago=ago)
 
 
 def test_a_moment_has_the_entries_that_a_page_takes():
@@ -47,7 +49,7 @@ def test_a_moment_has_the_entries_that_a_page_takes():
     assert entries["edges"]["yard-1"]["alive"]
 
 
-def test_an_edge_of_which_nothing_was_recorded_for_a_while_is_told_as_away_and_its_goals_are_left_out():
+def test_an_edge_of_which_nothing_was_recorded_for_a_while_is_reported_as_away_and_its_goals_are_left_out():
     found = moment(AT, [state(ago=40.0), edge(ago=42.0), places(ago=40.0)], [])
     away = found["entries"]["edges"]["yard-1"]
     assert (away["alive"], away["problem"]) == (False, "nothing of it was recorded for 40 s")
@@ -63,16 +65,16 @@ def test_a_pose_of_a_robot_without_a_state_is_left_out():
 @pytest.mark.parametrize(
     "broken",
     [
-        told("rex/state", "fleet.RobotState", b"{}"),
-        told("rex/position", "foxglove.PoseInFrame", b'{"pose": 5}'),
-        told("runs", "fleet.RunState", b"[" * 5000),
-        told("rex/history", "fleet.Record", b"\xff"),
-        told("places/main", "fleet.Document", {"robots": 5}),
-        told("rex/odd", "fleet.Odd", {}),
+        recorded("rex/state", "fleet.RobotState", b"{}"),
+        recorded("rex/position", "foxglove.PoseInFrame", b'{"pose": 5}'),
+        recorded("runs", "fleet.RunState", b"[" * 5000),
+        recorded("rex/history", "fleet.Record", b"\xff"),
+        recorded("places/main", "fleet.Document", {"robots": 5}),
+        recorded("rex/odd", "fleet.Odd", {}),
     ],
     ids=lambda message: message.schema,
 )
-def test_what_cannot_be_read_is_left_out_and_the_rest_is_told(broken):
+def test_what_cannot_be_read_is_left_out_and_the_rest_is_reported(broken):
     found = moment(AT, [broken, state(), edge()], [broken])
     assert list(found["entries"]["robots"]) == [REX]
     assert (found["events"], found["tracks"]) == ([], {})

@@ -13,8 +13,15 @@ def numbers(channel, message):
 
 
 def test_each_number_is_named_by_its_place():
-    told = {"ts": 5.0, "percent": 81.5, "cells": [3.7, 3.8], "cell": {"worst": 2}, "name": "x", "full": True}
-    assert numbers("battery", told) == {
+    message = {
+        "ts": 5.0,
+        "percent": 81.5,
+        "cells": [3.7, 3.8],
+        "cell": {"worst": 2},
+        "name": "x",
+        "full": True,
+    }
+    assert numbers("battery", message) == {
         "battery.percent": 81.5,
         "battery.cells.0": 3.7,
         "battery.cells.1": 3.8,
@@ -23,8 +30,8 @@ def test_each_number_is_named_by_its_place():
 
 
 def test_what_is_aligned_with_names_is_named_by_them():
-    told = {"names": ["hip", "knee"], "positions": [0.1, -0.2], "efforts": [None, 3.0]}
-    assert numbers("joint_states", told) == {
+    message = {"names": ["hip", "knee"], "positions": [0.1, -0.2], "efforts": [None, 3.0]}
+    assert numbers("joint_states", message) == {
         "joint_states.positions.hip": 0.1,
         "joint_states.positions.knee": -0.2,
         "joint_states.efforts.knee": 3.0,

@@ -102,10 +102,10 @@ def row(robot):
 
 def becomes(yard, name, **fields):
     """Tell a robot's state as it is at first, but for some fields; never newer than what the edge answers."""
-    told = {"twin": "", **ROBOTS[name], **fields}
+    state = {"twin": "", **ROBOTS[name], **fields}
     yard.bus.control.put(
         f"fleet/yard-1/robots/{name}/state",
-        msgspec.json.encode(RobotState(name, adapter="toy", edge="yard-1", stamp=1.0, **told)),
+        msgspec.json.encode(RobotState(name, adapter="toy", edge="yard-1", stamp=1.0, **state)),
     )
 
 
@@ -268,10 +268,10 @@ def test_any_number_that_a_robot_reports_is_plotted(open_page, yard):
     page = open_page()
     page.click(row(REX))
     twin = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
-    told = iter(range(1_000_000))
+    currents = iter(range(1_000_000))
 
     def offered():
-        message = {"percent": 80.0, "current": next(told)}
+        message = {"percent": 80.0, "current": next(currents)}
         yard.bus.reports.put(f"cw/{twin}/data/battery", json.dumps(message).encode())
         return page.locator("#robot .plots option", has_text="battery.current").count()
 
@@ -355,8 +355,8 @@ robots:
 
 def driven(asked):
     """Return the velocities forward that a robot was asked for."""
-    told = [json.loads(each.payload) for each in list(asked) if each.parameters["kind"] == "motion"]
-    return [message["linear_x"] for message in told]
+    messages = [json.loads(each.payload) for each in list(asked) if each.parameters["kind"] == "motion"]
+    return [message["linear_x"] for message in messages]
 
 
 @pytest.fixture
@@ -457,8 +457,8 @@ def test_what_is_wrong_is_shown_by_cause_while_no_robot_is_selected(open_page, y
 
 
 def test_the_fleet_file_of_an_edge_is_shown_with_what_is_wrong_and_as_text(open_page, yard):
-    told = ChangesAnswer((), "/etc/fleet.yaml", "it cannot be used", (SCRIPT,), text=f"robots: {SCRIPT}\n")
-    yard.tells("fleet/yard-1/changes", told)
+    answer = ChangesAnswer((), "/etc/fleet.yaml", "it cannot be used", (SCRIPT,), text=f"robots: {SCRIPT}\n")
+    yard.tells("fleet/yard-1/changes", answer)
     page = open_page()
     page.click("text=Show fleet.yaml of yard-1")
     shows(page, ".configuration .cause", "it cannot be used")

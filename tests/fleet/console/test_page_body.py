@@ -53,8 +53,8 @@ def feet():
 
 
 def ends(page):
-    told = page.evaluate("fleetPage.partEnds()")
-    return {name: tuple(end) for name, end in told.items() if name.endswith("calf")}
+    part_ends = page.evaluate("fleetPage.partEnds()")
+    return {name: tuple(end) for name, end in part_ends.items() if name.endswith("calf")}
 
 
 def picture(page):

@@ -98,11 +98,11 @@ def test_a_rehearsed_mission_is_shown_with_its_robots_as_ghosts_along_its_timeli
     page.get_by_role("button", name="Rehearse").click()
     page.locator(".rehearsal", has_text="patrol: not passed").wait_for()
     assert edge[0] == ("rehearse", {"inputs": {"height": 5}, "session_id": "anna"})
-    told = page.inner_text(".rehearsal")
-    assert f"rex and max came within 0.4 m {SCRIPT}" in told
-    assert "Closest approach: max and rex, 0.40 m after 4.0 s; 0.8 m are kept." in told
-    assert "80 % to 79 %" in told
-    assert "goes to 4, 8: failed: held" in told
+    text = page.inner_text(".rehearsal")
+    assert f"rex and max came within 0.4 m {SCRIPT}" in text
+    assert "Closest approach: max and rex, 0.40 m after 4.0 s; 0.8 m are kept." in text
+    assert "80 % to 79 %" in text
+    assert "goes to 4, 8: failed: held" in text
     assert page.evaluate("window.broken") is None
 
     slider = page.get_by_label("Moment of the rehearsal")

@@ -122,19 +122,19 @@ def values_shown(page):
     return page.locator(".plot .value").all_inner_texts()
 
 
-def test_the_fleet_at_a_second_is_told_with_its_poses_health_runs_and_events(served, begins):
+def test_the_fleet_at_a_second_is_reported_with_its_poses_health_runs_and_events(served, begins):
     with served.page(Permission.VIEW) as page:
         page.ask("moment", request="one", at=begins + 12.0)
-        told = page.answer("one")["moment"]
-    entries = told["entries"]
+        moment = page.answer("one")["moment"]
+    entries = moment["entries"]
     assert entries["poses"][REX] == [22.0, 0.0, 0.0, 0.0, True]
     assert entries["poses"][ANN] == [0.0, 3.0, 0.0, 0.0, True]
     assert (entries["robots"][REX]["emergency_stop"], entries["robots"][ANN]["health"]) == (True, "ok")
     assert entries["runs"]["yard-1/r1"]["phase"] == "step"
-    (event,) = told["events"]
+    (event,) = moment["events"]
     assert (event["robot"], event["by"], event["text"]) == (REX, "berta", "stopped: too close")
-    assert told["tracks"][REX][0] == [10.0, 0.0]
-    assert told["recorded"] == begins + 12.0
+    assert moment["tracks"][REX][0] == [10.0, 0.0]
+    assert moment["recorded"] == begins + 12.0
 
 
 def test_fences_joints_and_schedules_are_as_they_were(served, begins):
@@ -171,16 +171,16 @@ def test_the_page_draws_the_body_and_shows_schedules_without_buttons_in_the_past
     wait_until("the joint before", lambda: knee() == pytest.approx(-math.sin(0.5)))
 
 
-def test_a_time_of_which_nothing_is_recorded_is_refused_and_one_after_it_is_told_as_old(served, begins):
+def test_a_time_of_which_nothing_is_recorded_is_refused_and_one_after_it_is_reported_as_old(served, begins):
     with served.page() as page:
         page.ask("moment", request="before", at=begins - 60.0)
         assert "nothing is recorded" in page.answer("before")["reason"]
         page.ask("moment", request="nan", at=1e300)
         assert "no valid time" in page.answer("nan")["reason"]
         page.ask("moment", request="after", at=begins + 600.0)
-        told = page.answer("after")["moment"]
-    assert told["recorded"] == begins + LENGTH - 0.5
-    assert not told["entries"]["edges"]["yard-1"]["alive"]
+        moment = page.answer("after")["moment"]
+    assert moment["recorded"] == begins + LENGTH - 0.5
+    assert not moment["entries"]["edges"]["yard-1"]["alive"]
 
 
 def test_one_slider_takes_the_whole_page_to_a_second_and_back(open_past, begins):
@@ -310,7 +310,7 @@ def test_who_may_view_gets_series_of_recorded_numbers_and_why_a_request_is_refus
     window = {"robot": REX, "since": begins + 4, "until": begins + 6, "names": ["position.x"]}
     with served.page(Permission.VIEW) as page:
         page.ask("series", request="one", **window)
-        told = page.answer("one")["series"]
+        series = page.answer("one")["series"]
         page.ask("series", request="two", **(window | {"until": begins}))
         assert "begins before it ends" in page.answer("two")["reason"]
         page.ask("series", request="three", **(window | {"robot": "../../etc"}))
@@ -319,5 +319,5 @@ def test_who_may_view_gets_series_of_recorded_numbers_and_why_a_request_is_refus
         assert "points" in page.answer("")["reason"]
         page.ask("series", request="five", **(window | {"since": begins - 90, "until": begins - 60}))
         empty = page.answer("five")["series"]
-    assert told["values"]["position.x"][1] == [4.0, 4.5, 5.0, 5.5, 6.0]
+    assert series["values"]["position.x"][1] == [4.0, 4.5, 5.0, 5.5, 6.0]
     assert (empty["names"], empty["values"]) == ([], {"position.x": [[], []]})

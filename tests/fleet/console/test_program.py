@@ -19,7 +19,7 @@ def taken():
         yield other.getsockname()[1]
 
 
-async def test_a_port_that_is_taken_is_told(runtime, taken):
+async def test_a_port_that_is_taken_is_reported(runtime, taken):
     with pytest.raises(ConsoleError, match=f"port {taken} on 127.0.0.1 cannot be opened: Address already"):
         await serve(ConsoleTask("taken", taken), runtime, asyncio.Event())
 

@@ -90,6 +90,6 @@ def test_what_has_no_numbers_live_has_none_recorded(key, sample):
 
 
 @pytest.mark.parametrize("schema", ["fleet.BatteryReport", "fleet.RobotState", "foxglove.PoseInFrame"])
-def test_a_damaged_one_is_told(schema):
+def test_a_damaged_one_is_reported(schema):
     with pytest.raises(ValueError, match="cannot be read"):
         recorded_numbers(ReadMessage("/yard/rex/battery", schema, T, T, b'{"stamp": [}'))

@@ -32,16 +32,16 @@ def asked(play_edge):
 
 def test_a_schedule_is_shown_and_switched_by_the_operators_name(console, asked):
     with console.page(Permission.OPERATE) as page:
-        assert page.told("schedules", "yard-1/dawn")["trigger"] == "every 3600 s"
+        assert page.wait_for("schedules", "yard-1/dawn")["trigger"] == "every 3600 s"
         page.ask("schedule", request="r", edge="yard-1", name="dawn", do="disable")
         assert page.answer("r")["status"] == "accepted"
-        page.told("schedules", "yard-1/dawn", lambda told: not told["enabled"])
+        page.wait_for("schedules", "yard-1/dawn", lambda entry: not entry["enabled"])
     assert asked[-1] == ({"do": "disable", "name": "dawn", "by": "anna"}, "/as/operate/_local")
 
 
-def test_what_the_edge_refuses_is_told(console, asked):
+def test_what_the_edge_refuses_is_reported(console, asked):
     with console.page() as page:
-        page.told("edges", "yard-1", lambda edge: edge["alive"])
+        page.wait_for("edges", "yard-1", lambda edge: edge["alive"])
         page.ask("schedule", request="r", edge="yard-1", name="dusk", do="run")
         assert page.answer("r")["reason"] == "no such"
 

@@ -39,8 +39,8 @@ def test_the_points_are_values_in_order_and_not_too_many(values, most):
 
 @given(VALUES.filter(bool), st.integers(2, 60))
 def test_the_least_and_the_greatest_value_stay(values, most):
-    told = [value for _, value in thinned(values, most)]
-    assert (min(told), max(told)) == (min(v for _, v in values), max(v for _, v in values))
+    kept = [value for _, value in thinned(values, most)]
+    assert (min(kept), max(kept)) == (min(v for _, v in values), max(v for _, v in values))
 
 
 @given(VALUES, st.integers(2, 60), st.randoms())
@@ -94,7 +94,7 @@ def read(folder, *names, since=0.0, until=SECONDS, points=1000, spent=lambda: 0.
     return read_series(asked, window, spent)
 
 
-def test_the_values_of_the_window_are_told_at_their_times(folder):
+def test_the_values_of_the_window_are_reported_at_their_times(folder):
     found = read(folder, "position.x", "joint_states.positions.knee", since=2.0, until=4.0)
     times, values = found["values"]["position.x"]
     assert [at - BEGINS for at in times] == values == [2.0, 2.5, 3.0, 3.5, 4.0]
@@ -102,7 +102,7 @@ def test_the_values_of_the_window_are_told_at_their_times(folder):
     assert (found["share"], found["problems"]) == (1.0, [])
 
 
-def test_all_recorded_numbers_are_offered_and_only_the_wanted_ones_told(folder):
+def test_all_recorded_numbers_are_offered_and_only_the_wanted_ones_sent(folder):
     found = read(folder)
     assert {"position.x", "position.qw", "joint_states.positions.knee"} <= set(found["names"])
     assert not [name for name in found["names"] if name.startswith(("transform", "history", "description"))]
@@ -131,7 +131,7 @@ def test_the_points_of_a_number_are_limited(folder):
     assert len(times) <= 8
 
 
-def test_messages_that_cannot_be_read_are_told(tmp_path):
+def test_messages_that_cannot_be_read_are_reported(tmp_path):
     ring = Ring(tmp_path, Bounds(free=0))
     file = ring.file(BEGINS)
     file.add(Message("/yard-1/rex/battery", "fleet.BatteryReport", b'{"stamp": "x"}'), round(BEGINS * 1e9))
@@ -140,7 +140,7 @@ def test_messages_that_cannot_be_read_are_told(tmp_path):
     assert found["problems"] == ["unreadable messages of /yard-1/rex/battery: 1"]
 
 
-async def test_a_file_that_is_cut_off_is_told_with_the_series(tmp_path):
+async def test_a_file_that_is_cut_off_is_reported_with_the_series(tmp_path):
     write_recording(tmp_path, BEGINS, 10)
     (path,) = tmp_path.glob("*.mcap")
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 4])

@@ -20,7 +20,7 @@ def yard(play_edge, console):
     yard = play_edge("yard-1", robots=robots, groups={"ground": ["rex", "beast"]})
     with console.page() as page:
         for name in robots:
-            page.told("robots", f"yard-1/{name}")
+            page.wait_for("robots", f"yard-1/{name}")
     return yard
 
 
@@ -28,7 +28,7 @@ def test_everything_is_stopped_and_seen_to_stand_robot_by_robot(console, yard):
     with console.page() as page:
         page.ask("stop", request="all", why="a test")
         assert page.answer("all")["stop"]["everything"]
-        ended = page.told("stops", "all", lambda stop: not stop["open"])
+        ended = page.wait_for("stops", "all", lambda stop: not stop["open"])
     assert yard.stops[-1] == []
     rex = ended["robots"]["yard-1/rex"]
     assert (rex["outcome"], rex["way"]) == ("done", "bus")
@@ -41,8 +41,8 @@ def test_everything_is_stopped_and_seen_to_stand_robot_by_robot(console, yard):
 def test_one_robot_is_stopped_and_no_other(console, yard):
     with console.page() as page:
         page.ask("stop", request="one", robots=["yard-1/rex"])
-        told = page.answer("one")["stop"]
-    assert (list(told["robots"]), yard.stops[-1]) == (["yard-1/rex"], ["rex"])
+        stop = page.answer("one")["stop"]
+    assert (list(stop["robots"]), yard.stops[-1]) == (["yard-1/rex"], ["rex"])
 
 
 def test_a_stop_that_comes_by_both_ways_is_one_stop(console, yard):
@@ -60,8 +60,8 @@ def test_a_stop_that_comes_by_both_ways_is_one_stop(console, yard):
 
 
 def test_a_stop_without_a_websocket_is_answered_and_followed(console, yard):
-    told = {"ask": "stop", "request": "post", "robots": ["yard-1/rex"]}
-    status, _, body = console.post("/api/stop", told, cookie=console.cookie())
+    request = {"ask": "stop", "request": "post", "robots": ["yard-1/rex"]}
+    status, _, body = console.post("/api/stop", request, cookie=console.cookie())
     assert status == 200
     assert json.loads(body)["robots"]["yard-1/rex"]["acknowledged"] >= 1
 
@@ -75,7 +75,7 @@ def test_a_stop_without_a_websocket_is_answered_and_followed(console, yard):
 def test_a_robot_that_nobody_has_did_not_answer(console, yard):
     with console.page() as page:
         page.ask("stop", request="nobody", robots=["yard-1/ghost"])
-        ended = page.told("stops", "nobody", lambda stop: not stop["open"])
+        ended = page.wait_for("stops", "nobody", lambda stop: not stop["open"])
     assert ended["robots"]["yard-1/ghost"]["outcome"] == NO_ANSWER
 
 
@@ -94,21 +94,21 @@ def test_the_supervisors_are_asked_at_the_same_time(console, yard, monkeypatch):
     monkeypatch.setattr("fleet.console.stops.stop_all", stop_all)
     with console.page() as page:
         page.ask("stop", request="away", robots=["far-1/rover"])
-        told = page.answer("away")["stop"]
-    assert told["robots"]["far-1/rover"]["way"] == "supervisor"
-    assert told["problems"][0].startswith("edge gone-1 is away: mule was halted")
+        stop = page.answer("away")["stop"]
+    assert stop["robots"]["far-1/rover"]["way"] == "supervisor"
+    assert stop["problems"][0].startswith("edge gone-1 is away: mule was halted")
 
 
 def test_a_way_that_fails_keeps_no_other_way_from_stopping(console, yard, monkeypatch):
     monkeypatch.setattr("fleet.console.stops.stop_all", lambda *_, **__: 1 / 0)
     with console.page() as page:
         page.ask("stop", request="broken", robots=["yard-1/rex"])
-        told = page.answer("broken")["stop"]
-    assert told["robots"]["yard-1/rex"]["acknowledged"] >= 1
-    assert told["problems"] == ["supervisors: division by zero"]
+        stop = page.answer("broken")["stop"]
+    assert stop["robots"]["yard-1/rex"]["acknowledged"] >= 1
+    assert stop["problems"] == ["supervisors: division by zero"]
 
 
-def test_who_was_not_seen_to_stand_is_told_so_at_the_end():
+def test_who_was_not_seen_to_stand_is_reported_at_the_end():
     record = StopRecord("anna", "", StopTarget(), ["a/rex", "a/beast"], 10.0)
     record.acknowledge("a/rex", 10.004, "bus")
     record.acknowledge("a/rex", 10.2, "supervisor")

@@ -83,7 +83,7 @@ async def test_who_speaks_tls_is_handed_on(port, files):
 
 
 @pytest.mark.parametrize("sent", [b"GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n", b"\0", b"SSH-2.0-x\r\n"])
-async def test_who_speaks_something_else_is_told_where_to_go_and_gets_nothing_else(port, sent):
+async def test_who_speaks_something_else_learns_where_to_go_and_gets_nothing_else(port, sent):
     head, _, body = (await read_all(port, sent)).partition(b"\r\n\r\n")
     assert head.startswith(b"HTTP/1.1 400 Bad Request\r\n")
     assert body == f"this port is for https; open {ADDRESS}\n".encode()
@@ -124,6 +124,6 @@ async def test_a_connection_that_brings_no_request_is_ended_and_one_that_does_is
 @pytest.mark.parametrize(
     ("cert", "key"), [("web.pem", "other.key"), ("none.pem", "web.key"), ("web.key", "web.key")]
 )
-def test_a_certificate_that_does_not_fit_is_told(files, cert, key):
+def test_a_certificate_that_does_not_fit_is_reported(files, cert, key):
     with pytest.raises(ConsoleError, match=r"console\.tls cannot be used"):
         tls_context(str(files / cert), str(files / key))

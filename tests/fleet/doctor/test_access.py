@@ -110,13 +110,13 @@ def line():
     os.close(theirs)
 
 
-def test_a_device_that_the_user_may_not_open_is_told_with_its_group(line):
+def test_a_device_that_the_user_may_not_open_is_reported_with_its_group(line):
     line.chmod(0o600)
     found = device(line)
     assert (found.verdict, "usermod -aG" in found.cure) == (Rating.ERROR, True)
 
 
-def test_a_device_that_another_program_holds_is_told_with_its_name(line):
+def test_a_device_that_another_program_holds_is_reported_with_its_name(line):
     number = line.stat().st_rdev
     (found,) = check_devices(Devices((str(line),)), account("root"), {number: "minicom (process 7)"})
     assert (found.verdict, "minicom (process 7)" in found.found) == (Rating.WARNING, True)
@@ -142,7 +142,7 @@ def interface(folder, *, flags="0x1", queue="10"):
     return found
 
 
-def test_a_can_interface_that_is_missing_down_or_queues_too_much_is_told(tmp_path):
+def test_a_can_interface_that_is_missing_down_or_queues_too_much_is_reported(tmp_path):
     (missing,) = check_can(Devices(interfaces=("can0",)), tmp_path)
     assert (missing.verdict, "no interface can0" in missing.found) == (Rating.ERROR, True)
     places = [tmp_path / name for name in "abc"]

@@ -53,14 +53,14 @@ def test_every_part_is_looked_at_and_no_plugin_is_imported(place):
     assert (device.verdict, "/dev/no-such" in device.found) == (Rating.ERROR, True)
 
 
-def test_a_wrong_fleet_file_is_told_and_the_rest_is_looked_at(place):
+def test_a_wrong_fleet_file_is_reported_and_the_rest_is_looked_at(place):
     (place / "fleet.yaml").write_text("edge: {id: YARD}\nrobots: [{}]\n")
     findings = examine(place / "fleet.yaml")
     assert found_in(findings, "fleet file")[0].verdict is Rating.ERROR
     assert found_in(findings, "clock")
 
 
-def test_the_certificate_of_the_console_is_told_with_its_last_day(place):
+def test_the_certificate_of_the_console_is_reported_with_its_last_day(place):
     now = datetime.now(UTC)
     end = now + timedelta(days=300)
     authority = make_authority("site", now)
@@ -69,9 +69,9 @@ def test_the_certificate_of_the_console_is_told_with_its_last_day(place):
     (place / "web.key").write_bytes(pair.key)
     console = "console: {listen: '0.0.0.0:8443', tls: {cert: web.pem, key: web.key}}\n"
     (place / "fleet.yaml").write_text(FILE + console)
-    (told,) = found_in(examine(place / "fleet.yaml"), "tls")
-    assert told.verdict is Rating.OK
-    assert told.found == f"certificates are valid; web.pem is the first to end, on {end:%Y-%m-%d}"
+    (finding,) = found_in(examine(place / "fleet.yaml"), "tls")
+    assert finding.verdict is Rating.OK
+    assert finding.found == f"certificates are valid; web.pem is the first to end, on {end:%Y-%m-%d}"
 
 
 def test_a_check_that_fails_itself_hides_no_other(place, monkeypatch):

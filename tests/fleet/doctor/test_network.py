@@ -105,7 +105,7 @@ def test_a_broker_that_is_away_is_an_error(listener):
     assert (found.verdict, "not reached" in found.found) == (Rating.ERROR, True)
 
 
-def test_a_broker_without_a_name_is_told_as_such(monkeypatch):
+def test_a_broker_without_a_name_is_reported_as_such(monkeypatch):
     def nobody(*_):
         raise socket.gaierror(-2, "Name or service not known")
 

@@ -9,7 +9,7 @@ from fleet.doctor.software import AnsweredEdge, check_edges, check_extras, check
 from fleet.model.state import EdgeState
 
 
-def test_an_extra_that_a_link_needs_and_is_missing_is_told_with_the_command():
+def test_an_extra_that_a_link_needs_and_is_missing_is_reported_with_the_command():
     links = ["serial:/dev/ttyUSB0?baud=57600", "can:socketcan:can0", "sim:px4"]
     found = check_extras(links, lambda module: module != "serialx")
     assert [each.cure for each in found] == ["pip install 'zenoh-fleet[serial]'"]
@@ -44,7 +44,7 @@ def seen(edge, *, version="1.0", offset=0.0, doubt=0.01):
     return AnsweredEdge(EdgeState(edge, version, 0.0, 1.0), offset, doubt)
 
 
-def test_edges_with_another_clock_or_version_are_told():
+def test_edges_with_another_clock_or_version_are_reported():
     found = check_edges([seen("a"), seen("b", offset=2.0), seen("c", version="0.9")], ["d is silent"], "1.0")
     assert [(each.verdict, each.found) for each in found] == [
         (Rating.ERROR, "d is silent"),

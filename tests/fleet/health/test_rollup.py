@@ -91,15 +91,17 @@ troubles = st.builds(
 )
 def test_every_trouble_of_an_edge_that_is_up_and_every_edge_that_is_not_has_a_row(edges, now):
     seen = [
-        SeenEdge(f"e{number}", alive, heard, summary(f"e{number}", *told), heard)
-        for number, (alive, heard, told) in enumerate(edges)
+        SeenEdge(f"e{number}", alive, heard, summary(f"e{number}", *troubled), heard)
+        for number, (alive, heard, troubled) in enumerate(edges)
     ]
     view = roll_up(seen, now)
     assert sum(view.edges.values()) == len(seen)
     assert sum(view.robots.values()) == 20 * len(seen)
     shown = {edge for row in view.rows for edge in row.edges}
     assert shown >= {each.edge for each in seen if each.reach(now) is not Reach.UP}
-    told = sum(each.robots for edge in seen if edge.reach(now) is Reach.UP for each in edge.summary.troubles)
-    assert sum(row.robots for row in view.rows) == told
+    troubled = sum(
+        each.robots for edge in seen if edge.reach(now) is Reach.UP for each in edge.summary.troubles
+    )
+    assert sum(row.robots for row in view.rows) == troubled
     assert all(row.next and 0 <= row.since <= max(now, NOW) for row in view.rows)
     assert [row.since for row in view.rows] == sorted(row.since for row in view.rows)

@@ -90,7 +90,7 @@ def test_events_are_found_by_robot_and_time_the_newest_of_them_in_order(store):
     assert texts(store, most=2) == ["8", "9"]
 
 
-def test_what_is_not_written_yet_is_told_too_and_once(store):
+def test_what_is_not_written_yet_is_reported_too_and_once(store):
     store.add("rex", event("one", stamp=1.0))
     store.write()
     store.add("rex", event("two", stamp=2.0))
@@ -114,7 +114,7 @@ def test_nothing_waits_for_the_disk_when_an_event_is_added(store, monkeypatch):
     monkeypatch.undo()
 
 
-def test_a_folder_that_cannot_be_made_keeps_events_in_memory_and_is_told_and_tried_again(tmp_path, clock):
+def test_a_folder_that_cannot_be_made_keeps_events_in_memory_and_is_reported_and_tried_again(tmp_path, clock):
     (tmp_path / "state").write_text("in the way")
     store = History(tmp_path / "state", clock)
     store.add("rex", event())
@@ -144,7 +144,7 @@ def test_a_disk_that_fills_up_loses_nothing_that_memory_has_room_for(store, cloc
     assert (store.problem, len(texts(store))) == ("", 200)
 
 
-def test_what_memory_has_no_room_for_is_counted_and_told_when_the_disk_is_well(tmp_path, clock):
+def test_what_memory_has_no_room_for_is_counted_and_reported_when_the_disk_is_well(tmp_path, clock):
     (tmp_path / "state").write_text("in the way")
     store = History(tmp_path / "state", clock)
     for number in range(WAITING + 7):

@@ -55,7 +55,7 @@ class Puppet(Adapter[PuppetConfig]):
 
     def __init__(self, config: PuppetConfig, robot: Robot) -> None:
         super().__init__(config, robot)
-        self.told: list[Any] = []
+        self.calls: list[Any] = []
         self.go = asyncio.Event()
         self.raises: BaseException | None = None  # in drive, navigate and takeoff
         self.halts: BaseException | None = None  # what a halt raises
@@ -63,10 +63,10 @@ class Puppet(Adapter[PuppetConfig]):
 
     def drive(self, velocity):
         self._maybe_raise()
-        self.told.append(velocity)
+        self.calls.append(velocity)
 
     async def stop(self, reason):
-        self.told.append("stop")
+        self.calls.append("stop")
         while self.stops == "never" and not self.go.is_set():
             with contextlib.suppress(asyncio.CancelledError):
                 await self.go.wait()
@@ -74,12 +74,12 @@ class Puppet(Adapter[PuppetConfig]):
             raise self.stops
 
     def halt(self):
-        self.told.append("halt")
+        self.calls.append("halt")
         if self.halts is not None:
             raise self.halts
 
     async def navigate(self, task) -> AsyncIterator[Progress]:
-        self.told.append(task)
+        self.calls.append(task)
         yield Progress(10)
         self._maybe_raise()
         await self.go.wait()
@@ -89,7 +89,7 @@ class Puppet(Adapter[PuppetConfig]):
     async def takeoff(self, altitude: float | None = None):
         """Take off."""
         self._maybe_raise()
-        self.told.append(("takeoff", altitude))
+        self.calls.append(("takeoff", altitude))
         yield Progress(0)
         await self.go.wait()
         self._maybe_raise()
@@ -97,17 +97,17 @@ class Puppet(Adapter[PuppetConfig]):
     @command("arm", interrupts=False)
     async def arm(self):
         """Start the motors."""
-        self.told.append("arm")
+        self.calls.append("arm")
 
     @command("land", safe=True, timeout=5)
     async def land(self):
         """Land."""
-        self.told.append("land")
+        self.calls.append("land")
 
     @command("battery_check", moves=False, safe=True)
     async def battery_check(self):
         """Look at the battery."""
-        self.told.append("battery_check")
+        self.calls.append("battery_check")
 
     @command("shy")
     async def shy(self):
@@ -326,7 +326,7 @@ class Yard:
         parts["edge"] = fleet["edge"] | parts.get("edge", {})
         self.file.write_text(json.dumps(fleet | parts))
 
-    def told(self, robot: str = "") -> list[tuple[int, float, str]]:
+    def calls(self, robot: str = "") -> list[tuple[int, float, str]]:
         """Return what the robots, or one of them, were told: process, monotonic seconds, word."""
         lines = self.journal.read_text().splitlines() if self.journal.exists() else []
         rows = [line.split() for line in lines if line.count(" ") == 3]
@@ -334,11 +334,11 @@ class Yard:
 
     def words(self, robot: str = "") -> list[str]:
         """Return what the robots, or one of them, were told, without process and time."""
-        return [word for _, _, word in self.told(robot)]
+        return [word for _, _, word in self.calls(robot)]
 
     def processes(self, robot: str) -> list[int]:
         """Return the processes in which a robot ran, in order."""
-        return [pid for pid, _, word in self.told(robot) if word == "run"]
+        return [pid for pid, _, word in self.calls(robot) if word == "run"]
 
     def bus_session(self) -> ZenohSession:
         """Return the way by which the command line asks."""

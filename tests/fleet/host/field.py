@@ -215,7 +215,7 @@ class Field:
         config = FleetConfig(**edge).model_copy(update={"robots": tuple(configs.values())})
         self.traffic = positions_of(config, self.clock)
         self.robots = {name: self._robot(configs[name], kind) for name, (kind, _) in starts.items()}
-        self.told = []
+        self.calls = []
 
     def _robot(self, config, kind):
         field = self

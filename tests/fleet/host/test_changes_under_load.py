@@ -90,10 +90,10 @@ class Load:
     def hear(self, session):
         for name, robot in self.edge.process.robots.items():
 
-            def told(_key, payload, heard=self.heard[name]):
+            def on_pose(_key, payload, heard=self.heard[name]):
                 heard.append(decode_report(PoseReport.channel, payload).position.x)
 
-            session.subscribe(data_key(robot.twin, PoseReport.channel), told)
+            session.subscribe(data_key(robot.twin, PoseReport.channel), on_pose)
 
     def change_some(self, number):
         """Change robots at random; one more is added, or taken out again."""

@@ -35,7 +35,7 @@ def time_passes(bench, seconds):
 
 
 def the_pilot_takes_over(bench, _):
-    bench.puppet.told.append("halt")  # an adapter that loses the robot sends nothing more
+    bench.puppet.calls.append("halt")  # an adapter that loses the robot sends nothing more
     bench.controller.authority_lost("pilot")
 
 
@@ -58,18 +58,18 @@ ASKED = {
 async def play(bench, asks, steps, source, session):
     """Play the steps; yields each one's kind, the latch before, the answers, what the robot was told."""
     for kind, value in steps:
-        before = len(bench.puppet.told)
+        before = len(bench.puppet.calls)
         latched, answers = bench.controller.latched, []
         if kind in ASKED:
             answers = bench.ask(ASKED[kind](asks, value, source=source, session=session))
         else:
             EVENTS[kind](bench, value)
         await asks.settle()
-        yield kind, latched, answers, bench.puppet.told[before:]
+        yield kind, latched, answers, bench.puppet.calls[before:]
 
 
-def moves(told):
-    return [one for one in told if (isinstance(one, Velocity) and not one.is_zero) or isinstance(one, tuple)]
+def moves(calls):
+    return [one for one in calls if (isinstance(one, Velocity) and not one.is_zero) or isinstance(one, tuple)]
 
 
 EXAMPLES = settings(
@@ -94,8 +94,8 @@ def test_every_ask_gets_exactly_one_receipt(make_bench, asks, steps, source, ses
 def test_nothing_moves_while_an_emergency_stop_is_latched(make_bench, asks, steps, source, session):
     async def check():
         bench = make_bench()
-        async for kind, latched, _, told in play(bench, asks, steps, source, session):
-            assert not latched or kind == "release" or moves(told) == []
+        async for kind, latched, _, calls in play(bench, asks, steps, source, session):
+            assert not latched or kind == "release" or moves(calls) == []
 
     asyncio.run(check())
 
@@ -105,8 +105,8 @@ def test_nothing_moves_while_an_emergency_stop_is_latched(make_bench, asks, step
 def test_nothing_ever_moves_for_a_source_that_is_not_obeyed(make_bench, asks, steps, source, session):
     async def check():
         bench = make_bench()
-        async for _, _, _, told in play(bench, asks, steps, source, session):
-            assert moves(told) == []
+        async for _, _, _, calls in play(bench, asks, steps, source, session):
+            assert moves(calls) == []
 
     asyncio.run(check())
 
@@ -117,7 +117,7 @@ def test_a_velocity_is_never_held_without_a_lease(make_bench, asks, steps, sourc
     async def check():
         bench = make_bench()
         async for _ in play(bench, asks, steps, source, session):
-            last = [one for one in bench.puppet.told if one != "battery_check"][-1:]
+            last = [one for one in bench.puppet.calls if one != "battery_check"][-1:]
             held = bool(last) and isinstance(last[0], Velocity) and not last[0].is_zero
             assert not held or bench.controller.deadman.armed
 

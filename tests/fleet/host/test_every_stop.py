@@ -259,8 +259,8 @@ def stops(draw):
     }[how](), name
 
 
-def moves(told):
-    return [one for one in told if isinstance(one, tuple) or (isinstance(one, Velocity) and not one.is_zero)]
+def moves(calls):
+    return [one for one in calls if isinstance(one, tuple) or (isinstance(one, Velocity) and not one.is_zero)]
 
 
 async def come(puppet, way, state, payload, *, worker):
@@ -268,14 +268,14 @@ async def come(puppet, way, state, payload, *, worker):
     rig = Rig(puppet, worker=worker)
     STATES[state](rig)
     await asyncio.sleep(0)
-    before = len(rig.puppet.told)
+    before = len(rig.puppet.calls)
     way(rig, payload)
     for _ in range(12):
         await asyncio.sleep(0)
-    told = rig.puppet.told[before:]
+    calls = rig.puppet.calls[before:]
     rig.journal.free.set()
     await threads_ended()
-    return rig, told
+    return rig, calls
 
 
 async def threads_ended():
@@ -310,12 +310,12 @@ def test_a_stop_is_obeyed_whatever_it_holds_however_it_comes_and_whatever_there_
     def holds(way, state, stop):
         payload, name = stop
         with asyncio.Runner() as runner:
-            rig, told = runner.run(come(puppet, (WAYS | SMALL)[way], state, payload, worker=worker))
-        assert {"stop", "halt"} & set(told)
-        assert not moves(told)
+            rig, calls = runner.run(come(puppet, (WAYS | SMALL)[way], state, payload, worker=worker))
+        assert {"stop", "halt"} & set(calls)
+        assert not moves(calls)
         if name in EMERGENCIES or way == "stop key":
             assert rig.robot.controller.latched
-            assert "halt" in told
+            assert "halt" in calls
 
     holds()
 
@@ -327,11 +327,11 @@ def test_what_is_too_large_to_be_read_is_a_stop_where_stops_come(puppet, caplog,
     caplog.set_level(logging.CRITICAL)
     payload = b'{"command": "takeoff", "x": "' + b"x" * (2 << 20)
     with asyncio.Runner() as runner:
-        rig, told = runner.run(come(puppet, WAYS[way], state, payload, worker=worker))
+        rig, calls = runner.run(come(puppet, WAYS[way], state, payload, worker=worker))
     if way == "bus of no kind":  # nothing says what it is about
         return
-    assert {"stop", "halt"} & set(told)
-    assert not moves(told)
+    assert {"stop", "halt"} & set(calls)
+    assert not moves(calls)
     assert rig.robot.controller.latched or way in ("mqtt navigation", "mqtt mission")
 
 
@@ -356,7 +356,7 @@ def test_whoever_is_let_in_may_stop_and_only_who_is_obeyed_may_release(puppet, s
     assert rig.robot.controller.latched == (name == "emergency_stop" and not released.ok)
 
 
-def test_a_stop_whose_message_is_refused_is_told_both(puppet):
+def test_a_stop_whose_message_is_refused_is_reported_both(puppet):
     async def play():
         rig, answers = Rig(puppet, worker=False), []
         rig.robot.read("command", b'{"command": "stop", "data": {', transport="bus")(answers.append)
@@ -375,13 +375,13 @@ def test_a_journal_that_hangs_keeps_no_robot_from_being_halted(puppet):
         rig = Rig(puppet, worker=False)
         rig.journal.blocked = True
         await asyncio.to_thread(rig.process.stop_robots, (), STOP_KEY_CAUSE)
-        told, latched = list(rig.puppet.told), list(rig.journal.latched)
+        calls, latched = list(rig.puppet.calls), list(rig.journal.latched)
         rig.journal.free.set()
-        return rig, told, latched
+        return rig, calls, latched
 
     with asyncio.Runner() as runner:
-        rig, told, latched = runner.run(play())
-    assert "halt" in told
+        rig, calls, latched = runner.run(play())
+    assert "halt" in calls
     assert rig.robot.controller.latched
     assert latched == []
     wait_until("it is recorded", lambda: [change.why for change in rig.journal.latched] == ["the stop key"])
@@ -401,7 +401,7 @@ def test_two_stops_go_on_though_one_robot_is_not_written(puppet):
     with asyncio.Runner() as runner:
         rig, stopped = runner.run(play())
     assert len(stopped) == 2
-    assert "stop" in rig.puppet.told
+    assert "stop" in rig.puppet.calls
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -412,7 +412,7 @@ def test_a_stop_does_not_depend_on_its_record(puppet, caplog, way, name, fault):
         rig, answers = Rig(puppet, worker=False), []
         drive(rig)
         FAULTS[fault](rig)
-        before = len(rig.puppet.told)
+        before = len(rig.puppet.calls)
         message = {"command": name, "source_type": "tele", "session_id": "anna", "id": "r1"}
         if way == "bus command":
             answers = rig.bus_session.ask(keys.command("yard", "rex"), json.dumps(message).encode())
@@ -420,12 +420,12 @@ def test_a_stop_does_not_depend_on_its_record(puppet, caplog, way, name, fault):
             WAYS[way](rig, json.dumps(message).encode())
         for _ in range(12):
             await asyncio.sleep(0)
-        return rig, rig.puppet.told[before:], answers
+        return rig, rig.puppet.calls[before:], answers
 
     with asyncio.Runner() as runner:
-        rig, told, answers = runner.run(play())
-    assert "stop" in told
-    assert not moves(told)
+        rig, calls, answers = runner.run(play())
+    assert "stop" in calls
+    assert not moves(calls)
     assert rig.robot.controller.latched == (name == "emergency_stop" or way == "stop key")
     assert "could not be written into the history" in caplog.text
     assert (way == "bus command") == bool(answers)

@@ -62,8 +62,8 @@ async def test_an_identity_takes_from_a_running_edge_only_what_is_its_own(place,
 async def test_the_end_of_its_certificate_is_in_the_edges_health(place, run_edge, asks):
     edge = place.edge()
     async with run_edge(edge):
-        told = "certificate yard.pem expires in 20 days, on "
-        await asks.until(lambda: told in edge.state().cause)
+        expected = "certificate yard.pem expires in 20 days, on "
+        await asks.until(lambda: expected in edge.state().cause)
         assert "; make a new one: fleet certs renew" in edge.state().cause
 
 

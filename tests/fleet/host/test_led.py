@@ -48,11 +48,11 @@ class Cart(Adapter[CartConfig]):
     def __init__(self, config):
         super().__init__(config, RecordingRobot())
         self.velocity = Velocity()
-        self.told = []
+        self.velocities = []
 
     def drive(self, velocity):
         self.velocity = velocity
-        self.told.append(velocity)
+        self.velocities.append(velocity)
 
     async def stop(self, reason):
         self.halt()
@@ -158,14 +158,14 @@ async def test_a_verb_with_a_distance_ends_there_and_its_repeat_moves_nothing(wo
     await world.until(lambda: world.states()[-1] == "completed")
     assert (world.x, world.y) == pytest.approx((x, 0.0), abs=0.05)
     assert (world.cart.velocity, world.controller.deadman.armed) == (Velocity(), False)
-    world.cart.told.clear()
+    world.cart.velocities.clear()
     world.ask(way)
     await world.pass_time(1.0)
-    assert world.cart.told == []
+    assert world.cart.velocities == []
     assert world.controller.last.command == verb
 
 
-async def test_without_a_pose_it_is_not_led_and_the_reason_is_told(world):
+async def test_without_a_pose_it_is_not_led_and_the_reason_is_reported(world):
     (first,) = world.ask(goal(1.0, 1.0))
     assert "has reported no pose" in first.reason
     assert world.states() == ["failed"]
@@ -175,7 +175,7 @@ async def test_what_the_follower_asks_is_clamped_and_has_a_lease(world):
     world.see()
     world.ask(goal(3.0, 0.0, constraints=Constraints(max_speed=9.0)))
     await world.until(lambda: world.states()[-1] == "completed")
-    assert max(velocity.linear.x for velocity in world.cart.told) == pytest.approx(0.5)
+    assert max(velocity.linear.x for velocity in world.cart.velocities) == pytest.approx(0.5)
     assert not world.controller.deadman.armed
 
 
@@ -183,7 +183,7 @@ async def test_an_asker_may_slow_it_down(world):
     world.see()
     world.ask(goal(2.0, 0.0, constraints=Constraints(max_speed=0.2)))
     await world.until(lambda: world.states()[-1] == "completed")
-    assert max(velocity.linear.x for velocity in world.cart.told) <= 0.2 + 1e-9
+    assert max(velocity.linear.x for velocity in world.cart.velocities) <= 0.2 + 1e-9
 
 
 async def test_a_robot_that_tells_no_pose_any_more_is_stopped_and_the_action_fails(world):
@@ -222,10 +222,10 @@ async def test_an_emergency_stop_ends_it_and_nothing_drives_after(world):
     world.ask(goal(3.0, 0.0))
     await world.until(lambda: world.x > 0.5)
     world.controller.emergency("test")
-    told = len(world.cart.told)
+    before = len(world.cart.velocities)
     world.ask(Command("emergency_stop", origin=TELE))
     await world.until(lambda: world.states()[-1] == "cancelled")
-    assert [velocity for velocity in world.cart.told[told:] if not velocity.is_zero] == []
+    assert [velocity for velocity in world.cart.velocities[before:] if not velocity.is_zero] == []
 
 
 async def test_a_newer_goal_takes_the_place_of_the_older(world):
@@ -245,10 +245,10 @@ async def test_a_paused_path_goes_on_with_what_is_left_of_it(world):
     await world.until(lambda: world.y > 0.5)
     world.ask(Navigate(Control.PAUSE, "", TELE))
     await world.until(lambda: world.cart.velocity.is_zero)
-    told = len(world.cart.told)
+    before = len(world.cart.velocities)
     world.ask(Navigate(Control.RESUME, "", TELE))
     await world.until(lambda: world.states()[-1] == "completed")
-    assert len(world.cart.told) > told
+    assert len(world.cart.velocities) > before
     assert (world.x, world.y) == pytest.approx((0.0, 1.0), abs=0.1)
 
 
@@ -263,8 +263,8 @@ async def test_keys_that_are_held_together_combine_and_a_stop_lifts_them(world):
 
 
 async def test_a_mission_is_refused_at_once_by_a_robot_that_has_none(world):
-    told = []
+    replies = []
     ask = Navigate(FlyMission("field", (PlanItem("return_to_launch"),)), "m1", TELE, world.clock.time())
-    world.controller.receive(ask, Receipt("start", told.append, waits=True))
-    (reply,) = told
+    world.controller.receive(ask, Receipt("start", replies.append, waits=True))
+    (reply,) = replies
     assert (reply.ok, "carries out no missions" in reply.reason) == (False, True)

@@ -26,8 +26,8 @@ class Site:
     async def does(self, name, *words):
         """Run a command on somebody's computer; returns exit code and output."""
         code = await asyncio.to_thread(main, [*words, "-f", f"{name}.yaml"])
-        told = self.capsys.readouterr()
-        return code, told.out + told.err
+        captured = self.capsys.readouterr()
+        return code, captured.out + captured.err
 
     def asked(self):
         """Return what the history has of who asked, with whether the name is proven."""
@@ -69,40 +69,40 @@ async def site(yard, run_edge, folder, free_port, request):
 
 
 async def test_who_may_operate_commands_and_the_history_has_the_name_of_the_certificate(site, asks):
-    code, told = await site.does("anna", "send", "rex", "walk", "--wait")
-    assert (code, "walk done" in told) == (0, True), told
+    code, output = await site.does("anna", "send", "rex", "walk", "--wait")
+    assert (code, "walk done" in output) == (0, True), output
     await asks.until(lambda: ("walk accepted", "anna", True) in site.asked())
-    code, told = await site.does("anna", "history", "rex")
-    assert (code, "anna (proven, bus)" in told) == (0, True), told
+    code, output = await site.does("anna", "history", "rex")
+    assert (code, "anna (proven, bus)" in output) == (0, True), output
 
 
 async def test_who_may_view_sees_all_stops_all_and_is_refused_the_rest_with_words(site, asks):
-    code, told = await site.does("vic", "ps")
-    assert (code, "rex" in told) == (0, True), told
-    code, told = await site.does("vic", "send", "rex", "walk")
-    assert (code, NEEDS_OPERATE in told) == (5, True), told
-    code, told = await site.does("vic", "mission", "run", "patrol")
-    assert (code, NEEDS_OPERATE in told) == (5, True), told
+    code, output = await site.does("vic", "ps")
+    assert (code, "rex" in output) == (0, True), output
+    code, output = await site.does("vic", "send", "rex", "walk")
+    assert (code, NEEDS_OPERATE in output) == (5, True), output
+    code, output = await site.does("vic", "mission", "run", "patrol")
+    assert (code, NEEDS_OPERATE in output) == (5, True), output
     assert site.place.words("rex") == ["run"]
     await asks.until(lambda: (f"walk refused: {NEEDS_OPERATE}", "vic", True) in site.asked())
-    code, told = await site.does("vic", "send", "rex", "stop")
-    assert code == 0, told
+    code, output = await site.does("vic", "send", "rex", "stop")
+    assert code == 0, output
     await asks.until(lambda: ("stop asked", "vic", True) in site.asked())
-    code, told = await site.does("vic", "stop", "rex")
-    assert code == 0, told
+    code, output = await site.does("vic", "stop", "rex")
+    assert code == 0, output
     await asks.until(lambda: next(s for s in site.edge.states() if s.name == "rex").emergency_stop)
-    code, told = await site.does("vic", "release", "rex")
-    assert (code, NEEDS_OPERATE in told) == (5, True), told
+    code, output = await site.does("vic", "release", "rex")
+    assert (code, NEEDS_OPERATE in output) == (5, True), output
 
 
 async def test_missions_and_common_starts_are_for_who_may_operate(site, asks):
-    code, told = await site.does("anna", "mission", "run", "patrol")
-    assert code == 0, told
+    code, output = await site.does("anna", "mission", "run", "patrol")
+    assert code == 0, output
     await asks.until(lambda: ("mission patrol completed", "anna", True) in site.asked())
-    code, told = await site.does("anna", "send", "max", "walk", "--at", "+2s", "--wait")
-    assert code == 0, told
-    code, told = await site.does("vic", "send", "max", "walk", "--at", "+2s")
-    assert code != 0, told
+    code, output = await site.does("anna", "send", "max", "walk", "--at", "+2s", "--wait")
+    assert code == 0, output
+    code, output = await site.does("vic", "send", "max", "walk", "--at", "+2s")
+    assert code != 0, output
     assert site.place.words("max").count("walk") == 1
 
 

@@ -63,7 +63,7 @@ class Cart:
     """The cart's own end of its link: what it was told, with the monotonic second."""
 
     def __init__(self, kind):
-        self.told = []
+        self.lines = []
         self.kind = kind
         self._socket = socket.socket(type=socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
@@ -89,11 +89,11 @@ class Cart:
                 self._take(self._socket.recv(1000))
 
     def _take(self, data):
-        self.told += [(time.monotonic(), line.decode()) for line in data.splitlines()]
+        self.lines += [(time.monotonic(), line.decode()) for line in data.splitlines()]
 
     @property
     def words(self):
-        return [word for _, word in self.told]
+        return [word for _, word in self.lines]
 
     @property
     def process(self):
@@ -102,7 +102,7 @@ class Cart:
 
     @property
     def moves(self):
-        return bool(self.told) and self.words[-1].startswith("drive 1")
+        return bool(self.lines) and self.words[-1].startswith("drive 1")
 
     def close(self):
         self._socket.close()
@@ -212,11 +212,11 @@ def test_a_robot_without_a_watchdog_is_halted_when_its_process_is_killed(run, wo
     it.drive()
     killed = time.monotonic()
     os.kill(first, signal.SIGKILL)
-    told = lambda: [word for at, word in it.cart.told if at > killed]  # noqa: E731
-    wait_until("the halt", lambda: "halt" in told())
-    assert not [word for word in told()[: told().index("halt")] if word.startswith("process")], (
-        "its supervisor halts it: nothing waits until it is run again, which takes seconds"
-    )
+    later_words = lambda: [word for at, word in it.cart.lines if at > killed]  # noqa: E731
+    wait_until("the halt", lambda: "halt" in later_words())
+    assert not [
+        word for word in later_words()[: later_words().index("halt")] if word.startswith("process")
+    ], "its supervisor halts it: nothing waits until it is run again, which takes seconds"
     it.line("has died; halted: rex")
     it.ready(after=first)
     assert not it.cart.moves
@@ -319,7 +319,7 @@ def test_an_edge_whose_supervisor_was_killed_ends_in_order(run):
     assert "halt" in it.cart.words[-5:]
 
 
-def test_a_mistake_in_fleet_yaml_is_told_once_and_nothing_is_started_again(yard):
+def test_a_mistake_in_fleet_yaml_is_reported_once_and_nothing_is_started_again(yard):
     place = yard(rex={})
     place.file.write_text("edge: {id: 5}\nrobots: 7\n")
     ended = subprocess.run(

@@ -38,7 +38,7 @@ def hearing():
 
 
 @pytest.fixture
-def told_why():
+def loss_reason():
     """Wait for a link's end and return the reason."""
 
     async def wait(link):

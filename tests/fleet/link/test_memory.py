@@ -16,11 +16,11 @@ async def test_bytes_go_both_ways(hearing):
         assert robot.heard == [b"ping"]
 
 
-async def test_an_unplugged_robot_is_noticed_and_can_come_back(hearing, told_why):
+async def test_an_unplugged_robot_is_noticed_and_can_come_back(hearing, loss_reason):
     with MemoryRobot("unplugged") as robot:
         link = await open_link("memory:unplugged", hearing())
         robot.unplug()
-        assert await told_why(link) == "memory:unplugged: unplugged"
+        assert await loss_reason(link) == "memory:unplugged: unplugged"
         with pytest.raises(LinkLost):
             link.send(b"x")
         await open_link("memory:unplugged", hearing())

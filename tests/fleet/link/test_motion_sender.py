@@ -76,7 +76,7 @@ def test_a_zero_and_a_stop_are_repeated_a_few_times_only(bench):
     assert bench.after(2.0) == [b"STOP"] * 5
 
 
-def test_a_robot_that_wants_to_be_told_at_rest_is_told():
+def test_a_robot_that_wants_reports_at_rest_gets_them():
     assert Bench(idle=True).after(1.0) == [b"STOP"] * 10
 
 

@@ -72,15 +72,15 @@ async def test_a_closed_device_can_be_opened_again(port, opened, hearing):
     await again.close()
 
 
-async def test_an_unplugged_device_is_noticed(port, opened, told_why):
+async def test_an_unplugged_device_is_noticed(port, opened, loss_reason):
     port.unplug()
-    assert opened[0].url in await told_why(opened[0])
+    assert opened[0].url in await loss_reason(opened[0])
     with pytest.raises(LinkLost):
         opened[0].send(b"M 1 0\n")
 
 
 async def test_an_unplugged_device_is_a_lost_link_also_to_who_moves_the_robot_before_the_loop_notices(
-    port, opened, told_why
+    port, opened, loss_reason
 ):
     link, _ = opened
     motion = MotionSender(
@@ -95,7 +95,7 @@ async def test_an_unplugged_device_is_a_lost_link_also_to_who_moves_the_robot_be
     with pytest.raises(NotReady, match="Input/output error"):
         motion.drive(Velocity(Vector3(0.4)))
     motion.halt()
-    assert "Input/output error" in await told_why(link)
+    assert "Input/output error" in await loss_reason(link)
 
 
 async def test_a_robot_that_does_not_read_costs_the_link_not_the_loop(opened):

@@ -41,13 +41,13 @@ def test_frames_are_copied_with_their_direction_and_time_from_when_it_is_switche
     tap.note("out", b"go")
     tap.note("in", b"ok", ("10.0.0.2", 14550))
     tap.note("in", b"late", at=99.5)
-    (told,) = flushed(frames)
-    assert [(each.at, each.way, each.data, each.peer) for each in told.frames] == [
+    (message,) = flushed(frames)
+    assert [(each.at, each.way, each.data, each.peer) for each in message.frames] == [
         (100.0, "out", b"go", ""),
         (100.0, "in", b"ok", "10.0.0.2:14550"),
         (99.5, "in", b"late", ""),
     ]
-    assert (told.robot, told.link, told.number, told.dropped) == ("rex", "memory:rex", 1, 0)
+    assert (message.robot, message.link, message.number, message.dropped) == ("rex", "memory:rex", 1, 0)
 
 
 def test_a_link_that_is_opened_meanwhile_says_so(frames):
@@ -95,8 +95,8 @@ def test_what_several_threads_note_while_it_is_flushed_leaves_nothing_counted_as
         for writer in writers:
             writer.start()
         while any(writer.is_alive() for writer in writers):
-            count += sum(len(told.frames) for told in flushed(frames))
-        count += sum(len(told.frames) for told in flushed(frames))
+            count += sum(len(message.frames) for message in flushed(frames))
+        count += sum(len(message.frames) for message in flushed(frames))
     finally:
         sys.setswitchinterval(interval)
     assert (count, frames._size) == (15000, 0)
@@ -108,7 +108,7 @@ def test_what_does_not_fit_is_dropped_and_counted(frames, monkeypatch):
     frames.switch(on=True)
     for _ in range(10):
         tap.note("in", b"x" * 100)
-    assert [(len(told.frames), told.dropped) for told in flushed(frames)] == [(4, 6)]
+    assert [(len(message.frames), message.dropped) for message in flushed(frames)] == [(4, 6)]
     tap.note("in", b"again")
     assert [each.data for each in flushed(frames)[0].frames] == [b"again"]
 
@@ -119,7 +119,7 @@ def test_much_is_put_in_several_numbered_messages(frames, monkeypatch):
     frames.switch(on=True)
     for _ in range(5):
         tap.note("in", b"x" * 100)
-    assert [(told.number, len(told.frames)) for told in flushed(frames)] == [(1, 3), (2, 2)]
+    assert [(message.number, len(message.frames)) for message in flushed(frames)] == [(1, 3), (2, 2)]
 
 
 def test_each_direction_is_redacted_by_itself(frames):
@@ -154,6 +154,6 @@ async def test_an_open_link_leaves_copies_of_what_it_carries(frames):
     finally:
         OPENING.reset(token)
     assert robot.heard == [b"before", b"go"]
-    told = [(each.way, each.data) for each in flushed(frames)[0].frames]
-    assert ("out", b"go") in told
-    assert ("in", b"re:go") in told
+    copies = [(each.way, each.data) for each in flushed(frames)[0].frames]
+    assert ("out", b"go") in copies
+    assert ("in", b"re:go") in copies

@@ -45,19 +45,19 @@ async def test_small_writes_are_not_held_back(connected):
         assert same.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
-async def test_a_robot_that_closes_is_noticed(connected, told_why):
+async def test_a_robot_that_closes_is_noticed(connected, loss_reason):
     link, robot, _ = connected
     robot.close()
-    assert "the other side closed it" in await told_why(link)
+    assert "the other side closed it" in await loss_reason(link)
     with pytest.raises(LinkLost, match="closed"):
         link.send(b"x")
 
 
-async def test_a_robot_that_does_not_read_costs_the_link_not_the_loop(connected, told_why):
+async def test_a_robot_that_does_not_read_costs_the_link_not_the_loop(connected, loss_reason):
     link, _, _ = connected
     with pytest.raises(LinkLost, match="does not read"):
         flood(link)
-    assert "does not read" in await told_why(link)
+    assert "does not read" in await loss_reason(link)
     assert link.stats.dropped == 1
 
 

@@ -101,13 +101,13 @@ async def test_a_stop_goes_out_from_another_thread_while_the_loop_is_stuck(pair)
     await answered.until(b"stop")
 
 
-async def test_a_closed_link_sends_and_receives_nothing(pair, hearing, told_why):
+async def test_a_closed_link_sends_and_receives_nothing(pair, hearing, loss_reason):
     listening, speaking, heard, _ = pair
     await listening.close()
     speaking.send(b"too late")
     with pytest.raises(LinkLost, match="closed"):
         listening.send(b"x")
-    assert "closed" in await told_why(listening)
+    assert "closed" in await loss_reason(listening)
     assert heard.pieces == []
 
 

@@ -91,7 +91,7 @@ def test_missions_stand_within_each_other():
     assert found.inner["go.all-of-it"].carrier == "go.all"
 
 
-def test_an_input_out_of_bounds_is_told_with_its_step_when_it_is_given():
+def test_an_input_out_of_bounds_is_reported_with_its_step_when_it_is_given():
     outer = {**OUTER, "inputs": {"up": {"type": "number", "default": 5}}}
     outer["steps"] = [
         {"id": "look", "do": {"team": {"mission": "scan", "with": {"height": {"input": "up"}}}}}

@@ -293,12 +293,12 @@ def test_the_record_of_runs_is_unreadable(yard):
     yard.store.close()
     for file in yard.folder.glob("missions.db*"):
         file.write_bytes(b"no database" * 1000)
-    told = len(yard.robots["kestrel"].told)
+    before = len(yard.robots["kestrel"].requests)
     yard.begin()
     yard.runs.take_up()
     yard.turn()
     assert "set aside" in yard.store.lost, "a person is told"
-    assert (yard.runs.states(), len(yard.robots["kestrel"].told)) == ([], told)
+    assert (yard.runs.states(), len(yard.robots["kestrel"].requests)) == ([], before)
 
 
 def test_disk_full(yard):

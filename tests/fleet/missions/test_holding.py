@@ -10,18 +10,18 @@ BOTH = ("kestrel", "beast")
 
 
 def story(yard):
-    told = []
-    yard.store.story("3f2a", told.extend)
+    lines = []
+    yard.store.story("3f2a", lines.extend)
     yard.settle()
-    return " / ".join(f"{each.robot} {each.text}" for each in told)
+    return " / ".join(f"{each.robot} {each.text}" for each in lines)
 
 
 def paused(yard):
     yard.start(MOVES)
-    told = yard.controlled("3f2a", PAUSE)
+    answers = yard.controlled("3f2a", PAUSE)
     for robot in BOTH:
         yard.done(robot, "pause")
-    assert told == [""]
+    assert answers == [""]
 
 
 def test_a_resumption_is_answered_once_all_robots_have_taken_it(yard):
@@ -52,13 +52,13 @@ def test_each_robot_that_refuses_is_named(yard):
     assert yard.last.phase == "paused"
 
 
-def test_a_pause_that_a_robot_refuses_is_told_and_the_others_hold(yard):
+def test_a_pause_that_a_robot_refuses_is_reported_and_the_others_hold(yard):
     yard.start(MOVES)
     yard.robots["kestrel"].refuses["pause"] = "it does not answer"
-    told = yard.controlled("3f2a", PAUSE)
-    assert told == [], "beast does not hold yet"
+    answers = yard.controlled("3f2a", PAUSE)
+    assert answers == [], "beast does not hold yet"
     yard.done("beast", "pause")
-    assert told == ["kestrel: it does not answer"]
+    assert answers == ["kestrel: it does not answer"]
     assert yard.last.phase == "paused"
     assert "kestrel did not pause: it does not answer" in story(yard)
 
@@ -74,24 +74,24 @@ def test_a_robot_that_has_arrived_meanwhile_refuses_nothing(yard):
         return read(kind, payload, **more)
 
     yard.robots["kestrel"].read = arrives
-    told = yard.controlled("3f2a", PAUSE)
+    answers = yard.controlled("3f2a", PAUSE)
     yard.done("beast", "pause")
-    assert told == [""]
+    assert answers == [""]
 
 
-def test_a_robot_that_does_not_answer_is_told_in_time(yard):
+def test_a_robot_that_does_not_answer_is_reported_in_time(yard):
     yard.start(MOVES)
-    told = yard.controlled("3f2a", PAUSE)
+    answers = yard.controlled("3f2a", PAUSE)
     yard.done("beast", "pause")
     yard.turn(ANSWERED_WITHIN)
-    assert told == [f"kestrel: no answer for {ANSWERED_WITHIN:g} s"]
+    assert answers == [f"kestrel: no answer for {ANSWERED_WITHIN:g} s"]
 
 
 def test_who_waits_hears_that_the_run_has_ended(yard):
     yard.start(MOVES)
-    told = yard.controlled("3f2a", PAUSE)
+    answers = yard.controlled("3f2a", PAUSE)
     yard.controlled("3f2a", ControlAsk("abort"))
     for robot in BOTH:
         yard.done(robot, "stop")
     assert yard.last.outcome == "aborted"
-    assert told in (["the run has ended"], [""])
+    assert answers in (["the run has ended"], [""])

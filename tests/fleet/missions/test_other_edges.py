@@ -14,9 +14,9 @@ UNTIL = {"id": "again", "repeat": {"times": 2, "until": {"role": "feet", "event"
 
 def first_line(yard):
     """Return how the story of the run begins."""
-    told = queue.Queue()
-    yard.store.story("3f2a", told.put)
-    return told.get(timeout=20)[0].text
+    lines = queue.Queue()
+    yard.store.story("3f2a", lines.put)
+    return lines.get(timeout=20)[0].text
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def test_an_event_of_a_robot_of_another_edge_is_not_waited_for_in_vain(two, step
     ((run, _, refusal),) = two.start({**MISSION, "steps": [step]})
     assert run == ""
     assert f"step {step['id']}: yard hears no events of beast, a robot of barn" in refusal
-    assert not two.robots["kestrel"].told
+    assert not two.robots["kestrel"].requests
 
 
 def test_its_battery_and_events_of_our_own_robots_are(two):
@@ -51,8 +51,8 @@ def test_a_place_is_not_taken_that_the_other_edge_does_not_keep_free(two):
 def test_its_story_begins_with_the_robots_that_are_not_kept_apart(two):
     two.robots["kestrel"].be(separation="unknown to beast")
     two.start(MISSION)
-    told = first_line(two)
-    assert told == "Not kept apart from each other: kestrel: separation unknown to beast"
+    line = first_line(two)
+    assert line == "Not kept apart from each other: kestrel: separation unknown to beast"
 
 
 def test_its_story_says_nothing_of_robots_of_two_edges_that_are_kept_apart(two):
@@ -60,7 +60,7 @@ def test_its_story_says_nothing_of_robots_of_two_edges_that_are_kept_apart(two):
     assert "apart" not in first_line(two)
 
 
-def test_robots_of_one_edge_are_refused_nothing_and_told_nothing(yard):
+def test_robots_of_one_edge_are_refused_nothing_and_reported_nothing(yard):
     ((run, _, _),) = yard.start({**MISSION, "occupies": ["gate"], "steps": [WAIT, GO]})
     assert run
     assert "apart" not in first_line(yard)

@@ -24,7 +24,7 @@ def robot(*, flies=False, placed=True):
     )
 
 
-def test_a_place_of_the_site_is_told_in_the_robots_world():
+def test_a_place_of_the_site_is_given_in_the_robots_world():
     assert SITE.position("dock", robot()) == {"position": [0.0, 2.0]}
     assert SITE.position([1, 2, 5], robot(flies=True)) == {"position": [0.0, 2.0, 5.0]}
 
@@ -34,16 +34,16 @@ def test_an_aircraft_keeps_its_height_where_none_is_given():
 
 
 @pytest.mark.parametrize("point", ["hill", {"lat": HILL[0], "lon": HILL[1], "alt": 12.0}])
-def test_an_aircraft_is_told_a_height_above_the_take_off_point_on_earth(point):
-    told = SITE.position(point, robot(flies=True))
-    assert told == {"geodetic_position": {"latitude": HILL[0], "longitude": HILL[1], "altitude": 12.0}}
+def test_an_aircraft_is_sent_a_height_above_the_take_off_point_on_earth(point):
+    position = SITE.position(point, robot(flies=True))
+    assert position == {"geodetic_position": {"latitude": HILL[0], "longitude": HILL[1], "altitude": 12.0}}
     assert SITE.height(point) == 12.0
 
 
 @pytest.mark.parametrize("point", ["hill", {"lat": HILL[0], "lon": HILL[1]}])
-def test_a_robot_on_the_ground_is_told_the_same_point_in_its_world(point):
-    (told,) = SITE.position(point, robot()).values()
-    assert told == pytest.approx([THERE.x - 1.0, THERE.y])
+def test_a_robot_on_the_ground_is_sent_the_same_point_in_its_world(point):
+    (position,) = SITE.position(point, robot()).values()
+    assert position == pytest.approx([THERE.x - 1.0, THERE.y])
 
 
 def test_without_an_origin_nobody_knows_where_a_point_on_earth_is():

@@ -73,7 +73,7 @@ def test_the_results_of_the_oldest_runs_are_deleted(kept, tmp_path, monkeypatch)
     assert {path.name for path in (tmp_path / "results").iterdir()} == {"r3"}
 
 
-def test_a_disk_that_cannot_be_written_is_told_and_holds_up_nobody(tmp_path, caplog):
+def test_a_disk_that_cannot_be_written_is_reported_and_holds_up_nobody(tmp_path, caplog):
     (tmp_path / "results").write_text("no folder")
     kept = Results(tmp_path)
     kept.at("r1", "rex", Vector3(), 1.0)

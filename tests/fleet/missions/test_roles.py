@@ -44,7 +44,7 @@ def test_a_person_may_choose():
     assert found == {"feet": ["bob"]}
 
 
-def test_what_each_candidate_lacks_is_told():
+def test_what_each_candidate_lacks_is_reported():
     robots = (
         robot("ada", can=()),
         robot("bob", battery=20.0),

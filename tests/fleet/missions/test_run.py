@@ -17,7 +17,7 @@ TOGETHER = {
 def test_all_are_prepared_recorded_and_then_begin_at_one_instant(yard):
     yard.start(TOGETHER)
     (start,) = yard.starts
-    assert sorted(start.told) == ["beast", "kestrel"]
+    assert sorted(start.robots) == ["beast", "kestrel"]
     assert yard.robots["kestrel"].names == yard.robots["beast"].names == [], "nobody moves before"
     (kept,) = RunStore(yard.folder).unfinished()
     assert sorted(part.identity for part in kept.parts) == ["3f2a/go.1/beast/1", "3f2a/go.1/kestrel/1"]
@@ -36,7 +36,7 @@ def test_one_that_cannot_be_prepared_keeps_everybody_standing(yard):
     yard.robots["beast"].refuses["goto"] = "the goal is outside its fence"
     yard.start(TOGETHER)
     assert yard.starts[0].withdrawn
-    assert yard.starts[0].told == []
+    assert yard.starts[0].robots == []
     assert "beast cannot: the goal is outside its fence; no robot moved" in yard.last.reason or (
         yard.last.phase == "ending"
     )
@@ -76,12 +76,12 @@ def test_a_pause_before_all_have_begun_is_refused_in_words_and_changes_nothing(y
     (start,) = yard.starts
     assert not start.withdrawn
     start.instant()
-    told = yard.controlled("3f2a", ControlAsk("pause"))
+    answers = yard.controlled("3f2a", ControlAsk("pause"))
     assert yard.last.phase == "paused"
-    assert told == []
+    assert answers == []
     for robot in ("kestrel", "beast"):
         yard.done(robot, "pause")
-    assert told == [""], "once all hold"
+    assert answers == [""], "once all hold"
     for robot in ("kestrel", "beast"):
         assert yard.robots[robot].names == ["goto", "pause"], "each holds what it has begun"
 
@@ -96,7 +96,7 @@ def test_while_robots_are_asked_whether_they_could_a_pause_is_refused(yard):
 
 def test_one_that_is_lost_before_it_has_begun_keeps_nobody_from_pausing_the_others(yard):
     yard.start({**TOGETHER, "quorum": {"eye": 1, "feet": 0}})
-    yard.starts[0].told.remove("beast")
+    yard.starts[0].robots.remove("beast")
     yard.starts[0].instant()
     assert yard.control("3f2a", ControlAsk("pause"))
     yard.robots["beast"].be(reachable=False, cause="its link fell")

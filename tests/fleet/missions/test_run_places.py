@@ -27,7 +27,7 @@ def runs(yard):
 
 
 def state(yard, run):
-    return next(each for each in reversed(yard.told) if each.run == run)
+    return next(each for each in reversed(yard.states) if each.run == run)
 
 
 def test_the_second_run_waits_and_says_for_what_and_for_whom(runs):
@@ -74,7 +74,7 @@ def test_a_place_is_had_by_as_many_runs_as_it_has_room_for(yard):
 def test_a_place_that_there_is_not_is_refused_before_anything_moves(yard):
     ((run, _, refusal),) = yard.start(mission("beast", "gate", "moon"))
     assert (run, refusal) == ("", "occupies: there is no place 'moon'")
-    assert yard.robots["beast"].told == []
+    assert yard.robots["beast"].requests == []
 
 
 def restart(yard):

@@ -22,7 +22,7 @@ def test_a_run_goes_through_its_steps_and_gives_its_robots_back(yard):
     yard.done("beast", "goto")
     assert yard.last.outcome == "completed"
     assert {robot.now.run for robot in yard.robots.values()} == {""}
-    identities = [identity for robot in yard.robots.values() for _, identity in robot.told if identity]
+    identities = [identity for robot in yard.robots.values() for _, identity in robot.requests if identity]
     assert identities[0] == "3f2a/up.1/kestrel/1"
     assert len(identities) == len(set(identities)) == 3
 
@@ -92,7 +92,7 @@ def test_who_may_not_command_a_robot_gains_nothing_by_a_mission(yard):
     yard.denied["beast", Transport.CLOUD] = "source_type 'edit'; this robot obeys tele"
     ((run, _, refusal),) = yard.start(transport=Transport.CLOUD, source_type="edit")
     assert (run, refusal) == ("", "beast: source_type 'edit'; this robot obeys tele")
-    assert all(robot.told == [] for robot in yard.robots.values())
+    assert all(robot.requests == [] for robot in yard.robots.values())
 
 
 def test_a_repeat_of_a_start_is_the_same_run(yard):
@@ -115,7 +115,7 @@ def test_a_mission_that_must_be_rehearsed_is_started_by_a_pass_of_its_robots_whe
     assert asked == [({"eye": ["kestrel"], "feet": ["beast"]}, {"kestrel": None, "beast": None})]
 
 
-def test_who_is_refused_for_want_of_a_rehearsal_is_told_what_to_type():
+def test_who_is_refused_for_want_of_a_rehearsal_is_shown_what_to_type():
     ask = StartAsk(inputs={"height": 4}, robots={"eye": ["kestrel"]})
     assert rehearse_command("patrol", ask) == "fleet mission rehearse patrol height=4 --robot eye=kestrel"
     assert rehearse_command("patrol", StartAsk(mission=MISSION)) == "fleet mission rehearse FILE"
@@ -135,13 +135,13 @@ def test_who_is_refused_for_want_of_a_rehearsal_is_told_what_to_type():
 def test_a_robot_that_left_is_not_commanded_again(yard, fields, outcome):
     yard.start()
     yard.robots["kestrel"].be(**fields)
-    told = list(yard.robots["kestrel"].names)
+    before = list(yard.robots["kestrel"].names)
     yard.turn()
     robots = {robot.robot: robot for robot in yard.last.robots}
     assert robots["kestrel"].outcome == outcome
     yard.done("beast", "stop")
     assert yard.last.outcome == "undone"  # nothing was left to be undone: the drone is not ours
-    assert yard.robots["kestrel"].names == told
+    assert yard.robots["kestrel"].names == before
 
 
 def test_a_stop_of_everything_ends_every_run(yard):
@@ -247,10 +247,10 @@ def test_a_step_that_leads_a_robot_through_its_fence_is_refused_before_anything_
     yard.hindered["beast", "goto"] = "goal 1 is outside the fence"
     ((run, _, refusal),) = yard.start()
     assert (run, refusal) == ("", "beast: step go: goal 1 is outside the fence")
-    assert all(robot.told == [] for robot in yard.robots.values())
+    assert all(robot.requests == [] for robot in yard.robots.values())
 
 
-def test_who_follows_is_told_whom_and_ends_with_the_step(yard):
+def test_who_follows_gets_its_leader_and_ends_with_the_step(yard):
     yard.can = {"goto", "follow"}
     do = {"feet": {"goto": [1, 2]}, "eye": {"follow": "feet", "distance": 4, "speed": 2}}
     yard.start({**MISSION, "steps": [{"id": "round", "do": do}]})

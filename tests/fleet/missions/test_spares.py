@@ -106,7 +106,7 @@ def test_it_is_shown_at_the_start_stays_free_and_joins_when_it_is_needed(yard):
     ((_, roles, refusal),) = yard.start(MISSION)
     assert (roles, refusal) == ({"feet": ["beast"], "spare feet": ["kestrel"]}, "")
     assert {each.robot: each.doing for each in yard.last.robots} == {"beast": "goto", "kestrel": "spare"}
-    assert yard.robots["kestrel"].told == [], "it is not the run's yet"
+    assert yard.robots["kestrel"].requests == [], "it is not the run's yet"
     yard.robots["beast"].be(reachable=False, cause="no heartbeat")
     yard.turn()
     yard.turn()
@@ -125,7 +125,7 @@ def test_one_that_another_run_has_by_then_is_not_taken_from_it(yard):
     yard.turn()
     assert yard.last.outcome == "failed"
     assert yard.robots["kestrel"].names == []
-    assert "leave_run" not in [name for name, _ in yard.robots["kestrel"].told][:1]
+    assert "leave_run" not in [name for name, _ in yard.robots["kestrel"].requests][:1]
 
 
 def test_a_robot_that_fleet_yaml_has_no_more_is_no_spare(yard):

@@ -55,15 +55,15 @@ def test_an_ended_run_is_history_with_its_story(store):
     save(first, Head(Phase.ENDED, outcome=RunOutcome.ABORTED), notes=[LogNote("two")])
     second = store()
     assert second.unfinished() == []
-    told = queue.Queue()
-    second.ended(10, told.put)
-    ((about, head, members),) = told.get(timeout=60)
+    results = queue.Queue()
+    second.ended(10, results.put)
+    ((about, head, members),) = results.get(timeout=60)
     assert (about.run, head.outcome, members[0].robot) == ("r1", RunOutcome.ABORTED, "kestrel")
-    second.story("r1", told.put)
-    assert [line.text for line in told.get(timeout=60)] == ["one", "two"]
+    second.story("r1", results.put)
+    assert [line.text for line in results.get(timeout=60)] == ["one", "two"]
 
 
-def test_a_run_of_another_version_is_told_and_keeps_no_other_from_starting(store):
+def test_a_run_of_another_version_is_reported_and_keeps_no_other_from_starting(store):
     first = store()
     save(first, Head(), new=True)
     first._database.execute('UPDATE run SET head = \'{"phase": "flying"}\'')
@@ -86,7 +86,7 @@ def test_an_ended_run_is_known(store):
     assert not opened.knows("r2")
 
 
-def test_a_damaged_file_is_set_aside_and_told(store, tmp_path):
+def test_a_damaged_file_is_set_aside_and_reported(store, tmp_path):
     (tmp_path / MISSIONS).write_bytes(b"no database" * 1000)
     opened = store()
     assert "could not be read" in opened.lost
@@ -94,7 +94,7 @@ def test_a_damaged_file_is_set_aside_and_told(store, tmp_path):
     assert save(opened, Head(), new=True)
 
 
-def test_a_disk_that_takes_nothing_is_told(store):
+def test_a_disk_that_takes_nothing_is_reported(store):
     opened = store()
     opened._database.close()
     opened._database = sqlite3.connect(":memory:", check_same_thread=False)  # none of our tables
@@ -113,8 +113,8 @@ def test_only_so_many_ended_runs_are_kept(store, monkeypatch):
         change = RunChange(run, head, [], [LogNote("x")], 1000.0 + number, 0.0, about, PROGRAM)
         opened.save(change, done.put)
         assert done.get(timeout=60)
-    told = queue.Queue()
-    opened.ended(10, told.put)
-    assert [about.run for about, _, _ in told.get(timeout=60)] == ["r3", "r2"]
-    opened.story("r0", told.put)
-    assert told.get(timeout=60) == []
+    results = queue.Queue()
+    opened.ended(10, results.put)
+    assert [about.run for about, _, _ in results.get(timeout=60)] == ["r3", "r2"]
+    opened.story("r0", results.put)
+    assert results.get(timeout=60) == []

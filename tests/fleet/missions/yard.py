@@ -35,7 +35,7 @@ class Robot:
 
     def __init__(self, name):
         self.name = name
-        self.told = []
+        self.requests = []
         self.messages = []
         self.waiting = {}
         self.refuses = {}
@@ -66,7 +66,7 @@ class Robot:
 
     def _take(self, message, transport, request_id, answer):
         name = message["command"]
-        self.told.append((name, request_id))
+        self.requests.append((name, request_id))
         self.messages.append(message)
         if name in self.refuses:
             answer(Reply(name, ReplyStatus.REJECTED, self.refuses[name]))
@@ -85,7 +85,7 @@ class Robot:
 
     @property
     def names(self):
-        return [name for name, _ in self.told if name not in ("join_run", "leave_run")]
+        return [name for name, _ in self.requests if name not in ("join_run", "leave_run")]
 
 
 class Start:
@@ -94,7 +94,7 @@ class Start:
     def __init__(self, yard):
         self.yard = yard
         self.prepared = {}
-        self.told = []
+        self.robots = []
         self.withdrawn = False
         yard.starts.append(self)
 
@@ -109,11 +109,11 @@ class Start:
         )
 
     def begin(self, robots, failed):
-        self.told, self.fail = list(robots), failed
+        self.robots, self.fail = list(robots), failed
 
     def instant(self):
         """Be the instant at which all begin."""
-        for robot in self.told:
+        for robot in self.robots:
             self.yard.robots[robot]._take(*self.prepared[robot])
         self.yard.settle()
 
@@ -129,7 +129,7 @@ class Yard:
         self.clock = ManualClock()
         self.robots = {name: Robot(name) for name in ("kestrel", "beast")}
         self.denied = {}
-        self.told = []
+        self.states = []
         self.stopped = []
         self.soon = []
         self.starts = []
@@ -168,7 +168,7 @@ class Yard:
             hindrance=lambda robot, act: self.hindered.get((robot, act.words), ""),
             together=lambda: Start(self),
             stop=lambda robots, why: self.stopped.append(robots),
-            on_change=self.told.append,
+            on_change=self.states.append,
         )
 
     def settle(self):
@@ -192,16 +192,16 @@ class Yard:
 
     def controlled(self, run, ask):
         """Control a run; return the list that gets why it was refused, empty for nothing."""
-        told = []
-        self.runs.control(run, ask, told.append)
+        answers = []
+        self.runs.control(run, ask, answers.append)
         self.settle()
-        return told
+        return answers
 
     def control(self, run, ask):
         """Control a run in a way that is answered at once; return why it was refused."""
-        told = []
-        self.runs.control(run, ask, told.append)
-        (refusal,) = told
+        answers = []
+        self.runs.control(run, ask, answers.append)
+        (refusal,) = answers
         return refusal
 
     def turn(self, seconds=0.2):
@@ -215,4 +215,4 @@ class Yard:
 
     @property
     def last(self):
-        return self.told[-1]
+        return self.states[-1]

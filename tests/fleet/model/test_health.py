@@ -19,7 +19,7 @@ def test_the_worst_is_one_of_them_and_none_is_worse(healths):
     assert all(health.level <= found.level for health in healths)
 
 
-def test_of_equally_bad_ones_the_first_is_told():
+def test_of_equally_bad_ones_the_first_is_reported():
     one, other = Health(Level.OFFLINE, "no heartbeat"), Health(Level.OFFLINE, "no port")
     for healths in itertools.permutations([Health(), one, other]):
         assert worst(healths) is next(health for health in healths if health.level is Level.OFFLINE)

@@ -25,7 +25,7 @@ def test_a_place_is_had_by_as_many_as_fit_and_the_next_waits_until_one_gives_it_
     assert places.held("dock") == {"b": 1, "c": 1}
 
 
-def test_who_waits_too_long_gives_up_what_it_has_and_is_told_who_had_the_rest():
+def test_who_waits_too_long_gives_up_what_it_has_and_learns_who_had_the_rest():
     places = Occupancy({"dock": 1, "pad": 1})
     places.ask("a", {"pad": 1}, now=0.0, within=5.0)
     assert places.ask("b", {"dock": 1, "pad": 1}, now=0.0, within=5.0) == []
@@ -53,17 +53,17 @@ def test_two_that_want_the_same_places_the_other_way_round_do_not_wait_for_each_
 
 
 @pytest.mark.parametrize(
-    ("wanted", "told"),
+    ("wanted", "expected"),
     [
         ({"nowhere": 1}, "there is no place 'nowhere'"),
         ({"dock": 2}, "dock has room for 1, not for 2"),
         ({"dock": 0}, "dock has room for 1, not for 0"),
     ],
 )
-def test_what_nobody_could_ever_have_is_refused(wanted, told):
+def test_what_nobody_could_ever_have_is_refused(wanted, expected):
     places = Occupancy({"dock": 1})
-    assert places.trouble(wanted) == told
-    with pytest.raises(ValueError, match=told):
+    assert places.trouble(wanted) == expected
+    with pytest.raises(ValueError, match=expected):
         places.ask("a", wanted, now=0.0, within=1.0)
     assert places.claims == []
 

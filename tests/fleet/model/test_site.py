@@ -31,9 +31,9 @@ def test_a_world_on_earth_lies_where_its_points_are_on_earth(home, heading, poin
 
 
 @given(st.tuples(METRES, METRES, ANGLE), POINT, ANGLE)
-def test_a_robot_stands_at_its_start_whatever_its_odometry_begins_with(start, position, told):
+def test_a_robot_stands_at_its_start_whatever_its_odometry_begins_with(start, position, yaw):
     x, y, heading = start
-    placement = placed_at_start(start, Pose(position, quaternion_from_yaw(told)))
+    placement = placed_at_start(start, Pose(position, quaternion_from_yaw(yaw)))
     at = placement.to_site(position)
     assert (at.x, at.y, at.z) == pytest.approx((x, y, position.z), abs=1e-6)
-    assert wrap_angle(told + placement.yaw - heading) == pytest.approx(0.0, abs=1e-6)
+    assert wrap_angle(yaw + placement.yaw - heading) == pytest.approx(0.0, abs=1e-6)

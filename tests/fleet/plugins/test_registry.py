@@ -110,7 +110,7 @@ def test_two_plugins_of_one_name_are_both_refused_naming_both(folder, tmp_path):
     assert f"{tmp_path / 'one.py'} and {tmp_path / 'two.py'}" in plugin.report
 
 
-def test_two_files_of_one_name_are_told(folder, tmp_path):
+def test_two_files_of_one_name_are_reported(folder, tmp_path):
     registry = folder(blinky=body("blinky"))
     (tmp_path / "more").mkdir()
     (tmp_path / "more" / "blinky.py").write_text(body("other"))
@@ -186,7 +186,7 @@ class TestEntryPoints:
         (plugin,) = Registry([point("a:B"), point("c:D")]).plugins()
         assert "two plugins are called 'toy': a:B and c:D" in plugin.report
 
-    def test_a_missing_library_is_told_with_the_extra_that_brings_it(self, tmp_path, monkeypatch):
+    def test_a_missing_library_is_reported_with_the_extra_that_brings_it(self, tmp_path, monkeypatch):
         monkeypatch.syspath_prepend(tmp_path)
         (tmp_path / "registry_toy_d.py").write_text("import py_toy_lib")
         info = tmp_path / "zenoh_fleet-9.dist-info"

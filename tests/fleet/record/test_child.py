@@ -31,7 +31,7 @@ async def test_a_recorder_that_is_killed_is_started_again(runtime, tmp_path):
         assert (child.process != first, child.problem) == (True, "")
 
 
-async def test_why_it_cannot_record_is_told(runtime, tmp_path):
+async def test_why_it_cannot_record_is_reported(runtime, tmp_path):
     (tmp_path / "file").write_text("")
     child = RecorderChild(RecordTask(str(tmp_path / "file" / "recordings")), SystemClock())
     async with running(child), asyncio.timeout(DEADLINE):

@@ -87,7 +87,7 @@ def three_chunks(file):
     return chunks
 
 
-def test_whatever_byte_of_a_chunk_is_changed_it_is_left_out_and_told_or_reads_as_before(file):
+def test_whatever_byte_of_a_chunk_is_changed_it_is_left_out_and_reported_or_reads_as_before(file):
     chunks = three_chunks(file)
     middle = chunks.found[1]
     content = file.path.read_bytes()
@@ -103,7 +103,7 @@ def test_whatever_byte_of_a_chunk_is_changed_it_is_left_out_and_told_or_reads_as
     assert not chunks.is_cut
 
 
-def test_a_file_without_an_end_is_told_as_cut(file):
+def test_a_file_without_an_end_is_reported_as_cut(file):
     chunks = three_chunks(file)
     assert not chunks.is_cut
     content = file.path.read_bytes()

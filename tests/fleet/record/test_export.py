@@ -64,6 +64,6 @@ def test_a_file_that_is_there_is_not_overwritten(folder, tmp_path):
     assert into.read_text() == "mine"
 
 
-def test_a_folder_that_is_not_there_is_told(tmp_path):
+def test_a_folder_that_is_not_there_is_reported(tmp_path):
     with pytest.raises(StateError, match="nothing was recorded there"):
         recorded_in(tmp_path / "none")

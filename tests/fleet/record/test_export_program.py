@@ -22,9 +22,9 @@ def folder(tmp_path):
 def export(task):
     """Return the exit code, the line and the file that the process writes."""
     command = [sys.executable, "-m", "fleet.record.export_program"]
-    told = subprocess.run(command, input=msgspec.json.encode(task), capture_output=True, check=False)
-    line, _, file = told.stdout.partition(b"\n")
-    return told.returncode, msgspec.json.decode(line), file
+    result = subprocess.run(command, input=msgspec.json.encode(task), capture_output=True, check=False)
+    line, _, file = result.stdout.partition(b"\n")
+    return result.returncode, msgspec.json.decode(line), file
 
 
 def test_a_window_is_written_as_a_file_with_an_index(folder, tmp_path):
@@ -35,7 +35,7 @@ def test_a_window_is_written_as_a_file_with_an_index(folder, tmp_path):
     assert (found.begins, found.ends, found.messages > 0) == (BEGINS + 3, BEGINS + 4.5, True)
 
 
-def test_what_is_wrong_is_told_instead_of_a_file(folder, tmp_path):
+def test_what_is_wrong_is_reported_instead_of_a_file(folder, tmp_path):
     assert export(ExportTask((folder,), 5.0, 6.0)) == (1, "nothing is recorded of that time", b"")
     code, problem, file = export(ExportTask((str(tmp_path / "none"),), 5.0, 6.0))
     assert (code, "there is no folder" in problem, file) == (1, True, b"")

@@ -84,7 +84,7 @@ def test_a_whole_file_and_a_foreign_one_are_left_as_they_are(file, tmp_path):
     assert (file.path.read_bytes(), foreign.read_bytes()) == (before, b"no MCAP at all")
 
 
-def test_a_disk_that_fails_is_told_and_leaves_what_was_flushed(file, read_back, monkeypatch):
+def test_a_disk_that_fails_is_reported_and_leaves_what_was_flushed(file, read_back, monkeypatch):
     fill(file, 0, 5)
     file.flush()
     fill(file, 5, 9)

@@ -23,8 +23,8 @@ def lower_priority(file, *, leads):
     """Run a program that gives way, and leads a session of its own or not; returns its niceness then."""
     program = PROGRAM.format(file=str(file))
     command = [sys.executable, "-c", program]
-    told = subprocess.run(command, capture_output=True, check=True, start_new_session=leads)
-    return int(told.stdout)
+    result = subprocess.run(command, capture_output=True, check=True, start_new_session=leads)
+    return int(result.stdout)
 
 
 def test_each_thread_of_it_gives_way_and_its_session_if_it_leads_one(tmp_path):

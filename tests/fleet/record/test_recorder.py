@@ -59,7 +59,7 @@ def test_nothing_that_came_leaves_no_file(recorder, tmp_path):
     assert files_in(tmp_path / "recordings") == []
 
 
-def test_what_does_not_fit_into_memory_is_dropped_and_told(recorder, monkeypatch):
+def test_what_does_not_fit_into_memory_is_dropped_and_reported(recorder, monkeypatch):
     monkeypatch.setattr(module, "MOST_WAITING", 10)
     recorder.take_many("yard-1", [("fleet/yard-1/places/main", b'{"a": 1}')] * 3)
     recorder.write()
@@ -68,7 +68,7 @@ def test_what_does_not_fit_into_memory_is_dropped_and_told(recorder, monkeypatch
     assert recorder.problem == ""
 
 
-def test_a_full_disk_ends_recording_is_told_and_tried_again(
+def test_a_full_disk_ends_recording_is_reported_and_tried_again(
     recorder, clock, tmp_path, read_back, monkeypatch
 ):
     def say():

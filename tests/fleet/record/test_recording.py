@@ -38,15 +38,15 @@ def recorded(runtime, yard, tmp_path, read_back):
 
     async def recorded(wanted, also=lambda: True):
         task = RecordTask(str(tmp_path / "recordings"), Bounds(free=0))
-        ended, told = asyncio.Event(), []
-        running = asyncio.create_task(record(task, runtime, ended, SystemClock(), on_problem=told.append))
+        ended, problems = asyncio.Event(), []
+        running = asyncio.create_task(record(task, runtime, ended, SystemClock(), on_problem=problems.append))
         async with asyncio.timeout(DEADLINE):
             while not (wanted <= {topic for topic, _, _ in read_back(tmp_path / "recordings")} and also()):
                 publish(yard)
                 await asyncio.wait([running], timeout=0.1)
             ended.set()
             count = await running
-        assert told == [""]
+        assert problems == [""]
         return read_back(tmp_path / "recordings"), count
 
     return recorded

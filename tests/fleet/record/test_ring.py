@@ -101,7 +101,7 @@ def test_a_folder_has_one_recorder(folder):
     Ring(folder, SMALL).close()
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StateError, match="cannot record into"):
         Ring(tmp_path / "file" / "recordings", SMALL)

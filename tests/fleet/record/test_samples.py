@@ -31,7 +31,7 @@ def reader():
     return SampleReader()
 
 
-def told(reader, key, value):
+def recorded_as(reader, key, value):
     """Return topic and schema of what is recorded of a sample, each checked by its schema."""
     payload = value if isinstance(value, bytes) else msgspec.json.encode(value)
     messages = reader.read("yard-1", key, payload)
@@ -40,18 +40,18 @@ def told(reader, key, value):
     return [(message.topic, message.schema) for message in messages]
 
 
-def test_reports_have_the_name_of_their_robot_once_its_state_was_told(reader):
+def test_reports_have_the_name_of_their_robot_once_its_state_was_reported(reader):
     key = f"cw/{TWIN}/data/battery"
-    assert told(reader, key, BATTERY) == [(f"/twins/{TWIN}/battery", "fleet.BatteryReport")]
-    assert told(reader, "fleet/yard-1/robots/rex/state", STATE) == [
+    assert recorded_as(reader, key, BATTERY) == [(f"/twins/{TWIN}/battery", "fleet.BatteryReport")]
+    assert recorded_as(reader, "fleet/yard-1/robots/rex/state", STATE) == [
         ("/yard-1/rex/state", "fleet.RobotState"),
         ("/yard-1/rex/world_transform", "foxglove.FrameTransform"),
     ]
-    assert told(reader, key, BATTERY) == [("/yard-1/rex/battery", "fleet.BatteryReport")]
+    assert recorded_as(reader, key, BATTERY) == [("/yard-1/rex/battery", "fleet.BatteryReport")]
 
 
 def test_a_robot_of_another_edge_is_recorded_by_the_bus_of_that_one(reader):
-    told(reader, "fleet/yard-1/robots/rex/state", STATE)
+    recorded_as(reader, "fleet/yard-1/robots/rex/state", STATE)
     assert reader.read("yard-2", f"cw/{TWIN}/data/battery", BATTERY) == []
 
 
@@ -72,7 +72,7 @@ def test_a_robot_of_another_edge_is_recorded_by_the_bus_of_that_one(reader):
     ],
 )
 def test_what_an_edge_publishes_is_recorded(reader, key, value, topic, schema):
-    assert told(reader, key, value) == [(f"/yard-1/{topic}", schema)]
+    assert recorded_as(reader, key, value) == [(f"/yard-1/{topic}", schema)]
 
 
 def test_a_command_is_recorded_with_who_asked():
@@ -97,11 +97,13 @@ def test_fence_and_body_of_a_robot_and_schedules_are_recorded_when_they_change(r
 
     description, listed = "fleet/yard-1/robots/*/description", "fleet/yard-1/schedules"
     expected = ("/yard-1/rex/description", "fleet.RobotDescription")
-    assert told(reader, description, described(1.0)) == [expected]
-    assert told(reader, description, described(1.0, "the battery is low")) == []
-    assert told(reader, description, described(2.0)) == [expected]
-    assert told(reader, listed, schedules(enabled=True)) == [("/yard-1/schedules", "fleet.ScheduleAnswer")]
-    assert told(reader, listed, schedules(enabled=True)) == []
+    assert recorded_as(reader, description, described(1.0)) == [expected]
+    assert recorded_as(reader, description, described(1.0, "the battery is low")) == []
+    assert recorded_as(reader, description, described(2.0)) == [expected]
+    assert recorded_as(reader, listed, schedules(enabled=True)) == [
+        ("/yard-1/schedules", "fleet.ScheduleAnswer")
+    ]
+    assert recorded_as(reader, listed, schedules(enabled=True)) == []
     standing = {each.topic: json.loads(each.payload) for each in reader.standing}
     assert standing.keys() == {"/yard-1/rex/description", "/yard-1/schedules"}
     assert standing["/yard-1/rex/description"]["fence"]["inclusion"][0][1] == [2.0, 0.0]

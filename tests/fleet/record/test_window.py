@@ -67,7 +67,7 @@ def test_a_window_of_another_time_is_empty_and_so_is_that_of_an_unknown_robot(fo
     assert window_of(folder, 0.0, 30.0, prefix="/yard-1/nobody/").parts == []
 
 
-def test_a_file_that_is_cut_off_is_told_with_the_time_if_the_window_goes_beyond(folder):
+def test_a_file_that_is_cut_off_is_reported_with_the_time_if_the_window_goes_beyond(folder):
     (path,) = folder.glob("*.mcap")
     path.write_bytes(path.read_bytes()[:-2000])
     (problem,) = window_of(folder, 10.0, 30.0).all_problems()
@@ -76,7 +76,7 @@ def test_a_file_that_is_cut_off_is_told_with_the_time_if_the_window_goes_beyond(
     assert window_of(folder, 1.0, 5.0).all_problems() == []
 
 
-def test_a_damaged_part_is_told_once_it_was_to_be_read(folder):
+def test_a_damaged_part_is_reported_once_it_was_to_be_read(folder):
     (path,) = folder.glob("*.mcap")
     window = window_of(folder, 0.0, 30.0)
     damage(window, 20)
@@ -84,14 +84,14 @@ def test_a_damaged_part_is_told_once_it_was_to_be_read(folder):
     assert window.all_problems() == [f"{path.name} is damaged: 1 of its parts cannot be read"]
 
 
-def test_topics_whose_names_are_lost_are_told(folder):
+def test_topics_whose_names_are_lost_are_reported(folder):
     (path,) = folder.glob("*.mcap")
     damage(window_of(folder, 0.0, 30.0), 0)
-    told = window_of(folder, 5.0, 9.0).all_problems()
-    assert f"{path.name} is damaged: some topics of it cannot be read" in told
+    problems = window_of(folder, 5.0, 9.0).all_problems()
+    assert f"{path.name} is damaged: some topics of it cannot be read" in problems
 
 
-def test_a_file_that_may_not_be_read_is_told(folder, monkeypatch):
+def test_a_file_that_may_not_be_read_is_reported(folder, monkeypatch):
     (path,) = folder.glob("*.mcap")
     monkeypatch.setattr(
         Chunks, "refresh", Mock(side_effect=PermissionError(errno.EACCES, "Permission denied"))
@@ -100,7 +100,7 @@ def test_a_file_that_may_not_be_read_is_told(folder, monkeypatch):
     assert (window.parts, window.all_problems()) == ([], [f"{path.name} cannot be read: Permission denied"])
 
 
-def test_a_file_that_is_deleted_meanwhile_is_told(folder):
+def test_a_file_that_is_deleted_meanwhile_is_reported(folder):
     (path,) = folder.glob("*.mcap")
     window = window_of(folder, 0.0, 30.0)
     path.unlink()
@@ -108,7 +108,7 @@ def test_a_file_that_is_deleted_meanwhile_is_told(folder):
     assert window.all_problems() == [f"{path.name} cannot be read: No such file or directory"]
 
 
-def test_of_many_files_the_newest_are_read_and_the_others_are_told(tmp_path):
+def test_of_many_files_the_newest_are_read_and_the_others_are_reported(tmp_path):
     for number in range(MOST_IN_WINDOW + 2):
         write_recording(tmp_path, BEGINS + 10 * number, 5)
     window = window_of(tmp_path, 0.0, 100.0)

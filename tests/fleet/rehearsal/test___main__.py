@@ -40,7 +40,7 @@ def test_it_ends_when_nobody_waits_for_it(field, process):
     assert process.wait(60) == 1
 
 
-def test_a_task_that_cannot_be_read_is_told(process):
+def test_a_task_that_cannot_be_read_is_reported(process):
     process.stdin.write(b"{}\n")
     process.stdin.flush()
     (line,) = lines_of(process)

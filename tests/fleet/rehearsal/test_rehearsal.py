@@ -94,7 +94,7 @@ def test_what_a_fence_refuses_fails_the_rehearsal_with_its_words(field):
     assert "fence" in " ".join(result.troubles)
 
 
-def test_the_host_keeps_robots_apart_and_the_nearest_that_they_came_is_told(field):
+def test_the_host_keeps_robots_apart_and_the_nearest_that_they_came_is_reported(field):
     yard = field(ugvs=2)
     mission = {
         "roles": {"one": {"kind": "ugv"}, "other": {"kind": "ugv"}},
@@ -124,7 +124,7 @@ def test_a_robot_without_a_simulator_gets_a_stand_in_that_is_named(field):
     }
 
 
-def test_questions_are_answered_and_waits_for_the_world_are_cut_short_and_both_are_told(field):
+def test_questions_are_answered_and_waits_for_the_world_are_cut_short_and_both_are_reported(field):
     mission = {
         "roles": ROVER,
         "steps": [
@@ -149,7 +149,7 @@ def test_robots_are_sent_to_the_places_of_fleet_yaml(field):
     assert 1.0 < result.timeline[0].ended < 10.0
 
 
-def test_what_is_left_out_of_the_rehearsal_is_told(field):
+def test_what_is_left_out_of_the_rehearsal_is_reported(field):
     yard = field()
     yard.state("dog-1", site=None, placement=None)
     yard.state("drone-1", activity="goto")
@@ -212,8 +212,8 @@ def test_it_tells_how_far_it_is(field, monkeypatch):
     monkeypatch.setattr(rehearsal, "TELL", 0.0)
     lines = []
     rehearse(field().task({"roles": ROVER, "steps": [go(2, -2)]}, {"rover": ["ugv-1"]}), lines.append)
-    told = [line.note.text for line in lines if line.note]
-    assert told == ["begins goto", "has finished goto", "The run has ended: completed"]
+    texts = [line.note.text for line in lines if line.note]
+    assert texts == ["begins goto", "has finished goto", "The run has ended: completed"]
     seconds = [line.seconds for line in lines if line.note is None]
     assert seconds == sorted(seconds)
     assert len(seconds) > 5

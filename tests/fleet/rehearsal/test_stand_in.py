@@ -29,13 +29,13 @@ def stand_in(work, played=Flyer, **config):
         await adapter.connect()
         began = robot.clock.monotonic()
         try:
-            told = await work(adapter, robot)
+            result = await work(adapter, robot)
             seconds = robot.clock.monotonic() - began
             await asyncio.sleep(0.2)
         finally:
             robot.close()
         pose = robot.reports_of(PoseReport)[-1].position
-        return told, round(seconds, 1), tuple(round(each, 1) for each in (pose.x, pose.y, pose.z)), robot
+        return result, round(seconds, 1), tuple(round(each, 1) for each in (pose.x, pose.y, pose.z)), robot
 
     with asyncio.Runner(loop_factory=JumpingLoop) as runner:
         return runner.run(whole())

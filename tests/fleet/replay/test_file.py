@@ -84,7 +84,7 @@ def test_a_robot_that_is_not_in_it_is_refused_with_those_that_are():
     assert "yard/kestrel" in refused.value.hint
 
 
-def test_a_file_that_is_no_recording_is_told(tmp_path):
+def test_a_file_that_is_no_recording_is_reported(tmp_path):
     (tmp_path / "x.mcap").write_bytes(b"no")
     with pytest.raises(StateError, match="is no MCAP file"):
         load_recording(tmp_path / "x.mcap")

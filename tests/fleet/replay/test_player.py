@@ -57,12 +57,12 @@ def played(recording, directory):
     async def played(window, *, look=lambda _bus: None, until=None):
         ended, results = asyncio.Event(), []
 
-        def told(edge):
+        def on_edge(edge):
             bus = join(BusSettings(edge.name), directory)
             results.append((bus, look(bus)))
 
         async with asyncio.timeout(DEADLINE):
-            count = await play(recording, window, directory, ended, SystemClock(), on_edge=told)
+            count = await play(recording, window, directory, ended, SystemClock(), on_edge=on_edge)
             found = until and await asyncio.to_thread(until, results[0][0])
         for bus, _ in results:
             bus.close()
@@ -135,7 +135,7 @@ async def test_its_robots_are_shown_as_simulated_ones_of_an_edge_of_another_name
     assert (state.edge, state.name, state.simulated, state.health) == ("replay-yard", "rex", True, "ok")
 
 
-async def test_its_events_are_told(playing):
+async def test_its_events_are_reported(playing):
     payload = msgspec.json.encode(EventFilter())
 
     def look(control):
@@ -172,6 +172,6 @@ def test_the_folder_of_its_sockets_is_one_where_nobody_looks_for_edges(directory
         with_one.close()
 
 
-async def test_a_window_with_nothing_in_it_is_told(played):
+async def test_a_window_with_nothing_in_it_is_reported(played):
     with pytest.raises(StateError, match="nothing in that window"):
         await played(PlayedWindow(start=100.0))

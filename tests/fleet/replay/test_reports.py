@@ -44,6 +44,6 @@ def test_what_is_no_report_is_none():
 
 
 @pytest.mark.parametrize("schema", ["foxglove.PoseInFrame", "fleet.BatteryReport", "foxglove.LocationFix"])
-def test_a_damaged_one_is_told(schema):
+def test_a_damaged_one_is_reported(schema):
     with pytest.raises(ValueError, match="cannot be read"):
         report_in(schema, b'{"timestamp": 1}')

@@ -123,6 +123,6 @@ def test_no_bundle_with_a_changed_byte_is_accepted_as_another(at, byte):
 @given(st.binary(max_size=300))
 def test_any_bytes_are_refused_in_one_line(data):
     for given_bytes in (data, HEAD + data):
-        with pytest.raises(BundleError) as told:
+        with pytest.raises(BundleError) as error:
             opened(given_bytes, TRUSTED)
-        assert "\n" not in str(told.value)
+        assert "\n" not in str(error.value)

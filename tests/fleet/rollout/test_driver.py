@@ -117,21 +117,25 @@ async def test_with_five_of_a_hundred_that_fail_it_stops_in_time(fleet, how, see
     progress = await fleet.roll_out(parallel=5, stop_if="failed > 2%")
     await fleet.settle()
     assert progress.phase is RolloutPhase.STOPPED
-    failed = [name for name, told in progress.told.items() if told is EdgeStatus.FAILED]
+    failed = [name for name, status in progress.statuses.items() if status is EdgeStatus.FAILED]
     assert failed
     assert set(failed) <= failing
-    assert len(failed) - 1 <= 0.02 * len(progress.told) + 5, "at most those under way fail beyond the limit"
+    assert len(failed) - 1 <= 0.02 * len(progress.statuses) + 5, (
+        "at most those under way fail beyond the limit"
+    )
     running = fleet.running()
     assert all(running[name] == "old" for name in failing)
-    assert all(running[name] == "old" for name in EDGES if name not in progress.told)
-    assert all(running[name] == "new" for name, told in progress.told.items() if told is EdgeStatus.DONE)
+    assert all(running[name] == "old" for name in EDGES if name not in progress.statuses)
+    assert all(
+        running[name] == "new" for name, status in progress.statuses.items() if status is EdgeStatus.DONE
+    )
 
 
 @pytest.mark.parametrize("how", FAILS)
 async def test_a_bundle_that_no_edge_can_use_stops_in_the_first_wave(fleet, how):
     fleet.fails(EDGES, **FAILS[how])
     progress = await fleet.roll_out()
-    assert (progress.phase, list(progress.told)) == (RolloutPhase.STOPPED, ["edge-000"])
+    assert (progress.phase, list(progress.statuses)) == (RolloutPhase.STOPPED, ["edge-000"])
     assert set(fleet.running().values()) == {"old"}
 
 
@@ -150,7 +154,7 @@ async def test_edges_that_wait_when_it_stops_roll_back(fleet):
 async def test_a_wave_waits_for_a_robot_in_flight_until_its_time_is_over(fleet):
     fleet.fails(["edge-000"], outcomes=[Applied(waits="rex: it is armed")] * 500)
     progress = await fleet.roll_out(within=30.0)
-    assert (progress.phase, list(progress.told)) == (RolloutPhase.STOPPED, ["edge-000"])
+    assert (progress.phase, list(progress.statuses)) == (RolloutPhase.STOPPED, ["edge-000"])
 
 
 async def test_an_edge_that_comes_back_when_it_is_overdue_installs_nothing(fleet):
@@ -158,7 +162,7 @@ async def test_an_edge_that_comes_back_when_it_is_overdue_installs_nothing(fleet
     fleet.store.observed_of.pop("edge-000", None)
     await fleet.driver.begin(rollout_of(dict.fromkeys(EDGES, fleet.new), within=30.0))
     progress = (await fleet.driver.drive()).progress
-    assert (progress.phase, progress.told) == (RolloutPhase.STOPPED, {"edge-000": EdgeStatus.OVERDUE})
+    assert (progress.phase, progress.statuses) == (RolloutPhase.STOPPED, {"edge-000": EdgeStatus.OVERDUE})
     await agent.turn()
     assert (agent.record.running, here.applied) == (fleet.old, [])
 
@@ -167,7 +171,7 @@ async def test_an_overdue_edge_rolls_back_while_the_roll_out_continues(fleet):
     fleet.fails(["edge-000"], outcomes=[Applied(waits="rex: it is armed")] * 35)
     progress = await fleet.roll_out(within=30.0, stop_if="failed > 5")
     await fleet.settle()
-    assert (progress.phase, progress.told["edge-000"]) == (RolloutPhase.COMPLETED, EdgeStatus.OVERDUE)
+    assert (progress.phase, progress.statuses["edge-000"]) == (RolloutPhase.COMPLETED, EdgeStatus.OVERDUE)
     assert fleet.running()["edge-000"] == "old"
     assert fleet.edges["edge-000"][0].record.stage is BundleStage.WITHDRAWN
 
@@ -218,9 +222,9 @@ async def test_after_a_driver_detaches_another_one_drives_to_the_end(fleet, afte
     with contextlib.suppress(Detached):
         await fleet.driver.drive()
     fleet.store.keep = keep
-    told = len((await fleet.store.rollout())[0].progress.told)
+    before = len((await fleet.store.rollout())[0].progress.statuses)
     await fleet.settle()
-    assert len((await fleet.store.rollout())[0].progress.told) == told, "nobody else is told meanwhile"
+    assert len((await fleet.store.rollout())[0].progress.statuses) == before, "nobody else is told meanwhile"
     assert (await fleet.driven().drive()).progress.phase is RolloutPhase.COMPLETED
     assert set(fleet.running().values()) == {"new"}
 
@@ -288,6 +292,6 @@ async def test_a_report_of_an_old_roll_out_is_ignored(fleet):
     wanted = rollout_of(dict.fromkeys(EDGES, fleet.new))
     await fleet.driver.begin(msgspec.structs.replace(wanted, id="r2"))
     rollout, _ = await fleet.driver.turn()
-    assert rollout.progress.told == {"edge-000": EdgeStatus.OPEN}
+    assert rollout.progress.statuses == {"edge-000": EdgeStatus.OPEN}
     rollout, _ = await fleet.driver.turn()
-    assert rollout.progress.told == {"edge-000": EdgeStatus.OPEN}
+    assert rollout.progress.statuses == {"edge-000": EdgeStatus.OPEN}

@@ -26,12 +26,12 @@ def test_a_fault_that_replaces_another_is_worse_at_the_same_health_of_the_edge()
     after = [robot("rex"), robot("max", "degraded", "motor 3 is hot")]
     whole = [edge_health(states, ()).level for states in (before, after)]
     assert whole == [Level.DEGRADED, Level.DEGRADED]
-    told = got_worse(faults_of(edge(health="degraded"), before), faults_of(edge(health="degraded"), after))
-    assert told == ("max is degraded, was ok: motor 3 is hot",)
+    worse = got_worse(faults_of(edge(health="degraded"), before), faults_of(edge(health="degraded"), after))
+    assert worse == ("max is degraded, was ok: motor 3 is hot",)
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "told"),
+    ("before", "after", "expected"),
     [
         (("ok", ""), ("offline", "silent"), "rex is offline, was ok: silent"),
         (("degraded", "battery"), ("offline", "silent"), "rex is offline, was degraded: silent"),
@@ -45,9 +45,9 @@ def test_a_fault_that_replaces_another_is_worse_at_the_same_health_of_the_edge()
         (("fault", "quarantined"), ("ok", ""), ""),
     ],
 )
-def test_a_robot_fails_a_bundle_only_when_it_is_worse_than_before(before, after, told):
+def test_a_robot_fails_a_bundle_only_when_it_is_worse_than_before(before, after, expected):
     faults = [faults_of(edge(), [robot("rex", *state)]) for state in (before, after)]
-    assert got_worse(*faults) == ((told,) if told else ())
+    assert got_worse(*faults) == ((expected,) if expected else ())
 
 
 def test_a_new_robot_must_be_ok_and_a_removed_one_is_ignored():
@@ -94,8 +94,8 @@ def test_an_edge_reports_the_problems_that_the_comparison_needs():
     """The cause in the health of an edge is found again in its problems."""
     problems = ["no port 9100", "history: disk full"]
     health = edge_health((), map(degraded, problems))
-    told = edge(health=health.level.word, cause=health.cause, problems=problems)
-    assert faults_of(told, ()) == tuple(PartFault(EDGE, "degraded", each) for each in problems)
+    reported = edge(health=health.level.word, cause=health.cause, problems=problems)
+    assert faults_of(reported, ()) == tuple(PartFault(EDGE, "degraded", each) for each in problems)
 
 
 def test_the_table_has_every_pair_of_levels():
@@ -127,8 +127,8 @@ def test_an_unchanged_state_is_never_worse(snapshot):
 def test_any_part_that_was_ok_and_is_not_is_worse(before, after):
     ill = {fault.part for fault in before}
     new = [fault for fault in after if fault.part not in ill]
-    told = got_worse(before, after)
-    assert all(f"{each.part} is {each.level}, was ok: {each.cause}" in told for each in new)
+    worse = got_worse(before, after)
+    assert all(f"{each.part} is {each.level}, was ok: {each.cause}" in worse for each in new)
 
 
 @given(before=snapshots, after=snapshots, part=st.sampled_from(["rex", "max", CLOUD]))

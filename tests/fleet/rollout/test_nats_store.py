@@ -303,11 +303,11 @@ async def test_a_roll_out_to_a_hundred_fake_edges_on_one_server_stops_in_time(tm
             await agent._store.close()
         await fleet.close()
     assert progress.phase is RolloutPhase.STOPPED
-    assert 10 < len(progress.told) < 100, "in the last wave, before most were told"
+    assert 10 < len(progress.statuses) < 100, "in the last wave, before most were told"
     for name, agent in agents.items():
         record, applied = agent.record, agent._here.applied
         assert record.stage in SETTLED
         assert agent._installation.current == record.running
-        went = old if name in failing or name not in progress.told else record.running
+        went = old if name in failing or name not in progress.statuses else record.running
         assert record.running == went, "nothing is half applied"
         assert not applied or applied[-1] == agent._installation.file_in_use.read_bytes()

@@ -44,9 +44,9 @@ def test_paths_are_relative_to_its_folder(folder):
     ],
 )
 def test_an_unusable_value_is_reported_with_its_place(folder, text, words):
-    with pytest.raises(InvalidConfig, match=words) as told:
+    with pytest.raises(InvalidConfig, match=words) as error:
         settings_of(folder, text)
-    assert "rollout.yaml:" in str(told.value)
+    assert "rollout.yaml:" in str(error.value)
 
 
 def test_a_file_that_is_no_public_key_is_reported(folder):

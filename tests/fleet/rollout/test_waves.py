@@ -32,7 +32,7 @@ def run(plan, failing=(), silent=()):
     for now in range(1000):
         seen = {
             name: EdgeStatus.FAILED if name in failing else EdgeStatus.DONE
-            for name in progress.told
+            for name in progress.statuses
             if name not in silent
         }
         progress = step(plan, progress, seen, float(now))
@@ -81,7 +81,7 @@ def test_a_bundle_that_no_edge_can_use_stops_in_its_first_wave():
     plan = plan_of(100)
     progress, _ = run(plan, failing=plan.edges)
     assert progress.phase is RolloutPhase.STOPPED
-    assert list(progress.told) == ["edge-000"]
+    assert list(progress.statuses) == ["edge-000"]
     assert progress.why == "1 of 1 edges failed: edge-000"
 
 
@@ -89,21 +89,21 @@ def test_without_failures_every_edge_is_assigned_once_and_it_completes():
     plan = plan_of(100)
     progress, _ = run(plan)
     assert progress.phase is RolloutPhase.COMPLETED
-    assert list(progress.told) == list(plan.edges)
+    assert list(progress.statuses) == list(plan.edges)
 
 
 def test_one_failure_in_the_last_wave_stops_before_most_edges_are_assigned():
     plan = plan_of(100, parallel=5)
     progress, _ = run(plan, failing={"edge-012"})
     assert progress.phase is RolloutPhase.STOPPED
-    assert len(progress.told) <= 15
+    assert len(progress.statuses) <= 15
 
 
 def test_a_silent_edge_is_overdue_after_its_time_and_counts_as_failed():
     plan = plan_of(3, waves="100%", stop_if="failed > 0")
     progress, _ = run(plan, silent={"edge-001"})
     assert progress.phase is RolloutPhase.STOPPED
-    assert progress.told["edge-001"] is EdgeStatus.OVERDUE
+    assert progress.statuses["edge-001"] is EdgeStatus.OVERDUE
     assert progress.why == "1 of 3 edges failed: edge-001"
 
 
@@ -146,25 +146,25 @@ def test_the_invariants_hold_at_every_step_for_any_behaviour_of_edges(edges, wav
 
 def holds(plan, before, progress):
     """Assert the invariants of every step."""
-    told = list(progress.told)
-    new = told[len(before.told) :]
-    assert told == list(plan.edges[: len(told)]), "edges are told in order, each once"
-    settled = {name: state for name, state in before.told.items() if state is not EdgeStatus.OPEN}
-    assert settled.items() <= progress.told.items(), "an edge that has settled stays so"
+    assigned = list(progress.statuses)
+    new = assigned[len(before.statuses) :]
+    assert assigned == list(plan.edges[: len(assigned)]), "edges are told in order, each once"
+    settled = {name: state for name, state in before.statuses.items() if state is not EdgeStatus.OPEN}
+    assert settled.items() <= progress.statuses.items(), "an edge that has settled stays so"
     assert not new or progress.count(EdgeStatus.OPEN) <= plan.parallel
     failed = progress.count(EdgeStatus.FAILED) + progress.count(EdgeStatus.OVERDUE)
-    exceeded = plan.limit.is_exceeded(failed, len(told) - len(new))
+    exceeded = plan.limit.is_exceeded(failed, len(assigned) - len(new))
     assert exceeded == (progress.phase is RolloutPhase.STOPPED)
     assert not (new and exceeded)
-    waves = [sum(end <= plan.edges.index(name) for end in plan.ends) for name in told]
+    waves = [sum(end <= plan.edges.index(name) for end in plan.ends) for name in assigned]
     for name in new:
-        wave = waves[told.index(name)]
-        earlier = [each for each, at in zip(told, waves, strict=True) if at < wave]
-        assert all(progress.told[each] is not EdgeStatus.OPEN for each in earlier), (
+        wave = waves[assigned.index(name)]
+        earlier = [each for each, at in zip(assigned, waves, strict=True) if at < wave]
+        assert all(progress.statuses[each] is not EdgeStatus.OPEN for each in earlier), (
             "the wave before has settled"
         )
     if progress.phase is RolloutPhase.COMPLETED:
-        assert told == list(plan.edges)
+        assert assigned == list(plan.edges)
         assert not progress.count(EdgeStatus.OPEN)
 
 

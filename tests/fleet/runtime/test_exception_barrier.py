@@ -12,19 +12,19 @@ class Panic(BaseException):
 
 
 @pytest.mark.parametrize(
-    ("raised", "told"),
+    ("raised", "expected"),
     [(SystemExit(2), r"called sys\.exit\(2\)"), (Panic("gone"), r"raised Panic\('gone'\)")],
 )
-async def test_what_would_end_others_is_an_error_like_any_other(raised, told):
+async def test_what_would_end_others_is_an_error_like_any_other(raised, expected):
     async def leave():
         raise raised
 
     def leave_at_once():
         raise raised
 
-    with pytest.raises(RuntimeError, match=told):
+    with pytest.raises(RuntimeError, match=expected):
         await guarded(leave)
-    with pytest.raises(RuntimeError, match=told):
+    with pytest.raises(RuntimeError, match=expected):
         call_guarded(leave_at_once)
 
 

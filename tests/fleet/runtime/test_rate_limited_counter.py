@@ -16,7 +16,7 @@ def counter():
     return RateLimitedCounter(logging.getLogger("fleet.test"), clock), clock
 
 
-def test_each_reason_is_counted_and_told_on_its_own(caplog):
+def test_each_reason_is_counted_and_reported_on_its_own(caplog):
     refusals, _ = counter()
     for _ in range(3):
         refusals.add("too large", "%d bytes", 5)
@@ -26,7 +26,7 @@ def test_each_reason_is_counted_and_told_on_its_own(caplog):
     assert caplog.messages == ["5 bytes", "on t"]
 
 
-def test_after_a_minute_a_reason_is_told_again_with_how_many_there_were(caplog):
+def test_after_a_minute_a_reason_is_reported_again_with_how_many_there_were(caplog):
     refusals, clock = counter()
     for _ in range(10):
         refusals.add("retained", "on %s", "100%")

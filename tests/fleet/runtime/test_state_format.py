@@ -229,7 +229,7 @@ def test_begun_commands_begin_with_their_format(tmp_path):
     begun.close()
 
 
-def test_a_spool_of_a_newer_fleet_is_kept_aside_and_told(left, clock):
+def test_a_spool_of_a_newer_fleet_is_kept_aside_and_reported(left, clock):
     path = left / "state" / SPOOL
     number(path, 99)
     with pytest.raises(StateError, match=NEWER):

@@ -18,7 +18,7 @@ def test_what_is_due_is_started():
     assert due_firings(MINUTELY, 600.0, 660.0, late=30.0, once=False) == DueFirings(due=660.0)
 
 
-def test_of_several_only_the_newest_is_started_and_the_others_are_told():
+def test_of_several_only_the_newest_is_started_and_the_others_are_reported():
     found = due_firings(MINUTELY, 600.0, 800.0, late=600.0, once=False)
     assert found == DueFirings(due=780.0, skipped=((660.0, _LATER), (720.0, _LATER)))
 

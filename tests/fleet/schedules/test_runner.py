@@ -67,7 +67,7 @@ class Yard:
         self.clock.advance(seconds)
         await self.schedules.poll()
 
-    def told(self):
+    def texts(self):
         return [event.text for event in self.events]
 
     def states(self, name="dawn"):
@@ -103,7 +103,7 @@ async def test_a_year_in_three_zones_starts_exactly_what_is_due(yard):
             expected.append(f"{name}@{at:.3f}")
         assert [wanted.key for wanted in yard.runs.wanted if wanted.schedule == name] == expected
     assert len(yard.runs.wanted) == 365 + 261 + 365
-    assert not any("skipped" in text for text in yard.told())
+    assert not any("skipped" in text for text in yard.texts())
 
 
 async def test_a_schedule_that_is_new_makes_up_for_nothing(yard):
@@ -112,10 +112,10 @@ async def test_a_schedule_that_is_new_makes_up_for_nothing(yard):
     assert yard.runs.wanted == []
     await yard.after(3600.0)
     assert [wanted.key for wanted in yard.runs.wanted] == [f"dawn@{START + 3600:.3f}"]
-    assert yard.told() == ["schedule dawn: started as run-0"]
+    assert yard.texts() == ["schedule dawn: started as run-0"]
 
 
-async def test_what_was_missed_while_nothing_ran_is_told_and_skipped(yard):
+async def test_what_was_missed_while_nothing_ran_is_reported_and_skipped(yard):
     await yard.serve(dawn={"every": "1 h", "late": "5 min"})
     await yard.after(3601.0)
     yard.store.close()
@@ -123,7 +123,7 @@ async def test_what_was_missed_while_nothing_ran_is_told_and_skipped(yard):
     await yard.serve(dawn={"every": "1 h", "late": "5 min"})
     await yard.after(1.0)
     assert len(yard.runs.wanted) == 1
-    assert "skipped: 3 firings came due" in yard.told()[-1]
+    assert "skipped: 3 firings came due" in yard.texts()[-1]
 
 
 async def test_one_start_makes_up_for_all_that_was_missed(yard):
@@ -140,19 +140,20 @@ async def test_one_start_makes_up_for_all_that_was_missed(yard):
 
 
 @pytest.mark.parametrize(
-    ("busy", "started", "told"), [("skip", 0, "run-9 is in its way"), ("queue", 1, ""), ("replace", 0, "")]
+    ("busy", "started", "expected"),
+    [("skip", 0, "run-9 is in its way"), ("queue", 1, ""), ("replace", 0, "")],
 )
-async def test_what_is_busy_is_skipped_waited_for_or_replaced(yard, busy, started, told):
+async def test_what_is_busy_is_skipped_waited_for_or_replaced(yard, busy, started, expected):
     await yard.serve(dawn={"every": "1 h", "busy": busy})
     yard.runs.answer = StartResult(busy="run-9")
     await yard.after(3600.0)
     yard.runs.answer = None
     await yard.after(60.0)
-    assert [text for text in yard.told() if "started" in text] == [
+    assert [text for text in yard.texts() if "started" in text] == [
         "schedule dawn: started as run-0"
     ] * started
     assert yard.runs.wanted[0].replace is (busy == "replace")
-    assert told in " ".join(yard.told())
+    assert expected in " ".join(yard.texts())
 
 
 async def test_one_that_waits_gives_way_to_a_later_one(yard):
@@ -169,7 +170,7 @@ async def test_one_that_waits_is_skipped_when_it_is_too_late(yard):
     await yard.after(2400.0)
     await yard.after(1000.0)
     assert yard.states() == [(2400.0, SKIPPED)]
-    assert "it was due 1000 s ago" in yard.told()[-1]
+    assert "it was due 1000 s ago" in yard.texts()[-1]
 
 
 async def test_one_that_waits_is_skipped_when_its_schedule_is_switched_off_or_changed(yard):
@@ -183,9 +184,9 @@ async def test_one_that_waits_is_skipped_when_its_schedule_is_switched_off_or_ch
         "other": ScheduleConfig(mission="night", **waits),
     }
     await schedules.replace(new)
-    told = yard.told()
-    assert "schedule off: skipped: disabled by anna" in told
-    assert "schedule other: skipped: the schedule has changed" in told
+    texts = yard.texts()
+    assert "schedule off: skipped: disabled by anna" in texts
+    assert "schedule other: skipped: the schedule has changed" in texts
     yard.runs.answer = None
     await yard.after(60.0)
     assert [wanted.mission for wanted in yard.runs.wanted] == ["patrol", "patrol"], "both were busy then"
@@ -200,21 +201,21 @@ async def test_what_another_edge_has_fired_meanwhile_is_not_made_up_for(yard):
     await yard.serve(afresh=True, dawn=once)
     await yard.after(10.0)
     assert yard.runs.wanted == []
-    assert "schedule dawn: skipped: another edge had the robots" in yard.told()
+    assert "schedule dawn: skipped: another edge had the robots" in yard.texts()
     await yard.after(3600.0)
     assert len(yard.runs.wanted) == 1
 
 
-async def test_robots_whose_emergency_stop_is_set_are_named_and_left_out_and_that_is_told(yard):
+async def test_robots_whose_emergency_stop_is_set_are_named_and_left_out_and_that_is_reported(yard):
     await yard.serve(dawn={"every": "1 h"})
     yard.stopped = {"rex": "its emergency stop is set: anna"}
     yard.runs.answer = StartResult("run-1", left_out=yard.stopped)
     await yard.after(3600.0)
     assert yard.runs.wanted[0].without == yard.stopped
-    assert "rex left out: its emergency stop is set: anna" in yard.told()[-1]
+    assert "rex left out: its emergency stop is set: anna" in yard.texts()[-1]
 
 
-async def test_a_refusal_is_told_and_kept(yard):
+async def test_a_refusal_is_reported_and_kept(yard):
     await yard.serve(dawn={"every": "1 h"})
     yard.runs.answer = StartResult(refusal="nobody can be eye")
     await yard.after(3600.0)
@@ -222,7 +223,7 @@ async def test_a_refusal_is_told_and_kept(yard):
     assert len(yard.runs.wanted) == 1
     (firing,) = yard.store.last("dawn")
     assert (firing.state, firing.reason) == (SKIPPED, "nobody can be eye")
-    assert yard.told() == ["schedule dawn: skipped: nobody can be eye"]
+    assert yard.texts() == ["schedule dawn: skipped: nobody can be eye"]
 
 
 async def test_a_start_that_fails_on_the_way_is_known_by_its_key(yard):
@@ -251,10 +252,10 @@ async def test_what_a_dead_process_left_open_is_asked_for_by_its_key(yard):
         [(3600.0, STARTED)],
         [(3600.0, SKIPPED)],
     ]
-    assert any("the schedule is gone" in text for text in yard.told())
+    assert any("the schedule is gone" in text for text in yard.texts())
 
 
-async def test_what_cannot_be_recorded_is_not_started_and_told(yard, monkeypatch):
+async def test_what_cannot_be_recorded_is_not_started_and_reported(yard, monkeypatch):
     await yard.serve(dawn={"every": "1 h"})
 
     def full(*_):
@@ -263,7 +264,7 @@ async def test_what_cannot_be_recorded_is_not_started_and_told(yard, monkeypatch
     monkeypatch.setattr(FiringStore, "record", full)
     await yard.after(3600.0)
     assert yard.runs.wanted == []
-    assert yard.told() == ["schedule dawn: skipped: it cannot be recorded: the disk is full"]
+    assert yard.texts() == ["schedule dawn: skipped: it cannot be recorded: the disk is full"]
     assert yard.schedules.problem == "the disk is full"
 
 
@@ -290,7 +291,7 @@ async def test_a_schedule_that_is_switched_off_stays_off_through_a_restart_and_m
     assert yard.runs.wanted == []
     await yard.after(1800.0)
     assert len(yard.runs.wanted) == 1
-    assert yard.told()[:2] == ["schedule dawn: disabled by anna", "schedule dawn: enabled by anna"]
+    assert yard.texts()[:2] == ["schedule dawn: disabled by anna", "schedule dawn: enabled by anna"]
 
 
 async def test_a_schedule_that_is_changed_makes_up_for_nothing(yard):
@@ -317,12 +318,12 @@ async def test_schedules_that_are_replaced_go_on_as_if_they_had_always_been_ther
     assert sorted(wanted.schedule for wanted in yard.runs.wanted) == ["changed", "changed", "kept", "new"]
 
 
-async def test_what_waits_of_a_schedule_that_is_gone_is_skipped_and_told(yard):
+async def test_what_waits_of_a_schedule_that_is_gone_is_skipped_and_reported(yard):
     schedules = await yard.serve(low={"every": 60.0, "busy": "queue"})
     yard.runs.answer = StartResult(busy="run x")
     await yard.after(60.0)
     await schedules.replace({})
-    assert "schedule low: skipped: the schedule is gone" in yard.told()
+    assert "schedule low: skipped: the schedule is gone" in yard.texts()
     await yard.after(60.0)
     assert len(yard.runs.wanted) == 1
 
@@ -336,7 +337,7 @@ async def test_an_event_fires_what_waits_for_it_once(yard):
         await schedules.heard(robot, event)
     await schedules.heard("rex", EventReport(START + 2.0, EventKind.FOUND, "ok"))
     assert [wanted.key for wanted in yard.runs.wanted] == [f"low@{START + 1:.3f}"]
-    assert "fired: rex: 18 %" in yard.told()[0]
+    assert "fired: rex: 18 %" in yard.texts()[0]
 
 
 async def test_a_schedule_is_started_by_hand_though_it_is_off(yard):

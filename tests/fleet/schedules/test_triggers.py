@@ -115,7 +115,7 @@ def test_a_day_of_the_month_and_a_weekday_are_not_taken_together():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("0 6 * *", "needs five fields"),
         ("0 6 * * * *", "needs five fields"),
@@ -127,8 +127,8 @@ def test_a_day_of_the_month_and_a_weekday_are_not_taken_together():
         ("0 0 * * fri-mon", "minimum"),
     ],
 )
-def test_an_expression_that_is_none_is_refused(text, told):
-    with pytest.raises(ValueError, match=told):
+def test_an_expression_that_is_none_is_refused(text, expected):
+    with pytest.raises(ValueError, match=expected):
         cron_fields(text)
 
 
@@ -160,7 +160,7 @@ def test_once_is_in_its_zone_unless_it_names_one(text, zone, at):
     assert fired(trigger, utc(at)) == []
 
 
-def test_a_zone_that_does_not_exist_is_told():
+def test_a_zone_that_does_not_exist_is_reported():
     for name in ("Europe/Zuerich", "", "../etc/passwd", "/etc/passwd"):
         with pytest.raises(ValueError, match="there is no time zone"):
             zone_of(name)

@@ -26,15 +26,15 @@ def unit(tmp_path):
 
 def test_systemd_rates_its_exposure_at_most_3(unit, program):
     command = [program("systemd-analyze"), "security", "--offline=true", "--threshold=30", "--no-pager", unit]
-    told = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert told.returncode == 0, told.stdout + told.stderr
-    assert "Overall exposure level" in told.stdout
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "Overall exposure level" in result.stdout
 
 
 def test_systemd_finds_nothing_wrong_in_it(unit, program):
     command = [program("systemd-analyze"), "verify", "--man=no", "--recursive-errors=no", unit]
-    told = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (told.returncode, [line for line in told.stderr.splitlines() if SPEC.unit in line]) == (0, [])
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (result.returncode, [line for line in result.stderr.splitlines() if SPEC.unit in line]) == (0, [])
 
 
 def test_it_opens_no_device_and_writes_its_folder_alone():

@@ -83,13 +83,13 @@ def test_a_service_that_is_not_installed_cannot_be_removed(tmp_path):
         uninstall("yard-1", tmp_path, System())
 
 
-def test_a_folder_that_cannot_be_written_is_told_with_the_cure(tmp_path):
+def test_a_folder_that_cannot_be_written_is_reported_with_the_cure(tmp_path):
     (tmp_path / "etc").write_text("")
     with pytest.raises(ServiceError, match="run it as root"):
         install(SPEC, tmp_path, None, start=False)
 
 
-def test_a_program_that_fails_is_told_in_its_own_words():
+def test_a_program_that_fails_is_reported_in_its_own_words():
     with pytest.raises(ServiceError, match="no such unit"):
         run_program(["sh", "-c", "echo warning >&2; echo no such unit >&2; exit 5"])
     with pytest.raises(ServiceError, match="this computer has no no-such-program"):
@@ -97,8 +97,8 @@ def test_a_program_that_fails_is_told_in_its_own_words():
 
 
 def test_the_status_is_what_systemd_says_and_nothing_that_was_not_asked():
-    told = "LoadState=loaded\nActiveState=active\nStatusText=the edge is running\nOther=1\n"
-    assert status_of("fleet-yard-1.service", lambda _: told) == {
+    properties = "LoadState=loaded\nActiveState=active\nStatusText=the edge is running\nOther=1\n"
+    assert status_of("fleet-yard-1.service", lambda _: properties) == {
         "LoadState": "loaded",
         "ActiveState": "active",
         "StatusText": "the edge is running",

@@ -45,17 +45,17 @@ def unit(tmp_path, request):
 @pytest.mark.parametrize("unit", SPECS, indirect=True)
 def test_systemd_rates_its_exposure_at_most_3(unit, program):
     command = [program("systemd-analyze"), "security", "--offline=true", "--threshold=30", "--no-pager", unit]
-    told = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert told.returncode == 0, told.stdout + told.stderr
-    assert "Overall exposure level" in told.stdout
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "Overall exposure level" in result.stdout
 
 
 @pytest.mark.parametrize("unit", SPECS, indirect=True)
 def test_systemd_finds_nothing_wrong_in_it(unit, program):
     command = [program("systemd-analyze"), "verify", "--man=no", "--recursive-errors=no", unit]
-    told = subprocess.run(command, capture_output=True, text=True, check=False)
-    about_it = [line for line in told.stderr.splitlines() if "fleet-yard-1" in line]
-    assert (told.returncode, about_it) == (0, [])
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    about_it = [line for line in result.stderr.splitlines() if "fleet-yard-1" in line]
+    assert (result.returncode, about_it) == (0, [])
 
 
 def test_only_the_classes_of_the_named_devices_are_open():
@@ -105,9 +105,9 @@ def test_a_stop_of_the_service_signals_the_supervisor_alone_and_waits_for_its_en
     with subprocess.Popen(["sleep", "600"]) as main:
         reaper = threading.Thread(target=main.wait)
         reaper.start()
-        told = subprocess.run(words, env={**os.environ, "MAINPID": str(main.pid)}, check=False, timeout=20)
+        result = subprocess.run(words, env={**os.environ, "MAINPID": str(main.pid)}, check=False, timeout=20)
         reaper.join(20)
-        assert (told.returncode, main.returncode) == (0, -signal.SIGTERM)
+        assert (result.returncode, main.returncode) == (0, -signal.SIGTERM)
     assert subprocess.run(words, env={"PATH": os.environ["PATH"]}, check=False, timeout=20).returncode != 0
 
 

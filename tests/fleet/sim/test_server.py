@@ -112,7 +112,7 @@ async def test_a_robot_of_a_subprocess_goes_with_whoever_asked_for_it(module):
             await simulator.fault(url, "loss")
 
 
-async def test_the_death_of_the_subprocess_is_told_to_all(module):
+async def test_the_death_of_the_subprocess_is_reported_to_all(module):
     async with SimProcess(module) as simulator:
         async with simulator.robot({"name": "a"}):
             lost = asyncio.create_task(simulator.lost())

@@ -136,7 +136,7 @@ def test_more_than_fits_in_memory_waits_on_disk_and_memory_stays_flat(opened):
         assert [int(payload) for topic, payload in sent if topic == f"t/{part}"] == [*range(part, 2000, 4)]
 
 
-def test_its_size_is_bounded_and_what_matters_least_goes_first_and_is_told(tmp_path, opened):
+def test_its_size_is_bounded_and_what_matters_least_goes_first_and_is_reported(tmp_path, opened):
     size = 1024 * 1024
     spool = opened(size=size, messages=200)
     spool.put(*[b"s" * 1000] * 100, topic="status", traffic=TrafficClass.STATUS).written()
@@ -151,7 +151,7 @@ def test_its_size_is_bounded_and_what_matters_least_goes_first_and_is_told(tmp_p
     assert sum(topic == "event" for topic, _ in kept) == 4000 - gaps["event", Reason.ROOM]
 
 
-def test_losses_that_nobody_was_told_of_outlive_the_process(opened, clock):
+def test_losses_that_are_not_reported_yet_outlive_the_process(opened, clock):
     spool = opened().put(b"0", b"1")
     clock.advance(AGES[TrafficClass.EVENT])
     spool.spool.tick()
@@ -163,7 +163,7 @@ def test_losses_that_nobody_was_told_of_outlive_the_process(opened, clock):
     assert opened().spool.take_gaps() == []
 
 
-def test_what_grew_too_old_while_nothing_ran_is_dropped_and_told(opened, clock):
+def test_what_grew_too_old_while_nothing_ran_is_dropped_and_reported(opened, clock):
     opened().put(*payloads(20)).put(b"young", topic="u").written()
     clock.advance(AGES[TrafficClass.EVENT])
     spool = opened().put(b"new").online()
@@ -175,7 +175,7 @@ def test_what_grew_too_old_while_nothing_ran_is_dropped_and_told(opened, clock):
 
 
 @pytest.mark.parametrize("damage", ["rubbish", "cut", "no format of ours"])
-def test_a_file_that_cannot_be_read_is_set_aside_and_told(tmp_path, opened, damage):
+def test_a_file_that_cannot_be_read_is_set_aside_and_reported(tmp_path, opened, damage):
     opened().put(*payloads(500)).written().spool.close()
     path = tmp_path / "state" / SPOOL
     if damage == "rubbish":
@@ -227,7 +227,7 @@ def fail_once(failures, path):
     set_aside(path)
 
 
-def test_a_full_disk_is_told_costs_nothing_that_fits_in_memory_and_heals(opened):
+def test_a_full_disk_is_reported_costs_nothing_that_fits_in_memory_and_heals(opened):
     spool = opened(messages=1000)
     spool.spool._disk._store._database.execute("PRAGMA max_page_count = 1")
     spool.put(*[b"x" * 1000] * 100)
@@ -239,7 +239,7 @@ def test_a_full_disk_is_told_costs_nothing_that_fits_in_memory_and_heals(opened)
     assert opened().spool.waiting == 100
 
 
-def test_a_folder_that_cannot_be_written_is_told_and_memory_serves(tmp_path, opened):
+def test_a_folder_that_cannot_be_written_is_reported_and_memory_serves(tmp_path, opened):
     (tmp_path / "state" / SPOOL).mkdir(parents=True)
     spool = opened()
     assert "cannot be used" in spool.spool.problem
@@ -247,7 +247,7 @@ def test_a_folder_that_cannot_be_written_is_told_and_memory_serves(tmp_path, ope
     assert spool.online().drain() == [("t", b"0")]
 
 
-def test_beyond_the_memory_without_a_file_the_newest_are_sent_and_the_others_told(tmp_path, opened):
+def test_beyond_the_memory_without_a_file_the_newest_are_sent_and_the_others_reported(tmp_path, opened):
     (tmp_path / "state" / SPOOL).mkdir(parents=True)
     spool = opened(messages=10).put(*payloads(15)).online()
     assert [payload for _, payload in spool.drain()] == payloads(15)[5:]
@@ -274,7 +274,7 @@ def test_two_edges_do_not_share_a_folder(tmp_path, opened):
         type(first)(tmp_path / "state", first.clock)
 
 
-def test_a_folder_that_cannot_be_made_is_told_and_memory_serves_until_it_can(tmp_path, opened):
+def test_a_folder_that_cannot_be_made_is_reported_and_memory_serves_until_it_can(tmp_path, opened):
     (tmp_path / "file").write_text("")
     spool = opened(tmp_path / "file" / "state")
     assert re.search(r"cannot create .*file/state.*set edge\.spool\.path", spool.spool.problem)
@@ -285,7 +285,7 @@ def test_a_folder_that_cannot_be_made_is_told_and_memory_serves_until_it_can(tmp
     wait_until("the folder is used", lambda: spool.spool._disk._store is not None)
 
 
-def test_a_lock_that_cannot_be_opened_is_told_and_memory_serves(tmp_path, opened):
+def test_a_lock_that_cannot_be_opened_is_reported_and_memory_serves(tmp_path, opened):
     (tmp_path / "state" / "spool.db.lock").mkdir(parents=True)
     spool = opened(tmp_path / "state")
     assert "cannot open" in spool.spool.problem

@@ -114,7 +114,7 @@ def test_a_holder_that_ends_gives_the_lease_to_the_other_at_once(keep):
     assert b.lease.takeover.orderly
 
 
-def test_a_lease_that_cannot_be_renewed_ends_and_is_told(keep):
+def test_a_lease_that_cannot_be_renewed_ends_and_is_reported(keep):
     store = Store()
     keeper = keep("a", store)
     wait_until("the lease is held", lambda: holds(keeper))

@@ -123,7 +123,7 @@ def test_an_edge_with_another_file_does_not_take_over_until_that_is_accepted(b):
         LeaseEntry("a", "a-1", config="mine"),
     ],
 )
-def test_a_file_that_is_not_told_or_is_our_own_keeps_no_edge_from_taking_over(b, entry):
+def test_a_file_that_is_unknown_or_our_own_keeps_no_edge_from_taking_over(b, entry):
     """An older edge tells none, and an edge that starts again has changed its own."""
     b.config = "mine"
     b.see(entry, 9, 50.0)

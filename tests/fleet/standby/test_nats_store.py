@@ -67,13 +67,13 @@ async def test_a_deleted_entry_leaves_a_revision_and_can_be_written_anew(lease, 
     [b"", b"{}", b'{"edge": "a", "process": 1}', b"x" * 70_000],
     ids=["empty", "without fields", "of another type", "too long"],
 )
-async def test_what_is_no_lease_is_told_and_not_taken_for_a_free_one(lease, bucket, data):
+async def test_what_is_no_lease_is_reported_and_not_taken_for_a_free_one(lease, bucket, data):
     await bucket.put(lease._key, data)
     with pytest.raises(StateError, match="is no lease that this version can read"):
         await lease.read()
 
 
-async def test_a_server_that_is_away_is_told():
+async def test_a_server_that_is_away_is_reported():
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"nats://127.0.0.1:{free.getsockname()[1]}"

@@ -39,7 +39,7 @@ def test_what_was_left_last_is_given_to_the_program_that_tells_it_once(left, tmp
     assert not file.exists()
 
 
-def test_the_next_edge_ends_what_is_still_being_told(left):
+def test_the_next_edge_ends_what_is_still_being_reported(left):
     notice = DisconnectNotice([sys.executable, "-c", HANGS], lambda _line: None)
     notice.keep([left(b"x")])
     notice.send()
@@ -48,7 +48,7 @@ def test_the_next_edge_ends_what_is_still_being_told(left):
     assert process.returncode < 0
 
 
-def test_a_program_that_cannot_be_started_is_told(left):
+def test_a_program_that_cannot_be_started_is_reported(left):
     lines = []
     notice = DisconnectNotice(["/nowhere/at/all"], lines.append)
     notice.keep([left(b"x")])

@@ -17,7 +17,7 @@ def systemd(tmp_path):
         yield listener
 
 
-def told(listener):
+def received(listener):
     """Return all datagrams that came."""
     lines = []
     while True:
@@ -44,24 +44,24 @@ def variables(listener, **more):
     return {"NOTIFY_SOCKET": listener.getsockname(), "PATH": "/bin", **more}
 
 
-def test_readiness_and_end_are_told(systemd, manage):
+def test_readiness_and_end_are_reported(systemd, manage):
     manager = manage(variables(systemd))
     manager.ready()
     manager.ending()
-    assert [text.splitlines()[0] for text in told(systemd)] == ["READY=1", "STOPPING=1"]
+    assert [text.splitlines()[0] for text in received(systemd)] == ["READY=1", "STOPPING=1"]
 
 
 def test_signs_of_life_come_three_times_in_each_period(systemd, manage):
     manager = manage(variables(systemd, WATCHDOG_USEC="9000000", WATCHDOG_PID="7"))
     for now in range(10):
         manager.alive(float(now))
-    assert told(systemd) == ["WATCHDOG=1"] * 4
+    assert received(systemd) == ["WATCHDOG=1"] * 4
 
 
 def test_a_watchdog_of_another_process_gets_no_signs(systemd, manage):
     manager = manage(variables(systemd, WATCHDOG_USEC="9000000", WATCHDOG_PID="8"))
     manager.alive(1.0)
-    assert told(systemd) == []
+    assert received(systemd) == []
 
 
 def test_no_child_inherits_the_right_to_speak_for_the_supervisor(systemd, manage):
@@ -72,7 +72,7 @@ def test_no_child_inherits_the_right_to_speak_for_the_supervisor(systemd, manage
 
 def test_a_status_is_one_line(systemd, manage):
     manage(variables(systemd)).away("killed\nREADY=1")
-    assert told(systemd) == ["STATUS=killed"]
+    assert received(systemd) == ["STATUS=killed"]
 
 
 def test_without_a_service_manager_nothing_is_sent_and_nothing_fails(manage):

@@ -93,7 +93,7 @@ def test_the_edge_gets_few_memory_arenas_so_that_its_memory_stays_flat(field):
     assert b"MALLOC_ARENA_MAX=" + os.environb.get(b"MALLOC_ARENA_MAX", b"2") in variables
 
 
-def test_a_stop_without_an_edge_is_answered_as_kept_and_told_to_the_next(field):
+def test_a_stop_without_an_edge_is_answered_as_kept_and_passed_to_the_next(field):
     (answer,) = stop_all(field.path.parent, ("rex",))
     assert (answer.kept, answer.names) == (True, ())
     with contextlib.closing(connected(field.path, within=5.0)) as edge:
@@ -104,7 +104,7 @@ def test_a_stop_without_an_edge_is_answered_as_kept_and_told_to_the_next(field):
     assert [stop.names for stop in welcome.stops] == [("rex",)]
 
 
-def test_a_stop_is_kept_until_an_edge_that_was_told_of_it_serves_its_robots(field):
+def test_a_stop_is_kept_until_an_edge_that_has_received_it_serves_its_robots(field):
     stop_all(field.path.parent, ("rex",))
     hello = protocol.encode(protocol.Hello("yard", process=field.supervisor._child.pid))
     for _ in range(2):  # the first edge dies before it has set the stop
@@ -126,7 +126,7 @@ def test_a_supervisor_that_can_start_no_thread_for_its_lines_goes_on(monkeypatch
     print_in_thread("the edge ended")
 
 
-def test_a_worker_is_not_told_the_edges_stops_and_does_not_take_them_away(field):
+def test_a_worker_gets_no_stops_of_the_edge_and_does_not_take_them_away(field):
     stop_all(field.path.parent)
     with contextlib.closing(connected(field.path, within=5.0)) as worker:
         worker.send(protocol.encode(protocol.Hello("yard", worker="arm", process=1)))
@@ -229,7 +229,7 @@ def test_a_name_that_is_no_text_holds_up_no_stop(field):
     assert answer.kept
 
 
-def test_a_halt_whose_link_did_not_come_with_it_is_told(field):
+def test_a_halt_whose_link_did_not_come_with_it_is_reported(field):
     with contextlib.closing(connected(field.path, within=5.0)) as worker:
         worker.send(protocol.encode(RegisterHalt("rex", (b"halt",))))
         wait_until("it is told", lambda: any("the link of rex did not come" in line for line in field.lines))

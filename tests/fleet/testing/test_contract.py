@@ -142,7 +142,7 @@ def test_a_broken_frame_adapter_is_caught(test, changes):
 
 
 @pytest.mark.parametrize(
-    ("test", "changes", "told"),
+    ("test", "changes", "expected"),
     [
         (
             "each_example_of_what_the_robot_says_means_something",
@@ -156,8 +156,8 @@ def test_a_broken_frame_adapter_is_caught(test, changes):
         ),
     ],
 )
-def test_a_failure_names_what_to_change(test, changes, told):
-    with pytest.raises(AssertionError, match=told):
+def test_a_failure_names_what_to_change(test, changes, expected):
+    with pytest.raises(AssertionError, match=expected):
         getattr(broken(**changes), f"test_{test}")()
 
 

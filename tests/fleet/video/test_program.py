@@ -80,9 +80,9 @@ async def test_a_start_makes_an_offer_and_tells_the_stream_and_a_stop_that_it_is
     assert await ask({"command": "start_video", "data": {"recording": False}}) == {"ok": True}
     (offer,) = ask.bus_session.offers()
     assert (offer["sensor"], offer["recording"]) == ("front", False)
-    (told,) = ask.bus_session.streams()
-    assert isinstance(told, StreamState)
-    assert (told.connection_state, told.camera_id) == ("connecting", "front")
+    (state,) = ask.bus_session.streams()
+    assert isinstance(state, StreamState)
+    assert (state.connection_state, state.camera_id) == ("connecting", "front")
     assert await ask({"command": "stop_video"}) == {"ok": True}
     assert ask.bus_session.streams()[-1] == b""
     ask.program.publish_state()
@@ -108,7 +108,7 @@ async def test_a_stop_without_a_stream_is_no_mistake(ask):
     assert ask.bus_session.streams() == []
 
 
-async def test_a_camera_that_fails_is_told_to_who_asked(ask, camera):
+async def test_a_camera_that_fails_is_reported_to_who_asked(ask, camera):
     camera.breaks()
     answer = await ask({"command": "start_video"})
     assert (answer["ok"], "No such file" in answer["reason"]) == (False, True)
@@ -125,7 +125,7 @@ async def test_what_is_no_request_is_refused(ask, payload):
     assert (await ask(payload))["ok"] is False
 
 
-async def test_a_failure_of_our_own_is_told_and_the_next_one_is_served(ask, monkeypatch):
+async def test_a_failure_of_our_own_is_reported_and_the_next_one_is_served(ask, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(ask.program._sender, "start", lambda **_: 1 / 0)
         answer = await ask({"command": "start_video"})
@@ -141,7 +141,7 @@ async def test_a_failure_of_our_own_is_told_and_the_next_one_is_served(ask, monk
         ("webrtc_candidate", b"nonsense"),
     ],
 )
-async def test_a_signal_that_cannot_be_used_is_told_and_changes_nothing(ask, caplog, suffix, sample):
+async def test_a_signal_that_cannot_be_used_is_reported_and_changes_nothing(ask, caplog, suffix, sample):
     await ask({"command": "start_video"})
     ask.bus_session.calls[f"cw/{TWIN}/data/cloud/{suffix}"]("key", sample)
     async with asyncio.timeout(60):

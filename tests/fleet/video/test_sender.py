@@ -96,8 +96,8 @@ async def frames_of(seen):
 
 
 def connected(studio):
-    told = studio.sender.state()
-    return told is not None and told["connection_state"] == "connected"
+    state = studio.sender.state()
+    return state is not None and state["connection_state"] == "connected"
 
 
 @pytest.mark.parametrize("trickle", [False, True])
@@ -109,9 +109,9 @@ async def test_a_peer_sees_the_cameras_pictures_wherever_its_candidates_come(stu
     luma = bytes(frame.planes[0])[:1]
     assert luma[0] == pytest.approx(pictures.RED[0], abs=20)
     await until(lambda: connected(studio))
-    told = studio.sender.state()
-    assert (told["frames_sent"] > 0, told["restart_count"]) == (True, 0)
-    assert told["stream_config"]["resolution"] == "320x240"
+    state = studio.sender.state()
+    assert (state["frames_sent"] > 0, state["restart_count"]) == (True, 0)
+    assert state["stream_config"]["resolution"] == "320x240"
     assert studio.offers[0]["recording"] is True
 
 
@@ -193,7 +193,7 @@ async def test_there_is_nothing_to_offer_of_a_camera_without_pictures(studio, ca
     assert studio.offers == []
 
 
-async def test_a_camera_that_hangs_is_told_before_the_edge_gives_us_up(studio, monkeypatch):
+async def test_a_camera_that_hangs_is_reported_before_the_edge_gives_us_up(studio, monkeypatch):
     monkeypatch.setattr(sender, "FIRST_PICTURE", 0.05)
     monkeypatch.setattr(studio.sender._camera, "picture", asyncio.Event().wait)
     with pytest.raises(TimedOut, match="gives no picture within"):

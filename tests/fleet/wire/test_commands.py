@@ -109,7 +109,7 @@ def test_a_repeat_of_a_stamped_message_has_the_same_id():
     assert first.id != decode({"command": "takeoff", "timestamp": 6}).id
 
 
-def test_an_unstamped_message_without_a_request_id_cannot_be_told_from_a_second_press():
+def test_an_unstamped_message_without_a_request_id_cannot_be_distinguished_from_a_second_press():
     assert decode({"command": "takeoff"}).id == ""
     assert decode({"command": "takeoff"}, request_id="r1").id
 

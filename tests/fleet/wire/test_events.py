@@ -21,14 +21,14 @@ BREACH = EventReport(
 )
 
 
-def told(report):
+def published(report):
     """Return the messages of a report by suffix, as a JSON reader sees them."""
     messages = to_mqtt(report, sender(source_type="edge", session="us"))
     return {suffix: json.loads(payload) for suffix, payload in messages}
 
 
 def test_the_cloud_reads_an_event_in_the_form_of_the_sdk_with_what_led_to_it():
-    assert told(BREACH) == {
+    assert published(BREACH) == {
         "event": {
             "event_type": "fence_breached",
             "source": "fleet",
@@ -48,14 +48,14 @@ def test_the_cloud_reads_an_event_in_the_form_of_the_sdk_with_what_led_to_it():
 
 
 def test_an_event_that_nobody_asked_for_names_nobody():
-    (message,) = told(EventReport(1.0, EventKind.LOST, "the link fell")).values()
+    (message,) = published(EventReport(1.0, EventKind.LOST, "the link fell")).values()
     assert message["data"] == {"text": "the link fell", "severity": "info"}
 
 
 @pytest.mark.parametrize("kind", EventKind)
-def test_what_was_asked_and_how_it_ended_is_not_told_to_the_cloud_as_an_event(kind):
+def test_what_was_asked_and_how_it_ended_is_not_reported_to_the_cloud_as_an_event(kind):
     asked = {EventKind.COMMAND, EventKind.OUTCOME, EventKind.STOP, EventKind.RELEASE, EventKind.SCHEDULE}
-    assert bool(told(EventReport(1.0, kind, "x"))) == (kind not in asked) == (kind in CLOUD_EVENTS)
+    assert bool(published(EventReport(1.0, kind, "x"))) == (kind not in asked) == (kind in CLOUD_EVENTS)
 
 
 def test_an_event_on_the_bus_has_the_names_of_its_topic_and_comes_back_whole():
@@ -77,5 +77,5 @@ def test_an_event_on_the_bus_has_the_names_of_its_topic_and_comes_back_whole():
         (b"", "event", False),
     ],
 )
-def test_the_fleets_own_events_are_told_from_those_of_other_programs(sample, channel, ours):
+def test_the_fleets_own_events_are_distinguished_from_those_of_other_programs(sample, channel, ours):
     assert is_of_the_fleet(sample, channel) is ours

@@ -58,18 +58,22 @@ def test_an_edges_own_roll_up_counts_its_robots_and_names_those_that_are_not_wel
     robots = [RobotState("max", "t1", "toy", "yard-1", 5.0, "ok")]
     robots += [RobotState(f"rex-{n}", "t2", "toy", "yard-1", 5.0, "offline", "unplugged") for n in range(60)]
     state = EdgeState("yard-1", "0.1", 5.0, 12.34, "degraded", "rex-0 offline: unplugged", load=0.5)
-    told = json.loads(edge_state(state, robots, session="s"))
-    assert (told["type"], told["edge_id"], told["timestamp"], told["session_id"]) == (
+    message = json.loads(edge_state(state, robots, session="s"))
+    assert (message["type"], message["edge_id"], message["timestamp"], message["session_id"]) == (
         "edge_state",
         "yard-1",
         5.0,
         "s",
     )
-    assert (told["health"], told["cause"], told["load"]) == ("degraded", "rex-0 offline: unplugged", 0.5)
-    assert told["unwell"][0] == {
+    assert (message["health"], message["cause"], message["load"]) == (
+        "degraded",
+        "rex-0 offline: unplugged",
+        0.5,
+    )
+    assert message["unwell"][0] == {
         "name": "rex-0",
         "twin_uuid": "t2",
         "health": "offline",
         "cause": "unplugged",
     }
-    assert len(told["unwell"]) == MOST_UNWELL
+    assert len(message["unwell"]) == MOST_UNWELL

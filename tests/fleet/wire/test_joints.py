@@ -37,7 +37,7 @@ def test_the_flat_form_takes_every_other_number_as_a_joint():
     assert command.stamp == 5.0
 
 
-def test_only_relative_targets_have_an_id_by_which_a_repeat_is_told():
+def test_only_relative_targets_have_an_id_by_which_a_repeat_is_recognized():
     assert decode(positions={"a": 1}, update_mode="relative", timestamp=5.0).id
     assert not decode(positions={"a": 1}, update_mode="absolute", timestamp=5.0).id
 

@@ -24,7 +24,7 @@ IMAGE = np.array([[1, 2, 3], [4, 5, 65535]], dtype="<u2")
 DEPTH = DepthReport(5.0, IMAGE.tobytes(), 3, 2, "uint16", "front")
 
 
-def told(report, layout=""):
+def published(report, layout=""):
     """Return the messages that a report becomes, (suffix, message)."""
     by = sender(source_type="edge", session="us", layout=layout)
     messages = [(suffix, json.loads(payload)) for suffix, payload in to_mqtt(report, by)]
@@ -35,7 +35,7 @@ def told(report, layout=""):
 
 
 def joints(layout, report=JOINTS):
-    return [message for suffix, message in told(report, layout) if suffix == "joint:update"]
+    return [message for suffix, message in published(report, layout) if suffix == "joint:update"]
 
 
 @pytest.mark.parametrize("layout", ["", "aggregated"])
@@ -74,7 +74,7 @@ def test_the_single_layout_has_a_message_for_each_joint():
 
 @pytest.mark.parametrize("layout", ["single", "flat"])
 def test_the_older_topic_of_joints_is_always_aggregated(layout):
-    (message,) = [message for suffix, message in told(JOINTS, layout) if suffix == "joint_states"]
+    (message,) = [message for suffix, message in published(JOINTS, layout) if suffix == "joint_states"]
     assert message["positions"] == JOINTS.positions
 
 
@@ -100,20 +100,22 @@ def test_what_a_program_on_the_bus_tells_with_its_joints_reaches_the_cloud():
 
 def test_the_name_of_a_frame_goes_with_a_pose_and_its_turn_and_is_left_out_when_there_is_none():
     sample = {"ts": 5.0, "x": 1, "y": 2, "z": 3, "qx": 0, "qy": 0, "qz": 0, "qw": 1, "frame_id": "map"}
-    named = told(decode_report("position", json.dumps(sample).encode()))
+    named = published(decode_report("position", json.dumps(sample).encode()))
     assert [(suffix, message["frame_id"]) for suffix, message in named] == [
         ("position", "map"),
         ("rotation", "map"),
     ]
-    assert all("frame_id" not in message for _, message in told(PoseReport(5.0, Vector3(1), Quaternion())))
+    assert all(
+        "frame_id" not in message for _, message in published(PoseReport(5.0, Vector3(1), Quaternion()))
+    )
 
 
 def test_a_depth_image_has_every_published_layout():
-    ((_, usual),) = told(DEPTH)
+    ((_, usual),) = published(DEPTH)
     assert base64.b64decode(usual["data"]["depth_binary"]) == DEPTH.image
-    ((_, older),) = told(DEPTH, "string")
+    ((_, older),) = published(DEPTH, "string")
     assert base64.b64decode(older["data"]) == DEPTH.image
-    ((_, listed),) = told(DEPTH, "list")
+    ((_, listed),) = published(DEPTH, "list")
     assert listed["data"] == IMAGE.flatten().tolist()
     for message in (older, listed):
         assert (message["type"], message["width"], message["height"], message["dtype"]) == (
@@ -126,7 +128,7 @@ def test_a_depth_image_has_every_published_layout():
 
 def test_a_list_of_metres_is_not_published():
     with pytest.raises(WireError, match="a list holds uint16"):
-        told(DepthReport(5.0, b"1234", 1, 1, "float32"), "list")
+        published(DepthReport(5.0, b"1234", 1, 1, "float32"), "list")
 
 
 @pytest.mark.parametrize(("name", "suffix"), [("joint/update", "joint:update"), ("depth", "depth")])

@@ -82,7 +82,7 @@ def test_a_cancel_is_read_however_broken_the_rest_of_it_is():
 
 
 @pytest.mark.parametrize(
-    ("where", "value", "told"),
+    ("where", "value", "expected"),
     [
         ("items.0.latitude", None, "mission.items.0.latitude"),
         ("items.1.seconds", None, "mission.items.1.seconds"),
@@ -101,10 +101,10 @@ def test_a_cancel_is_read_however_broken_the_rest_of_it_is():
         ("home.altitude_amsl_m", None, "mission.home.altitude_amsl_m"),
     ],
 )
-def test_a_hole_is_refused_with_its_place_and_the_missions_id(where, value, told):
+def test_a_hole_is_refused_with_its_place_and_the_missions_id(where, value, expected):
     with pytest.raises(WireError) as refusal:
         read(changed(where, value))
-    assert refusal.value.where == told
+    assert refusal.value.where == expected
     assert refusal.value.action_id == "e1"
 
 

@@ -240,7 +240,7 @@ def test_what_is_no_unit_quaternion_is_refused(rotation):
     assert error.where.startswith("rotation")
 
 
-def test_a_robot_that_cannot_tilt_is_not_told_to():
+def test_a_robot_that_cannot_tilt_gets_no_tilt():
     message = {"position": [0, 0, 0], "rotation": [1, 0, 0, 0]}
     assert decode({"command": "goto", **message}, planar=True).ask.goal.yaw == 0
     error = refused({"command": "navigate_to_pose", **message}, planar=True)

@@ -27,7 +27,7 @@ LINE = {
 """A line as the reference publishes it."""
 
 
-def told(channel, message):
+def published(channel, message):
     """Return what the cloud gets of a message on the bus."""
     sample = message if isinstance(message, bytes) else json.dumps(message).encode()
     ((_, payload),) = to_mqtt(decode_report(channel, sample), BY)
@@ -43,7 +43,7 @@ def told(channel, message):
     ],
 )
 def test_free_form_categories_cross_and_nothing_is_said_about_errors(message):
-    assert told("metrics", {**message, "ts": 5.0})["metrics"] == {"load": LOAD}
+    assert published("metrics", {**message, "ts": 5.0})["metrics"] == {"load": LOAD}
 
 
 def test_the_published_form_of_metrics_crosses_whole():
@@ -55,14 +55,14 @@ def test_the_published_form_of_metrics_crosses_whole():
         "fan": 5,
         "words": ["a"],
     }
-    assert told("metrics", {"timestamp": 5.0, "metrics": metrics}) == {"metrics": metrics, **TAGS}
+    assert published("metrics", {"timestamp": 5.0, "metrics": metrics}) == {"metrics": metrics, **TAGS}
 
 
 @pytest.mark.parametrize(
     "metrics", [{"errors": ["hot", "low"]}, {"power": 5}, {"errors": None, "navigation": "x"}]
 )
 def test_a_category_of_any_shape_crosses(metrics):
-    assert told("metrics", {"ts": 5.0, **metrics})["metrics"] == {
+    assert published("metrics", {"ts": 5.0, **metrics})["metrics"] == {
         name: value for name, value in metrics.items() if value is not None
     }
 
@@ -73,8 +73,10 @@ def test_metrics_that_tell_nothing_are_not_sent():
 
 def test_telemetry_fields_beside_the_type_pass():
     stored = {"type": "camera_segment_stored", "recording_id": "r-1", "chunk_index": 3, "is_final": False}
-    assert told("telemetry", {**stored, "ts": 5.0}) == {**stored, **TAGS}
-    assert told("telemetry", {"ts": 5.0, "type": "camera_stored", "fields": {"recording_id": "r-1"}}) == {
+    assert published("telemetry", {**stored, "ts": 5.0}) == {**stored, **TAGS}
+    assert published(
+        "telemetry", {"ts": 5.0, "type": "camera_stored", "fields": {"recording_id": "r-1"}}
+    ) == {
         "type": "camera_stored",
         "recording_id": "r-1",
         **TAGS,
@@ -83,21 +85,21 @@ def test_telemetry_fields_beside_the_type_pass():
 
 def test_a_sync_frame_keeps_the_session_of_its_stream_and_nothing_else_keeps_one():
     frame = {"type": "camera_sync_frame", "timestamp": 5.0, "session_id": "c_front", "pts": 3}
-    assert told("telemetry", frame)["session_id"] == "c_front"
-    assert told("telemetry", {**frame, "type": "camera_stored"})["session_id"] == "us"
+    assert published("telemetry", frame)["session_id"] == "c_front"
+    assert published("telemetry", {**frame, "type": "camera_stored"})["session_id"] == "us"
 
 
 def test_a_published_log_line_crosses_with_what_it_tells_of_its_sayer():
-    assert told("driverlog", LINE) == {**LINE, "level": "INFO", **TAGS}
+    assert published("driverlog", LINE) == {**LINE, "level": "INFO", **TAGS}
 
 
 @pytest.mark.parametrize("channel", ["telemetry", "metrics", "driverlog"])
 def test_the_header_stamps_what_has_no_stamp_of_its_own(channel):
     message = {"type": "camera_stored", "message": "x", "level": "INFO", "load": LOAD}
     sample = json_sample(json.dumps(message).encode(), stamp=5.0, sequence=1)
-    assert told(channel, sample)["timestamp"] == 5.0
+    assert published(channel, sample)["timestamp"] == 5.0
     with pytest.raises(WireError, match="timestamp: is missing"):
-        told(channel, message)
+        published(channel, message)
 
 
 @pytest.mark.parametrize(
@@ -113,7 +115,7 @@ def test_the_header_stamps_what_has_no_stamp_of_its_own(channel):
 )
 def test_what_lacks_what_its_readers_need_is_refused_with_the_place(channel, message, why):
     with pytest.raises(WireError, match=why):
-        told(channel, {"ts": 5.0, **message})
+        published(channel, {"ts": 5.0, **message})
 
 
 def test_the_reports_of_the_host_say_the_same_as_before():

@@ -39,13 +39,14 @@ def test_every_reply_keeps_the_contract(reply):
 
 
 @pytest.mark.parametrize(
-    ("says", "told"), [("edge", "edge"), ("edge_leader", "edge"), ("edge_follower", "edge"), ("sim", "sim")]
+    ("says", "expected"),
+    [("edge", "edge"), ("edge_leader", "edge"), ("edge_follower", "edge"), ("sim", "sim")],
 )
-def test_a_reply_says_no_more_than_edge_or_sim_whatever_its_robot_s_state_says(says, told):
+def test_a_reply_says_no_more_than_edge_or_sim_whatever_its_robot_s_state_says(says, expected):
     reply = Reply("land", ReplyStatus.ACCEPTED)
     message = json.loads(command_response(reply, twin="t", source_type=says, stamp=5.0))
     MODELS_BY_CONTRACT_ID["twin.command_response.v1"].model_validate(message)
-    assert message["source_type"] == told
+    assert message["source_type"] == expected
 
 
 @pytest.mark.parametrize("word", ReplyStatus)
@@ -77,11 +78,12 @@ def test_the_outcome_stands_beside_the_contract_once_it_is_known():
 
 
 @pytest.mark.parametrize(
-    ("word", "told"), [("accepted", "ok"), ("rejected", "error"), ("denied", "error"), ("timeout", "error")]
+    ("word", "expected"),
+    [("accepted", "ok"), ("rejected", "error"), ("denied", "error"), ("timeout", "error")],
 )
-def test_a_legacy_status_says_ok_or_error(word, told):
+def test_a_legacy_status_says_ok_or_error(word, expected):
     message = status(Reply("takeoff", ReplyStatus(word), "why"))
-    assert (message["status"], message["ok"]) == (told, told == "ok")
+    assert (message["status"], message["ok"]) == (expected, expected == "ok")
     assert (message["command"], message["reason"], message["source_type"]) == ("takeoff", "why", "sim")
 
 

@@ -166,12 +166,12 @@ def test_what_is_sent_keeps_its_contract(reports, kind, source_type):
     check()
 
 
-def test_a_battery_is_told_in_percent():
+def test_a_battery_is_reported_in_percent():
     message = sent(BatteryReport(1.0, 80.5, 12.1, 0.4))["battery/status"]
     assert (message["percentage"], message["voltage"], message["current"]) == (80.5, 12.1, 0.4)
 
 
-def test_a_battery_of_unknown_charge_is_not_told():
+def test_a_battery_of_unknown_charge_is_not_reported():
     assert sent(BatteryReport(1.0, None, 12.1)) == {}
     assert "voltage" not in sent(BatteryReport(1.0, 50.0))["battery/status"]
 
@@ -245,10 +245,11 @@ def test_a_status_names_its_action_and_the_sdk_takes_the_terminal_ones_for_the_e
     assert (message["status"] in _NAV_TERMINAL_STATUSES) == expected
 
 
-@pytest.mark.parametrize(("progress", "told"), [(-5.0, 0.0), (130.0, 100.0)])
-def test_progress_is_a_percentage(progress, told):
+@pytest.mark.parametrize(("progress", "expected"), [(-5.0, 0.0), (130.0, 100.0)])
+def test_progress_is_a_percentage(progress, expected):
     assert (
-        sent(NavigationReport(1.0, "a", ActionState.RUNNING, progress))["navigate/status"]["progress"] == told
+        sent(NavigationReport(1.0, "a", ActionState.RUNNING, progress))["navigate/status"]["progress"]
+        == expected
     )
 
 

@@ -111,7 +111,7 @@ def test_a_repeat_is_never_faster_than_the_limit(rule):
 
 
 @pytest.mark.parametrize("suffix", ["position", "rotation", "joint:update", "scale"])
-def test_a_parked_robot_is_told_once_a_second_so_that_it_does_not_look_gone(suffix):
+def test_a_parked_robot_is_reported_once_a_second_so_that_it_does_not_look_gone(suffix):
     assert rule_of(suffix).repeat >= 1
 
 

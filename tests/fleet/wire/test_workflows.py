@@ -36,7 +36,7 @@ def test_what_is_malformed_is_refused_with_its_place(fields, where):
         read(**fields)
 
 
-def test_what_is_told_has_the_forms_of_the_sdk():
+def test_what_is_published_has_the_forms_of_the_sdk():
     assert json.loads(started("e1")) == {"execution_uuid": "e1", "source_type": "edge"}
     assert json.loads(finished("success", "")) == {"status": "success", "source_type": "edge"}
     assert json.loads(finished("error", "no"))["error_message"] == "no"

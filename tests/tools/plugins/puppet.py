@@ -47,7 +47,7 @@ class Puppet(Adapter[PuppetConfig]):
         super().__init__(config, robot)
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
         self._journal = os.open(config.journal, flags, 0o600) if config.journal else -1
-        self._turns = self._told = 0
+        self._turns = self._reports = 0
         self._credit = 0.0
         self._joints = [sys.intern(f"joint_{number}") for number in range(config.joints)]
 
@@ -76,16 +76,16 @@ class Puppet(Adapter[PuppetConfig]):
         self._credit += self.config.events * 0.02
         while self._credit >= 1:
             self._credit -= 1
-            self._told += 1
+            self._reports += 1
             now = robot.clock.time()
-            note = f"{self._told} {robot.clock.monotonic()} {os.getpid()}"
+            note = f"{self._reports} {robot.clock.monotonic()} {os.getpid()}"
             robot.report(NavigationReport(now, f"{self.config.name}", ActionState.RUNNING, 1.0, note))
 
     def _note(self, what: str, **fields: object) -> None:
         """Write a line of the journal."""
         if self._journal >= 0:
-            told = {"robot": self.config.name, "what": what, "at": self.robot.clock.monotonic(), **fields}
-            os.write(self._journal, json.dumps(told).encode() + b"\n")
+            entry = {"robot": self.config.name, "what": what, "at": self.robot.clock.monotonic(), **fields}
+            os.write(self._journal, json.dumps(entry).encode() + b"\n")
 
     def drive(self, velocity: Velocity) -> None:
         """Note a velocity."""

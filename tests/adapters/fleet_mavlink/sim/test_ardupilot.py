@@ -366,14 +366,14 @@ def test_only_the_configured_station_counts_for_the_gcs_failsafe(flying):
     assert flying.mode == "RTL"
 
 
-def test_a_low_battery_only_warns_unless_told_otherwise(flying):
+def test_a_low_battery_only_warns_unless_configured_otherwise(flying):
     flying.vehicle.set_fault("low_battery", 10)
     flying.run(12)
     assert flying.mode == "GUIDED"
     assert any(text.startswith("Battery 1 is low") for text in flying.texts)
 
 
-def test_a_low_battery_returns_when_told_to(flying):
+def test_a_low_battery_returns_when_configured(flying):
     flying.set_param("BATT_FS_LOW_ACT", 2)
     flying.set_param("BATT_LOW_TIMER", 3)
     flying.vehicle.set_fault("low_battery", 10)

@@ -84,7 +84,7 @@ async def test_impossible_options_are_refused_in_one_line(options, says):
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,
     )
-    _, told = await asyncio.wait_for(process.communicate(), 60)
+    _, stderr = await asyncio.wait_for(process.communicate(), 60)
     assert process.returncode == 2
-    assert says in told
-    assert told.count(b"\n") == 1
+    assert says in stderr
+    assert stderr.count(b"\n") == 1

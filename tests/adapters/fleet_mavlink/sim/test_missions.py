@@ -103,13 +103,13 @@ def test_a_mission_that_asks_for_rtl_returns(bench):
     px4.until(lambda: px4.mode == "RTL", 60)
 
 
-def test_the_end_of_the_last_item_is_told_once_by_ardupilot_and_again_by_px4(loaded):
+def test_the_end_of_the_last_item_is_reported_once_by_ardupilot_and_again_by_px4(loaded):
     start(loaded)
     loaded.until(lambda: loaded.pilot.missions.state == COMPLETE, 120)
     loaded.heard.clear()
     loaded.run(3.5)
-    told = [each.seq for each in loaded.said("MISSION_ITEM_REACHED")]
-    assert told == ([] if loaded.ardupilot else [len(loaded.pilot.missions.items) - 1] * 3)
+    reached = [each.seq for each in loaded.said("MISSION_ITEM_REACHED")]
+    assert reached == ([] if loaded.ardupilot else [len(loaded.pilot.missions.items) - 1] * 3)
     loaded.run(30)
     assert len(loaded.said("MISSION_ITEM_REACHED")) <= 10
 

@@ -155,7 +155,7 @@ def test_velocity_frames(bench, frame, north, east):
 
 
 @pytest.mark.parametrize("frame", [7, 9, 12])
-def test_an_unsupported_frame_is_told_and_lets_the_stream_die(offboard, frame):
+def test_an_unsupported_frame_is_reported_and_lets_the_stream_die(offboard, frame):
     offboard.stream(1.5, 1.0, frame=frame)
     assert sum("unsupported" in text for text in offboard.texts) == 15
     assert offboard.mode == "POSCTL"
@@ -303,7 +303,7 @@ def test_rates_come_unasked_and_can_be_changed(px4):
     assert 98 <= len(px4.said("ATTITUDE")) <= 102
 
 
-def test_a_lost_station_holds_and_returns_when_told_to(flying):
+def test_a_lost_station_holds_and_returns_when_configured(flying):
     flying.set_param("NAV_DLL_ACT", 2)
     flying.set_param("COM_DL_LOSS_T", 5)
     flying.gcs = False

@@ -27,7 +27,7 @@ def simulated(start=HERE, *, link="udpin:0.0.0.0:14550", **fields):
         ("GUIDED", "sim:ardupilot?vehicle=rover", "simulated ArduPilot rover"),
     ],
 )
-def test_what_is_simulated_is_told_by_the_link_or_by_the_name_of_the_mode(mode, link, what):
+def test_what_is_simulated_is_recognized_by_the_link_or_by_the_name_of_the_mode(mode, link, what):
     start = SimulationStart(point=HERE.point, mode=mode)
     assert simulated(start, link=link).what == what
 
@@ -39,12 +39,12 @@ def test_it_is_reached_by_a_link_in_memory_alone_without_a_key_and_sets_its_own_
 
 
 def test_it_speaks_mavlink_and_does_the_same_again():
-    def told():
+    def output():
         vehicle = simulated()
         return b"".join(vehicle.step(second / 10) for second in range(100))
 
-    assert told().count(b"\xfd") > 10
-    assert told() == told()
+    assert output().count(b"\xfd") > 10
+    assert output() == output()
 
 
 @pytest.mark.parametrize(

@@ -57,8 +57,8 @@ def test_ardupilots_parameters_say_what_it_does(ardupilot, values, mode):
     ardupilot.vehicle.set_fault("rc_loss", 1)
     ardupilot.run(1)
     assert ardupilot.mode == mode
-    told = any(text == "Radio Failsafe - Continuing Guided Mode" for text in ardupilot.texts)
-    assert told == ("FS_OPTIONS" in values)
+    is_reported = any(text == "Radio Failsafe - Continuing Guided Mode" for text in ardupilot.texts)
+    assert is_reported == ("FS_OPTIONS" in values)
 
 
 def test_ardupilot_without_a_control_is_not_armed_unless_it_is_forced(bench):

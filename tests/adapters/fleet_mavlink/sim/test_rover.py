@@ -51,7 +51,7 @@ def test_it_neither_takes_off_nor_lands_nor_pauses(rover):
     assert "No such mode 99" in rover.texts
 
 
-def test_its_landed_state_is_never_told_and_its_height_is_that_of_the_sea(rover):
+def test_its_landed_state_is_never_reported_and_its_height_is_that_of_the_sea(rover):
     rover.asks(512, 245)
     assert rover.last("EXTENDED_SYS_STATE").landed_state == 0
     rover.asks(512, 33)

@@ -54,8 +54,8 @@ async def listen(**where):
 
 
 async def test_an_added_vehicle_waits_to_be_heard(server):
-    told = await ask(server, {"add": {"flavour": "px4", "system_id": 4, "ready": 0}})
-    transport, listener = await listen(remote_addr=("127.0.0.1", port_of(told["url"])))
+    reply = await ask(server, {"add": {"flavour": "px4", "system_id": 4, "ready": 0}})
+    transport, listener = await listen(remote_addr=("127.0.0.1", port_of(reply["url"])))
     transport.sendto(bytes(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(mav.MAVLink(None, 255, 190))))
     assert (await heard(listener, "HEARTBEAT", system=4)).autopilot == mav.MAV_AUTOPILOT_PX4
     transport.close()

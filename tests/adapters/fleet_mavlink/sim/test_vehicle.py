@@ -47,8 +47,8 @@ def test_lost_acknowledgements_do_not_keep_a_command_from_being_done(either):
 
 def test_half_of_the_acknowledgements_can_be_lost(either):
     either.vehicle.set_fault("ack_loss", 0.5)
-    told = sum(len(either.asks(520, 1)) for _ in range(100))
-    assert 25 < told < 75
+    answered = sum(len(either.asks(520, 1)) for _ in range(100))
+    assert 25 < answered < 75
 
 
 def test_a_slow_command_tells_progress_first(either):

@@ -56,7 +56,7 @@ def test_a_vtol_lands_with_its_rotors_where_its_plan_ends_and_stands_when_it_is_
     fly(main())
 
 
-def test_a_landing_waits_until_it_has_told_whether_it_has_rotors(fly, sky):
+def test_a_landing_waits_until_it_has_reported_whether_it_has_rotors(fly, sky):
     async def main():
         async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
             await it.met()

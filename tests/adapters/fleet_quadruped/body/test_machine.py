@@ -31,7 +31,7 @@ def rise_and_leave(rig, after):
 
 
 @pytest.mark.parametrize("after", [0.4, 1.2, 2.1])
-def test_a_dog_that_is_told_to_leave_while_it_rises_only_goes_down(any_dog, after):
+def test_a_dog_that_is_asked_to_leave_while_it_rises_only_goes_down(any_dog, after):
     rig = Rig(any_dog)
     rig.go(0.1)
     seen = rise_and_leave(rig, after)

@@ -39,7 +39,7 @@ def test_nothing_is_written_without_a_fault_nor_while_it_gives_way(capture, tmp_
     assert files(tmp_path) == []
 
 
-def test_a_fault_is_written_once_and_told(capture, bus, tmp_path):
+def test_a_fault_is_written_once_and_reported(capture, bus, tmp_path):
     bus.arrive(CanFrame(0x188, b"\x37\x12"))
     capture.buses["a"].receive(0.0)
     capture.buses["a"].send(CanFrame(0x12345678, b""))
@@ -47,8 +47,8 @@ def test_a_fault_is_written_once_and_told(capture, bus, tmp_path):
     assert capture.update("RL_hip: over-current", resting=True) == path
     capture.finish()
     assert [str(file) for file in files(tmp_path)] == [path]
-    told = [(one.bus, one.frame, one.sent) for one in read_capture(files(tmp_path)[0])]
-    assert told == [("a", CanFrame(0x188, b"\x37\x12"), False), ("a", CanFrame(0x12345678, b""), True)]
+    frames = [(one.bus, one.frame, one.sent) for one in read_capture(files(tmp_path)[0])]
+    assert frames == [("a", CanFrame(0x188, b"\x37\x12"), False), ("a", CanFrame(0x12345678, b""), True)]
     assert capture.update("", resting=True) == ""
 
 
@@ -127,7 +127,7 @@ def failed(any_dog, capture, tmp_path):
     return rig, files(tmp_path)[0]
 
 
-def test_a_replay_tells_again_what_was_told(failed):
+def test_a_replay_repeats_the_reports(failed):
     rig, path = failed
     replay = Replay(rig.dog)
     for captured in read_capture(path):
@@ -149,9 +149,9 @@ def test_a_person_replays_it_for_one_joint(failed):
     rig, path = failed
     if rig.dog.drive.protocol != "cia402":
         return  # the example's description, which a person would name, is one of CiA 402 drives
-    told = click.testing.CliRunner().invoke(
+    result = click.testing.CliRunner().invoke(
         fleet_can, ["replay", str(EXAMPLE), str(path), "--joint", "RL_hip"], standalone_mode=False
     )
-    assert told.return_value == 0
-    assert "RL_hip   wanted" in told.output
-    assert "FL_hip   wanted" not in told.output
+    assert result.return_value == 0
+    assert "RL_hip   wanted" in result.output
+    assert "FL_hip   wanted" not in result.output

@@ -22,7 +22,7 @@ def tap():
     return tap
 
 
-def told(tap):
+def flushed_frames(tap):
     """Return what is on its way to the bus."""
     put = []
     list(tap.flushing(put.append))
@@ -38,7 +38,7 @@ async def relayed(tap, cycles):
             sender.take(Captured(100.5, "a", FRAME, sent=False))
             sender.end_cycle(wanted=wanted)
         receiver.read()
-        return told(tap)
+        return flushed_frames(tap)
 
 
 async def test_frames_keep_their_time_and_direction(tap):

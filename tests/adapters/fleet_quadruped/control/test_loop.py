@@ -16,12 +16,12 @@ from fleet_quadruped.sim.rig import Rig
 @pytest.fixture(params=[("cia402", ""), ("mit", "tmotor-ak80-9-v1.1"), ("mit", "damiao-8006")])
 def two_buses(dog, request):
     """Return a walking dog whose right legs are on a bus of their own."""
-    told = dog.model_dump()
-    for name, wiring in told["joints"].items():
+    tree = dog.model_dump()
+    for name, wiring in tree["joints"].items():
         wiring["bus"] = "b" if name[1] == "R" else "a"
     protocol, profile = request.param
-    told["drive"] |= {"protocol": protocol, "profile": profile}
-    rig = Rig(DogDescription.model_validate(told | {"buses": {"a": {}, "b": {}}}))
+    tree["drive"] |= {"protocol": protocol, "profile": profile}
+    rig = Rig(DogDescription.model_validate(tree | {"buses": {"a": {}, "b": {}}}))
     rig.stand()
     rig.go(0.6, Twist(0.4))
     return rig

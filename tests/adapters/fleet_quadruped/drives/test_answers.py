@@ -6,9 +6,9 @@ from fleet_quadruped.drives.answers import Answers
 def after(*cycles):
     """Return the answers to one id after cycles in which these came."""
     answers = Answers()
-    for told in cycles:
+    for frames in cycles:
         answers.begin()
-        for data in told:
+        for data in frames:
             answers.take(data)
     answers.begin()
     return answers

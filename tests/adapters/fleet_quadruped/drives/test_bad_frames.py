@@ -60,9 +60,9 @@ def test_any_frames_leave_feedback_that_is_made_of_numbers(any_dog, data):
     for frame in data.draw(any_frames(any_dog)):
         drives.take("a", frame, 1.0)
         drives.target("a", frame)
-    told = drives.feedback(1.0)
-    numbers = [*told.angles, *told.speeds, *told.torques]
-    numbers += [each for each in (*told.temperatures, *told.voltages) if each is not None]
+    feedback = drives.feedback(1.0)
+    numbers = [*feedback.angles, *feedback.speeds, *feedback.torques]
+    numbers += [each for each in (*feedback.temperatures, *feedback.voltages) if each is not None]
     assert all(map(math.isfinite, numbers))
 
 

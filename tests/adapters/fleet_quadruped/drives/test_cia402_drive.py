@@ -42,18 +42,18 @@ def test_a_drive_that_missed_our_heartbeat_is_not_taken_for_enabled(dog, drives)
     """Drives go on from their stop by the next control word that says enabled."""
     drives.take("a", answer(dog, 0.0), 10.0)
     drives.take("a", CanFrame(EMERGENCY + 1, bytes.fromhex("3081110000000000")), 10.0)
-    told = drives.feedback(10.0)
-    assert told.powers[0] is Power.STOPPING
-    assert told.faults[0] == "our heartbeat did not reach the drive (emergency 8130h, register 11h)"
+    feedback = drives.feedback(10.0)
+    assert feedback.powers[0] is Power.STOPPING
+    assert feedback.faults[0] == "our heartbeat did not reach the drive (emergency 8130h, register 11h)"
 
 
 @pytest.mark.parametrize(("state", "restarts"), [(0x7F, True), (0x04, True), (0x05, False)])
-def test_a_drive_that_has_left_operation_is_told_and_started_again(dog, drives, state, restarts):
+def test_a_drive_that_has_left_operation_is_reported_and_started_again(dog, drives, state, restarts):
     drives.take("a", answer(dog, 0.0), 10.0)
     drives.take("a", CanFrame(HEARTBEAT + 1, bytes([state])), 10.0)
-    told = drives.feedback(10.0)
-    assert (told.powers[0] is Power.STOPPING) == restarts
-    assert told.faults[0] == (f"id 1 has left operation (heartbeat {state:02X}h)" if restarts else "")
+    feedback = drives.feedback(10.0)
+    assert (feedback.powers[0] is Power.STOPPING) == restarts
+    assert feedback.faults[0] == (f"id 1 has left operation (heartbeat {state:02X}h)" if restarts else "")
     drives.begin_cycle(10.01)
     started = CanFrame(0x000, b"\x01\x01") in drives._buses["a"].sent
     assert started == restarts

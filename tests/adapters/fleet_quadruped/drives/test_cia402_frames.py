@@ -30,16 +30,16 @@ def test_golden_targets(target, golden):
 
 
 def test_golden_answer():
-    told = wire.unpack_status_pdo(bytes.fromhex("371210a4000006ff"))
-    assert told == (0x1237, 42000, -250)
-    assert wire.pack_target(*told).hex() == "371210a4000006ff"
+    unpacked = wire.unpack_status_pdo(bytes.fromhex("371210a4000006ff"))
+    assert unpacked == (0x1237, 42000, -250)
+    assert wire.pack_target(*unpacked).hex() == "371210a4000006ff"
 
 
 @given(st.integers(), st.integers())
 def test_numbers_are_clamped_and_never_wrapped(counts, torque):
-    told = wire.unpack_status_pdo(wire.pack_target(0x0F, counts, torque))
-    assert told.counts == max(-(1 << 31), min((1 << 31) - 1, counts))
-    assert told.per_mille == max(-32768, min(32767, torque))
+    unpacked = wire.unpack_status_pdo(wire.pack_target(0x0F, counts, torque))
+    assert unpacked.counts == max(-(1 << 31), min((1 << 31) - 1, counts))
+    assert unpacked.per_mille == max(-32768, min(32767, torque))
 
 
 @pytest.mark.parametrize("data", [b"", b"\x37\x12", bytes(7)])
@@ -64,11 +64,11 @@ def test_a_short_emergency_still_counts():
         (0xFF01, "the maker's own error"),
     ],
 )
-def test_error_codes_are_told_in_words(code, words):
+def test_error_codes_are_reported_in_words(code, words):
     assert wire.meaning(code) == words
 
 
-def test_a_cleared_emergency_is_told_from_an_error():
+def test_a_cleared_emergency_is_distinguished_from_an_error():
     assert wire.unpack_emergency(bytes(8)).cleared
     assert not wire.unpack_emergency(b"\x10\x23\x21").cleared
 
@@ -122,8 +122,8 @@ numbers = st.lists(st.floats(-1e9, 1e9), min_size=12, max_size=12)
 
 @given(words, numbers, numbers)
 def test_frames_made_at_once_are_those_made_one_by_one(control, angles, torques):
-    told = zip(DOG.all_joints, control, angles, torques, strict=True)
-    single = [wire.CountUnits(joint).pack(word, angle, torque) for joint, word, angle, torque in told]
+    inputs = zip(DOG.all_joints, control, angles, torques, strict=True)
+    single = [wire.CountUnits(joint).pack(word, angle, torque) for joint, word, angle, torque in inputs]
     assert wire.Rpdos(DOG.all_joints).pack(control, angles, torques) == single
     assert [data[: wire.SHORT] for data in single] == [
         wire.CountUnits(joint).pack(word, angle, None)

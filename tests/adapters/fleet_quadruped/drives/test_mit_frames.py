@@ -30,11 +30,11 @@ def test_golden_commands(command, golden):
 
 @given(commands, profiles)
 def test_a_command_is_clamped_and_never_wrapped(command, profile):
-    told = MitCommand(*Layout(profile).unpack_command(Layout(profile).pack_command(command)))
-    assert told.angle == pytest.approx(
+    unpacked = MitCommand(*Layout(profile).unpack_command(Layout(profile).pack_command(command)))
+    assert unpacked.angle == pytest.approx(
         max(-profile.angle, min(profile.angle, command.angle)), abs=profile.angle / 65000
     )
-    assert told.torque == pytest.approx(
+    assert unpacked.torque == pytest.approx(
         max(-profile.torque, min(profile.torque, command.torque)), abs=profile.torque / 4000
     )
 
@@ -62,12 +62,12 @@ def test_a_plain_reply_has_no_status():
 @given(profiles, st.floats(-8, 8), st.sampled_from([0, 1, 0xA, 0xD]))
 def test_replies_come_back(profile, value, status):
     sent = (3, value, value, value, status, 40.0)
-    motor, angle, _, _, told, warm = Layout(profile).unpack_reply(Layout(profile).pack_reply(sent))
+    motor, angle, _, _, unpacked_status, warm = Layout(profile).unpack_reply(Layout(profile).pack_reply(sent))
     assert motor == 3
     assert angle == pytest.approx(value, abs=profile.angle / 65000)
     assert warm == (None if profile.temperature_at is None else 40.0)
     if profile.damiao or profile.error_at is not None:
-        assert told == status
+        assert unpacked_status == status
 
 
 def test_golden_registers():
@@ -76,7 +76,7 @@ def test_golden_registers():
     assert wire.unpack_register(bytes.fromhex("05003309d0070000")) == (5, 9, bytes.fromhex("d0070000"))
 
 
-def test_an_answer_for_a_register_is_told_from_feedback():
+def test_an_answer_for_a_register_is_distinguished_from_feedback():
     assert wire.unpack_register(bytes.fromhex("1380007ff7ff2a2c")) is None
 
 

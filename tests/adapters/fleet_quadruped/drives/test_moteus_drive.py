@@ -38,7 +38,7 @@ def test_stiffness_and_damping_are_those_of_the_description(servos):
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "told"),
+    ("name", "value", "expected"),
     [
         ("servo.pid_position.kp", 4.0, "kp is 4, wanted 376.991 or more (N m/turn)"),
         ("servo.pid_position.kd", 1.0, "kd is 1, wanted 25.1327 or more (N m s/turn)"),
@@ -46,28 +46,28 @@ def test_stiffness_and_damping_are_those_of_the_description(servos):
         ("servo.pid_position.ki", 0.5, "ki is 0.5, wanted 0"),
     ],
 )
-def test_a_servo_that_cannot_have_the_gains_is_refused(servos, name, value, told):
-    assert refused(servos, lambda drive: drive.config.update({name: value})).endswith(told)
+def test_a_servo_that_cannot_have_the_gains_is_refused(servos, name, value, expected):
+    assert refused(servos, lambda drive: drive.config.update({name: value})).endswith(expected)
 
 
 def test_a_place_that_refers_to_nothing_is_refused(servos):
-    told = refused(servos, lambda drive: setattr(drive, "home", wire.REFERS_TO_NOTHING))
-    assert told == "RL_hip: its position has no reference (register 00Ch is 0): home it"
+    refusal = refused(servos, lambda drive: setattr(drive, "home", wire.REFERS_TO_NOTHING))
+    assert refusal == "RL_hip: its position has no reference (register 00Ch is 0): home it"
 
 
 def test_a_place_that_refers_to_the_rotor_is_refused_behind_a_gear(servos):
     tree = servos.model_dump(by_alias=True)
     tree["actuators"]["hip"]["ratio"] = 6
     geared = type(servos).model_validate(tree)
-    told = refused(geared, lambda drive: setattr(drive, "home", wire.REFERS_TO_ROTOR))
-    assert told.startswith("RL_hip: its position refers to the rotor (register 00Ch is 1)")
+    refusal = refused(geared, lambda drive: setattr(drive, "home", wire.REFERS_TO_ROTOR))
+    assert refusal.startswith("RL_hip: its position refers to the rotor (register 00Ch is 1)")
     sim, buses = lockstep(servos)
     for drive in sim.drives:
         drive.home = wire.REFERS_TO_ROTOR
     drives_of(servos, buses).configure()
 
 
-def test_servos_whose_controller_dies_damp_and_are_off_only_when_they_are_told(servos):
+def test_servos_whose_controller_dies_damp_and_are_off_only_when_they_are_switched_off(servos):
     rig = Rig(servos, MujocoWorld(servos))
     rig.stand()
     drop = 0.0

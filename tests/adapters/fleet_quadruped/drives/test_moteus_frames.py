@@ -60,9 +60,9 @@ def test_a_servo_hears_every_frame_whose_low_byte_is_its_id():
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=4))
 def test_registers_come_back_integers_clamped(values):
     for resolution in range(4):
-        told = wire.registers(wire.unpack(wire.pack_reply(resolution, wire.VOLTAGE, tuple(values))))
-        assert len(told) == len(values)
-        assert all(math.isfinite(value) for value in told.values())
+        decoded = wire.registers(wire.unpack(wire.pack_reply(resolution, wire.VOLTAGE, tuple(values))))
+        assert len(decoded) == len(values)
+        assert all(math.isfinite(value) for value in decoded.values())
 
 
 ANSWER = wire.pack_reply(3, wire.MODE, (10.0, 0.25, 0.5, 1.0)) + wire.pack_reply(
@@ -71,13 +71,13 @@ ANSWER = wire.pack_reply(3, wire.MODE, (10.0, 0.25, 0.5, 1.0)) + wire.pack_reply
 
 
 def test_an_answer_to_our_query_is_believed():
-    told = wire.reply(wire.unpack(wire.padded(ANSWER)))
-    assert [told[register] for register in range(4)] == [10.0, 0.25, 0.5, 1.0]
-    assert [told[register] for register in range(0xC, 0x10)] == pytest.approx([2.0, 24.0, 31.0, 0.0])
+    decoded = wire.reply(wire.unpack(wire.padded(ANSWER)))
+    assert [decoded[register] for register in range(4)] == [10.0, 0.25, 0.5, 1.0]
+    assert [decoded[register] for register in range(0xC, 0x10)] == pytest.approx([2.0, 24.0, 31.0, 0.0])
 
 
 @pytest.mark.parametrize(
-    "told",
+    "answer",
     [
         wire.pack_reply(1, wire.MODE, (10.0,)) + wire.pack_reply(1, wire.FAULT, (0.0,)),
         wire.pack_reply(3, wire.MODE, (10.0, 0.25, 0.5, 1.0)),
@@ -88,5 +88,5 @@ def test_an_answer_to_our_query_is_believed():
     ],
     ids=["partial", "half", "coarse position", "coarse state", "no mode", "no speed"],
 )
-def test_an_answer_to_another_host_tool_is_not_believed(told):
-    assert wire.reply(wire.unpack(wire.padded(told))) is None
+def test_an_answer_to_another_host_tool_is_not_believed(answer):
+    assert wire.reply(wire.unpack(wire.padded(answer))) is None

@@ -23,7 +23,7 @@ def test_the_watchdog_is_set_and_read_back(odrives):
     assert [drive.watchdog for drive in rig.sim.drives] == pytest.approx([odrives.drive.timeout] * 12)
 
 
-def test_without_endpoints_a_person_is_told_to_set_the_watchdog(odrives, caplog):
+def test_without_endpoints_a_person_is_asked_to_set_the_watchdog(odrives, caplog):
     drive = odrives.drive.model_copy(update={"endpoints": None})
     Rig(odrives.model_copy(update={"drive": drive}))
     assert "axis0.config.enable_watchdog" in caplog.text
@@ -57,9 +57,9 @@ def test_a_drive_in_a_state_of_its_own_is_not_trusted(odrives):
     calibrating = wire.pack_heartbeat(0, 3)  # it turns its motor
     drives = rig.controller.drives
     drives.take("a", CanFrame(wire.identifier(8, OdriveCommand.HEARTBEAT), calibrating), rig.sim.time)
-    told = drives.feedback(rig.sim.time)
-    assert told.powers[7] is Power.FAULT
-    assert told.faults[7] == "id 8 is in state 3, in which it moves its motor by itself"
+    feedback = drives.feedback(rig.sim.time)
+    assert feedback.powers[7] is Power.FAULT
+    assert feedback.faults[7] == "id 8 is in state 3, in which it moves its motor by itself"
 
 
 def test_a_drive_whose_heartbeat_does_not_come_is_not_trusted(odrives):
@@ -93,7 +93,7 @@ def test_nothing_is_enabled_before_its_gains_are_zero(odrives):
     assert all(motor.kp == motor.kd == 0 for motor in sim.world.motors)
 
 
-def test_a_position_on_the_bus_is_told_as_its_joints_target(odrives):
+def test_a_position_on_the_bus_is_returned_as_its_joints_target(odrives):
     _, buses = lockstep(odrives)
     drives, joint = drives_of(odrives, buses), odrives.all_joints[4]
     frame = CanFrame(wire.identifier(5, OdriveCommand.INPUT_POS), wire.pack_input(joint.motor(0.7), 0.0, 0.0))

@@ -34,10 +34,10 @@ def test_a_golden_heartbeat():
 
 @given(numbers, st.floats(-1e9, 1e9), st.floats(-1e9, 1e9))
 def test_a_position_comes_back_and_what_is_fed_forward_is_clamped(angle, speed, torque):
-    told = wire.unpack_input(wire.pack_input(angle, speed, torque))
-    assert told[0] == pytest.approx(angle, abs=1e-3)
-    assert told[1] == pytest.approx(max(-32.767, min(32.767, speed / math.tau)) * math.tau, abs=0.01)
-    assert told[2] == pytest.approx(max(-32.767, min(32.767, torque)), abs=1e-3)
+    unpacked = wire.unpack_input(wire.pack_input(angle, speed, torque))
+    assert unpacked[0] == pytest.approx(angle, abs=1e-3)
+    assert unpacked[1] == pytest.approx(max(-32.767, min(32.767, speed / math.tau)) * math.tau, abs=0.01)
+    assert unpacked[2] == pytest.approx(max(-32.767, min(32.767, torque)), abs=1e-3)
 
 
 @pytest.mark.parametrize("numbers", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, math.nan)])

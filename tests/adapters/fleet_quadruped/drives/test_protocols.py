@@ -55,7 +55,7 @@ def test_a_protocol_is_an_entry_point_of_any_package(package, write_dog):
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "source", "told"),
+    ("name", "value", "source", "expected"),
     [
         ("broken", "broken_drives:X", "import nothing_of_this_name", "cannot be loaded: ModuleNotFoundError"),
         ("absent", "absent_drives:X", "", "cannot be loaded: AttributeError"),
@@ -68,10 +68,10 @@ def test_a_protocol_is_an_entry_point_of_any_package(package, write_dog):
         ),
     ],
 )
-def test_a_package_that_brings_no_drives_is_told(package, write_dog, name, value, source, told):  # noqa: PLR0917
+def test_a_package_that_brings_no_drives_is_reported(package, write_dog, name, value, source, expected):  # noqa: PLR0917
     package(name, value, source)
     drive_kind.cache_clear()
-    assert re.search(told, refused(write_dog(("protocol: cia402", f"protocol: {name}"))))
+    assert re.search(expected, refused(write_dog(("protocol: cia402", f"protocol: {name}"))))
 
 
 # -- motors of the MIT kind ----------------------------------------------------------------------------
@@ -104,7 +104,7 @@ def test_a_dog_with_several_motors_walks(write_dog):
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "expected"),
     [
         (
             [("hip:  {limits", "hip:  {profile: dm-1, limits")],
@@ -114,21 +114,21 @@ def test_a_dog_with_several_motors_walks(write_dog):
         ([("angle: 6.3", "angle: 2.0"), OWN_KNEES], "its drive's frames end at 2; look at"),
     ],
 )
-def test_a_motor_that_cannot_be_is_refused(write_dog, changes, told):
+def test_a_motor_that_cannot_be_is_refused(write_dog, changes, expected):
     path = write_dog(("protocol: cia402", OWN))
     text = path.read_text()
     for old, new in changes:
         assert old in text, old
         text = text.replace(old, new)
     path.write_text(text)
-    assert told in refused(path)
+    assert expected in refused(path)
 
 
 # -- ODrive and moteus ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "expected"),
     [
         (("id: 12,", "id: 63,"), "joints.RR_knee: id 63 is no node of an ODrive; the highest is 62"),
         (("timeout: 0.1\n  heart", "timeout: 0.03\n  heart"), "drive.timeout: 0.03 s is less than 4"),
@@ -136,14 +136,14 @@ def test_a_motor_that_cannot_be_is_refused(write_dog, changes, told):
         (("id: 0x361", "id: 0x109"), "battery and joints.RL_hip (id 8) have the same frame 109h on bus 'a'"),
     ],
 )
-def test_what_odrives_cannot_do_is_refused(write_dog, change, told):
+def test_what_odrives_cannot_do_is_refused(write_dog, change, expected):
     lamp = ("id: 0x121", "id: 0x721")  # 121h is the heartbeat of node 9
-    assert told in refused(write_dog(("protocol: cia402", "protocol: odrive"), lamp, change))
+    assert expected in refused(write_dog(("protocol: cia402", "protocol: odrive"), lamp, change))
 
 
 def test_servos_on_a_classic_bus_are_refused(write_dog):
-    told = refused(write_dog(("protocol: cia402", "protocol: moteus")))
-    assert "buses.a: moteus needs CAN FD; give it a data_bitrate, like 5000000" in told
+    refusal = refused(write_dog(("protocol: cia402", "protocol: moteus")))
+    assert "buses.a: moteus needs CAN FD; give it a data_bitrate, like 5000000" in refusal
 
 
 def test_a_sensor_whose_frames_a_servo_would_obey_is_refused(write_dog):
@@ -178,12 +178,12 @@ def test_an_imu_may_tell_roll_pitch_and_yaw(write_dog):
 
 
 @pytest.mark.parametrize(
-    ("names", "told"),
+    ("names", "expected"),
     [
         (("roll", "pitch"), "imu: yaw is in none of its frames"),
         (("qw", "qx", "qy"), "imu: qz is in none of its frames"),
         (("qw", "qx", "qy", "roll"), "imu: it reports its attitude twice"),
     ],
 )
-def test_an_imu_that_does_not_tell_its_attitude_is_refused(write_dog, names, told):
-    assert told in refused(write_dog((QUATERNION, fields(*names))))
+def test_an_imu_that_does_not_tell_its_attitude_is_refused(write_dog, names, expected):
+    assert expected in refused(write_dog((QUATERNION, fields(*names))))

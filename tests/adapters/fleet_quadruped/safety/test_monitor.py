@@ -17,11 +17,11 @@ def look(dog):
     monitor, stance = Monitor(dog), dog.stance(0.27)
 
     def check(joint="FL_hip", change=None, cycles=1, **changes):
-        told = [JointFeedback(angle, power=Power.ENABLED, age=0.0) for angle in stance]
+        feedback = [JointFeedback(angle, power=Power.ENABLED, age=0.0) for angle in stance]
         number = JOINTS.index(joint)
-        told[number] = told[number]._replace(**(change or {}))
+        feedback[number] = feedback[number]._replace(**(change or {}))
         plain = {"imu": LEVEL, "targets": stance, "imu_age": 0.0, "battery": 80.0, "mode": BodyMode.WALKING}
-        seen = ObservedCycle(joints=Joints.of(told), dt=0.01, **(plain | changes))
+        seen = ObservedCycle(joints=Joints.of(feedback), dt=0.01, **(plain | changes))
         return [monitor.check(seen) for _ in range(cycles)][-1]
 
     return check

@@ -140,7 +140,7 @@ def test_a_reset_does_not_end_an_emergency_stop_that_the_machine_has_not_obeyed(
     assert standing.machine.mode is BodyMode.DAMPED
 
 
-def test_a_mode_that_the_description_does_not_name_is_told_and_not_left_alone(standing):
+def test_a_mode_that_the_description_does_not_name_is_reported_and_not_left_alone(standing):
     standing.machine._numbers[BodyMode.STANDING] = 9
     standing.go(0.2)
     assert standing.state.warning == "it reports mode 9, which is not in modes"
@@ -174,7 +174,7 @@ def test_with_an_empty_battery_it_sits_down(standing):
     assert standing.state.fault == "battery: 8 %, it sits down at 10 %"
 
 
-def test_told_to_leave_it_sits_down(standing):
+def test_asked_to_leave_it_sits_down(standing):
     standing.order = type(standing.order)(leave=True, alive=standing.machine.time)
     standing.go(2.0)
     assert standing.controller.resting
@@ -185,7 +185,7 @@ def test_it_changes_its_height_within_its_limits(standing):
     assert standing.machine.height == pytest.approx(standing.walker.highest)
 
 
-def test_a_command_that_is_not_taken_is_told(walker, make_paddock):
+def test_a_command_that_is_not_taken_is_reported(walker, make_paddock):
     section, other = ("frames", {"id": 0x7AA, "data": "01"}) if walker.frames else ("objects", NOWHERE)
     paddock = make_paddock(changed(walker, **{section: {"stand_up": other}}), real=walker)
     paddock.go(0.2)
@@ -320,7 +320,7 @@ def test_the_example_speaks_agilex_version_2(make_paddock):
 # -- whether it does what it is asked ----------------------------------------------------------------
 
 
-def test_a_machine_that_is_asked_to_walk_and_stands_is_told(standing):
+def test_a_machine_that_is_asked_to_walk_and_stands_is_reported(standing):
     standing.machine.fault("idle")
     standing.go(2.5, Twist(0.5))
     assert standing.state.warning == (

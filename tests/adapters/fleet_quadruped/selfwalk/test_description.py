@@ -25,7 +25,7 @@ def write(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("example", "old", "new", "told"),
+    ("example", "old", "new", "expected"),
     [
         (OWN, "silence: 0.3 ", "# ", "silence: Field required"),
         (OWN, "silence: 0.3", "silence: 0.05", "less than three cycles"),
@@ -46,10 +46,10 @@ def write(tmp_path):
         (CANOPEN, "objects:", "frames: null\nobject:", "object: unknown key, did you mean"),
     ],
 )
-def test_what_cannot_be_walked_with_is_refused(write, example, old, new, told):
+def test_what_cannot_be_walked_with_is_refused(write, example, old, new, expected):
     with pytest.raises(ConfigError, match=r"walker\.yaml") as refused:
         load_body(write(example, old, new))
-    assert told in str(refused.value)
+    assert expected in str(refused.value)
 
 
 def test_a_bare_off_of_yaml_is_the_mode_off(write):

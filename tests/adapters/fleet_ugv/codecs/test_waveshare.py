@@ -55,10 +55,10 @@ def test_it_greets_with_the_end_of_half_a_line_and_asks_for_one_feedback():
 
 
 def test_setup_stops_picks_the_geometry_sets_the_dead_man_and_has_it_echoed():
-    told = [json.loads(line) for line in make().setup().split(b"\n") if line]
-    assert [each["T"] for each in told] == [1, 900, 605, 143, 136, 143, 142, 131]
-    assert told[1] == {"T": 900, "main": 3, "module": 2}
-    assert [told[3]["cmd"], told[4]["cmd"], told[5]["cmd"]] == [1, 500, 0]
+    messages = [json.loads(line) for line in make().setup().split(b"\n") if line]
+    assert [each["T"] for each in messages] == [1, 900, 605, 143, 136, 143, 142, 131]
+    assert messages[1] == {"T": 900, "main": 3, "module": 2}
+    assert [messages[3]["cmd"], messages[4]["cmd"], messages[5]["cmd"]] == [1, 500, 0]
 
 
 def test_the_echo_of_the_dead_man_confirms_it_and_another_time_does_not():

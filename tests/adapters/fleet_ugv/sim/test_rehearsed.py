@@ -22,11 +22,11 @@ def simulated(start=HERE, *, profile="waveshare-beast", link="serial:/dev/ttyUSB
 
 def volts(simulation, seconds, *, speed):
     """Let a base drive for some seconds; return the volts that it tells at the end."""
-    told = b""
+    output = b""
     for step in range(int(seconds * 20)):
         drive = json.dumps({"T": 1, "L": speed, "R": speed}).encode() + b"\n"
-        told = simulation.receive(drive, step / 20) + simulation.step(step / 20) or told
-    return json.loads(told.splitlines()[-1])["v"]
+        output = simulation.receive(drive, step / 20) + simulation.step(step / 20) or output
+    return json.loads(output.splitlines()[-1])["v"]
 
 
 def test_a_real_base_and_a_simulated_one_are_simulated_by_their_profile_behind_a_link_in_memory():

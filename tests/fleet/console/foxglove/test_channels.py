@@ -67,7 +67,7 @@ def test_an_empty_sample_tells_nothing(channels):
     assert channels.take("yard-1", [(KEY, b"")], S, frozenset()) == []
 
 
-def test_more_topics_than_are_shown_are_told_once(channels, monkeypatch, caplog):
+def test_more_topics_than_are_shown_are_reported_once(channels, monkeypatch, caplog):
     monkeypatch.setattr(module, "MOST", 2)
     battery = f"cw/{TWIN}/data/battery", encode_report(BatteryReport(1.0, 50.0), 1)
     for at in (1, 3):

@@ -37,9 +37,9 @@ def pose(x):
     return encode_report(PoseReport(time.time(), Vector3(x, 0.0, 0.0), Quaternion(1.0, 0.0, 0.0, 0.0)), 1)
 
 
-def x_of(told):
+def x_of(message):
     """Return x of a pose, None of anything else."""
-    return told.get("pose", {}).get("position", {}).get("x")
+    return message.get("pose", {}).get("position", {}).get("x")
 
 
 class Viewer:
@@ -60,13 +60,13 @@ class Viewer:
             assert abs(received / 1e9 - time.time()) < DEADLINE
             self.messages.append((subscription, json.loads(data[13:])))
             return
-        told = json.loads(data)
-        if told["op"] == "advertise":
-            self.channels |= {each["topic"]: each for each in told["channels"]}
-        elif told["op"] == "status":
-            self.statuses.append(told["message"])
+        message = json.loads(data)
+        if message["op"] == "advertise":
+            self.channels |= {each["topic"]: each for each in message["channels"]}
+        elif message["op"] == "status":
+            self.statuses.append(message["message"])
         else:
-            assert (told["op"], told["capabilities"]) == ("serverInfo", [])
+            assert (message["op"], message["capabilities"]) == ("serverInfo", [])
 
     def until(self, found):
         while not (what := found()):
@@ -131,7 +131,9 @@ def test_foxglove_is_offered_topics_and_sent_what_it_subscribes_to(open_viewer, 
     edge.reports.put(POSITION, pose(2.0))
     found = viewer.until(
         lambda: [
-            told for number, told in viewer.messages if number == 5 and told["pose"]["position"]["x"] == 2
+            message
+            for number, message in viewer.messages
+            if number == 5 and message["pose"]["position"]["x"] == 2
         ]
     )
     jsonschema.validate(found[0], json.loads(channel["schema"]))
@@ -149,8 +151,8 @@ def test_a_new_subscription_gets_the_newest_message_at_once(open_viewer, edge):
     viewer = open_viewer(subprotocols=[PROTOCOLS[1]])
     assert viewer.socket.subprotocol == PROTOCOLS[1]
     viewer.subscribe(0, "/yard-1/rex/state")
-    ((_, told),) = viewer.until(lambda: viewer.messages)
-    assert told["name"] == "rex"
+    ((_, message),) = viewer.until(lambda: viewer.messages)
+    assert message["name"] == "rex"
 
 
 def test_no_line_of_a_log_is_lost_to_a_viewer_that_reads(open_viewer, edge):
@@ -165,7 +167,7 @@ def test_no_line_of_a_log_is_lost_to_a_viewer_that_reads(open_viewer, edge):
     for number, line in enumerate(lines):
         edge.reports.put(LOG, encode_report(LogReport(time.time(), "INFO", line), number + 2), urgent=True)
     viewer.until(lambda: len(viewer.messages) == len(lines))
-    assert [told["message"] for _, told in viewer.messages] == lines
+    assert [message["message"] for _, message in viewer.messages] == lines
 
 
 def test_nothing_is_heard_for_nobody(open_viewer, edge):
@@ -184,7 +186,7 @@ def test_it_takes_no_wish_but_subscriptions(open_viewer, edge, op):
     assert viewer.statuses == [f"this view is read-only: {op} is not taken"]
 
 
-def test_data_and_garbage_are_told_and_too_much_of_it_ends_the_view(open_viewer, edge):
+def test_data_and_garbage_are_reported_and_too_much_of_it_ends_the_view(open_viewer, edge):
     viewer = open_viewer()
     viewer.subscribe(1, "/yard-1/rex/state")
     viewer.ask("subscribe", subscriptions=[{"id": 1, "channelId": 10_000}])
@@ -252,7 +254,7 @@ def test_its_token_opens_nothing_else_and_other_tokens_do_not_open_it(served, ad
         connect(f"ws://127.0.0.1:{served.port}/ws", origin=FOXGLOVE, subprotocols=list(PROTOCOLS))
 
 
-def test_more_viewers_than_it_serves_are_told_to_come_again(open_viewer):
+def test_more_viewers_than_it_serves_are_asked_to_come_again(open_viewer):
     viewers = [open_viewer() for _ in range(9)]
     with pytest.raises(ConnectionClosed) as ended:
         viewers[-1].until(lambda: False)

@@ -24,14 +24,14 @@ def test_data_is_an_opcode_the_subscription_the_time_and_the_payload_little_endi
 
 
 def test_a_server_that_is_read_only_offers_no_capability():
-    told = json.loads(server_info("abc"))
-    assert (told["op"], told["capabilities"], told["sessionId"]) == ("serverInfo", [], "abc")
-    assert "supportedEncodings" not in told
+    message = json.loads(server_info("abc"))
+    assert (message["op"], message["capabilities"], message["sessionId"]) == ("serverInfo", [], "abc")
+    assert "supportedEncodings" not in message
 
 
 def test_a_channel_is_offered_with_its_schema():
-    told = json.loads(advertisement([FoxgloveChannel(7, "/yard-1/rex/position", "foxglove.PoseInFrame")]))
-    assert told == {
+    message = json.loads(advertisement([FoxgloveChannel(7, "/yard-1/rex/position", "foxglove.PoseInFrame")]))
+    assert message == {
         "op": "advertise",
         "channels": [
             {

@@ -64,7 +64,7 @@ def percents(socket):
     return [each for each in socket.sent if isinstance(each, float)]
 
 
-async def test_it_gets_the_newest_when_it_reads_again_and_is_told_how_much_it_missed(slow):
+async def test_it_gets_the_newest_when_it_reads_again_and_how_much_it_missed(slow):
     report, socket, clock = slow
     await report(1.0)
     assert percents(socket) == [0.0, 1.0]

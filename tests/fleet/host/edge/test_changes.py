@@ -384,14 +384,14 @@ async def test_a_worker_that_says_nothing_is_not_asked_and_not_waited_for():
     assert (worker.forced, worker.task) == ([], b"old")
 
 
-def test_who_waits_for_an_edge_is_told_so(monkeypatch):
+def test_who_waits_for_an_edge_sees_that(monkeypatch):
     monkeypatch.setattr("fleet.cli.changes.SOON", 0.01)
-    told = queue.Queue()
-    with _told_to_wait(SimpleNamespace(note=told.put), "yard-1"):
-        assert told.get(timeout=20).startswith("waiting for edge yard-1: one robot after the other")
+    notes = queue.Queue()
+    with _told_to_wait(SimpleNamespace(note=notes.put), "yard-1"):
+        assert notes.get(timeout=20).startswith("waiting for edge yard-1: one robot after the other")
 
 
-async def test_a_worker_that_died_and_came_up_with_the_change_is_not_told_as_unchanged(monkeypatch):
+async def test_a_worker_that_died_and_came_up_with_the_change_is_not_reported_as_unchanged(monkeypatch):
     worker = Worker("dies", "")
     outcome, _why = await changed(worker, monkeypatch)
     assert (outcome, worker.task, worker.given) == (Outcome.FAILED, b"old", b"old")
@@ -436,7 +436,7 @@ async def test_a_command_that_was_carried_out_before_is_not_carried_out_again(fi
     assert field.place.words("rex").count("walk") == 1
 
 
-async def test_what_needs_a_restart_is_told_with_the_reason_and_left(field):
+async def test_what_needs_a_restart_is_reported_with_the_reason_and_left(field):
     field.write("rex", twin="00000000-0000-4000-8000-00000000000f")
     field.place.change(metrics={"port": 0})
     done = await field.apply()
@@ -571,11 +571,11 @@ async def test_a_person_sees_and_applies_the_changes_and_what_is_left_after_the_
     assert (code, "does not run; fleet run" in err) == (4, True)
 
 
-async def test_what_the_file_says_is_told_only_to_who_asks_for_it(field):
+async def test_what_the_file_says_is_sent_only_to_who_asks_for_it(field):
     assert (await field.ask()).text == ""
-    told = await field.ask(text=True)
-    assert ("rex" in told.text, told.same) == (True, True)
-    assert "leave worker: main out" in told.warnings[0]
+    answer = await field.ask(text=True)
+    assert ("rex" in answer.text, answer.same) == (True, True)
+    assert "leave worker: main out" in answer.warnings[0]
     field.place.file.write_text("robots: 5\n")
     broken = await field.ask(text=True)
     assert (bool(broken.problems), "robots: 5" in broken.text) == (True, True)

@@ -24,23 +24,23 @@ def robot():
 
 @pytest.fixture
 def bench(robot):
-    held, told = [], []
-    claims = CloudClaims({TWIN: robot}, hold=lambda *each: held.append(each), tell=told.append)
-    return SimpleNamespace(claims=claims, held=held, told=told)
+    held, messages = [], []
+    claims = CloudClaims({TWIN: robot}, hold=lambda *each: held.append(each), tell=messages.append)
+    return SimpleNamespace(claims=claims, held=held, messages=messages)
 
 
 def test_a_robot_that_nobody_uses_is_kept_out_until_the_claim_ends(bench):
     bench.claims.heard(TWIN, "yard-0")
     bench.claims.heard(TWIN, "")
     assert bench.held == [(TWIN, "yard-0"), (TWIN, "")]
-    assert [json.loads(told) for told in bench.told] == [{TWIN: "yard-0"}, {TWIN: ""}]
+    assert [json.loads(message) for message in bench.messages] == [{TWIN: "yard-0"}, {TWIN: ""}]
     assert bench.claims.problem == ""
 
 
-def test_a_robot_in_use_is_kept_and_the_claim_told(bench, robot, caplog):
+def test_a_robot_in_use_is_kept_and_the_claim_reported(bench, robot, caplog):
     robot.in_use = True
     bench.claims.heard(TWIN, "yard-0")
-    assert (bench.held, bench.told) == ([], [])
+    assert (bench.held, bench.messages) == ([], [])
     assert "edge yard-0 says in the cloud that it has rex (not believed" in bench.claims.problem
     assert "not believed" in caplog.text
     bench.claims.heard(TWIN, "")

@@ -40,8 +40,8 @@ class Cloud:
 
     def __init__(self, edge):
         self.edge, self.workflows = edge, edge.missions.workflows
-        self.told = []
-        self.workflows.publish = lambda uuid, suffix, payload: self.told.append(
+        self.published = []
+        self.workflows.publish = lambda uuid, suffix, payload: self.published.append(
             (uuid, suffix.partition(":")[2], json.loads(payload))
         )
 
@@ -57,7 +57,7 @@ class Cloud:
 
     @property
     def ends(self):
-        return [body for _, suffix, body in self.told if suffix.endswith("/finished")]
+        return [body for _, suffix, body in self.published if suffix.endswith("/finished")]
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ async def cloud(place, run_edge, asks):
 async def test_a_mapped_workflow_starts_its_mission_in_the_name_that_fleet_yaml_says(cloud, asks):
     cloud.run(requested_by_uuid="u1")
     cloud.run(requested_by_uuid="u1")  # the cloud repeats it until it hears that it was started
-    await asks.until(lambda: cloud.told)
+    await asks.until(lambda: cloud.published)
     about = cloud.edge.missions.runs.find(RUN).about
     assert (about.way, about.source_type, about.workflow) == ("cloud", "tele", WORKFLOW)
     assert about.by == f"workflow {WORKFLOW} by u1"
@@ -94,7 +94,7 @@ async def test_a_mapped_workflow_starts_its_mission_in_the_name_that_fleet_yaml_
 
 async def test_a_cancelled_execution_is_an_aborted_run(cloud, asks):
     cloud.run(inputs={"rest": 600})
-    await asks.until(lambda: cloud.told)
+    await asks.until(lambda: cloud.published)
     cloud.cancel(OTHER)  # of another workflow: not this run
     assert cloud.ends == []
     cloud.cancel()
@@ -103,7 +103,7 @@ async def test_a_cancelled_execution_is_an_aborted_run(cloud, asks):
     assert cloud.ends[0]["error_message"].startswith("aborted: aborted by workflow")
 
 
-async def test_what_robots_would_not_obey_starts_nothing_and_is_told(cloud, asks):
+async def test_what_robots_would_not_obey_starts_nothing_and_is_reported(cloud, asks):
     events = []
     cloud.edge.process.history.on_event = lambda _, event: events.append(event)
     old = datetime.fromtimestamp(time.time() - 60, UTC).isoformat()
@@ -111,7 +111,7 @@ async def test_what_robots_would_not_obey_starts_nothing_and_is_told(cloud, asks
         ({"requested_at": old}, " s old"),
         ({"inputs": {"speed": 1}}, "no input 'speed'"),
     ):
-        cloud.told.clear()
+        cloud.published.clear()
         cloud.run(**fields)
         await asks.until(lambda: cloud.ends)
         assert (cloud.ends[0]["status"], why in cloud.ends[0]["error_message"]) == ("error", True)
@@ -168,22 +168,22 @@ async def test_the_sdk_starts_a_mapped_workflow_and_hears_of_no_other(place, bro
     assert place.words("rex").count("walk") == 1
 
 
-async def test_what_is_told_is_what_the_sdk_itself_would_tell(cloud, asks):
-    class Told:
+async def test_what_is_published_is_what_the_sdk_itself_would_publish(cloud, asks):
+    class FakeMqtt:
         connected, topic_prefix = True, ""
 
         def publish(self, topic, payload):
-            told.append((topic, payload))
+            from_sdk.append((topic, payload))
 
-    told = []
-    client = type("Client", (), {"mqtt": Told()})()
+    from_sdk = []
+    client = type("Client", (), {"mqtt": FakeMqtt()})()
     reporter = WorkflowExecutionReporter(client, workflow_uuid=WORKFLOW, execution_uuid=RUN)
     reporter._send_started()
     reporter.finished()
     cloud.run()
     await asks.until(lambda: cloud.ends)
-    ours = [(f"cyberwave/workflow/{uuid}/{suffix}", body) for uuid, suffix, body in cloud.told]
-    assert ours == told
+    ours = [(f"cyberwave/workflow/{uuid}/{suffix}", body) for uuid, suffix, body in cloud.published]
+    assert ours == from_sdk
 
 
 def test_every_end_of_a_run_is_an_end_of_an_execution():

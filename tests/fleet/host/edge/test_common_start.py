@@ -62,7 +62,7 @@ def serve(yard, run_edge, asks):
 
 def begun(place):
     """Return who has begun, and when (monotonic s)."""
-    return {robot: at for robot in ("rex", "arm") for _, at, word in place.told(robot) if word == "navigate"}
+    return {robot: at for robot in ("rex", "arm") for _, at, word in place.calls(robot) if word == "navigate"}
 
 
 async def phase(asker, phase):

@@ -62,7 +62,7 @@ async def test_a_real_robot_that_moves_goes_on_and_its_worker_is_asked_when_it_r
     assert desk.asked == [("limbs", "toy", False)]
 
 
-async def test_a_file_that_is_refused_is_told_and_asked_again_after_the_next_save(desk, caplog):
+async def test_a_file_that_is_refused_is_reported_and_asked_again_after_the_next_save(desk, caplog):
     desk = desk(simulated=True)
     desk.refuses = "toy.py: SyntaxError"
     desk.save("broken")

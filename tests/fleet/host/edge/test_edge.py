@@ -63,9 +63,9 @@ async def test_an_edge_tells_every_problem_of_its_own_and_the_agent_of_roll_outs
     assert (await asyncio.to_thread(here.running)).faults == ()
     edge.beside = lambda: "the console does not run"
     edge.missions.store.problem = "runs are not recorded"
-    told = [PartFault("the edge", "degraded", each) for each in edge.state().problems]
-    assert {each.cause for each in told} >= {"the console does not run", "runs are not recorded"}
-    assert (await asyncio.to_thread(here.running)).faults == tuple(told)
+    faults = [PartFault("the edge", "degraded", each) for each in edge.state().problems]
+    assert {each.cause for each in faults} >= {"the console does not run", "runs are not recorded"}
+    assert (await asyncio.to_thread(here.running)).faults == tuple(faults)
 
 
 async def test_a_robot_is_commanded_on_its_bus_key_and_the_lease_ends_it(served, asks):

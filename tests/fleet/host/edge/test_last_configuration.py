@@ -48,7 +48,7 @@ def test_one_of_a_newer_fleet_is_refused_and_one_that_is_damaged_too(tmp_path):
         last_configuration(tmp_path)
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path):
     (tmp_path / "taken").write_text("")
     with pytest.raises(StateError):
         keep(tmp_path / "taken", OUTLINE, 12.0)

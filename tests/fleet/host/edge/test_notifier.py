@@ -81,7 +81,7 @@ def test_a_stop_reaches_a_webhook_as_json(hook):
     assert got["time"] == "1970-01-01T00:16:40.000+00:00"
 
 
-def test_other_targets_are_told_from_then_on_and_those_that_stay_go_on(hook):
+def test_other_targets_are_notified_from_then_on_and_those_that_stay_go_on(hook):
     other = Hook()
     first, second = NotifyConfig(url=hook.url), NotifyConfig(url=other.url)
     notifier = Notifier([first], "yard-1", ManualClock())
@@ -121,7 +121,7 @@ def test_what_is_heard_on_the_bus_takes_no_room_from_our_own_robots(target):
 
 
 @pytest.mark.parametrize(
-    ("kind", "severity", "told"),
+    ("kind", "severity", "expected"),
     [
         (EventKind.STOP, Severity.WARNING, True),
         (EventKind.EMERGENCY_STOP, Severity.CRITICAL, True),
@@ -132,13 +132,13 @@ def test_what_is_heard_on_the_bus_takes_no_room_from_our_own_robots(target):
         (EventKind.LOST, Severity.WARNING, True),
     ],
 )
-def test_faults_and_stops_are_told_and_not_every_command(target, kind, severity, told):
+def test_faults_and_stops_are_reported_and_not_every_command(target, kind, severity, expected):
     sent = []
     made = target(lambda body, _within: sent.append(body))
     made.take("rex", EventReport(0.0, kind, "x", severity))
     made.end()
     made.join()
-    assert bool(sent) == told
+    assert bool(sent) == expected
 
 
 def test_robots_narrow_it_down(target):
@@ -152,7 +152,7 @@ def test_robots_narrow_it_down(target):
     assert sent == ["rex"]
 
 
-def test_a_target_that_fails_is_tried_three_times_and_told_once_without_its_address(
+def test_a_target_that_fails_is_tried_three_times_and_reported_once_without_its_address(
     target, monkeypatch, caplog
 ):
     monkeypatch.setattr(notifier, "WAITS", (0.001, 0.001))
@@ -171,7 +171,7 @@ def test_a_target_that_fails_is_tried_three_times_and_told_once_without_its_addr
     assert caplog.text.count("did not get to its") == 1
 
 
-def test_more_than_wanted_in_a_minute_is_counted_and_the_number_told(target):
+def test_more_than_wanted_in_a_minute_is_counted_and_the_number_reported(target):
     sent, clock = [], ManualClock()
     made = target(lambda body, _within: sent.append(json.loads(body)), clock, per_minute=3)
     for _ in range(50):
@@ -243,7 +243,9 @@ def test_the_address_is_a_secret(hook):
 
 
 @pytest.mark.parametrize("where", [{"worker": "main"}, {}])
-async def test_a_stop_is_told_without_a_cloud_also_of_a_robot_in_a_worker(yard, run_edge, asks, hook, where):
+async def test_a_stop_is_reported_without_a_cloud_also_of_a_robot_in_a_worker(
+    yard, run_edge, asks, hook, where
+):
     place = yard(rex=where)
     place.change(notify=[{"url": hook.url}])
     edge = place.edge()

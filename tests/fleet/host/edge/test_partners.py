@@ -222,9 +222,9 @@ def test_a_partners_robot_needs_a_name_of_its_own(site):
     site.place.change(partners={site.barn_id: {"robots": ["rex"]}, site.place.id: {}})
     with pytest.raises(InvalidConfig) as error:
         load(site.place.file)
-    told = sorted(str(problem) for problem in error.value.problems)
-    assert any("there is another robot 'rex'" in each for each in told)
-    assert any("this is the edge of this file" in each for each in told)
+    problems = sorted(str(problem) for problem in error.value.problems)
+    assert any("there is another robot 'rex'" in each for each in problems)
+    assert any("this is the edge of this file" in each for each in problems)
 
 
 class Robot:

@@ -110,7 +110,7 @@ async def test_a_rehearsal_that_fails_keeps_no_pass(ready, fleet):
         assert (await fleet("mission", "run", "patrol"))[0] == 5
 
 
-async def test_a_process_that_dies_is_told_with_its_last_words(ready, fleet, monkeypatch):
+async def test_a_process_that_dies_is_reported_with_its_last_words(ready, fleet, monkeypatch):
     monkeypatch.setattr(rehearsals, "COMMAND", (sys.executable, "-c", "print('no room left')"))
     async with ready():
         code, _, err = await fleet("mission", "rehearse", "patrol")

@@ -97,11 +97,11 @@ async def test_an_event_of_the_history_fires_and_all_that_happens_is_in_the_hist
         await asyncio.to_thread(wait_until, "it is started", lambda: runs.wanted)
         assert [wanted.schedule for wanted in runs.wanted] == ["low"]
         _, out, _ = await fleet("history", "--json")
-        told = [each["text"] for each in json.loads(out) if each["kind"] == "schedule"]
-        assert told == ["schedule low: fired: rex: 17 %", "schedule low: started as run-1"]
+        texts = [each["text"] for each in json.loads(out) if each["kind"] == "schedule"]
+        assert texts == ["schedule low: fired: rex: 17 %", "schedule low: started as run-1"]
 
 
-async def test_schedules_that_fail_are_told_by_the_edge_and_by_the_command_line(
+async def test_schedules_that_fail_are_reported_by_the_edge_and_by_the_command_line(
     scheduled, run_edge, fleet, monkeypatch
 ):
     _, edge, _ = scheduled
@@ -211,15 +211,15 @@ async def test_a_schedule_that_is_started_by_hand_starts_the_mission(ready, flee
         assert place.words().count("walk") == 3
 
 
-async def test_a_robot_whose_emergency_stop_is_set_is_left_out_and_told(ready, fleet):
+async def test_a_robot_whose_emergency_stop_is_set_is_left_out_and_reported(ready, fleet):
     async with ready(PATROL, dawn=DAWN) as (place, edge):
         edge.process.robots["max"].controller.emergency("anna said so")
         assert (await fleet("schedule", "run", "dawn"))[0] == 0
         await asyncio.to_thread(wait_until, "the run has ended", lambda: runs_of(edge))
         assert "walk" not in place.words("max")
         _, out, _ = await fleet("history", "--json")
-        told = [each["text"] for each in json.loads(out) if each["kind"] == "schedule"]
-        assert told[-1].endswith("; max left out: its emergency stop is set: anna said so")
+        texts = [each["text"] for each in json.loads(out) if each["kind"] == "schedule"]
+        assert texts[-1].endswith("; max left out: its emergency stop is set: anna said so")
 
 
 async def test_a_mission_that_cannot_be_filled_without_a_stopped_robot_is_skipped(ready, fleet):

@@ -45,7 +45,7 @@ class Cloud:
         asked(answers.append)
         return answers
 
-    def told(self):
+    def reported(self):
         """Return the statuses of the run, without repeats of the same."""
         words = [(each["status"], each["message"]) for each in self.statuses]
         assert {each["mission_execution_uuid"] for each in self.statuses} <= {RUN}
@@ -53,7 +53,7 @@ class Cloud:
 
     @property
     def terminal(self):
-        return [status for status, _ in self.told() if status in ("completed", "failed", "cancelled")]
+        return [status for status, _ in self.reported() if status in ("completed", "failed", "cancelled")]
 
     def run(self):
         return self.runs.find(RUN)
@@ -83,13 +83,13 @@ async def test_a_plan_of_the_cloud_is_a_run_that_carries_its_authority(cloud, as
     run = await flies(cloud, asks)
     assert (run.about.way, run.about.source_type, run.about.by) == ("cloud", "tele", "anna")
     (part,) = run.engine.robots.active()
-    await asks.until(lambda: ("running", "") in cloud.told())
+    await asks.until(lambda: ("running", "") in cloud.reported())
     assert cloud.robot.state().run == RUN
     run.take(Replied(part.identity, PartOutcome.DONE, ""))
     await asks.until(lambda: cloud.terminal)
-    told = [(each["status"], each["current_step"]) for each in cloud.statuses]
-    assert told[0] == ("queued", 0)
-    assert cloud.told()[-1] == ("completed", "completed")
+    steps = [(each["status"], each["current_step"]) for each in cloud.statuses]
+    assert steps[0] == ("queued", 0)
+    assert cloud.reported()[-1] == ("completed", "completed")
     assert cloud.terminal == ["completed"]
 
 
@@ -107,7 +107,7 @@ async def test_a_repeat_is_the_same_run_also_after_its_end(cloud, asks):
     await asks.until(lambda: len(cloud.statuses) > before)
     assert late[0].ok
     assert cloud.run() is None
-    assert cloud.told()[-1] == ("completed", "completed")
+    assert cloud.reported()[-1] == ("completed", "completed")
     assert cloud.words().count("navigate") == 1
 
 
@@ -117,7 +117,7 @@ async def test_pause_and_resume_are_the_runs(cloud, asks):
     await asks.until(lambda: "stop" in cloud.words())
     assert answers[0].ok
     assert run.engine.head.phase == "paused"
-    assert cloud.told()[-1] == ("running", "paused")
+    assert cloud.reported()[-1] == ("running", "paused")
     late = cloud.say({"command": "resume"}, timestamp=time.time() - 60)
     await asks.until(lambda: late)
     assert not late[0].ok
@@ -137,7 +137,7 @@ async def test_cancel_stops_the_robot_at_once_and_the_run_is_cancelled(cloud, as
     await asks.until(lambda: "stop" in cloud.words() and cloud.terminal and answers)
     assert answers[0].ok
     assert cloud.terminal == ["cancelled"]
-    assert cloud.told()[-1] == ("cancelled", "aborted: aborted by anna")
+    assert cloud.reported()[-1] == ("cancelled", "aborted: aborted by anna")
     await asks.until(lambda: not cloud.robot.state().run)
 
 
@@ -190,7 +190,7 @@ async def test_a_stop_on_any_topic_takes_the_robot_out_and_the_run_has_failed(cl
     stop(lambda _: None)
     await asks.until(lambda: cloud.terminal)
     assert cloud.terminal == ["failed"]
-    assert "stopped" in cloud.told()[-1][1]
+    assert "stopped" in cloud.reported()[-1][1]
 
 
 async def test_the_history_says_who_was_refused(cloud, asks):
@@ -217,15 +217,15 @@ def test_a_run_that_asks_is_running_and_tells_its_question():
     assert status_of(asking) == (ActionState.RUNNING, "asks: Go on?")
 
 
-def test_a_plan_that_is_part_of_a_run_is_told_as_that_run_and_never_ends_it():
+def test_a_plan_that_is_part_of_a_run_is_reported_as_that_run_and_never_ends_it():
     part = NavigationReport(1.0, f"{RUN}/fly.1/rex/1", ActionState.COMPLETED, 100.0, "", 3)
     ((suffix, payload),) = to_mqtt(part, sender(source_type="edge", session="s"))
-    told = json.loads(payload)
-    assert (suffix, told["mission_execution_uuid"]) == ("mission/status", RUN)
-    assert (told["status"], told["current_step"]) == ("running", 3)
+    message = json.loads(payload)
+    assert (suffix, message["mission_execution_uuid"]) == ("mission/status", RUN)
+    assert (message["status"], message["current_step"]) == ("running", 3)
 
 
-async def test_the_item_that_a_robot_is_at_is_told_with_the_end(cloud, asks):
+async def test_the_item_that_a_robot_is_at_is_reported_with_the_end(cloud, asks):
     run = await flies(cloud, asks)
     (part,) = run.engine.robots.active()
     await asks.until(lambda: [each["status"] for each in cloud.statuses].count("running") >= 3)  # its own

@@ -79,19 +79,19 @@ async def ended(answers):
 async def test_a_command_is_not_carried_out_again_after_a_restart(restarted, asks):
     bench = restarted()
     await ended(bench.ask(asks.command("land", id="r1")))
-    assert bench.puppet.told == ["land"]
+    assert bench.puppet.calls == ["land"]
     bench = restarted()
     (answer,) = bench.ask(asks.command("land", id="r1"))
     await asks.settle()
-    assert (bench.puppet.told, answer.status) == ([], ACCEPTED)
+    assert (bench.puppet.calls, answer.status) == ([], ACCEPTED)
     await ended(bench.ask(asks.command("land", id="r2")))
-    assert bench.puppet.told == ["land"]
+    assert bench.puppet.calls == ["land"]
 
 
 async def test_a_command_that_was_cut_off_is_refused_after_the_restart(restarted, asks):
     bench = restarted()
     bench.ask(asks.command("takeoff", id="r1"))
-    await asks.until(lambda: bench.puppet.told)
+    await asks.until(lambda: bench.puppet.calls)
     (answer,) = restarted().ask(asks.command("takeoff", id="r1"))
     assert answer.status is REJECTED
     assert answer.reason.startswith("it was begun before the edge restarted and was not seen to end")
@@ -114,25 +114,25 @@ async def test_a_command_is_remembered_before_its_method_is_called(tmp_path, clo
 async def test_an_action_that_was_cut_off_fails_once_and_is_not_begun_again(restarted, asks):
     bench = restarted()
     bench.ask(asks.goal("a1"))
-    await asks.until(lambda: bench.puppet.told)
+    await asks.until(lambda: bench.puppet.calls)
     for statuses, words in (([("a1", "failed")], ["stop"]), ([], [])):
         bench = restarted()
         bench.controller.statuses.recall()
-        told = [one for one in bench.reports if isinstance(one, NavigationReport)]
-        assert [(one.action_id, one.state) for one in told] == statuses
+        reports = [one for one in bench.reports if isinstance(one, NavigationReport)]
+        assert [(one.action_id, one.state) for one in reports] == statuses
         bench.ask(asks.goal("a1"))
         await asks.settle()
-        assert bench.puppet.told == words
+        assert bench.puppet.calls == words
 
 
-@pytest.mark.parametrize(("name", "told"), [("move_forward", ["move_forward"]), ("navigate", [])])
-async def test_the_end_of_a_way_is_owed_to_who_asked_it_as_a_command(opened, restarted, asks, name, told):
+@pytest.mark.parametrize(("name", "expected"), [("move_forward", ["move_forward"]), ("navigate", [])])
+async def test_the_end_of_a_way_is_owed_to_who_asked_it_as_a_command(opened, restarted, asks, name, expected):
     bench = restarted()
     bench.ask(
         Navigate(RelativeMove(Vector3(1.0, 0.0, 0.0)), "m1", Origin(Transport.CLOUD, "tele"), name=name)
     )
-    await asks.until(lambda: bench.puppet.told)
-    assert [each.name for each in opened().take_interrupted(["rex"])] == told
+    await asks.until(lambda: bench.puppet.calls)
+    assert [each.name for each in opened().take_interrupted(["rex"])] == expected
 
 
 async def test_a_release_of_earlier_does_not_release_a_later_stop(restarted, asks):
@@ -153,7 +153,7 @@ async def test_an_emergency_stop_survives_a_restart_and_nothing_moves_until_its_
     bench = restarted()
     (refused,) = bench.ask(asks.setpoint())
     assert "asked by anna" in refused.reason
-    assert bench.puppet.told == []
+    assert bench.puppet.calls == []
 
 
 def test_another_robots_stop_is_its_own(opened):
@@ -186,17 +186,17 @@ def test_a_journal_that_cannot_be_read_is_set_aside_and_every_robot_is_stopped(t
     assert (tmp_path / f"{JOURNAL}.broken").exists()
 
 
-async def test_a_disk_that_fails_is_told_and_commands_go_on(tmp_path, clock, make_bench, asks):
+async def test_a_disk_that_fails_is_reported_and_commands_go_on(tmp_path, clock, make_bench, asks):
     (tmp_path / "file").write_text("in the way")
     journal = Journal(tmp_path / "file", clock, tmp_path / "begun.main")
     assert "cannot create" in journal.problem
     bench = make_bench(journal=journal.robot("rex"))
     await ended(bench.ask(asks.command("land", id="r1")))
-    assert bench.puppet.told == ["land"]
+    assert bench.puppet.calls == ["land"]
     journal.close()
 
 
-def test_a_disk_that_fills_up_is_told_and_one_that_is_well_again_too(opened, asks):
+def test_a_disk_that_fills_up_is_reported_and_one_that_is_well_again_too(opened, asks):
     journal = opened()
     rex = journal.robot("rex")
     journal._file._database.execute("PRAGMA max_page_count = 1")
@@ -386,7 +386,7 @@ async def test_an_emergency_stop_halts_the_robot_though_its_record_fails(
     bench = make_bench(journal=journal.robot("rex"))
     bench.ask(asks.command("emergency_stop"))
     await asks.settle()
-    assert bench.puppet.told[0] == "halt"
+    assert bench.puppet.calls[0] == "halt"
     assert bench.controller.latched
 
 
@@ -413,7 +413,7 @@ def test_a_stop_with_many_words_is_kept_in_memory_too(tmp_path, opened, monkeypa
     assert [len(row) for row in rows] == [12, 500_018, 22]
 
 
-def test_a_memory_that_is_full_is_told_and_the_stop_is_on_the_disk_all_the_same(
+def test_a_memory_that_is_full_is_reported_and_the_stop_is_on_the_disk_all_the_same(
     tmp_path, opened, monkeypatch
 ):
     journal = opened()

@@ -4,7 +4,7 @@ from fleet.host.logs.flood_filter import MOST, MOST_KINDS, WINDOW, FloodFilter
 from fleet.host.logs.setup import LogSettings, start_logging
 
 
-def test_what_comes_often_is_left_out_and_told_later_how_often():
+def test_what_comes_often_is_left_out_and_its_number_is_reported_later():
     flood = FloodFilter()
     admitted = [flood.admit("a", 5.0) for _ in range(MOST + 7)]
     assert admitted == [0] * MOST + [None] * 7

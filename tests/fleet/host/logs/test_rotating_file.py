@@ -161,8 +161,8 @@ def test_stderr_has_what_was_asked_for_and_the_kept_log_everything_from_info_on(
 
 
 def test_workers_log_in_the_form_that_the_edge_was_asked_for_to_files_of_their_own(tmp_path):
-    told = {"FLEET_LOG_FORMAT": "json", "FLEET_LOG_FILE": str(tmp_path / "fleet.log")}
-    assert LogSettings.of_a_worker("arm", told) == LogSettings(
+    environment = {"FLEET_LOG_FORMAT": "json", "FLEET_LOG_FILE": str(tmp_path / "fleet.log")}
+    assert LogSettings.of_a_worker("arm", environment) == LogSettings(
         logging.INFO, "json", tmp_path / "fleet.arm.log"
     )
     assert LogSettings.of_a_worker("arm", {}) == LogSettings(logging.INFO, "text", None)

@@ -86,7 +86,7 @@ def begun(place):
     return {
         robot: at
         for robot in ("rex", "max", "arm")
-        for _, at, word in place.told(robot)
+        for _, at, word in place.calls(robot)
         if word == "navigate"
     }
 
@@ -94,8 +94,8 @@ def begun(place):
 async def test_all_begin_at_the_instant_in_whatever_process_they_are(serve, asks):
     async with serve(rex=HERE, max=HERE, arm=THERE) as (place, _, asker):
         await asyncio.to_thread(asker.prepared, "rex", "max", "arm")
-        stamp, told = await asyncio.to_thread(asker.tell, 1.0)
-        assert told == {"rex": "", "max": "", "arm": ""}
+        stamp, problems = await asyncio.to_thread(asker.tell, 1.0)
+        assert problems == {"rex": "", "max": "", "arm": ""}
         await asks.until(lambda: len(begun(place)) == 3)
         instant = time.monotonic() - (time.time() - stamp)
         assert all(-0.01 <= at - instant < LOADED for at in begun(place).values())
@@ -119,11 +119,11 @@ async def test_one_that_cannot_begin_keeps_the_others_from_it(serve):
         assert begun(place) == {}
 
 
-async def test_nobody_begins_when_who_asks_vanishes_after_the_instant_was_told(serve):
+async def test_nobody_begins_when_who_asks_vanishes_after_the_instant_was_sent(serve):
     async with serve(rex=HERE, arm=THERE) as (place, _, asker):
         await asyncio.to_thread(asker.prepared, "rex", "arm")
-        _, told = await asyncio.to_thread(asker.tell, 1.0)
-        assert told == {"rex": "", "arm": ""}
+        _, problems = await asyncio.to_thread(asker.tell, 1.0)
+        assert problems == {"rex": "", "arm": ""}
         await asyncio.to_thread(asker.vanish)
         ends = [(await asyncio.to_thread(asker.ends, name))[0] for name in ("rex", "arm")]
         assert not any(end.ok for end in ends)
@@ -186,17 +186,17 @@ async def test_stops_pass_while_a_robot_is_prepared(serve, asks):
 
 async def test_an_instant_that_is_past_or_too_far_ahead_starts_nobody(serve):
     async with serve(rex=HERE) as (place, _, asker):
-        for ahead, told in ((-0.2, "s past"), (3600.0, "s ahead")):
+        for ahead, expected in ((-0.2, "s past"), (3600.0, "s ahead")):
             await asyncio.to_thread(asker.prepared, "rex")
             _, problems = await asyncio.to_thread(asker.tell, ahead)
-            assert told in problems["rex"]
+            assert expected in problems["rex"]
             (end,) = await asyncio.to_thread(asker.ends, "rex")
             assert not end.ok
         assert begun(place) == {}
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "expected"),
     [
         ({"start": "nobodys"}, "is not present"),
         ({"kind": "motion", "message": {"command": "move_forward"}}, "nothing that is started together"),
@@ -204,10 +204,10 @@ async def test_an_instant_that_is_past_or_too_far_ahead_starts_nobody(serve):
         ({"kind": "command", "message": {"command": "jump", "data": {}}}, "has no 'jump'"),
     ],
 )
-async def test_what_cannot_be_prepared_is_refused_with_the_reason(serve, given, told):
+async def test_what_cannot_be_prepared_is_refused_with_the_reason(serve, given, expected):
     async with serve(rex=HERE) as (place, _, asker):
         reply = await asyncio.to_thread(lambda: asker.prepare("rex", **given))
-        assert (reply.status, told in reply.reason) == (ReplyStatus.REJECTED, True), reply
+        assert (reply.status, expected in reply.reason) == (ReplyStatus.REJECTED, True), reply
         assert place.words("rex") == ["run"] or "stop" not in place.words("rex")
 
 
@@ -242,8 +242,8 @@ async def test_robots_that_would_meet_are_not_started_together_in_whatever_proce
         reply = await asyncio.to_thread(asker.prepare, "arm", there)
         if reply.ok:  # the other process has not heard of the first yet, but will by the instant
             await asyncio.sleep(0.5)
-            _, told = await asyncio.to_thread(asker.tell, 1.0)
-            assert any("arm" in why or "rex" in why for why in told.values()), told
+            _, problems = await asyncio.to_thread(asker.tell, 1.0)
+            assert any("arm" in why or "rex" in why for why in problems.values()), problems
         else:
             assert "rex" in reply.reason, reply
         await asyncio.to_thread(asker.vanish)
@@ -280,7 +280,7 @@ def run_fleet(*arguments):
 
 def walked(place):
     """Return when (monotonic s) each robot that walked began."""
-    return [at for _, at, word in place.told() if word == "walk"]
+    return [at for _, at, word in place.calls() if word == "walk"]
 
 
 @pytest.fixture

@@ -57,7 +57,7 @@ def test_links_copy_nothing_until_somebody_listens_and_nothing_afterwards(publis
     session.wanted = False
     turn(publisher, clock)
     assert tap.note is None
-    assert [(told.robot, told.link, told.frames[0].data) for told in session.heard] == [
+    assert [(message.robot, message.link, message.frames[0].data) for message in session.heard] == [
         ("rex", "memory:rex", b"go")
     ]
 

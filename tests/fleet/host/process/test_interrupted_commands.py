@@ -29,16 +29,16 @@ def start(tmp_path):
         journal = Journal(tmp_path, clock, tmp_path / "begun.main")
         history = History(tmp_path, clock)
         opened.extend((journal, history))
-        told = []
+        replies = []
         process = SimpleNamespace(journal=journal, history=history, clock=clock)
-        tell_interrupted_commands(process, [REX], lambda robot, reply: told.append((robot.name, reply)))
-        return journal, told
+        tell_interrupted_commands(process, [REX], lambda robot, reply: replies.append((robot.name, reply)))
+        return journal, replies
 
     yield start
     end()
 
 
-def test_the_cloud_is_told_once_of_its_command_that_nobody_saw_end(start, tmp_path):
+def test_the_cloud_gets_one_report_of_its_command_that_nobody_saw_end(start, tmp_path):
     journal, _ = start()
     journal.robot("rex").note("r1", "takeoff", transport="cloud")
     _, ((robot, reply),) = start()
@@ -50,12 +50,12 @@ def test_the_cloud_is_told_once_of_its_command_that_nobody_saw_end(start, tmp_pa
 
 
 @pytest.mark.parametrize("way", ["bus", ""])
-def test_the_cloud_is_not_told_of_what_others_asked(start, way):
+def test_the_cloud_gets_no_report_of_what_others_asked(start, way):
     start()[0].robot("rex").note("r1", "takeoff", transport=way)
     assert start()[1] == []
 
 
-def test_what_ended_or_belongs_to_another_robot_is_not_told(start):
+def test_what_ended_or_belongs_to_another_robot_is_not_reported(start):
     journal, _ = start()
     rex = journal.robot("rex")
     rex.note("r1", "takeoff", transport="cloud")

@@ -117,7 +117,7 @@ async def test_missions_and_schedules_ask_for_the_permission_too(asked_as):
     assert started["run"]
 
 
-def told(asked_as):
+def proven_history(asked_as):
     """Return what the history has of who asked, with a proof."""
     history = asked_as.edge.process.history
     found = [*read(history.folder, EventFilter((), 0.0, 90)), *history.waiting()]
@@ -127,7 +127,7 @@ def told(asked_as):
 async def test_a_person_with_a_certificate_is_named_by_it_whatever_the_message_says(asked_as, asks):
     taken = await asked_as("person", asked_as.robot, command("walk"), kind="command", console="anna")
     assert taken["status"] == "accepted"
-    await asks.until(lambda: ("rex", "walk accepted", "anna") in told(asked_as))
+    await asks.until(lambda: ("rex", "walk accepted", "anna") in proven_history(asked_as))
 
 
 async def test_who_may_only_view_is_refused_with_words_and_that_is_recorded(asked_as, asks):
@@ -136,14 +136,14 @@ async def test_who_may_only_view_is_refused_with_words_and_that_is_recorded(aske
     drives = await asked_as("person", asked_as.robot, {"linear_x": 0.1}, kind="motion", console="vic")
     assert drives["reason"] == NEEDS_OPERATE
     assert asked_as.place.words("rex") == ["run"]
-    await asks.until(lambda: ("rex", f"walk refused: {NEEDS_OPERATE}", "vic") in told(asked_as))
+    await asks.until(lambda: ("rex", f"walk refused: {NEEDS_OPERATE}", "vic") in proven_history(asked_as))
 
 
 async def test_everybody_may_stop_and_the_stop_has_the_proven_name(asked_as, asks):
     for stop in ("stop", "emergency_stop"):
         taken = await asked_as("person", asked_as.robot, command(stop), kind="command", console="vic")
         assert taken["status"] == "accepted"
-    await asks.until(lambda: ("rex", "emergency_stop asked", "vic") in told(asked_as))
+    await asks.until(lambda: ("rex", "emergency_stop asked", "vic") in proven_history(asked_as))
     released = await asked_as("person", asked_as.robot, command("release_emergency_stop"), console="vic")
     assert released["reason"] == NEEDS_OPERATE
 
@@ -165,10 +165,10 @@ async def test_missions_runs_and_schedules_know_the_person_too(asked_as, asks):
     assert runs["refusal"] == NEEDS_OPERATE
     texts = ("mission patrol: start", "run 3f2a: abort", "schedule dawn: run")
     expected = {("", f"{text} refused: {NEEDS_OPERATE}", "vic") for text in texts}
-    await asks.until(lambda: expected <= set(told(asked_as)))
+    await asks.until(lambda: expected <= set(proven_history(asked_as)))
     started = await asked_as("person", mission, {"run": "r1"}, console="anna", do="start")
     assert started["run"] == "r1"
-    await asks.until(lambda: ("", "mission patrol started: eye rex", "anna") in told(asked_as))
+    await asks.until(lambda: ("", "mission patrol started: eye rex", "anna") in proven_history(asked_as))
 
 
 async def test_a_common_start_is_prepared_only_for_who_may_operate(asked_as, asks):

@@ -123,10 +123,14 @@ async def test_every_robot_of_an_edge_answers_and_an_unknown_one_is_silent(yard,
 
             for name in ("rex", "max", "arm"):
                 key = keys.command(place.id, name)
-                ((told, reply),) = await answered(key, b'{"command": "check_ready"}')
-                assert (told, msgspec.json.decode(reply, type=Reply).ok) == (key, True)
+                ((answered_key, reply),) = await answered(key, b'{"command": "check_ready"}')
+                assert (answered_key, msgspec.json.decode(reply, type=Reply).ok) == (key, True)
                 for key in (keys.state(place.id, name), keys.description(place.id, name)):
-                    assert {told for told, _ in await answered(key)} == {key}
+                    assert {answered_key for answered_key, _ in await answered(key)} == {key}
             assert await answered(keys.command(place.id, "nobody"), b'{"command": "check_ready"}') == []
             described = await answered(keys.description("*", "*"))
-            assert sorted(told.split("/")[3] for told, _ in described) == ["arm", "max", "rex"]
+            assert sorted(answered_key.split("/")[3] for answered_key, _ in described) == [
+                "arm",
+                "max",
+                "rex",
+            ]

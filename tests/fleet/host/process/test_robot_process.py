@@ -113,8 +113,8 @@ async def test_a_robot_that_comes_and_goes_begins_and_ends_its_telemetry(served)
     for offline in ("gone", "", ""):
         robot.controller.attached.offline = offline
         robot._health_changed()
-    told = [report.type for report in said if isinstance(report, TelemetryReport)]
-    assert told == ["disconnected", "telemetry_end", "connected", "telemetry_start"]
+    types = [report.type for report in said if isinstance(report, TelemetryReport)]
+    assert types == ["disconnected", "telemetry_end", "connected", "telemetry_start"]
 
 
 async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, asks):
@@ -164,11 +164,11 @@ async def test_a_pose_that_is_no_place_keeps_no_robot_in_its_fence(yard, run_edg
     async with run_edge(edge):
         await asks.until(lambda: edge.states()[0].health == "ok")
         robot = edge.process.robots["rex"]
-        for x, told in ((bad, "the robot's position is unknown"), (1.0, "")):
+        for x, expected in ((bad, "the robot's position is unknown"), (1.0, "")):
             robot.publish(PoseReport(edge.process.clock.time(), Vector3(x), Quaternion()))
             answers = []
             robot.read("command", b'{"command": "move_forward"}', transport=Transport.BUS)(answers.append)
-            assert (answers[0].ok, told in answers[0].reason) == (not told, True)
+            assert (answers[0].ok, expected in answers[0].reason) == (not expected, True)
 
 
 async def test_a_stop_is_noted_before_the_robots_are_looked_up(served):
@@ -234,7 +234,9 @@ async def test_what_is_no_emergency_stop_is_not_taken_for_one(served, payload):
     assert not process.robots["rex"].controller.latched
 
 
-async def test_a_recorded_velocity_that_is_played_on_the_bus_moves_nothing_and_is_told(served, asks, caplog):
+async def test_a_recorded_velocity_that_is_played_on_the_bus_moves_nothing_and_is_reported(
+    served, asks, caplog
+):
     process, place = served
     arrived = partial(take, process.robots["rex"], "motion", process.loop)
     sample = HeaderTemplate("application/json")

@@ -46,7 +46,7 @@ async def setpoints():
     return Setpoints(Reports(), asyncio.get_running_loop())
 
 
-async def told(leader):
+async def notify_followers(leader):
     for tell in leader.controller.joints.followers:
         tell(REPORT)
     await asyncio.sleep(0)
@@ -57,7 +57,7 @@ async def test_a_leader_that_is_added_after_its_follower_is_heard(setpoints):
     setpoints.add(follower)
     setpoints.follow(follower)
     setpoints.add(leader)
-    await told(leader)
+    await notify_followers(leader)
     assert follower.heard == [REPORT]
 
 
@@ -68,7 +68,7 @@ async def test_a_leader_that_is_taken_out_and_added_again_is_heard(setpoints):
     setpoints.follow(follower)
     setpoints.remove(before)
     setpoints.add(leader)
-    await told(leader)
+    await notify_followers(leader)
     assert follower.heard == [REPORT]
 
 
@@ -78,7 +78,7 @@ async def test_a_follower_that_is_taken_out_hears_nothing_more(setpoints):
     setpoints.follow(follower)
     assert setpoints._reports.open
     setpoints.remove(follower)
-    await told(leader)
+    await notify_followers(leader)
     assert (follower.heard, setpoints._reports.open) == ([], [])
 
 

@@ -21,7 +21,7 @@ def program(said, module=SHORT):
     return SideProgram("calendar", module, b"{}", SystemClock(), hear, heard=True)
 
 
-async def test_a_program_that_ends_is_told_with_its_exit_code():
+async def test_a_program_that_ends_is_reported_with_its_exit_code():
     ended = program(asyncio.Queue())
     await asyncio.wait_for(ended.run(again=False), DEADLINE)
     assert ended.problem == "the calendar ended with exit code 0"

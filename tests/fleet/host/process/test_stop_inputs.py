@@ -135,7 +135,9 @@ async def test_a_stop_cannot_be_released_without_the_heartbeat_and_is_not_releas
         assert not stopped(edge, "rex")
 
 
-async def test_a_device_that_cannot_be_opened_stops_and_is_told_until_it_is_there(guarded, tmp_path, asks):
+async def test_a_device_that_cannot_be_opened_stops_and_is_reported_until_it_is_there(
+    guarded, tmp_path, asks
+):
     device = tmp_path / "none"
     _, edge, running = guarded(an_input(str(device)))
     async with running:
@@ -287,7 +289,7 @@ def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_
     named = robots_of([CONFIG], GROUPS, latches)
     ended = []
     held = HeldByEdge(
-        {robot: latches[robot] for robot in named}, ended=lambda *told: ended.append(told), clock=clock
+        {robot: latches[robot] for robot in named}, ended=lambda *change: ended.append(change), clock=clock
     )
     assert "has not confirmed" in latches["max"].refusal()
     assert latches["kestrel"].refusal() is None, "no input names it"
@@ -348,7 +350,7 @@ async def test_what_moves_a_robot_of_a_worker_is_ended_when_the_edge_is_silent(b
     held.check()
     assert not controller.in_motion
     await asks.settle()
-    assert "stop" in bench.puppet.told
+    assert "stop" in bench.puppet.calls
     assert "is silent" in bench.ask(asks.setpoint())[0].reason
 
 
@@ -361,7 +363,7 @@ async def test_a_landing_goes_on_when_the_edge_is_silent(bench, asks):
     bench.clock.advance(SILENT_AFTER + 0.1)
     held.check()
     await asks.settle()
-    assert bench.puppet.told == ["land"]
+    assert bench.puppet.calls == ["land"]
 
 
 def test_an_input_that_is_heard_does_not_free_a_robot_that_another_holds_at_the_same_time():

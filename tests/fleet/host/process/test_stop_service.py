@@ -111,13 +111,13 @@ class Elsewhere:
     name = "rex"
 
     def __init__(self):
-        self.told = []
+        self.calls = []
 
     def stop_later(self, cause):
-        self.told.append(("later", cause))
+        self.calls.append(("later", cause))
 
     def emergency(self, cause):
-        self.told.append(("now", cause))
+        self.calls.append(("now", cause))
 
 
 ANNA = local_cause("anna", "smoke", "r1")
@@ -131,7 +131,7 @@ def test_a_robot_in_a_worker_that_may_not_hear_it_is_stopped_later(bus, payload,
     robot = Elsewhere()
     serve_stops(Process("yard-1"), bus, GROUPS, [robot])
     bus.control.put("fleet/*/stop", payload)
-    assert robot.told[:1] == [("later", STOP_KEY_CAUSE)] * told
+    assert robot.calls[:1] == [("later", STOP_KEY_CAUSE)] * told
 
 
 @WHOM
@@ -139,7 +139,7 @@ def test_a_stop_that_comes_by_the_supervisor_is_put_on_for_a_robot_in_a_worker(b
     robot = Elsewhere()
     stop = serve_stops(Process("yard-1", "beast"), bus, GROUPS, [robot])
     assert stop(payload, ANNA) == ["beast"] * told
-    assert robot.told == [("now", ANNA)] * told
+    assert robot.calls == [("now", ANNA)] * told
 
 
 def test_robots_are_stopped_though_the_stop_of_one_in_a_worker_cannot_be_kept(bus, caplog):
@@ -151,7 +151,7 @@ def test_robots_are_stopped_though_the_stop_of_one_in_a_worker_cannot_be_kept(bu
     serve_stops(process, bus, GROUPS, [Broken(), robot])
     bus.control.put("fleet/*/stop", b"")
     assert process.stopped
-    assert robot.told[:1] == [("later", STOP_KEY_CAUSE)]
+    assert robot.calls[:1] == [("later", STOP_KEY_CAUSE)]
     assert "the stop of rex could not be kept" in caplog.text
 
 
@@ -162,7 +162,7 @@ def test_a_robot_in_a_worker_is_stopped_though_the_stop_fails_here(bus, caplog):
 
     robot = Elsewhere()
     assert stop_everywhere(Broken("yard-1"), [robot], (), ANNA) == []
-    assert robot.told == [("now", ANNA)]
+    assert robot.calls == [("now", ANNA)]
     assert "the emergency stop failed in this process" in caplog.text
 
 
@@ -170,7 +170,7 @@ def test_a_published_stop_says_who_asks_and_why(bus):
     robot = Elsewhere()
     serve_stops(Process("yard-1"), bus, GROUPS, [robot])
     bus.control.put("fleet/*/stop", b"", urgent=True, note=note_of(ANNA))
-    assert robot.told[0] == (
+    assert robot.calls[0] == (
         "later",
         StopCause(Requester(Transport.LOCAL, "anna", proven=False), "smoke", "r1"),
     )

@@ -61,7 +61,7 @@ async def test_of_several_programs_one_that_does_it_is_enough(bus_session, ask):
 
 
 @pytest.mark.parametrize(
-    ("answer", "waited", "told"),
+    ("answer", "waited", "expected"),
     [
         (b'{"ok": false, "reason": "no camera"}', 0.1, (ReplyStatus.DENIED, "no camera")),
         (b"what?", 0.1, (ReplyStatus.DENIED, "cannot be decoded")),
@@ -69,7 +69,7 @@ async def test_of_several_programs_one_that_does_it_is_enough(bus_session, ask):
         (None, ANSWER_WITHIN, (ReplyStatus.TIMEOUT, "does not answer")),
     ],
 )
-async def test_a_command_that_nobody_carries_out_says_why(bus_session, ask, answer, waited, told):
+async def test_a_command_that_nobody_carries_out_says_why(bus_session, ask, answer, waited, expected):
     replies, clock, settle = ask
     if answer is not None:
         bus_session.answer(answer)
@@ -77,7 +77,7 @@ async def test_a_command_that_nobody_carries_out_says_why(bus_session, ask, answ
     bus_session.end()
     await settle()
     (reply,) = replies
-    assert (reply.status, told[1] in reply.reason) == (told[0], True)
+    assert (reply.status, expected[1] in reply.reason) == (expected[0], True)
 
 
 async def test_a_busy_loop_is_not_taken_for_a_program_that_is_silent(bus_session, ask):

@@ -78,7 +78,7 @@ def test_a_status_tells_what_is_left_of_the_way_until_the_end():
     assert (life.said[-1].remaining, life.said[-1].eta) == (None, None)
 
 
-def test_a_new_message_is_told_at_once():
+def test_a_new_message_is_reported_at_once():
     life = Life()
     life.action.move(ActionState.RUNNING)
     life.action.progress(Progress(1, "turning"))
@@ -159,7 +159,7 @@ def test_a_mission_tells_its_step_and_goes_on_where_it_was_paused():
     assert life.states()[-1] == "completed"
 
 
-def test_what_it_does_is_told_in_words():
+def test_what_it_does_is_said_in_words():
     item = PlanItem("waypoint", GeoPoint(47.0, 8.0, 10.0))
     life = Life(FlyMission("f", (item,) * 3))
     life.action.move(ActionState.RUNNING)

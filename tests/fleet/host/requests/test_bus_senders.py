@@ -92,16 +92,16 @@ def test_a_refusal_is_in_the_history_with_the_proven_name(askers, recorded):
 
 
 @pytest.mark.parametrize(
-    ("asked", "claimed", "told"),
+    ("asked", "claimed", "expected"),
     [
         ("/as/view/desk", "eve", ("eve", True)),
         ("/as/view/desk", "", ("somebody at desk", True)),
         ("/as/view/other", "eve", ("eve", False)),
     ],
 )
-def test_a_refusal_at_a_console_has_the_name_that_it_tells(askers, recorded, asked, claimed, told):
+def test_a_refusal_at_a_console_has_the_name_that_it_tells(askers, recorded, asked, claimed, expected):
     assert askers.refusal(question(asked), Permission.OPERATE, "walk", claimed=claimed)
-    assert [(event.asker.name, event.asker.proven) for _, event in recorded] == [told]
+    assert [(event.asker.name, event.asker.proven) for _, event in recorded] == [expected]
 
 
 def test_refusals_do_not_fill_the_history(askers, recorded, clock):

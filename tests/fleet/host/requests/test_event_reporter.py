@@ -16,11 +16,11 @@ ANNA = Requester(Transport.CLOUD, "anna", "tele")
 
 def events(bench):
     """Return the events that were told, without what is asked and how it ends."""
-    told = [report for report in bench.reports if isinstance(report, EventReport)]
-    return [event for event in told if event.kind not in {"command", "outcome", "stop", "release"}]
+    reported = [report for report in bench.reports if isinstance(report, EventReport)]
+    return [event for event in reported if event.kind not in {"command", "outcome", "stop", "release"}]
 
 
-async def test_motion_ends_though_nobody_can_be_told_of_it(bench, asks, caplog):
+async def test_motion_ends_though_it_cannot_be_reported(bench, asks, caplog):
     def fail(*_):
         raise ZeroDivisionError("oops")
 

@@ -124,7 +124,7 @@ def test_velocities_that_are_refused_at_50_hz_are_not_written_at_50_hz(written, 
     assert 1 <= len(written.events) <= 3
 
 
-def test_a_flood_of_refusals_is_counted_and_the_number_told(written, asks):
+def test_a_flood_of_refusals_is_counted_and_the_number_reported(written, asks):
     for number in range(1000):
         asked(written, asks.command("takeoff", id=f"r{number}")).reject("no")
     assert len(written.events) == REFUSALS
@@ -207,7 +207,7 @@ async def history(served, **wanted):
     return [record for _, part in answers for record in msgspec.json.decode(part, type=list[Record])]
 
 
-async def told(served, robot, kind, asks):
+async def wait_for_event(served, robot, kind, asks):
     """Wait until an event of a robot is in the history; returns it."""
     found = []
     async with asyncio.timeout(60):
@@ -219,9 +219,9 @@ async def told(served, robot, kind, asks):
 @pytest.mark.parametrize("robot", ["rex", "max"])
 async def test_what_was_asked_on_the_bus_is_in_the_edges_history_also_for_a_worker(served, asks, robot):
     await ask(served, robot, {"command": "move_forward", "data": {"linear_x": 1.0}})
-    event = await told(served, robot, COMMAND, asks)
+    event = await wait_for_event(served, robot, COMMAND, asks)
     assert event.asker == Requester(Transport.BUS, "anna@desk", None, proven=False)
-    ended = await told(served, robot, OUTCOME, asks)
+    ended = await wait_for_event(served, robot, OUTCOME, asks)
     assert ended.text == "no velocity within its lease: stopped"
 
 
@@ -232,7 +232,7 @@ async def test_a_stop_on_the_stop_key_is_in_the_history_with_who_and_why(served,
     await asyncio.to_thread(
         lambda: list(served.bus_session.ask(key, names, timeout=60, parameters=said, urgent=True))
     )
-    event = await told(served, robot, STOP, asks)
+    event = await wait_for_event(served, robot, STOP, asks)
     assert (event.asker.name, event.data, event.request) == (
         "anna@desk",
         {"reason": "fire in the hall"},
@@ -244,7 +244,7 @@ async def test_a_stop_on_the_stop_key_is_in_the_history_with_who_and_why(served,
         while state().emergency_stop:  # one that comes too soon after the stop is refused
             await ask(served, robot, {"command": "release_emergency_stop"})
             await asyncio.sleep(0.1)
-    assert (await told(served, robot, RELEASE, asks)).asker.name == "anna@desk"
+    assert (await wait_for_event(served, robot, RELEASE, asks)).asker.name == "anna@desk"
 
 
 async def test_the_history_survives_the_edge_and_its_health_tells_a_folder_that_is_gone(yard, run_edge, asks):

@@ -9,16 +9,16 @@ from fleet.testing.clock import ManualClock
 
 
 @pytest.fixture
-def told():
+def events():
     return []
 
 
 @pytest.fixture
-def happenings(told):
-    return UnrequestedEvents(EventReporter("rex", told.append, ManualClock(), in_motion=lambda: False))
+def happenings(events):
+    return UnrequestedEvents(EventReporter("rex", events.append, ManualClock(), in_motion=lambda: False))
 
 
-def test_a_robot_is_found_changes_its_health_is_lost_and_is_found_again(happenings, told):
+def test_a_robot_is_found_changes_its_health_is_lost_and_is_found_again(happenings, events):
     for level, cause in (
         (Level.OK, ""),
         (Level.DEGRADED, "its battery is low"),
@@ -29,7 +29,7 @@ def test_a_robot_is_found_changes_its_health_is_lost_and_is_found_again(happenin
         (Level.OK, ""),
     ):
         happenings.level_is(Health(level, cause))
-    assert [(event.kind.value, event.text, event.severity.value) for event in told] == [
+    assert [(event.kind.value, event.text, event.severity.value) for event in events] == [
         ("found", "ok", "info"),
         ("health", "degraded: its battery is low", "warning"),
         ("lost", "offline: unplugged", "warning"),
@@ -38,13 +38,13 @@ def test_a_robot_is_found_changes_its_health_is_lost_and_is_found_again(happenin
         ("health", "fault: a leg is loose", "error"),
         ("health", "ok", "info"),
     ]
-    assert told[2].data == {"level": "offline", "cause": "unplugged"}
+    assert events[2].data == {"level": "offline", "cause": "unplugged"}
 
 
-def test_a_fail_safe_is_told_when_it_begins_with_the_autopilots_own_words(happenings, told):
+def test_a_fail_safe_is_reported_when_it_begins_with_the_autopilots_own_words(happenings, events):
     texts = (StatusText("Radio Failsafe", 4),)
     for failsafe in (False, True, True, False, True):
         happenings.see(FlightControllerReport(1.0, True, "RTL", failsafe, status_texts=texts))
-    assert [event.kind for event in told] == [EventKind.FAILSAFE] * 2
-    assert told[0].text == "the autopilot's fail-safe is active, mode RTL: Radio Failsafe"
-    assert told[0].data == {"mode": "RTL", "status_texts": ["Radio Failsafe"]}
+    assert [event.kind for event in events] == [EventKind.FAILSAFE] * 2
+    assert events[0].text == "the autopilot's fail-safe is active, mode RTL: Radio Failsafe"
+    assert events[0].data == {"mode": "RTL", "status_texts": ["Radio Failsafe"]}

@@ -97,7 +97,7 @@ async def test_a_command_reaches_the_method_with_checked_parameters():
         start_command(adapter, dance, Command("dance", {"turns": "many"}))
 
 
-def test_a_command_that_is_not_declared_is_told_with_the_nearest():
+def test_a_command_that_is_not_declared_is_reported_with_the_nearest():
     assert capabilities(Framey).hint("sti") == "did you mean 'sit'?"
     assert capabilities(Framey).hint("takeoff") == "it takes lamp, sit"
 
@@ -153,7 +153,7 @@ def test_a_robot_flies_the_plans_of_its_autopilot_and_kind_once_these_are_known(
     assert simulated.plans == {"ardupilot", "rover"}
 
 
-def test_a_body_that_cannot_be_told_is_not_drawn_and_is_told_in_the_log(caplog):
+def test_a_body_that_cannot_be_described_is_not_drawn_and_is_logged(caplog):
     class Broken(Config):
         def body_parts(self):
             raise SystemExit("its file is gone")

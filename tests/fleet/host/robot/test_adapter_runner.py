@@ -55,7 +55,7 @@ class Stage:
         if self.broken is not None:
             raise self.broken
         adapter = type(self.bench.puppet)(self.bench.config, robot)
-        adapter.told = self.bench.puppet.told
+        adapter.calls = self.bench.puppet.calls
         adapter.run = self.counted(next(self.runs), robot)
         self.bench.puppet = adapter
         self.made.append(adapter)
@@ -245,7 +245,7 @@ async def test_a_stop_that_raises_no_exception_is_halted_and_ends_the_run(stage,
     answers = bench.ask(asks.command("stop"))
     await asks.until(lambda: one.runner.health.level is Level.FAULT)
     assert not answers[0].ok
-    assert "halt" in bench.puppet.told
+    assert "halt" in bench.puppet.calls
 
 
 @pytest.mark.parametrize("error", [SystemExit(3), Panic("gone"), asyncio.CancelledError()])
@@ -275,8 +275,8 @@ async def test_a_person_can_begin_a_run_anew_and_the_robot_is_stopped_first(stag
     await asks.until(lambda: len(one.made) == 2)
     await asks.until(lambda: one.runner.health == Health())
     await asks.settle()
-    assert [told for told in bench.puppet.told if isinstance(told, str)][-2:] == ["halt", "stop"]
-    assert bench.puppet.told.count("stop") == 1
+    assert [call for call in bench.puppet.calls if isinstance(call, str)][-2:] == ["halt", "stop"]
+    assert bench.puppet.calls.count("stop") == 1
 
 
 async def test_a_person_need_not_wait_for_the_slow_retry(stage, asks):
@@ -332,7 +332,7 @@ async def moving(stage, asks, bench, *runs):
 
 
 def last_words(bench):
-    return [told for told in bench.puppet.told if isinstance(told, str)]
+    return [call for call in bench.puppet.calls if isinstance(call, str)]
 
 
 async def test_a_robot_that_moves_is_stopped_when_its_run_ends(stage, asks, bench):
@@ -421,10 +421,10 @@ async def test_nothing_moves_after_a_reconnect_until_it_is_asked(stage, asks, be
     bench.ask(asks.setpoint())
     end.set()
     await asks.until(lambda: len(one.made) == 2 and one.runner.health == Health())
-    before = len(bench.puppet.told)
+    before = len(bench.puppet.calls)
     await asyncio.sleep(0.02)
     await asks.until(lambda: not bench.controller.in_motion)  # its standstill may take one more stop
-    assert set(bench.puppet.told[before:]) <= {"halt", "stop"}
+    assert set(bench.puppet.calls[before:]) <= {"halt", "stop"}
 
 
 async def test_a_robot_that_moves_is_stopped_when_the_host_stops(stage, asks, bench):
@@ -440,7 +440,7 @@ async def test_a_robot_that_we_never_moved_is_left_alone_when_the_host_stops(sta
     await asks.until(lambda: one.runner.health == Health())
     one.task.cancel()
     await asyncio.wait({one.task})
-    assert bench.puppet.told == []
+    assert bench.puppet.calls == []
 
 
 async def test_a_robot_whose_adapter_crashes_in_a_command_is_stopped(stage, asks, bench):
@@ -455,7 +455,7 @@ async def test_a_host_that_stops_while_a_run_is_ending_still_stops_the_robot(sta
     one, end = await moving(stage, asks, bench)
     bench.puppet.stops = "never"
     end.set()
-    await asks.until(lambda: "stop" in bench.puppet.told)
+    await asks.until(lambda: "stop" in bench.puppet.calls)
     one.task.cancel()
     await asks.settle()
     assert not one.task.done()
@@ -468,7 +468,7 @@ async def test_nothing_is_begun_while_a_run_is_ending(stage, asks, bench):
     one, end = await moving(stage, asks, bench)
     bench.puppet.stops = "never"
     end.set()
-    await asks.until(lambda: "stop" in bench.puppet.told)
+    await asks.until(lambda: "stop" in bench.puppet.calls)
     one.robot.health(Health())
     (answer,) = bench.ask(asks.setpoint())
     assert "the cable came out" in answer.reason
@@ -481,7 +481,7 @@ async def test_a_stop_that_never_returns_does_not_hold_up_the_next_run(stage, as
     bench.puppet.stops = "never"
     end.set()
     await asks.until(lambda: len(one.made) == 2)
-    words = [told for told in bench.puppet.told if isinstance(told, str)]
+    words = [call for call in bench.puppet.calls if isinstance(call, str)]
     assert "halt" in words[words.index("stop") :]
 
 
@@ -580,7 +580,7 @@ async def test_a_robot_that_fails_for_ever_does_not_disturb_another(stage, asks,
     await asyncio.wait({task})
 
 
-async def test_a_robot_that_stays_away_is_told_aloud_once(stage, asks, caplog):
+async def test_a_robot_that_stays_away_is_reported_as_an_error_once(stage, asks, caplog):
     async def silent(robot):
         raise LinkLost(f"nothing heard for {len(one.made)} s")
 
@@ -623,7 +623,7 @@ async def test_the_steps_of_a_start_are_no_warnings(stage, asks, caplog):
     assert warnings(caplog) == []
 
 
-async def test_a_robot_that_does_not_come_up_is_told_aloud(stage, asks, caplog, monkeypatch):
+async def test_a_robot_that_does_not_come_up_is_reported_as_an_error(stage, asks, caplog, monkeypatch):
     monkeypatch.setattr("fleet.host.robot.run_health.COMING_UP", 0.05)
 
     async def run(robot):
@@ -634,7 +634,7 @@ async def test_a_robot_that_does_not_come_up_is_told_aloud(stage, asks, caplog, 
     await asks.until(lambda: warnings(caplog) == ["offline: it has not spoken yet"])
 
 
-async def test_what_goes_wrong_once_a_robot_was_well_is_told_at_once(stage, asks, caplog):
+async def test_what_goes_wrong_once_a_robot_was_well_is_reported_at_once(stage, asks, caplog):
     async def run(robot):
         robot.health(Health())
         robot.health(Health(Level.DEGRADED, "its battery is low"))
@@ -644,7 +644,7 @@ async def test_what_goes_wrong_once_a_robot_was_well_is_told_at_once(stage, asks
     await asks.until(lambda: warnings(caplog) == ["degraded: its battery is low"])
 
 
-async def test_a_fault_during_the_start_is_told_at_once(stage, asks, caplog):
+async def test_a_fault_during_the_start_is_reported_at_once(stage, asks, caplog):
     async def run(robot):
         robot.health(Health(Level.FAULT, "a leg is loose"))
         await asyncio.Event().wait()

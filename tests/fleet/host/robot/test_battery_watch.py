@@ -36,7 +36,7 @@ async def test_a_low_battery_is_acted_upon_once_while_we_move_the_robot_also_whe
     for percent in (16.0, 15.0, 14.0, 10.0, 5.0):
         bench.has(percent)
         await asks.settle()
-    assert bench.puppet.told.count("land") == 1
+    assert bench.puppet.calls.count("land") == 1
     assert len(bench.happened("battery_low")) == 1
 
 
@@ -48,7 +48,7 @@ async def test_a_take_off_that_the_low_battery_would_end_at_once_is_refused(make
     bench.has(21.0)
     bench.ask(asks.command("takeoff"))
     await asks.settle()
-    assert ("takeoff", None) in bench.puppet.told
+    assert ("takeoff", None) in bench.puppet.calls
 
 
 def test_the_policy_of_a_robot_that_says_none_of_it_leaves_room_for_the_way_home():
@@ -56,7 +56,7 @@ def test_the_policy_of_a_robot_that_says_none_of_it_leaves_room_for_the_way_home
     assert (policy.reserve, policy.low) == (15.0, 20.0)
 
 
-async def test_a_forced_action_is_told_with_its_cause_until_the_battery_was_charged(make_bench, asks):
+async def test_a_forced_action_is_reported_with_its_cause_until_the_battery_was_charged(make_bench, asks):
     bench = make_bench(battery_policy={**POLICY, "action": "land"})
     bench.ask(asks.setpoint(1.0))
     assert bench.controller.guard.cause == ""
@@ -84,15 +84,15 @@ async def test_an_action_that_is_refused_again_and_again_is_reported_once(make_b
     for percent in (15.0, 14.0, 13.0):
         bench.has(percent)
         await asks.settle()
-    told = [each.text for each in bench.reports if isinstance(each, EventReport)]
-    assert sum("battery_policy failed" in text for text in told) == 1
+    texts = [each.text for each in bench.reports if isinstance(each, EventReport)]
+    assert sum("battery_policy failed" in text for text in texts) == 1
 
 
-async def test_a_low_battery_of_a_robot_that_is_not_ours_is_only_told(make_bench, asks):
+async def test_a_low_battery_of_a_robot_that_is_not_ours_is_only_reported(make_bench, asks):
     bench = make_bench(battery_policy={**POLICY, "action": "land"})
     bench.has(10.0)
     await asks.settle()
-    assert bench.puppet.told == []
+    assert bench.puppet.calls == []
     assert bench.happened("battery_low")
 
 
@@ -104,11 +104,11 @@ async def test_a_low_battery_ends_no_emergency_stop_and_is_acted_upon_after_its_
     bench.has(14.0)
     await asks.settle()
     assert bench.happened("battery_low")
-    assert "land" not in bench.puppet.told
+    assert "land" not in bench.puppet.calls
     bench.ask(asks.command("release_emergency_stop"))
     bench.has(14.0)
     await asks.settle()
-    assert bench.puppet.told.count("land") == 1
+    assert bench.puppet.calls.count("land") == 1
 
 
 async def test_a_low_battery_is_acted_upon_again_only_after_it_was_charged(make_bench, asks):
@@ -118,7 +118,7 @@ async def test_a_low_battery_is_acted_upon_again_only_after_it_was_charged(make_
         bench.ask(asks.setpoint(1.0))
         bench.has(percent)
         await asks.settle()
-        lands.append(bench.puppet.told.count("land"))
+        lands.append(bench.puppet.calls.count("land"))
     assert lands == [1, 1, 1, 1, 1, 1, 2]
     assert len(bench.happened("battery_low")) == 2
 
@@ -128,12 +128,12 @@ async def test_an_action_that_could_not_be_asked_is_asked_with_the_next_look(mak
     bench.ask(asks.setpoint(1.0))
     bench.controller.lost("no heartbeat")
     bench.has(14.0)
-    assert "land" not in bench.puppet.told
+    assert "land" not in bench.puppet.calls
     bench.controller.found()
     for percent in (14.0, 13.0):
         bench.has(percent)
     await asks.settle()
-    assert bench.puppet.told.count("land") == 1
+    assert bench.puppet.calls.count("land") == 1
 
 
 async def test_a_landing_is_not_broken_off_for_a_low_battery_which_is_acted_upon_after_it(make_bench, asks):
@@ -144,13 +144,13 @@ async def test_a_landing_is_not_broken_off_for_a_low_battery_which_is_acted_upon
     bench.has(14.0)
     await asks.settle()
     assert bench.happened("battery_low")
-    assert bench.puppet.told == []
+    assert bench.puppet.calls == []
     bench.puppet.go.set()
     await asks.settle()
     assert landing[-1].done
     bench.has(13.0)
     await asks.settle()
-    assert bench.puppet.told == ["stop"]
+    assert bench.puppet.calls == ["stop"]
 
 
 @pytest.mark.parametrize("kind", ["setpoint", "command", "goal", "zero"])
@@ -167,7 +167,7 @@ async def test_what_is_refused_because_a_pilot_has_the_robot_does_not_make_it_ou
     bench.has(14.0)
     await asks.settle()
     assert bench.happened("battery_low")
-    assert "land" not in bench.puppet.told
+    assert "land" not in bench.puppet.calls
 
 
 async def test_a_robot_that_obeyed_after_a_pilot_had_it_is_ours_again(make_bench, asks):
@@ -176,4 +176,4 @@ async def test_a_robot_that_obeyed_after_a_pilot_had_it_is_ours_again(make_bench
     bench.ask(asks.setpoint())
     bench.has(14.0)
     await asks.settle()
-    assert bench.puppet.told[-1] == "land"
+    assert bench.puppet.calls[-1] == "land"

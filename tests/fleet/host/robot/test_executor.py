@@ -119,7 +119,7 @@ async def test_a_command_that_is_superseded_as_it_ends_has_one_answer(rude, asks
     assert [answer.reason for answer in first] == ["stopped"]
 
 
-async def test_the_asker_of_a_deaf_command_is_told_when_its_time_is_over(rude, asks):
+async def test_the_sender_of_an_unanswered_command_gets_a_reply_when_its_time_is_over(rude, asks):
     answers = rude.start("deaf")
     await asks.until(lambda: answers)
     assert answers[0].status is ReplyStatus.TIMEOUT
@@ -144,7 +144,7 @@ async def test_a_command_that_goes_on_after_its_end_is_a_crash(rude, asks, monke
     assert str(rude.crashes[0]) == "command:deaf goes on though it was ended (stopped)"
 
 
-async def test_a_command_that_ends_when_it_is_told_is_no_crash(rude, asks, monkeypatch):
+async def test_a_command_that_ends_when_it_is_cancelled_is_no_crash(rude, asks, monkeypatch):
     monkeypatch.setattr("fleet.host.runtime.cancellation.IGNORED_AFTER", 0.5)
     rude.start("wait")
     await asks.settle()

@@ -32,13 +32,13 @@ def stands(place, x):
     place.see(Pose(Vector3(x, 0.0, 0.0), Quaternion()))
 
 
-def test_a_breach_is_told_once_and_again_after_the_robot_was_inside(place):
+def test_a_breach_is_reported_once_and_again_after_the_robot_was_inside(place):
     fencing = FenceKeeper(place, YARD, NO_LIMITS)
-    told = []
+    reported = []
     for x in (0.0, 30.0, 31.0, 0.0, 30.0):
         stands(place, x)
-        told.append(fencing.check())
-    assert told == [False, True, False, False, True]
+        reported.append(fencing.check())
+    assert reported == [False, True, False, False, True]
     assert fencing.trouble == "outside the fence"
 
 

@@ -36,18 +36,18 @@ class Arm(Adapter[ArmConfig]):
 
     def __init__(self, config: ArmConfig) -> None:
         super().__init__(config, RecordingRobot())
-        self.told: list[Any] = []
+        self.calls: list[Any] = []
         self.raises: BaseException | None = None
         self.meanwhile = lambda: None  # what another thread does while a target is written
 
     def drive(self, velocity):
-        self.told.append(velocity)
+        self.calls.append(velocity)
 
     async def stop(self, reason):
-        self.told.append("stop")
+        self.calls.append("stop")
 
     def halt(self):
-        self.told.append("halt")
+        self.calls.append("halt")
 
     def joint_ranges(self):
         return {"hip": JointRange(-1.0, 1.0, 2.0), "knee": JointRange(-2.0, 0.0, 1.0)}
@@ -56,10 +56,10 @@ class Arm(Adapter[ArmConfig]):
         if self.raises is not None:
             raise self.raises
         self.meanwhile()
-        self.told.append(dict(targets))
+        self.calls.append(dict(targets))
 
     def hold_joints(self):
-        self.told.append("hold")
+        self.calls.append("hold")
 
 
 class Bench:
@@ -108,11 +108,11 @@ class Bench:
     @property
     def at(self):
         """Where the joints were sent last."""
-        return next(each for each in reversed(self.arm.told) if isinstance(each, dict))
+        return next(each for each in reversed(self.arm.calls) if isinstance(each, dict))
 
     @property
     def moved(self):
-        return any(isinstance(each, dict) for each in self.arm.told)
+        return any(isinstance(each, dict) for each in self.arm.calls)
 
 
 @pytest.fixture
@@ -141,9 +141,9 @@ def test_one_target_is_followed_for_its_lease_and_not_a_moment_longer(bench):
     bench.lead({"knee": -2.0})
     bench.run(0.48)
     assert bench.controller.joints.deadman.expire(bench.clock.monotonic() + 0.021)
-    told = len(bench.arm.told)
+    before = len(bench.arm.calls)
     bench.run(1.0)
-    assert len(bench.arm.told) == told
+    assert len(bench.arm.calls) == before
     assert bench.at["knee"] == pytest.approx(-1.52)
 
 
@@ -216,9 +216,9 @@ async def test_a_stop_ends_the_stream_until_its_sender_lets_go(bench):
     bench.clock.advance(STEP)
     bench.ask(Command("stop", origin=Origin(Transport.CLOUD, "tele", "bob"), stamp=bench.clock.time()))
     assert "stop" in bench.lead({"hip": 1.0}).reason
-    written = [each for each in bench.arm.told if isinstance(each, dict)]
+    written = [each for each in bench.arm.calls if isinstance(each, dict)]
     bench.run(0.4, again={"hip": 1.0})
-    assert [each for each in bench.arm.told if isinstance(each, dict)] == written
+    assert [each for each in bench.arm.calls if isinstance(each, dict)] == written
     assert not bench.controller.in_motion
     bench.clock.advance(1.0)
     bench.measure()
@@ -231,11 +231,11 @@ def test_an_emergency_stop_on_another_thread_ends_it_before_the_next_step_and_un
     bench.arm.meanwhile = lambda: bench.controller.emergency("asked by a test")
     bench.clock.advance(STEP)
     bench.controller.joints.step()
-    assert bench.arm.told[-1] == "hold"
-    told = len(bench.arm.told)
+    assert bench.arm.calls[-1] == "hold"
+    before = len(bench.arm.calls)
     bench.arm.meanwhile = lambda: None
     bench.run(0.4)
-    assert not any(isinstance(each, dict) for each in bench.arm.told[told:])
+    assert not any(isinstance(each, dict) for each in bench.arm.calls[before:])
     assert "emergency stop" in bench.lead({"hip": 1.0}).reason
 
 
@@ -245,7 +245,7 @@ def test_the_dead_man_that_fires_while_a_target_is_written_has_the_last_word(ben
     bench.arm.meanwhile = lambda: deadman.expire(math.inf) and bench.controller.joints.hold()
     bench.clock.advance(STEP)
     bench.controller.joints.step()
-    assert bench.arm.told[-1] == "hold"
+    assert bench.arm.calls[-1] == "hold"
     assert not bench.controller.in_motion
 
 
@@ -269,14 +269,14 @@ def test_an_adapter_that_does_not_take_a_target_ends_what_it_led(bench):
     bench.lead({"hip": 1.0})
     bench.arm.raises = NotReady("not now")
     assert bench.lead({"hip": 1.0}).reason == "not now"
-    assert bench.arm.told[-1] == "hold"
+    assert bench.arm.calls[-1] == "hold"
     assert not bench.controller.in_motion
 
 
 def test_an_adapter_that_fails_is_halted_and_the_runner_hears_of_it(bench):
     bench.arm.raises = ZeroDivisionError()
     assert "the adapter failed" in bench.lead({"hip": 1.0}).reason
-    assert bench.arm.told == ["halt"]
+    assert bench.arm.calls == ["halt"]
     assert isinstance(bench.crashes[0], ZeroDivisionError)
 
 

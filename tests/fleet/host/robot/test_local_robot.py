@@ -49,14 +49,14 @@ def test_a_plugin_with_both_arms_on_one_twin_says_of_each_report_which_it_is(rol
             assert "role" not in message
 
 
-async def test_an_adapter_is_told_of_an_emergency_stop_from_its_latching_to_its_release():
+async def test_an_adapter_sees_an_emergency_stop_from_its_latching_to_its_release():
     async with Field({"rex": (Walker, (0.0, 0.0, 0.0))}).running() as field:
-        told, latch = field.made["rex"].robot, field.robots["rex"].controller.latch
-        assert not told.emergency_stop
+        robot, latch = field.made["rex"].robot, field.robots["rex"].controller.latch
+        assert not robot.emergency_stop
         field.robots["rex"].controller.emergency("asked by desk")
-        assert told.emergency_stop
+        assert robot.emergency_stop
         latch.release()
-        assert not told.emergency_stop
+        assert not robot.emergency_stop
 
 
 async def test_a_robot_takes_little_memory():

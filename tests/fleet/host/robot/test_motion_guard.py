@@ -27,7 +27,7 @@ async def test_a_goal_outside_is_refused_before_the_robot_hears_of_it(make_bench
     (answer,) = bench.ask(goal(asks, GoTo(Goal(Vector3(30, 0, 0)))))
     assert (answer.status, answer.reason) == (REJECTED, "goal 1 is outside the fence")
     assert bench.statuses() == ["failed"]
-    assert bench.puppet.told == []
+    assert bench.puppet.calls == []
 
 
 async def test_every_goal_of_a_path_and_the_end_of_a_move_are_judged(make_bench, asks):
@@ -63,14 +63,14 @@ async def test_a_velocity_is_held_only_as_far_as_it_keeps_the_fence(make_bench, 
     bench = make_bench(fence=FENCE)
     bench.stands()
     assert bench.ask(asks.setpoint(2.0))[0].ok
-    assert bench.puppet.told[-1].linear.x == 2.0
+    assert bench.puppet.calls[-1].linear.x == 2.0
     bench.stands(18.0)
     await asks.settle()
-    assert bench.puppet.told[-1] == "stop"
+    assert bench.puppet.calls[-1] == "stop"
     assert bench.ask(asks.setpoint(2.0))[0].ok
-    assert bench.puppet.told[-1] == ZERO_VELOCITY
+    assert bench.puppet.calls[-1] == ZERO_VELOCITY
     assert bench.ask(asks.setpoint(-1.0))[0].ok
-    assert bench.puppet.told[-1].linear.x == -1.0
+    assert bench.puppet.calls[-1].linear.x == -1.0
 
 
 def lease_runs_out(bench, asks):
@@ -107,7 +107,7 @@ async def test_a_velocity_that_has_ended_ends_no_goal_near_the_fence(make_bench,
     bench.stands(18.5)
     await asks.settle()
     assert bench.statuses()[-1] == "running"
-    assert "stop" not in bench.puppet.told
+    assert "stop" not in bench.puppet.calls
 
 
 async def test_a_velocity_is_refused_while_nobody_knows_where_the_robot_is(make_bench, asks):
@@ -118,7 +118,7 @@ async def test_a_velocity_is_refused_while_nobody_knows_where_the_robot_is(make_
     assert "unknown" in bench.ask(asks.setpoint(1.0))[0].reason
 
 
-async def test_a_robot_blown_out_on_the_way_to_a_goal_is_stopped_and_told_once(make_bench, asks):
+async def test_a_robot_blown_out_on_the_way_to_a_goal_is_stopped_and_reported_once(make_bench, asks):
     bench = make_bench(fence=FENCE)
     bench.stands()
     bench.ask(goal(asks, GoTo(Goal(Vector3(10, 0, 0)))))
@@ -126,17 +126,17 @@ async def test_a_robot_blown_out_on_the_way_to_a_goal_is_stopped_and_told_once(m
     for x in (19.0, 22.0, 23.0):
         bench.stands(x)
     await asks.settle()
-    assert bench.puppet.told[-1] == "stop"
+    assert bench.puppet.calls[-1] == "stop"
     assert bench.reports[-1].message == "fence: it is outside the fence"
     assert bench.statuses()[-1] == "failed"
     assert len(bench.happened("fence_breached")) == 1
 
 
-async def test_a_robot_that_somebody_else_flies_is_told_of_but_not_touched(make_bench, asks):
+async def test_a_robot_that_somebody_else_flies_is_reported_but_not_touched(make_bench, asks):
     bench = make_bench(fence=FENCE)
     bench.stands(30.0)
     await asks.settle()
-    assert bench.puppet.told == []
+    assert bench.puppet.calls == []
     assert bench.happened("fence_breached")
 
 
@@ -151,7 +151,7 @@ async def test_a_flight_does_not_begin_outside_or_with_too_little_battery(make_b
     bench.has(90.0)
     bench.ask(asks.command("takeoff"))
     await asks.settle()
-    assert bench.puppet.told == [("takeoff", None)]
+    assert bench.puppet.calls == [("takeoff", None)]
 
 
 async def test_from_outside_only_a_goal_inside_on_a_way_back_is_taken(make_bench, asks):
@@ -165,7 +165,7 @@ async def test_from_outside_only_a_goal_inside_on_a_way_back_is_taken(make_bench
         (answer,) = bench.ask(goal(asks, task))
         assert not answer.ok
         assert answer.reason.endswith(WAYS_BACK)
-    assert bench.puppet.told == []
+    assert bench.puppet.calls == []
     assert bench.ask(goal(asks, GoTo(Goal(Vector3(10, 15, 0)))))[0].ok
 
 

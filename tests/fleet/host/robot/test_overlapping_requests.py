@@ -32,17 +32,17 @@ async def test_what_does_not_move_the_robot_takes_it_from_no_pilot(bench, asks, 
     bench.puppet.raises = None if ask == "zero" else bench.puppet.raises
     bench.ask(ways[ask]())
     await asks.settle()
-    before = len(bench.puppet.told)
+    before = len(bench.puppet.calls)
     bench.controller.lost("no heartbeat")
-    assert bench.puppet.told[before:] == []
+    assert bench.puppet.calls[before:] == []
 
 
 async def test_a_lease_that_ran_out_as_a_pilot_took_over_tells_the_robot_nothing_more(bench, asks):
     bench.ask(asks.setpoint())
     bench.controller.authority_lost("the pilot took over")
-    before = len(bench.puppet.told)
+    before = len(bench.puppet.calls)
     bench.controller.motion.lease_ran_out()  # on its way from the watchdog since before that
-    assert bench.puppet.told[before:] == []
+    assert bench.puppet.calls[before:] == []
 
 
 @pytest.mark.parametrize("ask", ["takeoff", "goal"])
@@ -57,7 +57,7 @@ async def test_what_waits_for_a_stop_does_not_begin_under_an_emergency_stop_of_a
     bench.controller.emergency("by a thread")  # the loop has not heard of it yet
     bench.puppet.go.set()
     await asks.settle()
-    assert [told for told in bench.puppet.told if not isinstance(told, str)] == []
+    assert [call for call in bench.puppet.calls if not isinstance(call, str)] == []
     assert "emergency stop is set" in answers[-1].reason
 
 
@@ -79,7 +79,7 @@ async def test_a_velocity_that_an_emergency_stop_of_another_thread_overtakes_is_
         bench.controller.emergency("by a thread")
         monkeypatch.setattr(bench.controller.guard, "within", lambda _velocity: Velocity(Vector3(0.3)))
         bench.controller.hold_again()
-    assert bench.puppet.told[-1] == "halt"
+    assert bench.puppet.calls[-1] == "halt"
 
 
 async def test_a_stop_that_a_newer_velocity_overtakes_says_so_and_does_not_halt_it(
@@ -93,7 +93,7 @@ async def test_a_stop_that_a_newer_velocity_overtakes_says_so_and_does_not_halt_
     bench.ask(asks.setpoint())
     await asks.until(lambda: answers)
     assert "driven again" in answers[0].reason
-    assert bench.puppet.told[-1] == Velocity(Vector3(1.0))
+    assert bench.puppet.calls[-1] == Velocity(Vector3(1.0))
 
 
 @pytest.mark.parametrize("before", ["land", "goal"])
@@ -106,7 +106,7 @@ async def test_nothing_begins_while_what_was_cancelled_still_cleans_up(bench, as
             await asyncio.Event().wait()
         except asyncio.CancelledError:
             await cleaned.wait()
-            bench.puppet.told.append("cleaned")
+            bench.puppet.calls.append("cleaned")
             raise
 
     async def steps(task):
@@ -121,17 +121,17 @@ async def test_nothing_begins_while_what_was_cancelled_still_cleans_up(bench, as
     bench.ask(Navigate(control, "", asks.goal().origin))
     await asks.settle()
     bench.puppet.navigate = navigate
-    bench.puppet.told.clear()
+    bench.puppet.calls.clear()
     if control is Control.PAUSE:
         bench.ask(Navigate(Control.RESUME, "", asks.goal().origin))
     else:
         bench.ask(asks.command("takeoff") if after == "takeoff" else asks.goal("a2"))
     await asks.settle()
-    assert bench.puppet.told == []
+    assert bench.puppet.calls == []
     cleaned.set()
     await asks.settle()
-    assert bench.puppet.told[0] == "cleaned"
-    assert len(bench.puppet.told) == 2
+    assert bench.puppet.calls[0] == "cleaned"
+    assert len(bench.puppet.calls) == 2
 
 
 async def test_what_is_asked_after_a_failed_goal_waits_until_the_robot_stands(make_bench, asks):
@@ -142,10 +142,10 @@ async def test_what_is_asked_after_a_failed_goal_waits_until_the_robot_stands(ma
     bench.puppet.raises = None
     bench.ask(asks.goal("a2"))
     await asks.settle()
-    assert bench.puppet.told[-1] == "stop"
+    assert bench.puppet.calls[-1] == "stop"
     bench.puppet.go.set()
     await asks.settle()
-    assert isinstance(bench.puppet.told[-1], GoTo)
+    assert isinstance(bench.puppet.calls[-1], GoTo)
 
 
 async def test_a_resumed_action_counts_as_motion_for_who_waits_for_a_common_start(bench, asks):
@@ -189,11 +189,11 @@ async def test_what_may_be_moving_is_stopped_by_later_processes_until_it_was_see
     await asks.settle()
     if ask == "lost goal":
         bench.controller.lost("silent")
-    for stops, told in [(LinkLost("gone"), ["stop", "halt"]), ("", ["stop"]), ("", [])]:
+    for stops, call in [(LinkLost("gone"), ["stop", "halt"]), ("", ["stop"]), ("", [])]:
         bench = make_bench(journal=memory.journal())
         bench.puppet.stops = stops
         await asks.settle()
-        assert bench.puppet.told == told
+        assert bench.puppet.calls == call
 
 
 @pytest.mark.parametrize("ask", ["takeoff that ended", "landing", "battery_check"])
@@ -207,7 +207,7 @@ async def test_what_moves_no_more_or_lands_is_left_alone_by_the_next_process(mak
     bench.controller.motion.record()
     bench = make_bench(journal=memory.journal())
     await asks.settle()
-    assert bench.puppet.told == []
+    assert bench.puppet.calls == []
 
 
 async def test_lasting_motion_is_not_forgotten(make_bench, asks):

@@ -203,7 +203,7 @@ def test_a_report_of_wrong_types_reaches_neither_bus_nor_bridge(outbox, put, cro
     assert (outbox.dropped, len(caplog.records)) == (1, 1)
 
 
-def test_a_robot_that_recovers_is_told_of_again_when_it_fails_again(outbox, put, ear, caplog):
+def test_a_robot_that_recovers_is_reported_again_when_it_fails_again(outbox, put, ear, caplog):
     for x in (float("nan"), 1.0, float("nan")):
         put(TWIN, pose(x))
         outbox.flush()
@@ -269,7 +269,7 @@ def test_two_sensors_of_a_robot_have_a_key_each(outbox, put, ear):
 
 
 @pytest.mark.parametrize("sensor", ["Front", "a/b", "*", "**", 5])
-def test_a_sensor_that_cannot_be_part_of_a_key_is_dropped_and_told(outbox, put, ear, caplog, sensor):
+def test_a_sensor_that_cannot_be_part_of_a_key_is_dropped_and_reported(outbox, put, ear, caplog, sensor):
     for _ in range(2):
         put(TWIN, DepthReport(1.0, b"xx", 1, 1, "uint16", sensor))
         put(TWIN, pose(1.0))

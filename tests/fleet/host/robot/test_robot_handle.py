@@ -48,7 +48,7 @@ class Heard:
         self.handle.authority_lost("a pilot")
 
 
-async def test_an_adapter_is_told_whether_an_emergency_stop_is_set():
+async def test_an_adapter_sees_whether_an_emergency_stop_is_set():
     heard = Heard()
     assert not heard.handle.emergency_stop
     heard.latched = True

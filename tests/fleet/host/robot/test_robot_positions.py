@@ -117,7 +117,7 @@ def test_a_robot_that_is_alone_on_its_edge_is_unknown_to_nobody(clock):
 
 
 @pytest.mark.parametrize("payload", [b"", b"{", b'{"robots": [{"robot": {"name": 5}}]}', b'{"robots": 7}'])
-def test_what_cannot_be_read_is_told_and_changes_nothing(clock, caplog, payload):
+def test_what_cannot_be_read_is_reported_and_changes_nothing(clock, caplog, payload):
     traffic = RobotPositions(SITE, NAMES, clock)
     joined(traffic, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
     traffic.hear(payload, "")

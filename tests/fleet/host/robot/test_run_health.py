@@ -11,7 +11,7 @@ from fleet.model.health import Health, Level
 SILENT = Health(Level.OFFLINE, "it has not spoken yet")
 
 
-class Told(RunHealth):
+class RecordingRunHealth(RunHealth):
     """The health of a robot, with everything that was told of it."""
 
     def __init__(self):
@@ -25,7 +25,7 @@ class Told(RunHealth):
 
 @pytest.fixture
 def health():
-    return Told()
+    return RecordingRunHealth()
 
 
 def test_the_same_health_is_no_change(health):
@@ -64,11 +64,11 @@ async def test_the_steps_of_a_start_are_changes_but_no_new_levels(health):
     assert health.levels == [Health()]
 
 
-async def test_what_is_still_wrong_after_a_start_is_told(monkeypatch):
+async def test_what_is_still_wrong_after_a_start_is_reported(monkeypatch):
     monkeypatch.setattr("fleet.host.robot.run_health.COMING_UP", 0.0)
-    told = asyncio.get_running_loop().create_future()
+    level = asyncio.get_running_loop().create_future()
     log = logging.getLogger("fleet.robot.rover")
-    health = RunHealth(log, changed=lambda: None, level_changed=told.set_result)
+    health = RunHealth(log, changed=lambda: None, level_changed=level.set_result)
     health.begin_start()
     health.set(SILENT)
-    assert await asyncio.wait_for(told, 5) == SILENT
+    assert await asyncio.wait_for(level, 5) == SILENT

@@ -34,15 +34,15 @@ def in_field(starts, work, **site):
 async def watch(field, seconds, each=lambda: None):
     """Let time pass; return the least distance of each pair, and what was told of the first."""
     least = {}
-    told = set()
+    causes = set()
     for step in range(int(seconds / STEP)):
         if step % 5 == 0:
             each()
         await asyncio.sleep(STEP)
         for pair in itertools.combinations(field.robots, 2):
             least[pair] = min(least.get(pair, 1e9), field.apart(*pair))
-        told |= {field.state(name).cause.partition(":")[0] for name in field.robots}
-    return least, told - {""}
+        causes |= {field.state(name).cause.partition(":")[0] for name in field.robots}
+    return least, causes - {""}
 
 
 def test_the_second_of_two_drones_that_are_sent_to_one_point_is_refused():
@@ -77,12 +77,12 @@ def test_two_that_are_driven_into_each_other_are_slowed_then_held_before_their_r
             field.drive("one", 1.0)
             field.drive("other", 1.0)
 
-        least, told = await watch(field, 12, drive)
-        return least["one", "other"], told, field.state("one")
+        least, causes = await watch(field, 12, drive)
+        return least["one", "other"], causes, field.state("one")
 
-    least, told, state = in_field(FACING, work)
+    least, causes, state = in_field(FACING, work)
     assert 0.8 <= least < 1.2
-    assert told == {"slowed", "held"}
+    assert causes == {"slowed", "held"}
     assert state.health == "degraded"
     assert re.fullmatch(r"held: [01]\.\d m from other, closing", state.cause)
 
@@ -119,12 +119,12 @@ def test_a_drone_whose_way_is_entered_is_held_and_its_goal_fails_with_the_cause(
 
     async def work(field):
         goal = field.send("drone-1", 40, 0)
-        least, told = await watch(field, 12, lambda: field.drive("drone-2", y=1.4))
-        return goal, least["drone-1", "drone-2"], told
+        least, causes = await watch(field, 12, lambda: field.drive("drone-2", y=1.4))
+        return goal, least["drone-1", "drone-2"], causes
 
-    goal, least, told = in_field(starts, work)
+    goal, least, causes = in_field(starts, work)
     assert least >= 3.0
-    assert "held" in told
+    assert "held" in causes
     assert goal[-1].reason.startswith("held: ")
     assert goal[-1].reason.endswith("m from drone-2, closing")
 
@@ -259,23 +259,23 @@ def test_whatever_is_asked_of_many_no_two_come_nearer_than_their_radii(seed):
             for name, velocity in driven.items():
                 field.drive(name, *velocity)
 
-        least, told = await watch(field, 60, each)
-        return least, told
+        least, causes = await watch(field, 60, each)
+        return least, causes
 
-    least, told = in_field(SORTS, work)
+    least, causes = in_field(SORTS, work)
     near = {
         pair: (round(metres, 3), RADII[SORTS[pair[0]][0]] + RADII[SORTS[pair[1]][0]])
         for pair, metres in least.items()
         if metres < RADII[SORTS[pair[0]][0]] + RADII[SORTS[pair[1]][0]]
     }
     assert near == {}
-    assert {"held", "slowed"} <= told  # else nothing was tried
+    assert {"held", "slowed"} <= causes  # else nothing was tried
 
 
 ABOVE = {"high": (Flyer, (0.0, 0.0, 0.0)), "low": (Flyer, (12.0, 0.0, 0.0))}
 
 
-def test_a_landing_on_another_robot_is_told_and_never_refused_and_others_keep_out_of_its_way():
+def test_a_landing_on_another_robot_is_reported_and_never_refused_and_others_keep_out_of_its_way():
     async def work(field):
         said = []
         field.robots["high"].controller.event_reporter._publish = said.append
@@ -285,17 +285,17 @@ def test_a_landing_on_another_robot_is_told_and_never_refused_and_others_keep_ou
         await asyncio.sleep(15)
         landing = field.command("high", "land")
         await asyncio.sleep(1)
-        told = [report.fields["reason"] for report in said if getattr(report, "type", "") == "separation"]
+        reasons = [report.fields["reason"] for report in said if getattr(report, "type", "") == "separation"]
         field.send("low", 12, 0, 1)
         await asyncio.sleep(8)
-        return landing, told
+        return landing, reasons
 
-    landing, told = in_field(ABOVE, work)
+    landing, reasons = in_field(ABOVE, work)
     assert landing[0].ok
-    assert len(told) == 1
-    assert told[0].startswith("land: ")
-    assert "low" in told[0]
-    assert told[0].endswith("it is let through all the same")
+    assert len(reasons) == 1
+    assert reasons[0].startswith("land: ")
+    assert "low" in reasons[0]
+    assert reasons[0].endswith("it is let through all the same")
 
 
 def test_who_would_be_sent_under_a_robot_that_lands_is_refused_until_it_is_down():
@@ -370,12 +370,12 @@ def test_asking_whether_a_landing_would_be_taken_tells_of_none():
         await asyncio.sleep(12)
         field.send("drone-2", 0, 5, 1)
         await asyncio.sleep(12)
-        told = []
-        field.robots["drone-1"].controller.guard._event_reporter.event = lambda *given, **_more: told.append(
-            given
+        events = []
+        field.robots["drone-1"].controller.guard._event_reporter.event = lambda *given, **_more: (
+            events.append(given)
         )
         field.robots["drone-1"].describe()
-        return told
+        return events
 
     assert in_field(DRONES, work) == []
 

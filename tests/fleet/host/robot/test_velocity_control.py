@@ -80,7 +80,7 @@ def test_a_held_velocity_is_within_lower_limits_at_once(driving):
     assert driving.activity == "driving"
 
 
-def test_new_limits_that_change_nothing_are_not_told_to_the_robot(driving):
+def test_new_limits_that_change_nothing_are_not_sent_to_the_robot(driving):
     driving.limit(2.5)
     assert driving.adapter.driven == [FAST]
 

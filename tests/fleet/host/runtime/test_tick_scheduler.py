@@ -117,7 +117,7 @@ def test_a_call_can_end_itself(loop, scheduler):
     assert calls == [1]
 
 
-def test_a_call_that_raises_is_ended_and_told_and_the_others_go_on(loop, scheduler):
+def test_a_call_that_raises_is_ended_and_reported_and_the_others_go_on(loop, scheduler):
     calls, failures = [], []
     scheduler.every(0.02, lambda: 1 / 0, owner="bad", failed=failures.append)
     count(scheduler, 0.02, calls)
@@ -143,7 +143,9 @@ def exits():
     ("bad", "why"),
     [(cancelled, "CancelledError"), (exhausted, "StopIteration"), (exits, r"sys\.exit\(3\)")],
 )
-def test_a_call_that_raises_what_is_no_failure_is_told_as_one_and_the_others_go_on(loop, scheduler, bad, why):
+def test_a_call_that_raises_what_is_no_failure_is_reported_as_one_and_the_others_go_on(
+    loop, scheduler, bad, why
+):
     calls, failures = [], []
     scheduler.every(0.02, bad, owner="bad", failed=failures.append)
     count(scheduler, 0.02, calls)

@@ -28,7 +28,7 @@ class Watch:
         self.beat = self.clock.monotonic()
         self.cpu = self.waited = 0.0
         self.who = "rex"
-        self.told = []
+        self.events = []
         self.dog = Watchdog(
             self.clock,
             LoopWatch(
@@ -36,19 +36,19 @@ class Watch:
                 cpu=lambda: self.cpu,
                 waited=lambda: self.waited,
                 running=lambda: self.who,
-                blocked=lambda name, seconds: self.told.append(("blocked", name)),
-                stuck=lambda name: self.told.append(("stuck", name)),
+                blocked=lambda name, seconds: self.events.append(("blocked", name)),
+                stuck=lambda name: self.events.append(("stuck", name)),
             ),
         )
 
     def robot(self, name, *, raises=False):
         def halt():
-            self.told.append(("halt", name))
+            self.events.append(("halt", name))
             if raises:
                 raise ZeroDivisionError("oops")
 
         deadman = DeadMan()
-        self.dog.add(name, Watched(deadman, halt, lambda: self.told.append(("expired", name))))
+        self.dog.add(name, Watched(deadman, halt, lambda: self.events.append(("expired", name))))
         return deadman
 
     def looks(self, seconds, *, every=PERIOD, beats=False, cpu=0.0, waited=0.0):
@@ -106,9 +106,9 @@ def watch():
 def test_a_velocity_ends_within_a_look_of_its_lease(watch):
     watch.robot("rex").feed(watch.clock.monotonic(), 0.5)
     watch.looks(0.48, beats=True)
-    assert watch.told == []
+    assert watch.events == []
     watch.looks(2 * PERIOD, beats=True)
-    assert watch.told == [("halt", "rex"), ("expired", "rex")]
+    assert watch.events == [("halt", "rex"), ("expired", "rex")]
 
 
 def test_the_watchdog_sleeps_to_the_end_of_the_first_lease_and_no_longer_than_its_period(watch):
@@ -126,60 +126,60 @@ def test_a_halt_that_raises_does_not_keep_the_others_from_theirs(watch):
     for name in ("bad", "good"):
         watch.robot(name, raises=name == "bad").feed(watch.clock.monotonic(), 0.2)
     watch.looks(0.4, beats=True)
-    assert watch.told == [("halt", "bad"), ("expired", "bad"), ("halt", "good"), ("expired", "good")]
+    assert watch.events == [("halt", "bad"), ("expired", "bad"), ("halt", "good"), ("expired", "good")]
 
 
-def test_a_loop_that_is_silent_is_told_once_with_who_runs(watch):
+def test_a_loop_that_is_silent_is_reported_once_with_who_runs(watch):
     watch.looks(3 * BLOCKED)
-    assert watch.told == [("blocked", "rex")]
+    assert watch.events == [("blocked", "rex")]
 
 
-def test_each_block_is_told(watch):
+def test_each_block_is_reported(watch):
     for _ in range(3):
         watch.looks(2 * BLOCKED)
         watch.looks(0.1, beats=True)
-    assert watch.told == [("blocked", "rex")] * 3
+    assert watch.events == [("blocked", "rex")] * 3
 
 
 def test_a_block_by_nobody_known_is_the_hosts(watch):
     watch.who = ""
     watch.looks(2 * BLOCKED)
-    assert watch.told == [("blocked", "the host")]
+    assert watch.events == [("blocked", "the host")]
 
 
 def test_a_process_that_did_not_get_the_processor_blames_nobody(watch):
     watch.looks(5.0, every=5.0)
     watch.looks(0.1, beats=True)
     watch.looks(4 * BLOCKED, every=BLOCKED)
-    assert watch.told == []
+    assert watch.events == []
 
 
 def test_a_loop_that_the_computer_gives_no_processor_blames_no_robot_though_others_look(watch):
     watch.looks(4 * BLOCKED, waited=1.0)
-    assert watch.told == []
+    assert watch.events == []
 
 
 def test_a_robot_that_blocks_the_loop_on_a_busy_computer_is_still_named(watch):
     watch.looks(4 * BLOCKED, waited=0.5)
-    assert watch.told == [("blocked", "rex")]
+    assert watch.events == [("blocked", "rex")]
 
 
 def test_a_process_that_slept_for_an_hour_is_not_given_up(watch):
     watch.looks(3600.0, every=3600.0)
-    assert watch.told == []
+    assert watch.events == []
 
 
-def test_a_call_that_keeps_the_interpreter_to_itself_is_told(watch):
+def test_a_call_that_keeps_the_interpreter_to_itself_is_reported(watch):
     watch.looks(1.0, every=1.0, cpu=1.0)
-    assert watch.told == [("blocked", "rex")]
+    assert watch.events == [("blocked", "rex")]
 
 
 def test_a_loop_that_is_stuck_for_long_is_given_up_after_every_robot_was_halted(watch):
     watch.robot("bad", raises=True)
     watch.robot("good")
     watch.looks(STUCK + 2 * PERIOD)
-    assert watch.told.index(("halt", "good")) < watch.told.index(("stuck", "rex"))
-    assert ("halt", "bad") in watch.told
+    assert watch.events.index(("halt", "good")) < watch.events.index(("stuck", "rex"))
+    assert ("halt", "bad") in watch.events
 
 
 @pytest.mark.parametrize("part", ["beat", "cpu", "waited", "running"])
@@ -191,31 +191,31 @@ def test_nothing_that_fails_keeps_the_watchdog_from_the_next_look(watch, part):
         ("running", "blocked", "stuck"), str
     )
     dog = Watchdog(watch.clock, LoopWatch(**(parts | {part: fail})))
-    told = []
+    events = []
     deadman = DeadMan()
-    dog.add("rex", Watched(deadman, lambda: told.append("halt"), lambda: None))
+    dog.add("rex", Watched(deadman, lambda: events.append("halt"), lambda: None))
     dog.check(watch.clock.monotonic())
     deadman.feed(watch.clock.monotonic(), 0.1)
     watch.clock.advance(1)
     dog.check(watch.clock.monotonic())
     join_aside()
-    assert told == ["halt"]
+    assert events == ["halt"]
 
 
 def test_a_robot_whose_place_another_takes_is_watched_no_more(watch):
     watch.robot("rex").feed(watch.clock.monotonic(), 0.1)
-    watch.dog.add("rex", Watched(DeadMan(), lambda: watch.told.append("halt"), lambda: None))
+    watch.dog.add("rex", Watched(DeadMan(), lambda: watch.events.append("halt"), lambda: None))
     watch.looks(0.5, beats=True)
-    assert watch.told == []
+    assert watch.events == []
 
 
 def test_a_robot_that_drives_when_its_watch_begins_is_stopped_when_its_lease_ends(watch):
     deadman = DeadMan()
     deadman.feed(watch.clock.monotonic(), 0.2)
-    watch.dog.add("rex", Watched(deadman, lambda: watch.told.append("halt"), lambda: None))
+    watch.dog.add("rex", Watched(deadman, lambda: watch.events.append("halt"), lambda: None))
     watch.looks(0.3, beats=True)
     join_aside()
-    assert watch.told == ["halt"]
+    assert watch.events == ["halt"]
 
 
 # -- real loops, really stuck -------------------------------------------------------------------------------
@@ -229,7 +229,7 @@ class Stuck:
         self.thread = LoopMonitor(asyncio.get_running_loop())
         self.deadman = DeadMan()
         self.halts, self.blamed, self.places = [], [], []
-        self.told, self.halted = threading.Event(), threading.Event()
+        self.reported, self.halted = threading.Event(), threading.Event()
         self.dog = Watchdog(
             SystemClock(),
             LoopWatch(
@@ -250,7 +250,7 @@ class Stuck:
     def blocked(self, name, seconds):
         self.places.append(self.thread.place())
         self.blamed.append(name)
-        self.told.set()
+        self.reported.set()
 
 
 @pytest.fixture
@@ -362,7 +362,7 @@ async def in_a_link_callback(stuck, block):
     "place", [in_a_task, in_a_child_of_a_task, in_a_wheel_call, in_a_timer, in_a_link_callback]
 )
 async def test_who_blocks_the_loop_is_named_wherever_he_does_it(stuck, place, block):
-    await asyncio.wait_for(place(stuck, let(stuck.told, block)), 60)
+    await asyncio.wait_for(place(stuck, let(stuck.reported, block)), 60)
     await asyncio.to_thread(join_aside)
     assert stuck.blamed == ["rex"]
     assert "test_watchdog.py" in stuck.places[0]
@@ -370,7 +370,7 @@ async def test_who_blocks_the_loop_is_named_wherever_he_does_it(stuck, place, bl
 
 async def test_a_log_that_is_stuck_does_not_stop_the_watchdog(stuck):
     def held_up(name, seconds):
-        stuck.told.wait(20)
+        stuck.reported.wait(20)
 
     dog = Watchdog(
         SystemClock(),
@@ -390,7 +390,7 @@ async def test_a_log_that_is_stuck_does_not_stop_the_watchdog(stuck):
     await asyncio.sleep(0.1)
     deadman.feed(time.monotonic(), 0.05)
     assert await asyncio.to_thread(halted.wait, 20)
-    stuck.told.set()
+    stuck.reported.set()
     dog.stop()
 
 
@@ -431,7 +431,7 @@ def test_a_halt_that_is_held_up_does_not_keep_the_others_moving(watch):
         one.feed(watch.clock.monotonic(), 0.2)
     watch.clock.advance(0.2)
     watch.dog.check(watch.clock.monotonic())
-    assert watch.told == [("halt", "good"), ("expired", "good")]
+    assert watch.events == [("halt", "good"), ("expired", "good")]
     free.set()
     join_aside()
 

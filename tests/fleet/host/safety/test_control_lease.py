@@ -27,7 +27,7 @@ def test_who_stops_gives_up_the_lease_and_nobody_elses():
     assert lease.refusal("bert", 0.0) is None
 
 
-def test_a_holder_without_a_name_is_told_as_another_operator():
+def test_a_holder_without_a_name_is_reported_as_another_operator():
     lease = ControlLease(3.0)
     lease.take("", 0.0)
     assert lease.refusal("bert", 0.0) == "another operator has control for 3.0 s more"

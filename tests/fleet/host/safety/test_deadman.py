@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from fleet.host.safety.deadman import DeadMan
 
 
-def test_a_lease_that_runs_out_is_told_once():
+def test_a_lease_that_runs_out_is_reported_once():
     deadman = DeadMan()
     deadman.feed(0.0, 0.5)
     assert not deadman.expire(0.49)

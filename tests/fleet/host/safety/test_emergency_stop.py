@@ -47,7 +47,7 @@ def test_a_stop_is_news_once_and_one_of_an_earlier_process_is_none():
     assert [latch.is_news(), latch.is_news()] == [True, False]
 
 
-def test_what_holds_a_robot_is_told_though_no_stop_is_set():
+def test_what_holds_a_robot_is_reported_though_no_stop_is_set():
     latch = EmergencyStopLatch()
     latch.held = "the stop button is not heard"
     assert (latch.set, latch.refusal()) == (False, "the stop button is not heard")

@@ -99,7 +99,7 @@ def test_a_velocity_from_a_clock_that_is_ahead_is_refused_with_how_far():
     )
 
 
-def test_each_sender_s_offset_is_told_of_those_heard_last():
+def test_each_sender_s_offset_is_reported_for_those_heard_last():
     ages = AgeCheck(0.3)
     for number in range(SHOWN + 3):
         check(ages, number / 100, session=str(number))

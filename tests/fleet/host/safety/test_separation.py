@@ -151,7 +151,7 @@ def test_a_goal_short_of_another_is_reached_without_being_held():
     assert not must_brake(one, standing("other", x=5.0))
 
 
-def test_a_place_that_was_not_told_for_long_grows_as_far_as_the_robot_may_have_gone_and_no_farther():
+def test_a_place_that_was_not_reported_for_long_grows_as_far_as_the_robot_may_have_gone_and_no_farther():
     moving = [standing(velocity=Vector3(1.0), age=age).uncertainty for age in (0.0, 1.0, 2.0, 10.0, 500.0)]
     assert moving == [0.0, 0.0, 2.0, 10.0, 10.0]
     assert standing(age=500.0).uncertainty == 0.0

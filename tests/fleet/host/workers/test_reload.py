@@ -81,7 +81,7 @@ async def test_a_changed_file_is_in_use_after_it_and_the_edge_runs_on(field):
     assert len(field.place.processes("rex")) == 1
 
 
-async def test_a_person_is_told_why_it_is_refused(field):
+async def test_a_person_learns_why_it_is_refused(field):
     await field.say("leg", GOTO, kind="navigate")
     await field.until(lambda: "navigate" in field.place.words("leg"))
     code, out, err = await fleet("adapters", "reload", "toy", "-f", str(field.place.file))
@@ -106,7 +106,7 @@ async def test_it_is_refused_while_a_robot_of_the_worker_is_commanded(field):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("class Toy", "class Toy(", r"toy\.py: .*SyntaxError|toy\.py: .*syntax"),
         ('Literal["toy"]', 'Literal["other"]', r"toy\.py: it has no adapter 'toy' any more"),
@@ -117,16 +117,16 @@ async def test_it_is_refused_while_a_robot_of_the_worker_is_commanded(field):
         ),
     ],
 )
-async def test_a_changed_file_that_cannot_be_used_leaves_the_old_one_in_use(field, old, new, told):
+async def test_a_changed_file_that_cannot_be_used_leaves_the_old_one_in_use(field, old, new, expected):
     field.change(old, new)
     reply = await field.reload()
     assert not reply.ok
-    assert re.search(told, reply.reason), reply.reason
+    assert re.search(expected, reply.reason), reply.reason
     assert len(field.place.processes("arm")) == 1
     assert field.state("arm").health == "ok"
 
 
-async def test_what_a_worker_does_not_run_is_told(field):
+async def test_what_a_worker_does_not_run_is_reported(field):
     reply = await field.reload("lawnmower")
     assert reply.reason == "worker limbs runs no drop-in file with the adapter 'lawnmower'"
 

@@ -132,7 +132,7 @@ def test_who_waits_hears_how_it_ended_also_from_a_worker_that_died_over_it(bench
         assert answers[1].reason == "worker w did not say how it ended: killed by SIGKILL"
 
 
-def test_a_worker_that_is_not_there_is_told_with_the_cause(bench):
+def test_a_worker_that_is_not_there_is_reported_with_the_cause(bench):
     bench.robot.worker_is("worker w: ended with exit code 1")
     answer = bench.answered(bench.ask({"command": "takeoff"}))
     assert (answer.command, answer.status) == ("takeoff", ReplyStatus.TIMEOUT)
@@ -199,7 +199,7 @@ def test_a_bus_that_is_held_up_keeps_nobody_from_reading_the_stop_of_another(ben
     assert bench.stops == [["rex"]]
 
 
-def test_a_stop_that_the_bus_refuses_is_told_and_the_worker_is_still_asked(bench, caplog, monkeypatch):
+def test_a_stop_that_the_bus_refuses_is_reported_and_the_worker_is_still_asked(bench, caplog, monkeypatch):
     def refuse(*_arguments, **_options):
         raise RuntimeError("the session is closed")
 
@@ -263,7 +263,7 @@ def test_the_worker_s_word_counts_for_as_long_as_it_speaks(bench):
     assert state.stamp == bench.clock.time()
 
 
-def test_a_robot_whose_worker_died_is_told_as_lost_once_by_the_edge(bench, caplog):
+def test_a_robot_whose_worker_died_is_reported_as_lost_once_by_the_edge(bench, caplog):
     bench.says(health="ok", reachable=True)
     wait_until("its state is heard", lambda: bench.robot.state().reachable)
     for _ in range(2):
@@ -344,7 +344,7 @@ def test_a_stop_that_came_while_the_worker_was_frozen_is_set_in_the_next_one(ben
     assert bench.causes[0].why == "asked by anna (claimed, on this computer): smoke"
 
 
-def test_a_stop_that_the_worker_has_told_is_the_workers_to_release(bench):
+def test_a_stop_that_the_worker_has_reported_is_the_workers_to_release(bench):
     bench.robot.stop_later(ANNA)
     bench.says(health="ok", emergency_stop=True)
     bench.says(health="ok", emergency_stop=False)

@@ -196,8 +196,8 @@ async def test_a_worker_that_fails_is_noticed_and_started_again_and_nothing_move
     await asks.until(lambda: state_of(field.edge, "arm").health == "ok")
     assert len(field.place.processes("arm")) == 2
     assert not psutil.pid_exists(first)
-    told = lambda: [word for pid, _, word in field.place.told("arm") if pid == field.worker]  # noqa: E731
-    await asks.until(lambda: told() == ["run", "stop"])  # it may still have been on its way
+    words = lambda: [word for pid, _, word in field.place.calls("arm") if pid == field.worker]  # noqa: E731
+    await asks.until(lambda: words() == ["run", "stop"])  # it may still have been on its way
     assert len(field.place.processes("rex")) == 1
     assert not state_of(field.edge, "arm").emergency_stop
     if fault == "hung":  # its bus threads still heard that it is to stop
@@ -222,10 +222,10 @@ def test_a_worker_ends_with_an_edge_that_was_killed_and_holds_its_robots(yard):
     wait_until("the worker has ended", lambda: not psutil.pid_exists(place.processes("arm")[0]))
 
 
-class Told:
+class FailingWorker:
     """A worker that cannot even be started, and what is said of it."""
 
-    def __init__(self, monkeypatch, told=None, halt=lambda name: None):
+    def __init__(self, monkeypatch, on_problem=None, halt=lambda name: None):
         self.said, self.tries = [], 0
         bus_session = type("Lane", (), {"subscribe": lambda *_: None, "watch_tokens": lambda *_: None})()
 
@@ -241,18 +241,18 @@ class Told:
             directory="/nowhere",
             control=bus_session,
             clock=SystemClock(),
-            on_problem=told or (lambda name, cause: self.said.append(cause)),
+            on_problem=on_problem or (lambda name, cause: self.said.append(cause)),
             halt=halt,
         )
 
 
-async def test_a_worker_that_cannot_be_started_is_told_and_tried_again(monkeypatch, asks):
-    told = Told(monkeypatch)
-    task = asyncio.create_task(told.worker.run())
-    await asks.until(lambda: told.tries > 1)
+async def test_a_worker_that_cannot_be_started_is_reported_and_tried_again(monkeypatch, asks):
+    worker = FailingWorker(monkeypatch)
+    task = asyncio.create_task(worker.worker.run())
+    await asks.until(lambda: worker.tries > 1)
     task.cancel()
     await asyncio.wait({task})
-    assert told.said[0] == "worker arm: cannot be started: Too many open files"
+    assert worker.said[0] == "worker arm: cannot be started: Too many open files"
 
 
 def hanging_process(put):
@@ -273,7 +273,7 @@ def test_the_halt_of_a_hanging_worker_does_not_hold_up_the_loop_on_a_full_link()
     assert put == [(keys.halt("yard", "arm"), True, True, NAME)]
 
 
-def test_a_halt_over_a_closed_bus_is_told(caplog):
+def test_a_halt_over_a_closed_bus_is_reported(caplog):
     def fail(*_, **__):
         raise RuntimeError("the session is closed")
 
@@ -281,7 +281,7 @@ def test_a_halt_over_a_closed_bus_is_told(caplog):
     wait_until("it is told", lambda: "its robots could not be halted over the bus" in caplog.text)
 
 
-async def test_a_hanging_worker_is_killed_though_its_halt_fails_and_nobody_can_be_told(monkeypatch, asks):
+async def test_a_hanging_worker_is_killed_though_its_halt_and_the_report_fail(monkeypatch, asks):
     processes, start = [], asyncio.create_subprocess_exec
 
     async def started(*_, **options):
@@ -291,7 +291,7 @@ async def test_a_hanging_worker_is_killed_though_its_halt_fails_and_nobody_can_b
     def fail(*_):
         raise ZeroDivisionError("oops")
 
-    worker = Told(monkeypatch, told=fail, halt=fail).worker
+    worker = FailingWorker(monkeypatch, on_problem=fail, halt=fail).worker
     monkeypatch.setattr(asyncio, "create_subprocess_exec", started)
     monkeypatch.setattr("fleet.host.workers.worker_manager.START_WITHIN", 0.0)
     task = asyncio.create_task(worker.run())

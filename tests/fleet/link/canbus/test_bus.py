@@ -69,7 +69,7 @@ def test_a_queue_that_stays_full_is_a_dead_bus_and_nothing_old_is_sent(pair, clo
         one.receive(0.0)
 
 
-def test_a_bus_that_is_unplugged_is_told(pair, monkeypatch):
+def test_a_bus_that_is_unplugged_is_reported(pair, monkeypatch):
     def gone(*_args):
         raise can.CanOperationError("No such device", error_code=errno.ENODEV)
 
@@ -78,7 +78,7 @@ def test_a_bus_that_is_unplugged_is_told(pair, monkeypatch):
         pair[0].receive(0.0)
 
 
-def test_bus_off_is_told(pair, monkeypatch):
+def test_bus_off_is_reported(pair, monkeypatch):
     error = can.Message(arbitration_id=0x40, is_error_frame=True)
     monkeypatch.setattr(pair[0]._bus, "recv", lambda _wait: error)
     with pytest.raises(LinkLost, match="bus-off"):
@@ -86,7 +86,7 @@ def test_bus_off_is_told(pair, monkeypatch):
     assert pair[0].errors == 1
 
 
-def test_a_closed_bus_is_told(pair):
+def test_a_closed_bus_is_reported(pair):
     pair[0].close()
     pair[0].close()
     pair[0].send(CanFrame(1, b""))
@@ -160,7 +160,7 @@ def test_without_the_kernels_can_the_bus_is_refused_and_with_it_frames_cross(clo
 
 
 @pytest.mark.parametrize(
-    ("url", "told"),
+    ("url", "expected"),
     [
         ("can:socketcand:can0", r"names no host; write it like can:socketcand:can0\?host="),
         (
@@ -172,14 +172,14 @@ def test_without_the_kernels_can_the_bus_is_refused_and_with_it_frames_cross(clo
         ("can:socketcan:can0?port=1", r"'port=1' is no option of socketcan; it takes none"),
     ],
 )
-def test_options_that_an_interface_does_not_take_are_refused_in_words(url, told):
-    with pytest.raises(LinkRefused, match=told):
+def test_options_that_an_interface_does_not_take_are_refused_in_words(url, expected):
+    with pytest.raises(LinkRefused, match=expected):
         parse_bus(url)
 
 
 def test_the_host_of_a_daemon_can_be_given():
-    told = parse_bus("can:socketcand:can0?host=192.168.1.20&port=29537")
-    assert (told.interface, told.channel, told.host, told.port) == (
+    address = parse_bus("can:socketcand:can0?host=192.168.1.20&port=29537")
+    assert (address.interface, address.channel, address.host, address.port) == (
         "socketcand",
         "can0",
         "192.168.1.20",

@@ -94,7 +94,7 @@ async def test_a_fd_frame_on_a_classic_bus_is_a_mistake_that_is_said(url, hearin
 
 
 @pytest.mark.parametrize(
-    ("frame", "told"),
+    ("frame", "expected"),
     [
         (CanFrame(-1, b""), "is not a CAN identifier"),
         (CanFrame(1 << 29, b""), "20000000h is not a CAN identifier"),
@@ -103,8 +103,8 @@ async def test_a_fd_frame_on_a_classic_bus_is_a_mistake_that_is_said(url, hearin
         (CanFrame(1, bytes(1), remote=True), "a remote frame has no 1 bytes"),
     ],
 )
-def test_what_is_no_frame_is_not_packed(frame, told):
-    with pytest.raises(ValueError, match=told):
+def test_what_is_no_frame_is_not_packed(frame, expected):
+    with pytest.raises(ValueError, match=expected):
         frame.packed()
 
 
@@ -113,7 +113,9 @@ def test_a_packed_frame_comes_back():
         assert CanFrame.unpack(frame.packed()) == frame
 
 
-async def test_a_bus_that_dies_ends_the_link_with_the_words_of_the_quadruped(url, other, hearing, told_why):
+async def test_a_bus_that_dies_ends_the_link_with_the_words_of_the_quadruped(
+    url, other, hearing, loss_reason
+):
     link = await open_link(url, hearing())
 
     def unplugged(*_args, **_kwargs):
@@ -122,7 +124,7 @@ async def test_a_bus_that_dies_ends_the_link_with_the_words_of_the_quadruped(url
     link._bus._bus.send = unplugged
     with pytest.raises(LinkLost, match=r"sending failed: Network is down"):
         link.send(CanFrame(1, b"").packed())
-    assert "sending failed: Network is down" in await told_why(link)
+    assert "sending failed: Network is down" in await loss_reason(link)
     with pytest.raises(LinkLost, match="sending failed"):
         link.send(CanFrame(1, b"").packed())
     await link.close()
@@ -161,7 +163,7 @@ async def test_a_flood_is_bounded_and_the_newest_are_kept(url, other, hearing, m
 
 
 @pytest.mark.parametrize(
-    ("url", "told"),
+    ("url", "expected"),
     [
         ("can:can0", "is not a bus; write it like can:socketcan:can0"),
         ("can:nothing:0", "python-can has no interface 'nothing'"),
@@ -170,10 +172,10 @@ async def test_a_flood_is_bounded_and_the_newest_are_kept(url, other, hearing, m
         ("can:socketcand:can0?host=h&data_bitrate=2000000", "is no option of socketcand"),
     ],
 )
-def test_a_wrong_bus_is_refused_with_how_it_is_written(url, told):
+def test_a_wrong_bus_is_refused_with_how_it_is_written(url, expected):
     with pytest.raises(LinkRefused) as caught:
         parse_link_url(url)
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
 
 
 async def test_a_missing_driver_is_said_in_words(hearing):

@@ -261,7 +261,7 @@ def test_subscription_identifiers_come_with_the_messages(guest):
     assert bob.next().properties.SubscriptionIdentifier == [7]
 
 
-def test_the_sender_is_told_when_nobody_listens(guest):
+def test_the_sender_gets_an_error_when_nobody_listens(guest):
     alice = guest("alice", protocol=5).enter()
     assert alice.publish("nobody", b"", 1) == NOBODY
     alice.subscribe("nobody")

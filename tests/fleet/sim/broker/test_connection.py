@@ -101,7 +101,7 @@ def joined(hub, name, wire):
     return connection
 
 
-def test_a_silent_client_is_told_to_go_and_then_cut_off():
+def test_a_silent_client_is_disconnected_and_then_cut_off():
     hub = BrokerCore(clock := ManualClock(), ClientLimits(), BrokerFaults(), None)
     connection = joined(hub, "bob", wire := Wire())
     clock.advance(14)

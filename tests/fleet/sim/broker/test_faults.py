@@ -77,7 +77,7 @@ def test_a_frozen_broker_neither_answers_nor_forgets(guest, faults, broker, raw)
     assert connection.recv(2) == mqtt5.PingRespPacket().write()
 
 
-def test_all_clients_are_told_why_they_must_go(guest, broker):
+def test_all_clients_get_the_reason_of_the_disconnection(guest, broker):
     alice, bob = guest("alice").enter(), guest("bob", protocol=311).enter()
     broker.call(broker.broker.disconnect_all, SHUTTING_DOWN)
     assert alice.gone.wait(60)

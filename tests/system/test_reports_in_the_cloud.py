@@ -81,7 +81,7 @@ def rex(request, fleet, ears, mosquitto, tmp_path):
     return pilot
 
 
-def test_what_befalls_a_robot_is_told_in_the_cloud_to_its_end(rex):
+def test_what_befalls_a_robot_is_reported_in_the_cloud_to_its_end(rex):
     rex.say("command", command="climb", data={})
     wait_until("the end of what was taken", lambda: len(rex.answers("climb")) == 2)
     taken, end = rex.answers("climb")
