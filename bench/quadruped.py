@@ -116,7 +116,7 @@ def slow_walk(rig: Rig, twist: Twist) -> tuple[float, float, float, float]:
         math.remainder(end[2] - start[2], math.tau) if twist.turn else math.dist(start[:2], end[:2])
         for start, end in zip(begun, place(rig), strict=True)
     ]
-    true, reported = (way / (3 * period) for way in moved)
+    true, reported = (distance / (3 * period) for distance in moved)
     return true, reported, math.degrees(first), math.degrees(rig.tilt)
 
 
@@ -182,7 +182,7 @@ def cycles_until_damped(rig: Rig) -> int:
     """Return the cycles from the order until every joint damps, or is held while the robot is lowered."""
     for number in range(1, 50):
         rig.cycle()
-        if rig.gives_way():
+        if rig.is_compliant():
             return number - 1  # a frame written in one cycle takes effect in the next
     return 50
 

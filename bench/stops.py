@@ -41,7 +41,7 @@ KINDS = (
         None,
     ),
 )
-WAYS = ("stop", "emergency_stop", "silence")
+METHODS = ("stop", "emergency_stop", "silence")
 
 
 class Watch:
@@ -104,26 +104,26 @@ def measure(kind, fields, speed, begin):
         bus_session = join_control(BusSettings("bench"), Path(edge.runtime))
         watch = Watch(bus_session, "robot")
         time.sleep(8.0)
-        for way in WAYS:
-            found = [once(watch, way, speed, begin) for _ in range(TIMES)]
+        for method in METHODS:
+            found = [once(watch, method, speed, begin) for _ in range(TIMES)]
             worst = f"{max(each[0] for each in found):.2f} s, {max(each[1] for each in found):.2f} m"
             usual = sorted(found)[len(found) // 2]
             figure = f"{usual[0]:.2f} s, {usual[1]:.2f} m"
-            line(f"{kind}: {way}", figure, f"at most {worst}; from {usual[2]:.2f} m/s")
+            line(f"{kind}: {method}", figure, f"at most {worst}; from {usual[2]:.2f} m/s")
         if kind.startswith(("px4", "ardupilot")):
             watch.ask("land")
         bus_session.close()
 
 
-def once(watch, way, speed, begin):
+def once(watch, method, speed, begin):
     """Drive and stop; return the time (s) and distance (m) to standstill, and the speed before."""
     watch.ask("release_emergency_stop")
     if begin is not None:
         wait_for(lambda: watch.ask(*begin, wait=True).get("done"), within=120.0)
     watch.drive(speed, 4.0)
     since = time.monotonic()
-    if way == "emergency_stop":
+    if method == "emergency_stop":
         watch.bus_session.put(keys.stop("bench"), b"[]", urgent=True)
-    elif way == "stop":
+    elif method == "stop":
         watch.ask("stop")
     return watch.standstill(since)

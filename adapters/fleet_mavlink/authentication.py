@@ -20,15 +20,15 @@ class Trust:
     def __init__(self, signer: Signer | None = None, *, accept_unsigned: bool = False) -> None:
         self.signer = signer
         self.signed = False  # whether the newest accepted frame was signed with our key
-        self.way = FrameSettings(signer=signer) if signer is not None else PLAIN
+        self.frame_settings = FrameSettings(signer=signer) if signer is not None else PLAIN
         self.counts: Counter[str] = Counter()
         self._accept_unsigned = accept_unsigned
 
     def admits(self, frame: Frame) -> bool:
         """Return True when a frame is accepted; also learn the MAVLink version of its sender."""
         if self.signer is None:
-            if isinstance(frame.message, Heartbeat) and frame.version != self.way.version:
-                self.way = FrameSettings(version=frame.version)
+            if isinstance(frame.message, Heartbeat) and frame.version != self.frame_settings.version:
+                self.frame_settings = FrameSettings(version=frame.version)
             return True
         self.signed = bool(frame.signed) and self.signer.accepts(frame.signed)
         if self.signed:

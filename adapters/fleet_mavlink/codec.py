@@ -203,7 +203,7 @@ PLAIN = FrameSettings()
 
 
 def pack(
-    message: MavlinkMessage, system: int, component: int, sequence: int, way: FrameSettings = PLAIN
+    message: MavlinkMessage, system: int, component: int, sequence: int, settings: FrameSettings = PLAIN
 ) -> bytes:
     """Return the frame of an outgoing message, from this system and component.
 
@@ -212,15 +212,15 @@ def pack(
     number = message.message_id
     layout = _WRITE[number]
     payload = layout.encode(message)
-    if way.version == 1 and number <= _LAST_OF_1:
+    if settings.version == 1 and number <= _LAST_OF_1:
         payload = payload.ljust(layout.base_size, b"\0")[: layout.base_size]
         body = struct.pack("<BBBBB", len(payload), sequence & 0xFF, system, component, number) + payload
         return bytes([_MAGIC_1]) + body + _checksum(body, layout.crc_extra)
-    flags = 0 if way.signer is None else _SIGNED
+    flags = 0 if settings.signer is None else _SIGNED
     place = (sequence & 0xFF, system, component, number & 0xFF, number >> 8)
     body = _HEAD.pack(len(payload), flags, 0, *place) + payload
     frame = _BEGIN_2 + body + _checksum(body, layout.crc_extra)
-    return frame if way.signer is None else frame + way.signer.signature(frame, way.link)
+    return frame if settings.signer is None else frame + settings.signer.signature(frame, settings.link)
 
 
 def _checksum(body: bytes, crc_extra: bytes) -> bytes:
@@ -236,10 +236,10 @@ class Packer:
         self.component = component
         self._sequence = 0
 
-    def pack(self, message: MavlinkMessage, way: FrameSettings = PLAIN) -> bytes:
+    def pack(self, message: MavlinkMessage, settings: FrameSettings = PLAIN) -> bytes:
         """Return the frame of a message."""
         self._sequence = (self._sequence + 1) & 0xFF
-        return pack(message, self.system, self.component, self._sequence, way)
+        return pack(message, self.system, self.component, self._sequence, settings)
 
 
 class Parser:

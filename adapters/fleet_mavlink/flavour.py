@@ -22,7 +22,7 @@ from fleet_mavlink.messages import (
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.vehicle_kind import Brake, VehicleKind
-from fleet_mavlink.vocabulary import ONE_WAY
+from fleet_mavlink.vocabulary import NO_TRANSITION
 
 _SLOWEST = 0.2  # m/s
 VELOCITY_AND_YAW_RATE = 0x5C7  # type_mask: ignore everything except velocity and yaw rate
@@ -63,7 +63,9 @@ class Flavour(VehicleKind):
     surface: ClassVar[bool] = False  # moves on ground or water: has no height, stands when not moved
     rest: ClassVar[float] = 1.0  # s of zero velocity before the change to its own hold
     tolerance: ClassVar[float] = 0.5  # m from a goal that counts as reached
-    lacking: ClassVar[Mapping[str, str]] = ONE_WAY  # unsupported commands of the vocabulary, with the reason
+    lacking: ClassVar[Mapping[str, str]] = (
+        NO_TRANSITION  # unsupported commands of the vocabulary, with the reason
+    )
     wings: ClassVar[bool] = False  # circles instead of standing: ``wings.Winged``
     tries_brakes: ClassVar[bool] = False  # is stopped by the first brake that it accepts, not by its hold
     takeoff_height: ClassVar[str | None] = None  # parameter: m above home, default height of a take-off

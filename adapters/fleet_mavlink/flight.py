@@ -37,7 +37,7 @@ FARTHEST = 100_000.0  # m; a farther goal is a mistake, such as a wrong unit or 
 class Flight:
     """Procedures of one vehicle.
 
-    ``give_way(mode)`` ends the stream of setpoints before a command that leads to ``mode``.
+    ``end_stream(mode)`` ends the stream of setpoints before a command that leads to ``mode``.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Flight:
         commander: Commander,
         authority: Authority,
         limits: Limits,
-        give_way: Callable[[Flavour, str], None],
+        end_stream: Callable[[Flavour, str], None],
     ) -> None:
         self.vehicle = vehicle
         self.commander = commander
@@ -56,7 +56,7 @@ class Flight:
         self.descent = ""  # mode of the last landing, or return home
         self._entered_at = -math.inf  # time of the last change of mode that was accepted
         self._farthest = limits.distance or FARTHEST
-        self.give_way = give_way
+        self.end_stream = end_stream
         self.home = VehicleHome(vehicle, commander)
         self.arming = Arming(vehicle, commander, authority, self.be_in)
 
@@ -130,7 +130,7 @@ class Flight:
         if not await self.arming.has_motors_on():
             yield Progress(100.0, "on the ground")
             return
-        self.give_way(self.flavour, mode)
+        self.end_stream(self.flavour, mode)
         await self.enter(mode, ask, effect=effect_of_descent(self.flavour))
         self.descent = mode
         percent = 0.0
@@ -149,7 +149,7 @@ class Flight:
         """
         self.require_altitude(to.altitude)
         flavour = self.flavour
-        self.give_way(flavour, flavour.goto)
+        self.end_stream(flavour, flavour.goto)
         before = flavour.before_go(backwards=backwards)
         if before is not None:
             await self.be_in(flavour.goto)  # a change of mode resets what ``before`` sets

@@ -17,7 +17,7 @@ from fleet_mavlink.codec import PLAIN, UNREAD, Frame, FrameSettings, Packer, Par
 from fleet_mavlink.constants import AUTOPILOT, NO_AUTOPILOT
 from fleet_mavlink.messages import CommandAck, Heartbeat, MavlinkMessage
 from fleet_mavlink.mission_messages import INCOMING as MISSION_MESSAGES
-from fleet_mavlink.redundant_links import Ways, open_ways
+from fleet_mavlink.redundant_links import RedundantLinks, open_links
 from fleet_mavlink.signing import Signer
 from fleet_mavlink.state import SILENCE
 from fleet_mavlink.vehicle import Vehicle
@@ -71,7 +71,7 @@ class LinkHub:
         trust = Trust(signer, accept_unsigned=accept_unsigned)
 
         def send(message: MavlinkMessage, address: Address) -> None:
-            self.send(message, address, trust.way)
+            self.send(message, address, trust.frame_settings)
 
         vehicle = self._vehicles[system] = Vehicle(system, self._clock, send, trust)
         try:
@@ -136,18 +136,18 @@ class LinkHub:
         """Return True if an answer is for us; autopilots that do not fill in the target send 0."""
         return answer.target_system in {0, self.system} and answer.target_component in {0, self.component}
 
-    def send(self, message: MavlinkMessage, address: Address, way: FrameSettings = PLAIN) -> None:
+    def send(self, message: MavlinkMessage, address: Address, settings: FrameSettings = PLAIN) -> None:
         """Send a message; raises LinkLost. Only on the event loop's thread."""
-        self.link.send(self._packer.pack(message, way), address)
+        self.link.send(self._packer.pack(message, settings), address)
 
     def send_from_any_thread(self, messages: list[MavlinkMessage], vehicle: Vehicle) -> bool:
         """Send messages to a vehicle off the event loop, with their own sequence numbers; raises LinkLost.
 
         Returns False if there were none, or one was dropped: nobody was heard yet whom it could be sent to.
         """
-        way = msgspec.structs.replace(vehicle.trust.way, link=_BESIDE)
+        settings = msgspec.structs.replace(vehicle.trust.frame_settings, link=_BESIDE)
         frames = [
-            pack(message, self.system, self.component, sequence, way)
+            pack(message, self.system, self.component, sequence, settings)
             for sequence, message in enumerate(messages)
         ]
         written = [self.link.send(frame, vehicle.address) for frame in frames]
@@ -157,11 +157,13 @@ class LinkHub:
         """Send a heartbeat once a second; ends with the link."""
         with contextlib.suppress(LinkLost):
             while True:
-                ways = {(each.address, each.trust.way) for each in self._vehicles.values()}
-                if isinstance(self.link, Ways):  # links that are not in use get heartbeats as well
-                    ways |= {(None, way) for _, way in ways}
-                for address, way in ways or {(None, PLAIN)}:
-                    self.send(Heartbeat(type=_GCS, autopilot=NO_AUTOPILOT, system_status=4), address, way)
+                peers = {(each.address, each.trust.frame_settings) for each in self._vehicles.values()}
+                if isinstance(self.link, RedundantLinks):  # links that are not in use get heartbeats as well
+                    peers |= {(None, settings) for _, settings in peers}
+                for address, settings in peers or {(None, PLAIN)}:
+                    self.send(
+                        Heartbeat(type=_GCS, autopilot=NO_AUTOPILOT, system_status=4), address, settings
+                    )
                 await asyncio.sleep(_BEAT)
 
 
@@ -177,7 +179,7 @@ async def open_hub(urls: Sequence[str], clock: Clock, system: int, component: in
         if hub is not None:
             hub.receive(data, address)
 
-    link = await open_ways(urls, receive)
+    link = await open_links(urls, receive)
     hub = LinkHub(link, clock, system, component)
     beating = asyncio.create_task(hub.beat(), name=f"mavlink heartbeat {link.url}")
     try:

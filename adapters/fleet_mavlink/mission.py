@@ -168,7 +168,7 @@ class MissionPilot:
         moves = self._vehicle.state.armed if surface else self._vehicle.state.in_air
         if moves and not mission.resumed:
             # Hold first: the old target is obsolete, and a mission must not be replaced while it is flown.
-            self._flight.give_way(flavour, flavour.hold)
+            self._flight.end_stream(flavour, flavour.hold)
             await self._flight.hold()
         await self._load(plan, flavour, resumed=mission.resumed)
         self._kept = mission.items
@@ -224,7 +224,7 @@ class MissionPilot:
         returns = lands or (home_last and not flavour.stays_at_home)
         circles = home_last and flavour.wings and not returns
         ends = (flavour.return_home,) if returns or circles else (flavour.hold, *flavour.mission_ends)
-        self._flight.give_way(flavour, flavour.mission)
+        self._flight.end_stream(flavour, flavour.mission)
         if flavour.rewind is not None and not mission.resumed:
             await flight.commander.ask(flavour.rewind)
         before = self._vehicle.state.mission_reached if flavour.repeats_reached else None

@@ -207,7 +207,7 @@ class AutopilotNavigator:
             raise home_unknown()
         target = NavigationTarget(home, None, 0.0, level=True)
         course = _Course(known_position(vehicle), (target,))
-        flight.give_way(flavour, flavour.return_home)
+        flight.end_stream(flavour, flavour.return_home)
         await flight.enter(flavour.return_home, effect=effect_of_descent(flavour))
         yield course.progress(0, self._left(target), "on the way home")
         async for blocked in self._until(target, flavour.tolerance, flavour.return_home, turned=False):

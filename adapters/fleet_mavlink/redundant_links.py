@@ -24,16 +24,16 @@ _FIRST_WITHIN = 5.0  # s within which the first link must open
 class LinkAddress(msgspec.Struct, frozen=True):
     """Sender of a message: an address on one of the links; link 0 is preferred."""
 
-    way: int
+    index: int
     address: Address
 
 
-def way_of(address: Address) -> int:
+def link_index_of(address: Address) -> int:
     """Return the number of the link of an address; 0 with a single link."""
-    return address.way if isinstance(address, LinkAddress) else 0
+    return address.index if isinstance(address, LinkAddress) else 0
 
 
-class Ways:
+class RedundantLinks:
     """Several links, each reopened independently; the combination is never lost."""
 
     def __init__(self, urls: Sequence[str], receiver: Receiver) -> None:
@@ -42,30 +42,30 @@ class Ways:
         self._open: dict[int, Link] = {}
         self._news = asyncio.Event()
         self._keeping = [
-            asyncio.create_task(self._keep(way, url), name=f"way {url}") for way, url in enumerate(urls)
+            asyncio.create_task(self._keep(index, url), name=f"way {url}") for index, url in enumerate(urls)
         ]
 
-    async def _keep(self, way: int, url: str) -> None:
+    async def _keep(self, index: int, url: str) -> None:
         """Open one link, and reopen it after each loss."""
         waits = backoff(longest=_LONGEST)
         while True:
             try:
-                link = await open_link(url, partial(self._received, way))
+                link = await open_link(url, partial(self._received, index))
                 waits = backoff(longest=_LONGEST)
-                self._open[way] = link
+                self._open[index] = link
                 self._news.set()
                 try:
                     await link.lost()
                 finally:
-                    del self._open[way]
+                    del self._open[index]
                     await link.close()
             except LinkError as error:
                 _LOG.warning("%s: %s", url, error)
             await asyncio.sleep(next(waits))
 
-    def _received(self, way: int, data: bytes, address: Address) -> None:
+    def _received(self, index: int, data: bytes, address: Address) -> None:
         """Pass received data on, with the number of its link."""
-        self._receiver(data, LinkAddress(way, address))
+        self._receiver(data, LinkAddress(index, address))
 
     async def first(self) -> None:
         """Wait until one of them is open; raises LinkLost."""
@@ -85,8 +85,8 @@ class Ways:
         Data written while a link is down is lost, as on a radio link; the link is reopened by itself.
         """
         written = False
-        for way, link in tuple(self._open.items()):
-            if address is None or address.way == way:
+        for index, link in tuple(self._open.items()):
+            if address is None or address.index == index:
                 with contextlib.suppress(LinkLost):
                     written |= link.send(data, address.address if address is not None else None)
         return written
@@ -102,14 +102,14 @@ class Ways:
         await asyncio.gather(*self._keeping, return_exceptions=True)
 
 
-async def open_ways(urls: Sequence[str], receiver: Receiver) -> Link:
+async def open_links(urls: Sequence[str], receiver: Receiver) -> Link:
     """Open a link, or several as one; raises LinkRefused or LinkLost."""
     if len(urls) == 1:
         return await open_link(urls[0], receiver)
-    ways = Ways(urls, receiver)
+    links = RedundantLinks(urls, receiver)
     try:
-        await ways.first()
+        await links.first()
     except BaseException:
-        await ways.close()
+        await links.close()
         raise
-    return ways
+    return links

@@ -77,7 +77,7 @@ class VehicleSession:
         self.authority = Authority(self._authority_lost)
         waits = config.timeouts
         self.commander = Commander(vehicle, CommandTimeouts(waits.answer, waits.tries, waits.working))
-        self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
+        self.flight = Flight(vehicle, self.commander, self.authority, limits, self._end_stream)
         self.driver = VelocityStream(
             vehicle,
             self.authority,
@@ -268,9 +268,9 @@ class VehicleSession:
         """Report the battery now; False while it is unknown."""
         return self._reporter.battery()
 
-    def _give_way(self, flavour: Flavour, mode: str) -> None:
+    def _end_stream(self, flavour: Flavour, mode: str) -> None:
         """End the stream of setpoints before a command that leads to ``mode``."""
-        self.driver.give_way(flavour, mode)
+        self.driver.end_stream(flavour, mode)
 
     def _tick(self) -> None:
         """Stream setpoints; the task that waits for the link notices when it is down.

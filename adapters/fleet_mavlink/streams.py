@@ -33,7 +33,7 @@ from fleet_mavlink.vehicle_kind import VehicleKind
 _POLL_INTERVAL = 1.0  # s between checks of the arriving messages
 _PATIENCE = 3.0  # s, or three periods, without a message after which it is requested again
 _ASK_AGAIN = 5.0  # s between requests for the same message
-_OLD_WAY_AFTER = 2  # requests for the attitude without effect, before REQUEST_DATA_STREAM
+_LEGACY_AFTER = 2  # requests for the attitude without effect, before REQUEST_DATA_STREAM
 _VFR_HUD = 74
 _SHOWN: Mapping[int, float] = {_VFR_HUD: 2.0}  # messages for ground stations only
 _KIND = {kind.message_id: kind for kind in (*INCOMING, *payload_messages.INCOMING)}
@@ -112,8 +112,8 @@ class Streams:
         for message_id, rate in {**shown, **wanted_rates(self._pose, kind, **self._sensors)}.items():
             if message_id not in self._refused and self._is_due(message_id, rate):
                 await self._ask(message_id, rate)
-        if self._in_vain > _OLD_WAY_AFTER:
-            self._ask_the_old_way(kind)
+        if self._in_vain > _LEGACY_AFTER:
+            self._request_data_streams(kind)
 
     def _is_due(self, message_id: int, rate: float) -> bool:
         """Return True if a message was never requested, or is overdue."""
@@ -145,7 +145,7 @@ class Streams:
             if error.device_result is not None:
                 self._refused.add(message_id)
 
-    def _ask_the_old_way(self, kind: VehicleKind) -> None:
+    def _request_data_streams(self, kind: VehicleKind) -> None:
         """Request groups of messages, for old firmware; this is never acknowledged."""
         self._in_vain = 0
         for stream in kind.data_streams:

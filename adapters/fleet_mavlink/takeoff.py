@@ -61,7 +61,7 @@ class TakeOff:
         """Hold where it flies: the host has ended what it did before, and a take-off never descends."""
         flight = self._flight
         require_control(self._vehicle, flight.authority)
-        flight.give_way(flight.flavour, flight.flavour.hold)
+        flight.end_stream(flight.flavour, flight.flavour.hold)
         await flight.hold()
         yield Progress(100.0, "in the air already; a take-off never descends")
 
@@ -97,7 +97,7 @@ class _Attempt:
         self._target = await flight.home.altitude() + self._altitude
         self._left = flight.mode(self._vehicle.state)
         self._armed_by_us = not self._vehicle.state.armed
-        flight.give_way(flavour, flavour.takeoff)
+        flight.end_stream(flavour, flavour.takeoff)
         if self._armed_by_us:
             await flight.arming.arm()
         elif flavour.takeoff == flavour.arming:

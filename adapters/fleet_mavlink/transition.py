@@ -41,7 +41,7 @@ async def _begin(flight: Flight, to: To) -> None:
     """
     vehicle, flavour = flight.vehicle, flight.flavour
     mode = flavour.transitions[to]
-    flight.give_way(flavour, mode or flavour.hold)
+    flight.end_stream(flavour, mode or flavour.hold)
     if mode and vehicle.state.vtol_state == _FLIES[to]:
         await flight.hold()
         return

@@ -23,7 +23,7 @@ from fleet_mavlink.flavours import flavour_of, kind_of
 from fleet_mavlink.messages import CommandAck, Heartbeat, MavlinkMessage, StatusTextMessage
 from fleet_mavlink.payload_messages import GimbalDeviceAttitudeStatus
 from fleet_mavlink.received_messages import ReceivedMessages, SaidT
-from fleet_mavlink.redundant_links import way_of
+from fleet_mavlink.redundant_links import link_index_of
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
 from fleet_mavlink.vehicle_kind import Brake, VehicleKind
@@ -72,7 +72,8 @@ class Vehicle:
         self._send = send
         self._joiner = Joiner()
         self.switches = 0  # changes of the link to it
-        self._ways: dict[int, tuple[Address, float]] = {}  # its address on each link, and when it was heard
+        # its address on each link, and when it was heard
+        self._addresses_by_link: dict[int, tuple[Address, float]] = {}
         self._others: dict[int, deque[tuple[Address, float]]] = {}  # other senders since its last message
         self._clash_at = -math.inf
         self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
@@ -153,25 +154,25 @@ class Vehicle:
         not, the autopilot restarted with a new address. Of several links the first on which the vehicle is
         heard is used; the others stand by.
         """
-        way = way_of(address)
-        known, heard_at = self._ways.get(way, (address, -math.inf))
+        link = link_index_of(address)
+        known, heard_at = self._addresses_by_link.get(link, (address, -math.inf))
         if now - heard_at > SILENCE:
             known = address
         elif address != known:
-            self._others.setdefault(way, deque(maxlen=_REMEMBERED)).append((address, now))
+            self._others.setdefault(link, deque(maxlen=_REMEMBERED)).append((address, now))
             return False
-        elif way in self._others:
-            self._clash(self._others[way])
-        self._others.pop(way, None)
-        self._ways[way] = known, now
-        best = way
-        if len(self._ways) > 1:
-            best = min(each for each, (_, at) in self._ways.items() if now - at <= _SWITCH_AFTER)
-        if best != way_of(self.address):
+        elif link in self._others:
+            self._clash(self._others[link])
+        self._others.pop(link, None)
+        self._addresses_by_link[link] = known, now
+        best = link
+        if len(self._addresses_by_link) > 1:
+            best = min(each for each, (_, at) in self._addresses_by_link.items() if now - at <= _SWITCH_AFTER)
+        if best != link_index_of(self.address):
             self.log.info("it is reached by way %s from now on", best)
             self.switches += 1
-        self.address = self._ways[best][0]
-        return way == best
+        self.address = self._addresses_by_link[best][0]
+        return link == best
 
     def _clash(self, others: deque[tuple[Address, float]]) -> None:
         """Record that a second vehicle uses this id, with the addresses and times of its messages."""

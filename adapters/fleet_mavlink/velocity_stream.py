@@ -129,7 +129,7 @@ class VelocityStream:
             self._again_at = self._vehicle.now() + _AGAIN
             self._to(BRAKING)
 
-    def give_way(self, flavour: Flavour, mode: str) -> None:
+    def end_stream(self, flavour: Flavour, mode: str) -> None:
         """End the stream for a command that leads to ``mode``; at once if that mode accepts setpoints."""
         if mode == flavour.external:
             self.end()

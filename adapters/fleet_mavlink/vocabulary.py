@@ -17,24 +17,24 @@ VERBS = (
 _LEVEL = tuple(verb for verb in VERBS if verb not in {"ascend", "descend"})
 _ON_THE_SURFACE = "it moves on the surface: it neither takes off nor changes its height"
 _ALONG_ITS_NOSE = "it moves along its nose only, not sideways"
-_ONE_WAY = "it has one way to move only: it is no VTOL"
+_NO_TRANSITION = "it has one way to move only: it is no VTOL"
 _UNSET = "a QuadPlane is moved only with Q_GUIDED_MODE 1: send set_failsafes, or set it, on the ground"
 ON_WINGS = "it flies on its wings and never stands: it takes goals, which it circles, and no velocities"
 NO_VELOCITIES = "ArduPlane takes no velocities, in its hover either: send a goal"
 PX4_ROVER = ", because nobody has measured how a rover on PX4 holds and stops; one on ArduPilot is moved"
-ONE_WAY: Mapping[str, str] = {"transition": _ONE_WAY}
+NO_TRANSITION: Mapping[str, str] = {"transition": _NO_TRANSITION}
 """Lacking on all vehicles but VTOLs."""
 SURFACE: Mapping[str, str] = {
     **dict.fromkeys(
         ("takeoff", "land", "cancel_takeoff", "cancel_landing", "ascend", "descend"), _ON_THE_SURFACE
     ),
     **dict.fromkeys(("strafe_left", "strafe_right"), _ALONG_ITS_NOSE),
-    **ONE_WAY,
+    **NO_TRANSITION,
 }
 """Lacking on a rover or a boat that moves along its nose."""
 WINGS_AND_ROTORS: Mapping[str, str] = dict.fromkeys(_LEVEL, ON_WINGS)
 """Lacking on a VTOL on its wings."""
-WINGS: Mapping[str, str] = {**WINGS_AND_ROTORS, **ONE_WAY}
+WINGS: Mapping[str, str] = {**WINGS_AND_ROTORS, **NO_TRANSITION}
 """Lacking on a plane."""
 HOVERING: Mapping[str, str] = dict.fromkeys(_LEVEL, NO_VELOCITIES)
 """Lacking on a QuadPlane."""

@@ -133,11 +133,11 @@ def _is_stop(message: Any, stops: Iterable[CommandLong]) -> bool:
     return _is_among(message, stops)
 
 
-def comes_down(message: Any, ways: Iterable[CommandLong]) -> bool:
+def comes_down(message: Any, descents: Iterable[CommandLong]) -> bool:
     """Return True if a message lands the vehicle or sends it home, by a command or by one of these modes."""
     if message.get_type() not in {"COMMAND_LONG", "COMMAND_INT"}:
         return False
-    return message.command in {MavCmd.NAV_RETURN_TO_LAUNCH, _NAV_LAND} or _is_among(message, ways)
+    return message.command in {MavCmd.NAV_RETURN_TO_LAUNCH, _NAV_LAND} or _is_among(message, descents)
 
 
 def arms(message: Any) -> bool:

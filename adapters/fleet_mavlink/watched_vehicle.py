@@ -106,7 +106,7 @@ class WatchedVehicle:
         why = self._why_no_operator(frame)
         if why or need is Need.OPERATOR or not self._stopped():
             return why
-        return "" if comes_down(message, ways_down_of(self._vehicle)) else "an emergency stop is set"
+        return "" if comes_down(message, descent_commands_of(self._vehicle)) else "an emergency stop is set"
 
     def _why_no_operator(self, frame: Frame) -> str:
         """Return why a station may not operate the vehicle, empty if it may."""
@@ -167,14 +167,14 @@ def stops_of(vehicle: Vehicle) -> list[CommandLong]:
     return [stop for stop in stops if stop != landing]  # lands a QuadPlane that cannot hold
 
 
-def ways_down_of(vehicle: Vehicle) -> list[CommandLong]:
+def descent_commands_of(vehicle: Vehicle) -> list[CommandLong]:
     """Return the commands that make a vehicle land, or return home."""
     kind = vehicle.kind
     if not isinstance(kind, Flavour):
         return []
-    ways = [kind.land_command()] if kind.land else []
-    ways += [kind.mode_command(kind.return_home)] if kind.return_home else []
-    return [ask for ask in ways if isinstance(ask, CommandLong)]
+    commands = [kind.land_command()] if kind.land else []
+    commands += [kind.mode_command(kind.return_home)] if kind.return_home else []
+    return [ask for ask in commands if isinstance(ask, CommandLong)]
 
 
 def _why_nobody(message: Any) -> str:

@@ -17,7 +17,7 @@ from fleet import Address, Clock
 from fleet_mavlink.codec import Frame, Parser
 from fleet_mavlink.message_targets import target_of
 from fleet_mavlink.notices import Notices
-from fleet_mavlink.redundant_links import Ways
+from fleet_mavlink.redundant_links import RedundantLinks
 
 _LOG = logging.getLogger(__name__)
 _COLLECTED = 0.02  # s
@@ -58,7 +58,7 @@ class Watcher:
     def __init__(self, url: str, clock: Clock) -> None:
         self.url = url
         self.stations: OrderedDict[tuple[int, int], float] = OrderedDict()
-        self.link: Ways | None = None
+        self.link: RedundantLinks | None = None
         self._now = clock.monotonic
         self._notices = Notices(_LOG, clock.monotonic)
         self._parser = Parser()
@@ -172,7 +172,7 @@ class Watcher:
 async def open_watcher(url: str, clock: Clock) -> AsyncIterator[Watcher]:
     """Create a watcher whose link is opened, and reopened, in the background."""
     watcher = Watcher(url, clock)
-    watcher.link = Ways([url], watcher.receive)
+    watcher.link = RedundantLinks([url], watcher.receive)
     try:
         yield watcher
     finally:

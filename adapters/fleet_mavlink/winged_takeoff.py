@@ -41,7 +41,7 @@ class WingedTakeOff:
     async def climb(self) -> AsyncIterator[Progress]:
         """Arm if necessary, and take off; raises the refusal, Fault if its motor stopped, TimedOut."""
         flight, flavour, vehicle = self._flight, self._flavour, self._vehicle
-        flight.give_way(flavour, flavour.takeoff)
+        flight.end_stream(flavour, flavour.takeoff)
         if not vehicle.state.in_air:
             arms = not vehicle.state.armed
             await flight.arming.arm()

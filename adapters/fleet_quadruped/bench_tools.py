@@ -23,7 +23,7 @@ from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.selfwalk.description import SelfWalker
 
 _READ_DEVICE_TYPE = bytes.fromhex("4000100000000000")
-_GIVE_WAY = Layout(PROFILES["damiao-8006"]).pack_command(MitCommand(kd=3.0))
+_DAMPING = Layout(PROFILES["damiao-8006"]).pack_command(MitCommand(kd=3.0))
 """No stiffness, damping only (N m s/rad): the same bytes for every profile."""
 _IDS = range(1, 128)
 _ANSWERED = 0x43
@@ -61,7 +61,7 @@ def scan(bus: CanBus, clock: Clock, seconds: float = 1.0) -> list[str]:
         for frame in bus.receive(0.001):
             _note(frame, found)
     for number in _MOTORS:
-        bus.send(CanFrame(number, _GIVE_WAY))
+        bus.send(CanFrame(number, _DAMPING))
     until = clock.monotonic() + seconds
     while clock.monotonic() < until:
         for frame in bus.receive(0.05):
@@ -112,14 +112,14 @@ class BenchSession:
         Without torque a robot drops if it stands, or if drives that stopped by themselves hold it.
         """
         safety = self.dog.safety
-        gives_way = held = False
+        compliant = held = False
         for _ in range(round(safety.damp_time / self.dog.dt)):
             reported = self.cycle(lambda: None)
-            gives_way = self.drives.probe(safety.kd)
+            compliant = self.drives.probe(safety.kd)
             held = any(one.power in HOLDING for one in reported)
             if not held and all(one.power is not Power.ABSENT for one in reported):
                 return
-        if held and not gives_way:
+        if held and not compliant:
             raise LinkRefused(
                 "the drives hold the dog, and it would fall: lower it with fleet run, or switch their power "
                 "off while it hangs"

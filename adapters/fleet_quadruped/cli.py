@@ -197,9 +197,9 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
         raise LinkRefused(f"--degrees {degrees:g}: less than {LEAST_DEGREES:g} is not visible")
     if not jog.torque <= most:
         raise LinkRefused(f"--torque {jog.torque:g}: at most {most:.1f} N m for {name} on the bench")
-    way = direction(joint, forwards=degrees > 0)
+    movement = direction(joint, forwards=degrees > 0)
     click.echo(
-        f"{name}: id {joint.id} on bus {joint.bus}. It will move by {degrees:+g} degrees ({way}), "
+        f"{name}: id {joint.id} on bus {joint.bus}. It will move by {degrees:+g} degrees ({movement}), "
         f"with at most {jog.torque:.1f} N m. Any key stops it.",
         err=True,
     )
@@ -218,7 +218,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
             [f"{name}: moved {math.degrees(moved):+.2f} of {degrees:+g} degrees; held, or --torque too low"]
         )
         return 1
-    right = click.confirm(f"Did it move {way}?", default=None, err=True)
+    right = click.confirm(f"Did it move {movement}?", default=None, err=True)
     _show([f"{name}: moved {math.degrees(moved):+.2f} degrees; {verdict(joint, right=right)}"])
     return 0
 

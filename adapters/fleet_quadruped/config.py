@@ -57,7 +57,7 @@ class QuadrupedConfig(AdapterConfig):
     )
 
     @model_validator(mode="after")
-    def _one_way(self) -> QuadrupedConfig:
+    def _real_or_simulated(self) -> QuadrupedConfig:
         """Refuse a robot that is both real and simulated, or neither."""
         if bool(self.buses) == (self.link is not None):
             raise ValueError("give either buses (a real dog) or link: sim:auto (a simulated one)")

@@ -57,7 +57,7 @@ def outage(thousands):
     return grown, published.total
 
 
-def slow_way(name):
+def slow_link(name):
     """Carry 1 kB messages over a slow link; return the growth (MiB) and the messages received per second."""
     with (
         mosquitto() as port,
@@ -75,7 +75,7 @@ def run(thousands=THOUSANDS):
     what = f"outage at full load, {published} messages ({published / 60_000:.0f} min at 1,000 /s)"
     line(f"{what}: memory", f"{grown:+.1f} MiB", "aim: at most +20")
     for name in ("fleet", "peer"):
-        grown, rate = slow_way(name)
+        grown, rate = slow_link(name)
         what = (
             f"{ROUND_TRIP * 1e3:.0f} ms there and back, {SLOW_RATE} /s x 1 kB for {SLOW_SECONDS:g} s: {name}"
         )

@@ -17,7 +17,7 @@ from fleet.errors import Refused
 from fleet.model.geometry import Vector3
 from fleet.model.state import RobotState
 
-WAY = 1.0  # m
+DISTANCE = 1.0  # m
 SPEED = 0.15  # m/s; slow, so that no wheel slips
 WITHIN = 120.0  # s for each drive
 STOP_WITHIN = 5.0  # s for the answer to a stop
@@ -25,14 +25,14 @@ SANE = (0.5, 2.0)  # factors outside indicate an error in measuring
 
 
 def calibrated(
-    before: dict[str, float], *, reported: float, way: float, off: float, track: float
+    before: dict[str, float], *, reported: float, distance: float, off: float, track: float
 ) -> dict[str, float]:
     """Return new calibration values from the ones in use (``before``).
 
-    ``reported`` and ``way``: metres by the robot and in truth; ``off``: degrees of the true rotation beyond a
-    full turn, left positive; ``track``: the effective track in use, m. Raises Refused for implausible values.
+    ``reported`` and ``distance``: metres by the robot and in truth; ``off``: degrees of the true rotation
+    beyond a full turn, left positive; ``track``: the effective track in use, m. Raises Refused.
     """
-    further, turned = way / max(reported, 1e-6), 1.0 + off / 360.0
+    further, turned = distance / max(reported, 1e-6), 1.0 + off / 360.0
     for what, factor in (("way", further), ("turn", turned)):
         if not SANE[0] <= factor <= SANE[1]:
             raise Refused(
@@ -60,10 +60,10 @@ def calibrate(out: Output, robot: str, file: str) -> ExitCode:
     before, track = _in_use(robot, file)
     with Edges.reach(file) as edges:
         reported = _drive(edges, robot)
-        way = click.prompt("How far did it go, in metres?", type=float, err=True)
+        distance = click.prompt("How far did it go, in metres?", type=float, err=True)
         _turn(edges, robot)
         off = click.prompt("How many degrees is it off its mark (left positive)?", type=float, err=True)
-    values = calibrated(before, reported=reported, way=way, off=off, track=track)
+    values = calibrated(before, reported=reported, distance=distance, off=off, track=track)
     path = Path(file).with_name(f"{robot}.calibration.yaml")
     path.write_text("".join(f"{name}: {value}\n" for name, value in values.items()), encoding="utf-8")
     out.data({"file": str(path), "calibration": values})
@@ -85,9 +85,9 @@ def _in_use(name: str, file: str) -> tuple[dict[str, float], float]:
 
 def _drive(edges: Edges, name: str) -> float:
     """Drive straight ahead; return the distance in metres by the robot's odometry."""
-    click.confirm(f"{name} will drive {WAY:g} m straight on. Is the way free?", abort=True, err=True)
+    click.confirm(f"{name} will drive {DISTANCE:g} m straight on. Is the way free?", abort=True, err=True)
     start = _place(edges, name)
-    _go(edges, name, "relative_move", relative_translation=[WAY, 0.0, 0.0], frame="body")
+    _go(edges, name, "relative_move", relative_translation=[DISTANCE, 0.0, 0.0], frame="body")
     return (_place(edges, name) - start).norm()
 
 

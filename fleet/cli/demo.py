@@ -88,7 +88,7 @@ def _patrol(kinds: Mapping[str, Sequence[object]]) -> dict[str, object]:
     """Return the demo's mission for the robots present; none for dogs alone."""
     there = [kind for kind in ("drones", "ugvs") if kinds[kind]]
     roles = {"drones": "eye", "ugvs": "feet"}
-    ways = {"drones": {"goto": [6, 0, 5]}, "ugvs": {"goto": [2, -ROW]}}
+    actions = {"drones": {"goto": [6, 0, 5]}, "ugvs": {"goto": [2, -ROW]}}
     if not there:
         return {}
     up = {"eye": {"command": "takeoff", "with": {"altitude": {"input": "height"}}}}
@@ -97,7 +97,7 @@ def _patrol(kinds: Mapping[str, Sequence[object]]) -> dict[str, object]:
             "id": "round",
             "start": "together",
             "timeout": "2 min",
-            "do": {roles[kind]: ways[kind] for kind in there},
+            "do": {roles[kind]: actions[kind] for kind in there},
         }
     ]
     if "drones" in there:

@@ -99,8 +99,8 @@ def _aim(places: tuple[str, ...], path: Path | None, *, geo: bool, site: bool) -
     if route.geo and site:
         raise click.UsageError("--site is metres, and the places of the file are on Earth")
     frame = "geo" if geo or route.geo else "site" if site else "world"
-    *way, (x, y, *z) = route.places
-    return GotoTarget(x, y, z[0] if z else None, frame, way=tuple(way))
+    *via, (x, y, *z) = route.places
+    return GotoTarget(x, y, z[0] if z else None, frame, via=tuple(via))
 
 
 def _said(places: tuple[str, ...]) -> Waypoints:

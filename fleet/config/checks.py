@@ -26,11 +26,11 @@ from fleet.robot_config import MAIN, AdapterConfig
 
 MOST_TOLD = 5
 """Number of robots up to which a warning is repeated for each; beyond it, one warning covers all."""
-_WAY = "way to the robot"
+_LINK = "way to the robot"
 _APART = {
     "name": "give each robot a name of its own",
     "twin": "give each robot a twin of its own",
-    _WAY: "give each robot a link of its own; several vehicles on one link have each its own system_id",
+    _LINK: "give each robot a link of its own; several vehicles on one link have each its own system_id",
 }
 
 
@@ -55,7 +55,7 @@ def _unique(robot: object, identity: Identity | None) -> Iterator[tuple[str, obj
         if isinstance(robot, dict) and isinstance(robot.get(key), str):
             yield key, robot[key].lower(), key
     if identity is not None:
-        yield _WAY, identity, "link"
+        yield _LINK, identity, "link"
 
 
 def _place(index: int, key: str, document: Document) -> Mark:

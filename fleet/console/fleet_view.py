@@ -57,7 +57,7 @@ class RobotPath(msgspec.Struct, frozen=True):
     """Its name, and the points of its path in the site's frame, m."""
 
     name: str
-    way: tuple[Vector3, ...] = ()
+    route: tuple[Vector3, ...] = msgspec.field(name="way", default=())
 
 
 def id_of(edge: str, robot: str) -> str:
@@ -166,9 +166,9 @@ class FleetView:
         """Take the goals of the robots of an edge."""
         for entry in goals.robots:
             name = id_of(edge, entry.robot.name)
-            way = [list(_rounded((point.x, point.y, point.z))) for point in entry.robot.way]
-            if way or self.get("goals", name) is not None:
-                self.put("goals", name, way)
+            route = [list(_rounded((point.x, point.y, point.z))) for point in entry.robot.route]
+            if route or self.get("goals", name) is not None:
+                self.put("goals", name, route)
 
     def take_description(self, edge: str, description: RobotDescription) -> None:
         """Take a robot's vocabulary, and whether it would accept each command now."""

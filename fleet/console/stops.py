@@ -67,11 +67,11 @@ class StopRecord:
         for robot in robots:
             self._robot(robot)
 
-    def acknowledge(self, robot: str, now: float, way: str) -> None:
+    def acknowledge(self, robot: str, now: float, transport: str) -> None:
         """Record that the stop of a robot is set; the first confirmation counts."""
         found = self._robot(robot)
         if found["acknowledged"] is None:
-            found |= {"acknowledged": _ms(now - self.began), "way": way, "outcome": "set"}
+            found |= {"acknowledged": _ms(now - self.began), "way": transport, "outcome": "set"}
 
     def see(self, robot: str, outcome: str, now: float) -> None:
         """Record the outcome of a robot's stop by its state."""

@@ -40,7 +40,7 @@ class LinkFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     """
 
     at: float
-    way: Direction
+    direction: Direction = msgspec.field(name="way")  # as in recordings of all versions
     data: bytes = b""
     peer: str = ""
 
@@ -64,7 +64,7 @@ class TapCallback(Protocol):
     """Takes a copy of a frame, from any thread; never raises."""
 
     def __call__(
-        self, way: Direction, data: bytes, address: Address = None, *, at: float | None = None
+        self, direction: Direction, data: bytes, address: Address = None, *, at: float | None = None
     ) -> None:
         """Take direction, bytes and peer; ``at`` (Unix s) if it was not now."""
 
@@ -97,10 +97,10 @@ class FrameTap:
     def open(self, robot: str, link: str, redaction: Callable[[], Redaction | None]) -> LinkTap:
         """Return the tap of a link that is being opened."""
         tap = LinkTap(robot, link)
-        for way in ("in", "out"):
+        for direction in ("in", "out"):
             redact = redaction()
             if redact is not None:
-                tap.redactions[way] = redact
+                tap.redactions[direction] = redact
         self._links.add(tap)
         if self.is_on:
             tap.note = partial(self._take, tap)
@@ -119,10 +119,16 @@ class FrameTap:
             tap.note = partial(self._take, tap) if on else None
 
     def _take(
-        self, tap: LinkTap, way: Direction, data: bytes, address: Address = None, *, at: float | None = None
+        self,
+        tap: LinkTap,
+        direction: Direction,
+        data: bytes,
+        address: Address = None,
+        *,
+        at: float | None = None,
     ) -> None:
         """Queue a copy of a frame; from any thread, even just after the recorder has left."""
-        frame = tap, self._clock.time() if at is None else at, way, data, address
+        frame = tap, self._clock.time() if at is None else at, direction, data, address
         with self._lock:
             if not self.is_on:
                 return
@@ -149,11 +155,11 @@ class FrameTap:
             frame = self._next()
             if frame is None:
                 break
-            tap, at, way, data, address = frame
-            shown = self._redacted(tap, way, data)
+            tap, at, direction, data, address = frame
+            shown = self._redacted(tap, direction, data)
             if shown is None:
                 continue
-            by_link.setdefault(tap, []).append(LinkFrame(at, way, shown, peer_of(address)))
+            by_link.setdefault(tap, []).append(LinkFrame(at, direction, shown, peer_of(address)))
             sizes[tap] = sizes.get(tap, 0) + len(data)
             if sizes[tap] > LARGEST:
                 put(self._message(tap, by_link.pop(tap)))
@@ -164,9 +170,9 @@ class FrameTap:
             put(self._message(tap, frames))
             yield
 
-    def _redacted(self, tap: LinkTap, way: Direction, data: bytes) -> bytes | None:
+    def _redacted(self, tap: LinkTap, direction: Direction, data: bytes) -> bytes | None:
         """Return the bytes without secrets, None (the frame is dropped) when an adapter's redaction fails."""
-        redact = tap.redactions.get(way)
+        redact = tap.redactions.get(direction)
         if redact is None:
             return data
         try:

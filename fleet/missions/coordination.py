@@ -19,15 +19,15 @@ LAPSES_AFTER = 3.0  # s without a renewal
 class LeaseAsk(msgspec.Struct, frozen=True, omit_defaults=True):
     """Request or renewal of the lease of robots; ``robots``: the action of each after the expiry, by name.
 
-    Robots that are left out are released. ``way``, ``source_type`` and ``session_id`` are the authority of
-    the run, which is checked if ``begins``.
+    Robots that are left out are released. ``transport``, ``source_type`` and ``session_id`` are the authority
+    of the run, which is checked if ``begins``.
     """
 
     run: str
     edge: str
     robots: Mapping[str, str]
     begins: bool = False
-    way: str = "bus"
+    transport: str = msgspec.field(name="way", default="bus")
     source_type: str | None = None
     session_id: str = ""
 

@@ -14,7 +14,7 @@ from fleet.missions.plan import plan_needs
 from fleet.missions.program import Act, Do, Program, RoleNeed
 from fleet.missions.rehearsal import Point
 from fleet.missions.report import MissionState, StartAsk
-from fleet.missions.roles import RoleCandidate, filled, is_meant, runs_in_the_way, spare_of, spares
+from fleet.missions.roles import RoleCandidate, conflicting_runs, filled, is_meant, spare_of, spares
 from fleet.missions.run import Run
 from fleet.missions.state import Member
 
@@ -73,14 +73,14 @@ class Filling:
         if why:
             raise Refused(f"it must be rehearsed first, and {why}", hint=rehearse_command(mission.name, ask))
 
-    def in_the_way(self, mission: Mission, program: Program, ask: StartAsk) -> list[str]:
+    def conflicting_runs(self, mission: Mission, program: Program, ask: StartAsk) -> list[str]:
         """Return the conflicting runs: of the same mission, at its places, or with robots that it needs.
 
         Raises Refused if the mission could not start even after their end.
         """
         self._require_rehearsal(mission, program, ask, None)
         needs, free = needs_of(program), self._free(ask.run)
-        found = runs_in_the_way(mission.config.roles, needs, free, program.require, ask.robots)
+        found = conflicting_runs(mission.config.roles, needs, free, program.require, ask.robots)
         for run in self._runs():
             places = set(program.occupies) & set(run.engine.program.occupies)
             if any(map(self._is_full, places)) or run.about.mission == program.mission:

@@ -80,8 +80,8 @@ class AskedNow(msgspec.Struct, frozen=True, omit_defaults=True):
 class RunState(msgspec.Struct, frozen=True, omit_defaults=True):
     """Present state of one run. ``started`` is Unix seconds, ``seconds`` its duration so far.
 
-    ``by`` is the user who started it, ``way`` the transport of the request; for a schedule it is the edge's
-    own (``mission``). ``waits_for`` is the place that it waits for before it begins, with the holder.
+    ``by`` is the user who started it, ``transport`` that of the request; for a schedule it is the edge's own
+    (``mission``). ``waits_for`` is the place that it waits for before it begins, with the holder.
     """
 
     run: str
@@ -98,7 +98,7 @@ class RunState(msgspec.Struct, frozen=True, omit_defaults=True):
     question: AskedNow | None = None
     robots: tuple[RunRobot, ...] = ()
     problem: str = ""
-    way: str = "bus"
+    transport: str = msgspec.field(name="way", default="bus")
     waits_for: str = ""
 
 
@@ -138,7 +138,7 @@ def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: s
             for member in engine.robots.members.values()
         ),
         problem,
-        about.way,
+        about.transport,
         head.waits_for,
     )
 
@@ -157,7 +157,7 @@ def ended_state(about: About, head: Head, members: Iterable[Member], edge: str) 
         outcome=head.outcome.value if head.outcome else "",
         reason=head.reason,
         robots=tuple(_robot(member, "", ()) for member in members),
-        way=about.way,
+        transport=about.transport,
     )
 
 

@@ -100,7 +100,7 @@ def spare_of(role: str) -> str:
     return f"spare {role}"
 
 
-def runs_in_the_way(
+def conflicting_runs(
     roles: Mapping[str, RoleConfig],
     needs: Mapping[str, frozenset[str]],
     candidates: Iterable[RoleCandidate],

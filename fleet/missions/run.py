@@ -120,7 +120,7 @@ class Run:
         self.holding = RequestedHolds(self.take, services.clock)
         self.together = TogetherStep(
             services.together,
-            Transport(about.way),
+            Transport(about.transport),
             payload=self._payload,
             take=self.take,
             replied=self._replied,
@@ -279,7 +279,7 @@ class Run:
         self, robot: str, kind: Kind, payload: bytes, answer: Callable[[Reply], None], identity: str = ""
     ) -> None:
         """Send a robot a message over the transport by which the run was started."""
-        transport = Transport(self.about.way)
+        transport = Transport(self.about.transport)
         asked = self._services.robots[robot].read(
             kind, payload, transport=transport, request_id=identity, waits=True
         )

@@ -168,7 +168,7 @@ class Runs:
             if not admitted:
                 self._require_authority(program, roles, Origin(transport, ask.source_type, ask.session_id))
             engine = Engine(run, program, members_of(program, roles))
-            self._require_ways(engine)
+            self._require_routes(engine)
             require_reach(program, engine.robots, self.edge, self._elsewhere)
         except Refused as error:
             began("", {}, str(error))
@@ -200,7 +200,7 @@ class Runs:
                 if refusal:
                     raise Refused(f"{robot}: {refusal}")
 
-    def _require_ways(self, engine: Engine) -> None:
+    def _require_routes(self, engine: Engine) -> None:
         """Raise Refused for a step that leads a robot where it must not go, before anything moves."""
         robots = engine.robots
         for step in engine.program.steps:

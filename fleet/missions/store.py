@@ -54,8 +54,8 @@ _encode = msgspec.json.Encoder().encode
 class About(msgspec.Struct, frozen=True, omit_defaults=True):
     """Origin of a run: user, time (Unix s) and inputs; ``hash`` covers the program and the roles.
 
-    ``way`` and ``source_type`` are the authority under which its robots are commanded. ``workflow`` is the
-    workflow of the cloud that started it.
+    ``transport`` and ``source_type`` are the authority under which its robots are commanded. ``workflow`` is
+    the workflow of the cloud that started it.
     """
 
     run: str
@@ -63,7 +63,7 @@ class About(msgspec.Struct, frozen=True, omit_defaults=True):
     hash: str
     started: float
     by: str = ""
-    way: str = "bus"
+    transport: str = msgspec.field(name="way", default="bus")
     source_type: str | None = None
     inputs: dict[str, object] = {}
     workflow: str = ""

@@ -34,8 +34,8 @@ def arranged(robots: Sequence[Vector3], centre: Vector3, spacing: float) -> list
         steps = [rotate_to_world(step, turn * math.pi / ORIENTATIONS) for step in grid]
         order = nearest_each(robots, [centre + step for step in steps])
         chosen = [steps[number] for number in order]
-        ways = [(robot, centre + step) for robot, step in zip(robots, chosen, strict=True)]
-        least = min((apart(one, other) for one, other in itertools.combinations(ways, 2)), default=0.0)
+        paths = [(robot, centre + step) for robot, step in zip(robots, chosen, strict=True)]
+        least = min((apart(one, other) for one, other in itertools.combinations(paths, 2)), default=0.0)
         if least > best[0] + MINIMUM_GAIN:
             best = least, chosen
     return best[1]

@@ -161,7 +161,7 @@ class Rehearsal:
         def began(_run: str, _roles: Mapping[str, Sequence[str]], refusal: str) -> None:
             self._refused = refusal
 
-        self._runs.start(mission, without_long_waits(task.program), ask, Transport(task.way), began)
+        self._runs.start(mission, without_long_waits(task.program), ask, Transport(task.transport), began)
 
     async def _joined_run(self) -> Run:
         """Return the run after its robots have joined it; raises Unrehearsable."""

@@ -120,12 +120,12 @@ class StandIn(Adapter[AdapterConfig]):
         self._speed = math.inf
         up = Vector3(self._at.x, self._at.y, data.get("altitude") or HEIGHT)
         over_home = Vector3(0.0, 0.0, self._at.z)
-        ways = {"takeoff": [up], "land": [self._down(self._at)]}
-        ways["return_to_home"] = [over_home, self._down(over_home)]
-        for goal in ways.get(name, ()):
+        routes = {"takeoff": [up], "land": [self._down(self._at)]}
+        routes["return_to_home"] = [over_home, self._down(over_home)]
+        for goal in routes.get(name, ()):
             async for _ in self._go(goal):
                 pass
-        if name not in ways:
+        if name not in routes:
             await asyncio.sleep(LASTS)
 
     def _down(self, point: Vector3) -> Vector3:
@@ -143,17 +143,17 @@ class StandIn(Adapter[AdapterConfig]):
 
     def _step(self) -> None:
         """Advance the position by one step."""
-        way = rotate_to_world(self._held.linear, self._yaw).scaled(STEP)
+        offset = rotate_to_world(self._held.linear, self._yaw).scaled(STEP)
         if self._goal is not None:
-            way = self._goal - self._at
+            offset = self._goal - self._at
             most = STEP * min(self._speed, self.robot.limits.speed or SPEED)
-            if way.norm() > most:
-                way = way.scaled(most / way.norm())
+            if offset.norm() > most:
+                offset = offset.scaled(most / offset.norm())
             else:
                 self._goal = None
         self._yaw += self._held.yaw_rate * STEP
-        self._at = self._at + way
-        self._drain(moves=way.norm() > 0.0)
+        self._at = self._at + offset
+        self._drain(moves=offset.norm() > 0.0)
 
     def _drain(self, *, moves: bool) -> None:
         """Discharge the battery for a step, if fleet.yaml gives its endurance."""

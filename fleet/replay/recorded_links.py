@@ -64,9 +64,9 @@ class RecordedLinks:
     def take(self, url: str, frame: LinkFrame) -> None:
         """Deliver a received frame; when a link was reopened in the recording, end it first."""
         link = self._open.get(url)
-        if link is not None and frame.way == "in":
+        if link is not None and frame.direction == "in":
             link.arrive(frame)
-        elif link is not None and frame.way == "open" and link.stats.received:
+        elif link is not None and frame.direction == "open" and link.stats.received:
             self._open.pop(url).fall("it was opened again then")
 
 

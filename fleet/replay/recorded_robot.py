@@ -56,8 +56,8 @@ class RecordedRobot(msgspec.Struct, frozen=True):
         """True if it has the robot's links from their opening, so nothing was learned before."""
         opened: dict[str, str] = {}
         for link, frame in self.frames:
-            opened.setdefault(link, frame.way)
-        return bool(opened) and all(way == "open" for way in opened.values())
+            opened.setdefault(link, frame.direction)
+        return bool(opened) and all(direction == "open" for direction in opened.values())
 
 
 class Recording(msgspec.Struct, frozen=True):

@@ -115,7 +115,7 @@ class _Replay:
                 self._robot.at(event)
             else:
                 self._links.take(*event)
-                if event[1].way == "open":
+                if event[1].direction == "open":
                     await _turns()
         await asyncio.sleep(0)
         await self._end()

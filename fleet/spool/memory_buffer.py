@@ -63,7 +63,7 @@ class MemoryBuffer:
             self._bytes[message.traffic] -= message.size
             self._all_bytes -= message.size
 
-    def in_the_way(self, message: Outgoing, share: int) -> Iterator[Outgoing]:
+    def droppable(self, message: Outgoing, share: int) -> Iterator[Outgoing]:
         """Yield the messages to drop for a message that can fit: the oldest of the least important class.
 
         The caller removes each one before it asks for the next.

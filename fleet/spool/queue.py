@@ -75,7 +75,7 @@ class SpoolQueue:
         """Drop older messages that are not more important; return whether the message fits then."""
         if not self._memory.can_fit(message, share):
             return False
-        for oldest in self._memory.in_the_way(message, share):
+        for oldest in self._memory.droppable(message, share):
             other = self._contents.lose(oldest, Reason.ROOM, wall)
             if other is not queue:
                 self._queues.forget(other)

@@ -26,7 +26,7 @@ ONE_FRAME = 0.05  # m and rad by which two world frames may differ and still cou
 class GotoTarget(msgspec.Struct, frozen=True):
     """Target of a goal: metres in ``frame`` (world: each robot's own, site), or degrees (geo).
 
-    ``way`` has the waypoints before the target, each of two or three numbers. ``named``: the place of
+    ``via`` has the waypoints before the target, each of two or three numbers. ``named``: the place of
     fleet.yaml, None for a plain point.
     """
 
@@ -37,7 +37,7 @@ class GotoTarget(msgspec.Struct, frozen=True):
     yaw: float | None = None
     speed: float | None = None
     spacing: float | None = None
-    way: tuple[tuple[float, ...], ...] = ()
+    via: tuple[tuple[float, ...], ...] = ()
     named: Place | None = None
 
 
@@ -55,7 +55,7 @@ def goals(aim: GotoTarget, robots: list[RobotState]) -> list[dict[str, object]]:
         raise Refused(trouble)
     if len(robots) == 1:
         return [_message(aim, robots[0], Vector3())]
-    if aim.way:
+    if aim.via:
         raise Refused(f"one path for {len(robots)} robots: they would meet on it", hint="send each its own")
     if aim.spacing is None:
         raise Refused(
@@ -111,10 +111,10 @@ def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, obj
     turned: dict[str, object] = {} if yaw is None else {"yaw": yaw}
     if yaw is not None and aim.frame == "geo":
         turned = {"orientation": {"heading": (90.0 - math.degrees(yaw)) % 360.0}}
-    if aim.way:
+    if aim.via:
         last = (aim.x, aim.y) if aim.z is None else (aim.x, aim.y, aim.z)
-        *way, end = (_place(aim.frame, place, robot, step) for place in (*aim.way, last))
-        message["waypoints"] = [*way, end | turned]
+        *via, end = (_place(aim.frame, place, robot, step) for place in (*aim.via, last))
+        message["waypoints"] = [*via, end | turned]
     else:
         # A place of fleet.yaml without a height must not become a point on the ground: aircraft need one.
         height = () if aim.named is not None and aim.z is None else (aim.z or 0.0,)

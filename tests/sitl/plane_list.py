@@ -65,17 +65,17 @@ async def exhausted(steps):
 
 
 @contextlib.contextmanager
-def silence(it, *, both_ways=True):
-    """Hear nothing of the vehicle; it hears nothing either, if the link is lost ``both_ways``."""
+def silence(it, *, both_directions=True):
+    """Hear nothing of the vehicle; it hears nothing either, if the link is lost ``both_directions``."""
     hub = session(it)._hub
-    lost = ("receive", "send", "send_from_any_thread") if both_ways else ("receive",)
-    for way in lost:
-        setattr(hub, way, lambda *_: None)
+    lost = ("receive", "send", "send_from_any_thread") if both_directions else ("receive",)
+    for method in lost:
+        setattr(hub, method, lambda *_: None)
     try:
         yield
     finally:
-        for way in lost:
-            delattr(hub, way)
+        for method in lost:
+            delattr(hub, method)
 
 
 async def circles(it, centre, seconds=30.0):

@@ -124,7 +124,7 @@ async def is_stopped_first_when_its_link_is_back(it, planes):
 async def is_stopped_while_it_is_not_heard(it, planes):
     """Hear nothing of it on its way, and set the emergency stop: it stands, and is not flown back."""
     async with sent_far(it, planes, -60.0):
-        with planes.silence(it, both_ways=False):
+        with planes.silence(it, both_directions=False):
             await asyncio.sleep(5.0)
             await asyncio.to_thread(it.adapter.emergency_halt)
             await asyncio.sleep(3.0)

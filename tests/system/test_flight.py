@@ -26,7 +26,7 @@ ALIVE = (
     "driverlog",
 )
 # The verb, the way it goes seen from the drone (x forward, y left, z up), and its magnitude's own field.
-WAYS = {
+DIRECTIONS = {
     "move_forward": ((1, 0, 0), "linear_x"),
     "move_backward": ((-1, 0, 0), "linear_x"),
     "strafe_left": ((0, 1, 0), "linear_y"),
@@ -124,12 +124,14 @@ def test_plain_mosquitto_pub_flies_it(program, pilot):
 
 def test_every_verb_moves_the_drone_its_own_way(airborne):
     pilot = airborne
-    for verb, (way, field) in WAYS.items():
+    for verb, (direction, field) in DIRECTIONS.items():
         start, heading = pilot.position(), yaw(pilot)
         pilot.drive(
-            verb, until=lambda way=way, s=start, h=heading: along(pilot, s, h, way) > 0.5, **{field: 0.8}
+            verb,
+            until=lambda direction=direction, s=start, h=heading: along(pilot, s, h, direction) > 0.5,
+            **{field: 0.8},
         )
-        assert along(pilot, start, heading, way) > 0.5, verb
+        assert along(pilot, start, heading, direction) > 0.5, verb
     for verb, sign in (("turn_left", 1), ("turn_right", -1)):
         start = yaw(pilot)
         # The SDK sends a positive rate for turn_right: the verb alone tells the way.
@@ -178,13 +180,13 @@ def turned(now, before):
     return math.remainder(now - before, math.tau)
 
 
-def along(pilot, start, heading, way):
+def along(pilot, start, heading, direction):
     """Return how far the drone has gone its way, metres."""
     now = pilot.position()
     east, north, up = (now[axis] - start[axis] for axis in "xyz")
     forward = east * math.cos(heading) + north * math.sin(heading)
     left = -east * math.sin(heading) + north * math.cos(heading)
-    return forward * way[0] + left * way[1] + up * way[2]
+    return forward * direction[0] + left * direction[1] + up * direction[2]
 
 
 def apart(one, other):

@@ -79,9 +79,9 @@ def robot(name, url):
 def autopilots():
     """Run the vehicles, which know nothing of the fleet and are 3 km apart; gives the link of each."""
     running, links = [], {}
-    for place, (name, (flavour, kind, way)) in enumerate(VEHICLES.items()):
+    for place, (name, (flavour, kind, option)) in enumerate(VEHICLES.items()):
         command = [sys.executable, "-m", "fleet_mavlink.sim", "--flavour", flavour, "--vehicle", kind]
-        command += [way, "0", "--home", f"47.4,{8.5 + 0.04 * place},488"]
+        command += [option, "0", "--home", f"47.4,{8.5 + 0.04 * place},488"]
         command += ["--ready-after", "2", "--speed", "5"]
         running.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
         links[name] = json.loads(running[-1].stdout.readline())["url"]

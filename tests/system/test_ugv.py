@@ -83,11 +83,11 @@ def test_the_sdk_drives_it_and_a_square_of_goals_closes(beast):
     seen = [(each["position"]["x"], each["position"]["y"]) for each in ears.of("position")]
     for corner in SQUARE:
         assert min(math.dist(at, corner) for at in seen) < 0.12
-    ways = [each["metrics"]["navigation"] for each in ears.of("metrics")]
-    inflight = [way for way in ways if "eta_seconds" in way]
+    navigations = [each["metrics"]["navigation"] for each in ears.of("metrics")]
+    inflight = [navigation for navigation in navigations if "eta_seconds" in navigation]
     assert inflight
-    assert all(way["distance_remaining_m"] <= 4.5 for way in inflight)
-    assert "distance_remaining_m" not in ways[0]
+    assert all(navigation["distance_remaining_m"] <= 4.5 for navigation in inflight)
+    assert "distance_remaining_m" not in navigations[0]
     types = [each["type"] for each in ears.of("telemetry")]
     types = types[types.index("connected") :]  # before it answered, the edge may have said that it does not
     assert types[:2] == ["connected", "telemetry_start"]

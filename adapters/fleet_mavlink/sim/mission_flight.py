@@ -65,12 +65,12 @@ class LandThere(Manoeuvre):
 class _Unlimited(Manoeuvre):
     """Fly to the position of the item and stay for ever."""
 
-    def __init__(self, way: Manoeuvre) -> None:
-        self._way = way
+    def __init__(self, manoeuvre: Manoeuvre) -> None:
+        self._manoeuvre = manoeuvre
 
     def aim(self, pilot: Autopilot) -> Aim:
         """Return the motion to the position."""
-        return self._way.aim(pilot)
+        return self._manoeuvre.aim(pilot)
 
 
 class _Circle(Manoeuvre):

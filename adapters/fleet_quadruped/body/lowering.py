@@ -30,8 +30,8 @@ class Lowering:
     def __init__(self, dog: DogDescription, start: Twelve, *, upright: bool) -> None:
         self._until = dog.safety.damp_time
         fold = Segment(_SHARE * self._until, dog.posture(dog.poses.fold))
-        way = [Segment(_TOUCH, level(dog, start)), fold] if upright else [fold]
-        self._motion = PostureMotion(start, way)
+        segments = [Segment(_TOUCH, level(dog, start)), fold] if upright else [fold]
+        self._motion = PostureMotion(start, segments)
         self._targets = Targets(start, ZEROS, ZEROS)
         self._moved = self._waited = 0.0  # s
 

@@ -224,16 +224,16 @@ class BodyStateMachine:
             if self._since > self._dog.safety.damp_time:
                 self._enter(BodyMode.OFF)
             return _nothing(DriveAction.DAMP)
-        self._lowering = way = self._lowering or Lowering(
+        self._lowering = lowering = self._lowering or Lowering(
             self._dog, sense.angles, upright=self._before in UPRIGHT
         )
-        targets = way.step(dt, braked=bool(sense.braked))
-        if way.stuck:
+        targets = lowering.step(dt, braked=bool(sense.braked))
+        if lowering.stuck:
             self.fault = (
                 f"{sense.braked}: it is held and cannot be lowered; "
                 "hold the dog: reset_faults switches torque off"
             )
-        if way.done:
+        if lowering.done:
             self._enter(BodyMode.OFF)
         return BodyOutput(DriveAction.LOWER, targets)
 

@@ -35,11 +35,11 @@ def leans(dog: DogDescription) -> tuple[Lean, ...]:
     gait, shift = dog.gait, _SHIFT * (dog.geometry.thigh + dog.geometry.calf)
     low = gait.lowest
     middle = (low + gait.height) / 2
-    ways = [{"x": shift}, {"y": shift}, {"roll": _TILT}, {"pitch": _TILT}, {"yaw": _TURN}]
+    offsets = [{"x": shift}, {"y": shift}, {"roll": _TILT}, {"pitch": _TILT}, {"yaw": _TURN}]
     there = [
         Lean(middle, **{name: side * value})
-        for way in ways
-        for name, value in way.items()
+        for offset in offsets
+        for name, value in offset.items()
         for side in (1, -1)
     ]
     return (Lean(low), Lean(middle), *there, Lean(gait.height), Lean(low))

@@ -141,10 +141,10 @@ def _save(path: Path, frames: list[Captured]) -> None:
 def _line(captured: Captured) -> str:
     frame = captured.frame
     width = 8 if frame.extended else 3
-    way = "T" if captured.sent else "R"
+    direction = "T" if captured.sent else "R"
     mark = "R" if frame.remote else "#1" if frame.fd else ""
     data = f"{frame.id:0{width}X}#{mark}{frame.data.hex().upper()}"
-    return f"({captured.time:.6f}) {captured.bus} {data} {way}\n"
+    return f"({captured.time:.6f}) {captured.bus} {data} {direction}\n"
 
 
 def read_capture(path: Path) -> Iterator[Captured]:
@@ -159,6 +159,6 @@ def read_capture(path: Path) -> Iterator[Captured]:
         match = _LINE.fullmatch(line)
         if match is None:
             raise ConfigError(f"{path}:{number}: is not a line of a candump log: {line[:60]!r}")
-        time, bus, identifier, mark, data, way = match.groups()
+        time, bus, identifier, mark, data, direction = match.groups()
         frame = CanFrame(int(identifier, 16), bytes.fromhex(data), mark == "#1", mark == "R")
-        yield Captured(float(time), bus, frame, way == "T")
+        yield Captured(float(time), bus, frame, direction == "T")

@@ -67,7 +67,7 @@ class Rig:
         self.tilt = max(self.tilt, self.sim.world.imu().tilt)
         self.watch()
 
-    def gives_way(self, joints: Iterable[int] = range(12)) -> bool:
+    def is_compliant(self, joints: Iterable[int] = range(12)) -> bool:
         """Return True if joints (by number) damp, or are near the targets of the lowering."""
         targets = self.controller.targets
         motors = ((self.sim.world.motors[number], targets[number]) for number in joints)

@@ -24,7 +24,7 @@ from fleet_quadruped.sim.rig import Rig
 
 _STEP = 0.01  # s
 _HEARD = 0.1  # s until all drives have sent feedback
-_ON_THE_WAY = frozenset({BodyMode.ENABLING, BodyMode.RECOVERING, BodyMode.RISING})
+_STANDING_UP = frozenset({BodyMode.ENABLING, BodyMode.RECOVERING, BodyMode.RISING})
 
 
 def random_turn(chance: random.Random) -> Quaternion:
@@ -54,7 +54,7 @@ def tries_needed(dog: DogDescription, turn: Quaternion, most: int = 3) -> int | 
     if rig.ask(BodyRequest.RECOVER):
         return None
     body = rig.controller.body
-    while rig.mode in _ON_THE_WAY and body.recovery.tries <= most:
+    while rig.mode in _STANDING_UP and body.recovery.tries <= most:
         rig.cycle()
     return body.recovery.tries if rig.mode is BodyMode.STANDING else None
 

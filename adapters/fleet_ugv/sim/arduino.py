@@ -21,7 +21,7 @@ class ArduinoBoard(SimBoard):
     def restart(self, now: float) -> None:  # noqa: ARG002 - it starts at once
         """Reset the board."""
         self.physics.wanted = [0.0, 0.0]
-        self.physics.ways = [0.0, 0.0]
+        self.physics.distances = [0.0, 0.0]
         self._rest = b""
 
     def obey(self, data: bytes, now: float) -> bytes:
@@ -36,13 +36,13 @@ class ArduinoBoard(SimBoard):
         values = [_whole(number) for number in numbers]
         match kind, values:
             case "e", _:
-                left, right = (int(way * self._ticks) for way in self.physics.ways)
+                left, right = (int(distance * self._ticks) for distance in self.physics.distances)
                 return b"%d %d\r\n" % (left, right)
             case "m", [left, right, *_]:
                 speed = PID_RATE / self._ticks
                 self.hold(left * speed, right * speed, now)
             case "r", _:
-                self.physics.ways = [0.0, 0.0]
+                self.physics.distances = [0.0, 0.0]
             case "s", [servo, angle, *_]:
                 self.servos[servo] = angle
             case "b", _:

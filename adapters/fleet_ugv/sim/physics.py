@@ -39,7 +39,7 @@ class Physics:
         self.body = body
         self.x = self.y = self.yaw = 0.0
         self.speeds = [0.0, 0.0]  # of the sides, m/s
-        self.ways = [0.0, 0.0]  # distances of the sides since the board started, m
+        self.distances = [0.0, 0.0]  # distances of the sides since the board started, m
         self.wanted = [0.0, 0.0]
         self.yaw_rate = 0.0
         self.speed = 0.0
@@ -79,7 +79,7 @@ class Physics:
         self.speeds[side] += (wanted - self.speeds[side]) * STEP / (self.body.lag + STEP)
         if wanted == 0.0 and abs(self.speeds[side]) < 0.002:
             self.speeds[side] = 0.0
-        self.ways[side] += self.speeds[side] * STEP
+        self.distances[side] += self.speeds[side] * STEP
 
     def bump(self, angle: float) -> None:
         """Turn the base without its wheels, within ``BUMP`` seconds."""

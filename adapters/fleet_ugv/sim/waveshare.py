@@ -47,7 +47,7 @@ class WaveshareBoard(SimBoard):
         """Reset the board; it prints boot text for a while."""
         self.timeout = DEFAULT_TIMEOUT
         self.physics.wanted = [0.0, 0.0]
-        self.physics.ways = [0.0, 0.0]
+        self.physics.distances = [0.0, 0.0]
         self._cutter = LineFraming(b"\n", LARGEST).cutter()
         self._booted = now + BOOT
         self._boot_text = _BOOT_TEXT
@@ -159,8 +159,8 @@ class WaveshareBoard(SimBoard):
             "mx": 0,
             "my": 0,
             "mz": 0,
-            "odl": int(physics.ways[0] * 100),
-            "odr": int(physics.ways[1] * 100),
+            "odl": int(physics.distances[0] * 100),
+            "odr": int(physics.distances[1] * 100),
             "v": round(self.voltage * 100),
         }
         if self._module == 2:

@@ -88,7 +88,7 @@ class Coordinators:
         if not ask.begins:
             lapsed = bool(ask.robots) and not self._leases.holds(ask.edge, ask.run)
             return "the lease has lapsed" if lapsed else ""
-        transport = Transport.CLOUD if ask.way == Transport.CLOUD else Transport.BUS
+        transport = Transport.CLOUD if ask.transport == Transport.CLOUD else Transport.BUS
         origin = Origin(transport, ask.source_type, ask.session_id)
         for robot in ask.robots:
             if robot not in self._robots:

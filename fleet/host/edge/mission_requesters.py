@@ -57,5 +57,5 @@ class MissionRequesters:
 
     def starter(self, state: RunState) -> Requester:
         """Return the starter of a run, for the history."""
-        proven = state.way == Transport.MISSION or (state.run, state.by) in self._started
-        return Requester(Transport(state.way), state.by, proven=proven)
+        proven = state.transport == Transport.MISSION or (state.run, state.by) in self._started
+        return Requester(Transport(state.transport), state.by, proven=proven)

@@ -175,9 +175,9 @@ def can(description: RobotDescription | None) -> frozenset[str]:
     if description is None:
         return frozenset()
     names = {command.name for command in description.commands}
-    ways = {"goto", "path"} if description.goals else set()
-    ways |= {"follow"} if description.drives else set()
-    return frozenset(names | ways | (plans_taken(description.plans) if description.missions else set()))
+    motions = {"goto", "path"} if description.goals else set()
+    motions |= {"follow"} if description.drives else set()
+    return frozenset(names | motions | (plans_taken(description.plans) if description.missions else set()))
 
 
 def trouble(state: RobotState, description: RobotDescription | None) -> str:

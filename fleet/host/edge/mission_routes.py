@@ -49,7 +49,7 @@ class RobotRouteCheck(msgspec.Struct, frozen=True):
         if fence is None or state.placement is None:
             return ""
         route = [self._in_world(point, state.placement, state) for point in points]
-        return fence.way_trouble(route[0], route, Vector3())
+        return fence.route_trouble(route[0], route, Vector3())
 
     def _in_world(self, value: object, placement: Placement, state: RobotState) -> Vector3:
         """Return a point in the robot's world; a missing height is the robot's own."""

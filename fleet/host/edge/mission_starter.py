@@ -81,7 +81,7 @@ class MissionStarter:
         """Return the runs in the way, once those to be replaced have ended; raises Refused."""
         until = self._clock.monotonic() + ENDED_WITHIN
         asked: set[str] = set()
-        while found := self._runs.filling.in_the_way(mission, program, ask):
+        while found := self._runs.filling.conflicting_runs(mission, program, ask):
             if not replace:
                 return f"run {', '.join(found)}"
             if self._clock.monotonic() >= until:

@@ -199,7 +199,7 @@ class Partners:
             self._edge,
             dict.fromkeys(robots, "hold"),
             begins=True,
-            way=transport.value,
+            transport=transport.value,
             source_type=message.get("source_type"),
             session_id=str(message.get("session_id", "")),
         )

@@ -25,7 +25,7 @@ class PlacedRobot(msgspec.Struct, frozen=True):
 class RehearsalTask(msgspec.Struct, frozen=True):
     """One rehearsal. ``mission`` is the checked model (JSON) from which ``program`` was made.
 
-    ``places`` and ``groups`` are those of fleet.yaml. ``folder``: base of relative paths. ``way``,
+    ``places`` and ``groups`` are those of fleet.yaml. ``folder``: base of relative paths. ``transport``,
     ``source_type`` and ``session_id`` are the authority under which the mission would run.
     """
 
@@ -38,7 +38,7 @@ class RehearsalTask(msgspec.Struct, frozen=True):
     groups: dict[str, list[str]]
     folder: str
     site: GeoOrigin | None = None
-    way: str = "bus"
+    transport: str = msgspec.field(name="way", default="bus")
     source_type: str | None = None
     session_id: str = ""
     seed: int = 1

@@ -278,7 +278,7 @@ class TwinPlans:
     def _run_of(self, robot: str, execution: str) -> Run | None:
         """Return the run that a control message means: one of the cloud, of this twin's plan."""
         for run in self._runs.all():
-            plan = run.about.way == Transport.CLOUD and not run.about.workflow
+            plan = run.about.transport == Transport.CLOUD and not run.about.workflow
             if plan and robot in run.engine.robots.members and execution in ("", run.id):
                 return self._runs.find(run.id)
         return None

@@ -81,7 +81,7 @@ class LegFollower:
         self._number = -1
         self._leg = self._legs[0]
         self._path = Path([self._leg.points[0], *self._leg.points])
-        self._way = 0.0
+        self._travelled = 0.0
         self._reached = 0
         self._at = now
         self._since = now
@@ -112,7 +112,9 @@ class LegFollower:
         self._percent = max(self._percent, min(99.0, 100.0 * (1.0 - left / self._total)))
         blocked = self.phase is FollowPhase.BLOCKED
         message = "blocked: it is commanded and does not get on" if blocked else ""
-        return Progress(self._percent, message, blocked, self._reached + self._path.passed(self._way), left)
+        return Progress(
+            self._percent, message, blocked, self._reached + self._path.passed(self._travelled), left
+        )
 
     # -- the phases ------------------------------------------------------------------------------------
 
@@ -129,7 +131,7 @@ class LegFollower:
         self._advance(pose)
         if self._is_near(pose):
             return self._enter(FollowPhase.ALIGN, now)
-        target, left = self._path.aim(self._way, self._look()), self._left(pose)
+        target, left = self._path.aim(self._travelled, self._look()), self._left(pose)
         if self._holonomic:
             yaw = pose.rotation.yaw if self._leg.yaw is None else self._leg.yaw
             return glide(pose, target, left, yaw, self._pace)
@@ -186,7 +188,7 @@ class LegFollower:
         if self._number >= 0:
             self._reached += len(self._leg.points)
         self._number += 1
-        self._way = 0.0
+        self._travelled = 0.0
         if self._number == len(self._legs):
             self._number -= 1
             self._path = Path([self._path.end, self._path.end])
@@ -198,11 +200,11 @@ class LegFollower:
 
     def _advance(self, pose: Pose) -> None:
         """Update the robot's position on the path, which never goes backwards."""
-        self._way = self._path.ahead((pose.position.x, pose.position.y), self._way)
+        self._travelled = self._path.ahead((pose.position.x, pose.position.y), self._travelled)
 
     def _error(self, pose: Pose) -> float:
         """Return the angle between the robot's heading and the path."""
-        return bearing(pose, self._path.aim(self._way, self._look()), backwards=self._leg.backwards)
+        return bearing(pose, self._path.aim(self._travelled, self._look()), backwards=self._leg.backwards)
 
     def _heading_error(self, pose: Pose) -> float:
         """Return the angle to the goal's heading; 0 when any heading is accepted."""
@@ -214,13 +216,13 @@ class LegFollower:
 
     def _left(self, pose: Pose) -> float:
         """Return the metres until the robot must be slow."""
-        left = self._path.to_corner(self._way)
+        left = self._path.to_corner(self._travelled)
         return max(left, min(left + 0.1, distance(pose, self._path.end)))
 
     def _is_near(self, pose: Pose) -> bool:
         """Return True at the end of the path: near it, or past it within the tolerance."""
         apart = distance(pose, self._path.end)
-        ends = self._path.length - self._way < LOOK_SHORTEST
+        ends = self._path.length - self._travelled < LOOK_SHORTEST
         behind = abs(bearing(pose, self._path.end, backwards=self._leg.backwards)) > math.pi / 2
         return ends and (apart < NEAR * self._tolerance or (behind and apart < 0.9 * self._tolerance))
 
@@ -228,7 +230,7 @@ class LegFollower:
         """Return the remaining metres of the whole task."""
         if self.phase is FollowPhase.DONE:
             return 0.0
-        rest, last = self._path.length - self._way, self._path.end
+        rest, last = self._path.length - self._travelled, self._path.end
         for leg in self._legs[self._number + 1 :]:
             rest += Path([last, *leg.points]).length
             last = leg.points[-1]

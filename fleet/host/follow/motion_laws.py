@@ -43,25 +43,25 @@ def turning(error: float, pace: MotionLimits) -> float:
     return math.copysign(min(fastest, max(LEAST_TURN, 2.5 * abs(error))), error)
 
 
-def approach(way: float, pace: MotionLimits) -> float:
-    """Return the speed from which the robot can still stop within ``way`` metres."""
-    return min(pace.speed, max(CREEP, min(math.sqrt(2 * BRAKING * way), 1.2 * way)))
+def approach(remaining: float, pace: MotionLimits) -> float:
+    """Return the speed from which the robot can still stop within ``remaining`` metres."""
+    return min(pace.speed, max(CREEP, min(math.sqrt(2 * BRAKING * remaining), 1.2 * remaining)))
 
 
-def pursue(pose: Pose, target: Point, way: float, pace: MotionLimits, *, backwards: bool) -> Velocity:
-    """Return the velocity along the arc to a point (pure pursuit); the robot slows within ``way`` metres."""
+def pursue(pose: Pose, target: Point, remaining: float, pace: MotionLimits, *, backwards: bool) -> Velocity:
+    """Return the velocity along the arc to a point (pure pursuit), slower within ``remaining`` metres."""
     error, apart = bearing(pose, target, backwards=backwards), max(distance(pose, target), 0.05)
     curvature = 2 * math.sin(error) / max(apart, 0.15)
-    speed = approach(way, pace) * max(0.3, math.cos(error))
+    speed = approach(remaining, pace) * max(0.3, math.cos(error))
     speed = min(speed, pace.yaw_rate / max(abs(curvature), 1e-6))
     yaw_rate = min(max(speed * curvature, -pace.yaw_rate), pace.yaw_rate)
     return Velocity(Vector3(-speed if backwards else speed), yaw_rate)
 
 
-def glide(pose: Pose, target: Point, way: float, yaw: float, pace: MotionLimits) -> Velocity:
-    """Return the velocity of a holonomic robot: straight to a point, turning on the way."""
+def glide(pose: Pose, target: Point, remaining: float, yaw: float, pace: MotionLimits) -> Velocity:
+    """Return the velocity of a holonomic robot: straight to a point, turning on the remaining."""
     angle = bearing(pose, target)
-    speed = approach(way, pace)
+    speed = approach(remaining, pace)
     error = wrap_angle(yaw - pose.rotation.yaw)
     yaw_rate = turning(error, pace) if abs(error) > 0.1 else 0.0
     return Velocity(rotate_to_world(Vector3(speed), angle), yaw_rate)

@@ -19,60 +19,60 @@ class Path:
     def __init__(self, points: Sequence[Point]) -> None:
         self._points = tuple(points)
         steps = (math.dist(one, other) for one, other in itertools.pairwise(self._points))
-        self._ways = (0.0, *itertools.accumulate(steps))
+        self._distances = (0.0, *itertools.accumulate(steps))
         self._corners = self._find_corners()
 
     @property
     def length(self) -> float:
         """Total length."""
-        return self._ways[-1]
+        return self._distances[-1]
 
     @property
     def end(self) -> Point:
         """The last point."""
         return self._points[-1]
 
-    def passed(self, way: float) -> int:
+    def passed(self, travelled: float) -> int:
         """Return how many vertices after the first have been passed, not counting the last."""
-        return sum(1 for vertex in self._ways[1:-1] if vertex <= way + AT_CORNER)
+        return sum(1 for vertex in self._distances[1:-1] if vertex <= travelled + AT_CORNER)
 
-    def ahead(self, here: Point, way: float) -> float:
-        """Return the position nearest to ``here``, not before ``way`` and at most ``WINDOW`` ahead of it."""
-        best, nearest = way, math.inf
+    def ahead(self, here: Point, travelled: float) -> float:
+        """Return the position nearest to ``here``, from ``travelled`` to at most ``WINDOW`` ahead of it."""
+        best, nearest = travelled, math.inf
         for number in range(len(self._points) - 1):
-            low, high = self._ways[number], self._ways[number + 1]
-            if high < way or low > way + WINDOW or low == high:
+            low, high = self._distances[number], self._distances[number + 1]
+            if high < travelled or low > travelled + WINDOW or low == high:
                 continue
-            place = min(max(self._project(here, number), way), way + WINDOW, self.length)
+            place = min(max(self._project(here, number), travelled), travelled + WINDOW, self.length)
             apart = math.dist(here, self.point(place))
             if apart < nearest - 1e-9:
                 best, nearest = place, apart
         return best
 
-    def point(self, way: float) -> Point:
+    def point(self, travelled: float) -> Point:
         """Return the point at a position."""
         for number in range(len(self._points) - 1):
-            low, high = self._ways[number], self._ways[number + 1]
-            if way <= high and high > low:
-                part = max(0.0, (way - low) / (high - low))
+            low, high = self._distances[number], self._distances[number + 1]
+            if travelled <= high and high > low:
+                part = max(0.0, (travelled - low) / (high - low))
                 (x, y), (to_x, to_y) = self._points[number], self._points[number + 1]
                 return x + part * (to_x - x), y + part * (to_y - y)
         return self.end
 
-    def aim(self, way: float, lookahead: float) -> Point:
+    def aim(self, travelled: float, lookahead: float) -> Point:
         """Return the point to drive to: ``lookahead`` metres ahead, but not beyond the next corner."""
-        corner = next((vertex for vertex in self._corners if vertex > way + AT_CORNER), self.length)
-        return self.point(min(way + lookahead, corner))
+        corner = next((vertex for vertex in self._corners if vertex > travelled + AT_CORNER), self.length)
+        return self.point(min(travelled + lookahead, corner))
 
-    def to_corner(self, way: float) -> float:
+    def to_corner(self, travelled: float) -> float:
         """Return the distance to where the robot must slow down: the next corner, or the end."""
-        corner = next((vertex for vertex in self._corners if vertex > way + AT_CORNER), self.length)
-        return max(0.0, corner - way)
+        corner = next((vertex for vertex in self._corners if vertex > travelled + AT_CORNER), self.length)
+        return max(0.0, corner - travelled)
 
     def _project(self, here: Point, number: int) -> float:
         """Return the position on a segment that is nearest to a point."""
         (x, y), (to_x, to_y) = self._points[number], self._points[number + 1]
-        low, high = self._ways[number], self._ways[number + 1]
+        low, high = self._distances[number], self._distances[number + 1]
         along = ((here[0] - x) * (to_x - x) + (here[1] - y) * (to_y - y)) / (high - low)
         return low + min(max(along, 0.0), high - low)
 
@@ -83,7 +83,7 @@ class Path:
             before, at, after = self._points[number - 1 : number + 2]
             turn = _direction(at, after) - _direction(before, at)
             if abs(math.remainder(turn, math.tau)) > CORNER:
-                found.append(self._ways[number])
+                found.append(self._distances[number])
         return tuple(found)
 
 

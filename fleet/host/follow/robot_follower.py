@@ -62,14 +62,14 @@ class RobotFollower:
     def _towards(self, pose: Pose, at: Vector3) -> Velocity:
         """Return the velocity towards a point, zero where it is near enough."""
         target = (at.x, at.y)
-        way = distance(pose, target) - self._metres
-        self._goes = way > (0.0 if self._goes else SLACK)
+        left = distance(pose, target) - self._metres
+        self._goes = left > (0.0 if self._goes else SLACK)
         if not self._goes:
             return ZERO_VELOCITY
         if self._holonomic:
             ahead = math.atan2(at.y - pose.position.y, at.x - pose.position.x)
-            return glide(pose, target, way, ahead, self._pace)
+            return glide(pose, target, left, ahead, self._pace)
         error = bearing(pose, target)
         if abs(error) > TURN_ABOVE:
             return Velocity(yaw_rate=turning(error, self._pace))
-        return pursue(pose, target, way, self._pace, backwards=False)
+        return pursue(pose, target, left, self._pace, backwards=False)

@@ -79,7 +79,7 @@ class NetChanges:
     def shorten(self, size: int) -> None:
         """Forget the oldest commands, beyond about ``size`` bytes; stops and releases stay."""
         sizes = [
-            ROW + len(each.robot) + len(each.identity) + len(each.name) + len(each.way)
+            ROW + len(each.robot) + len(each.identity) + len(each.name) + len(each.transport)
             for each in self.started
         ]
         total = sum(sizes)

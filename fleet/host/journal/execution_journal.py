@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 class StartedCommand(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
     """A command or action being executed; ``stamp`` is Unix seconds.
 
-    ``way`` is the transport over which its end must be reported even after a restart; empty for none.
+    ``transport`` is the transport over which its end must be reported even after a restart; empty for none.
     """
 
     robot: str
@@ -38,7 +38,7 @@ class StartedCommand(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
     name: str
     action: bool
     stamp: float
-    way: str = ""
+    transport: str = ""
 
 
 class Latched(msgspec.Struct, frozen=True, array_like=True, tag="latch"):

@@ -89,7 +89,7 @@ class JournalFile:
         """Write changes in one synchronised transaction; ``now`` is Unix seconds.
 
         Commands are written many per call: each call releases and reacquires the interpreter lock, for which
-        a command on its way to a robot would have to wait.
+        a command on its transport to a robot would have to wait.
         """
         with transaction(self._database):
             self._database.executemany(_END, map(msgspec.structs.astuple, changes.ended.values()))

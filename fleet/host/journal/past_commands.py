@@ -33,12 +33,12 @@ class PastCommand(msgspec.Struct, frozen=True):
 
 
 class InterruptedCommand(msgspec.Struct, frozen=True):
-    """A command without a known end, which is still to be reported; ``way``: its transport."""
+    """A command without a known end, which is still to be reported; ``transport``: its transport."""
 
     robot: str
     identity: str
     name: str
-    way: str
+    transport: str
 
 
 def answer_to(past: PastCommand) -> Receipt:

@@ -31,7 +31,7 @@ def tell_interrupted_commands(
     for command in process.journal.take_interrupted(ports):
         text = f"{command.name} failed: {WHY}"
         robot_log(command.robot).warning("%s", text)
-        transport = Transport(command.way)
+        transport = Transport(command.transport)
         event = EventReport(
             process.clock.time(),
             EventKind.OUTCOME,

@@ -70,7 +70,7 @@ class Capabilities(msgspec.Struct, frozen=True):
         return None
 
     @property
-    def moves_any_way(self) -> bool:
+    def is_holonomic(self) -> bool:
         """True for a robot that moves sideways; its kind does, and it does not lack the verbs."""
         return self.holonomic and self.lacking.keys().isdisjoint(("strafe_left", "strafe_right"))
 

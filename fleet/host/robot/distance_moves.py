@@ -32,10 +32,12 @@ def goal_of(ask: Ask | None, can: Capabilities, defaults: Defaults) -> Ask | Non
         refusal = f"{distance:g} m is not {SHORTEST:g} to {speed * LONGEST:g} m; send a goal for more"
     if refusal:
         raise BadCommand(WireError(refusal, where="data.distance"), command=ask.name)
-    way = Vector3(**{verb.axis: verb.sign * distance})
+    translation = Vector3(**{verb.axis: verb.sign * distance})
     constraints = Constraints(max_speed=speed, tolerance=None if can.navigates else TIGHTEST)
     # The message id becomes the action id, so that a repeat does not move the robot again.
-    return Navigate(RelativeMove(way, constraints=constraints), ask.id, ask.origin, ask.stamp, ask.name)
+    return Navigate(
+        RelativeMove(translation, constraints=constraints), ask.id, ask.origin, ask.stamp, ask.name
+    )
 
 
 def _refusal(verb: Verb, can: Capabilities) -> str:

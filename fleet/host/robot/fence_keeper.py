@@ -68,9 +68,9 @@ class FenceKeeper:
         unknown = self._place.fresh() is None or self.fence is None
         return "its position is unknown, so its fence cannot be kept" if unknown and self._has_border else ""
 
-    def way_trouble(self, start: Vector3, points: Iterable[Vector3], around: Iterable[float] = ()) -> str:
+    def route_trouble(self, start: Vector3, points: Iterable[Vector3], around: Iterable[float] = ()) -> str:
         """Return why the robot may not go from a point through others; empty when it may."""
-        return self.fence.way_trouble(start, points, self._place.home_point(), around) if self.fence else ""
+        return self.fence.route_trouble(start, points, self._place.home_point(), around) if self.fence else ""
 
     def leads_out(self, velocity: Velocity) -> bool:
         """Return whether a body velocity leads out of the fence, or may, because the pose is too old."""

@@ -55,7 +55,7 @@ class GoalRequests:
         self._last = last
         self._clock = clock
         self.follower = goal_follower_of(
-            config, self._lead, limits, clock, guard.others.of, holonomic=lambda: can().moves_any_way
+            config, self._lead, limits, clock, guard.others.of, holonomic=lambda: can().is_holonomic
         )
 
     def take(self, ask: Navigate, receipt: Receipt) -> None:

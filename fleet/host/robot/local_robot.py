@@ -236,7 +236,7 @@ class LocalRobot:
         elif type(report) is JointReport:
             self.controller.joints.see(report)
         elif type(report) is MetricsReport:
-            report = self._seen.with_way(report)
+            report = self._seen.with_remaining_distance(report)
         self._send(report)
 
     def _reported(self, report: Report) -> None:

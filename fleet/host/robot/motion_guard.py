@@ -19,7 +19,14 @@ from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import Capabilities
 from fleet.host.robot.battery_watch import BATTERY, BatteryWatch
 from fleet.host.robot.fence_keeper import FenceKeeper
-from fleet.host.robot.outside_fence import CLIMBS, LANDINGS, WAYS_BACK, outside_trouble, stays, vertical_way
+from fleet.host.robot.outside_fence import (
+    ALLOWED_OUTSIDE,
+    CLIMBS,
+    LANDINGS,
+    outside_trouble,
+    stays,
+    vertical_motion,
+)
 from fleet.host.robot.robot_place import RobotPlace
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.robot.whereabouts import Whereabouts
@@ -161,7 +168,7 @@ class MotionGuard:
         if begins:
             self._tell_landing(reply.command)
         if reply.command in LANDINGS and self.apart is not None:
-            self.apart.comes_down(self._place.way_down(reply.command) if begins else ())
+            self.apart.comes_down(self._place.descent_points(reply.command) if begins else ())
 
     def _look(self) -> None:
         """Report a fence breach once, and end motion that leads out of the fence."""
@@ -187,14 +194,16 @@ class MotionGuard:
         Judged are a start of a flight, a change of the height, and outside the fence all that may move the
         robot to another place, as ``spec`` declares it.
         """
-        rise = vertical_way(ask, self._place, getattr(self._config, "takeoff_altitude", 0.0))
+        rise = vertical_motion(ask, self._place, getattr(self._config, "takeoff_altitude", 0.0))
         if ask.name in BEGINNINGS:
             begins = self._start_trouble()
         else:
             begins = None if stays(ask, spec) else outside_trouble(self.fencing, self._place, rise)
         apart = self.apart if _drives_home(ask, self._robot.can) else None
         met = (
-            apart.trouble_on(self._place.way_down(ask.name)) if apart is not None and apart.is_judged else ""
+            apart.trouble_on(self._place.descent_points(ask.name))
+            if apart is not None and apart.is_judged
+            else ""
         )
         return (
             begins or self._climb_trouble(ask, rise) or (f"its way home is not free: {met}" if met else None)
@@ -204,7 +213,7 @@ class MotionGuard:
         """Report that a landing or return leads past another robot; it is not refused for that."""
         if name not in LANDINGS or self.apart is None:
             return
-        trouble = self.apart.trouble_on(self._place.way_down(name))
+        trouble = self.apart.trouble_on(self._place.descent_points(name))
         if trouble:
             why = f"{name}: {trouble}; it is let through all the same"
             self._event_reporter.event(
@@ -225,7 +234,7 @@ class MotionGuard:
     def _start_trouble(self) -> str | None:
         """Return why a task whose path is unknown, such as a flight, may not start; None when it may."""
         if self.fencing.breached:
-            return f"{self.fencing.breached}; {WAYS_BACK}"
+            return f"{self.fencing.breached}; {ALLOWED_OUTSIDE}"
         return (self._battery.start_trouble() or None) if self._battery else None
 
     def task(self, task: AnyTask | None) -> str | None:
@@ -236,14 +245,14 @@ class MotionGuard:
         if task is None or (self._battery is None and self.fencing.is_open and not shares):
             return None
         try:
-            start, points = self._way(task)
+            start, points = self._route(task)
         except Refused as error:
             return str(error)
         home = self._place.home_point()
         around = circled(task, self._circle)
-        trouble = self.fencing.way_trouble(start, points, around)
+        trouble = self.fencing.route_trouble(start, points, around)
         if trouble and self.fencing.trouble:
-            trouble = f"{trouble}; {WAYS_BACK}"
+            trouble = f"{trouble}; {ALLOWED_OUTSIDE}"
         if not trouble and self._battery is not None and isinstance(task, FlyMission):
             trouble = self._battery.start_trouble()
         if not trouble and self._battery is not None:
@@ -253,16 +262,16 @@ class MotionGuard:
             trouble = self.apart.task_trouble(task, points)
         return trouble or None
 
-    def _way(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
+    def _route(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
         """Return start and points of a task; raises Refused while they, or the fence, are unknown."""
         if self.fencing.fence is None:
             raise Refused("the fence cannot be placed until the robot reports its home")
-        return self._place.way(task)
+        return self._place.route(task)
 
     def points(self, task: AnyTask) -> tuple[Vector3, ...]:
         """Return the points of a task in the robot's world; none while they are unknown."""
         try:
-            return self._way(task)[1]
+            return self._route(task)[1]
         except Refused:
             return ()
 

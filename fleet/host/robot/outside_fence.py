@@ -20,7 +20,7 @@ LANDINGS = frozenset({"land", "return_to_home"})
 """Commands that lead down, which is safe: they are never refused because of the fence, and for a flying robot
 not because of another robot, which is only reported."""
 
-WAYS_BACK = "possible are stop, land, return_to_home and motion that leads back inside"
+ALLOWED_OUTSIDE = "possible are stop, land, return_to_home and motion that leads back inside"
 """Ends a refusal of a robot outside its fence: what a person can do."""
 
 
@@ -32,7 +32,7 @@ def stays(ask: Command, spec: CommandSpec | None) -> bool:
     return spec is None or not spec.moves or spec.safe or spec.in_place or ask.name in LANDINGS
 
 
-def vertical_way(ask: Command, place: RobotPlace, default: float) -> Vector3 | None:
+def vertical_motion(ask: Command, place: RobotPlace, default: float) -> Vector3 | None:
     """Return the way of a vertical command (``default``: m of a take-off without a height).
 
     None for other commands, for an unknown height, and for parameters that the command itself refuses.
@@ -56,6 +56,6 @@ def outside_trouble(fencing: FenceKeeper, place: RobotPlace, rise: Vector3 | Non
     if not out:
         return None
     if rise is not None and pose is not None and fencing.fence is not None:
-        leads_back = not fencing.way_trouble(pose.position, (pose.position + rise,))
-        return None if leads_back else f"{out}; {WAYS_BACK}"
-    return f"{out}; {WAYS_BACK}"
+        leads_back = not fencing.route_trouble(pose.position, (pose.position + rise,))
+        return None if leads_back else f"{out}; {ALLOWED_OUTSIDE}"
+    return f"{out}; {ALLOWED_OUTSIDE}"

@@ -43,16 +43,16 @@ class BridgePort(Protocol):
 class _Channel:
     """Channel of one twin: its newest report, whether it is queued, and the number of samples put.
 
-    ``last`` is the last report sent; ``way`` is its channel to the cloud, None without one.
+    ``last`` is the last report sent; ``uplink`` is its channel to the cloud, None without one.
     """
 
-    __slots__ = ("key", "last", "newest", "refused", "sequence", "waits", "way")
+    __slots__ = ("key", "last", "newest", "refused", "sequence", "uplink", "waits")
 
     newest: Report
 
-    def __init__(self, key: str, way: object) -> None:
+    def __init__(self, key: str, uplink: object) -> None:
         self.key = key
-        self.way = way
+        self.uplink = uplink
         self.sequence = 0
         self.waits = False
         self.last: Report | None = None
@@ -185,9 +185,9 @@ class ReportQueue:
     def _send(self, batch: Sequence[tuple[_Channel, Report]]) -> None:
         """Send reports to the bridge and to subscribers; invalid ones are dropped and counted."""
         crossing = [
-            (channel.way, report)
+            (channel.uplink, report)
             for channel, report in batch
-            if self._say(channel, report) and channel.way is not None
+            if self._say(channel, report) and channel.uplink is not None
         ]
         if crossing and self.bridge:
             self.bridge.forward(crossing)

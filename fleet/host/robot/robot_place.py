@@ -49,7 +49,7 @@ class RobotPlace:
             return Vector3()
         return world_from_geo(self._origin, self.home)
 
-    def way_down(self, name: str) -> tuple[Vector3, ...]:
+    def descent_points(self, name: str) -> tuple[Vector3, ...]:
         """Return the path of a landing: straight down, or home at the present height and down there."""
         pose, home = self.fresh(), self.home_point()
         if pose is None:
@@ -59,7 +59,7 @@ class RobotPlace:
             return (Vector3(here.x, here.y, min(here.z, home.z)),)
         return (Vector3(home.x, home.y, max(here.z, home.z)), home)
 
-    def way(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
+    def route(self, task: AnyTask) -> tuple[Vector3, tuple[Vector3, ...]]:
         """Return start and points of a task; raises Refused while they are unknown."""
         pose = self.fresh()
         if pose is None:

@@ -246,7 +246,7 @@ def _moved(reported: _ReportedRobot, placement: Placement | None) -> _ReportedRo
         return reported
     robot = reported.robot
     moved = msgspec.structs.replace(
-        robot, at=placement.to_site(robot.at), way=tuple(map(placement.to_site, robot.way))
+        robot, at=placement.to_site(robot.at), route=tuple(map(placement.to_site, robot.route))
     )
     return msgspec.structs.replace(reported, robot=moved)
 

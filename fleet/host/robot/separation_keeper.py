@@ -23,8 +23,8 @@ from fleet.host.safety.separation import (
     gap,
     gone_since,
     must_brake,
+    route_trouble,
     stopping,
-    way_trouble,
 )
 from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin
@@ -134,7 +134,7 @@ class SeparationKeeper:
     __slots__ = (  # beyond 30 attributes, an instance without slots has a dictionary of 1.5 kB
         "_braking", "_clock", "_down", "_event_reporter", "_fastest", "_free", "_held", "_judged",
         "_judged_by", "_led", "_look_by", "_meant", "_mover", "_near", "_notice", "_points", "_radius",
-        "_rank", "_reach", "_seen", "_share", "_start", "_task", "_usual", "_velocity", "_way", "_yaw",
+        "_rank", "_reach", "_route", "_seen", "_share", "_start", "_task", "_usual", "_velocity", "_yaw",
         "at", "battery", "circle", "flies", "lost", "name", "on_earth", "others", "placement",
     )  # fmt: skip
 
@@ -175,7 +175,7 @@ class SeparationKeeper:
         self._seen = 0.0
         self._velocity = MeasuredVelocity()
         self._task: AnyTask | None = None
-        self._way: tuple[Vector3, ...] = ()
+        self._route: tuple[Vector3, ...] = ()
         self._down: tuple[Vector3, ...] = ()  # path of a landing in progress
         self._meant: tuple[Vector3, ...] = ()  # path reserved for a prepared task
         self._near: tuple[tuple[float, Occupant], ...] = ()  # (metres free in any direction, robot)
@@ -250,17 +250,17 @@ class SeparationKeeper:
         """Return the robot's present occupant; None while its position is unknown."""
         if self.at is None:
             return None
-        held, way = self._held(), self._ahead()
+        held, route = self._held(), self._ahead()
         asked, turn = rotate_to_world(held.linear, self._yaw), held.yaw_rate
-        if way and not self._led:
+        if route and not self._led:
             # only the magnitude counts
             asked = Vector3(min(self._fastest, self._velocity.value.norm() + SPEEDING_UP))
         return Occupant(
             self.name,
-            self._radius + (self.circle if way else 2 * self.circle * self.flies),
+            self._radius + (self.circle if route else 2 * self.circle * self.flies),
             self._braking,
             self.at,
-            way,
+            route,
             self._velocity.value,
             asked,
             turn,
@@ -279,9 +279,9 @@ class SeparationKeeper:
         task, behind = doing
         if task is not self._task:
             self._task = task
-            self._way = self._in_site(self._points(task))
+            self._route = self._in_site(self._points(task))
         once = isinstance(task, FollowPath) and task.loops == 1
-        return self._way[behind:] if once else self._way
+        return self._route[behind:] if once else self._route
 
     def _in_site(self, points: Sequence[Vector3]) -> tuple[Vector3, ...]:
         """Return points of the robot's world in the common frame."""
@@ -295,11 +295,11 @@ class SeparationKeeper:
         robot = self.occupant()
         if robot is None or self.placement is None:
             return ""
-        way = self._in_site(points)
+        route = self._in_site(points)
         robot = msgspec.structs.replace(robot, radius=self._radius + self.circle)
-        trouble = way_trouble(robot, way, self.others.others(self.name))
+        trouble = route_trouble(robot, route, self.others.others(self.name))
         if not trouble:
-            self._task, self._way = task, way
+            self._task, self._route = task, route
         return trouble
 
     def trouble_on(self, points: Sequence[Vector3]) -> str:
@@ -307,7 +307,7 @@ class SeparationKeeper:
         robot = self.occupant()
         if robot is None or self.placement is None or not points:
             return ""
-        return way_trouble(robot, self._in_site(points), self.others.others(self.name))
+        return route_trouble(robot, self._in_site(points), self.others.others(self.name))
 
     def means(self, points: Sequence[Vector3]) -> None:
         """Reserve the path of a prepared task; no points release it."""

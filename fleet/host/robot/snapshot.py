@@ -38,7 +38,7 @@ class Snapshot:
         self.position: Vector3 | None = None
         self.heading: float | None = None  # radians counter-clockwise from +x of its world
         self.home_altitude: float | None = None
-        self._way: NavigationReport | None = None  # of the action in progress
+        self._navigation: NavigationReport | None = None  # of the action in progress
         self.heard: float | None = None
         self._mark: PoseReport | None = None  # start of the present speed measurement
         self._speed: float | None = None
@@ -58,17 +58,19 @@ class Snapshot:
             case FlightStateReport():
                 self.mode = report.flight_mode or self.mode
             case NavigationReport() if not report.state.terminal:
-                self._way = report
-            case NavigationReport() if self._way is not None and self._way.action_id == report.action_id:
-                self._way = None
+                self._navigation = report
+            case NavigationReport() if (
+                self._navigation is not None and self._navigation.action_id == report.action_id
+            ):
+                self._navigation = None
             case _:
                 pass
 
-    def with_way(self, report: MetricsReport) -> MetricsReport:
+    def with_remaining_distance(self, report: MetricsReport) -> MetricsReport:
         """Return metrics with the remaining distance and time of the present goal, where they are known."""
-        if self._way is None:
+        if self._navigation is None:
             return report
-        left = {"distance_remaining_m": self._way.remaining, "eta_seconds": self._way.eta}
+        left = {"distance_remaining_m": self._navigation.remaining, "eta_seconds": self._navigation.eta}
         known = {name: round(value, 2) for name, value in left.items() if value is not None}
         return msgspec.structs.replace(report, navigation={**report.navigation, **known})
 

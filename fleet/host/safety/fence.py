@@ -70,7 +70,7 @@ class Fence(msgspec.Struct, frozen=True):
         over = -math.inf if self.ceiling is None else point.z - home.z - self.ceiling
         return self.trouble(point, home) if max(over, self._beyond(point, home)) > SLACK else ""
 
-    def way_trouble(
+    def route_trouble(
         self, start: Vector3, points: Iterable[Vector3], home: Vector3, around: Iterable[float] = ()
     ) -> str:
         """Return why a robot may not go from ``start`` through these points; empty when it may.
@@ -95,8 +95,8 @@ class Fence(msgspec.Struct, frozen=True):
         if self._enters(start, end):
             return False
         count = min(_MOST_PARTS, max(2, math.ceil((end - start).norm() / _PART)))
-        way = [start + (end - start).scaled(number / count) for number in range(count + 1)]
-        out = [self._beyond(point, home) for point in way]
+        samples = [start + (end - start).scaled(number / count) for number in range(count + 1)]
+        out = [self._beyond(point, home) for point in samples]
         return all(later <= sooner + _ROUNDING for sooner, later in itertools.pairwise(out))
 
     def _enters(self, start: Vector3, end: Vector3) -> bool:
@@ -133,12 +133,12 @@ class Fence(msgspec.Struct, frozen=True):
             return False
         # The first small step counts: a robot outside must not go deeper first, even if its path ends inside.
         steps = (STEP / speed, LOOK_AHEAD, LOOK_AHEAD + self.margin / speed)
-        ways = [point + Vector3(velocity.x, velocity.y, 0.0).scaled(seconds) for seconds in steps]
-        beyond = max(self._beyond(ahead, home) for ahead in ways)
+        positions = [point + Vector3(velocity.x, velocity.y, 0.0).scaled(seconds) for seconds in steps]
+        beyond = max(self._beyond(ahead, home) for ahead in positions)
         before = self._beyond(point, home)
         if before == 0:
-            return beyond > 0 or self._leaves((point.x, point.y), (ways[-1].x, ways[-1].y))
-        return beyond >= before or self._enters(point, ways[-1])
+            return beyond > 0 or self._leaves((point.x, point.y), (positions[-1].x, positions[-1].y))
+        return beyond >= before or self._enters(point, positions[-1])
 
     def _is_high(self, height: float) -> bool:
         """Return whether a height above home is above the ceiling."""

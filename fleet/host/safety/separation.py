@@ -35,18 +35,18 @@ _STEPS = 6  # bisection steps in the search for the admitted share of a velocity
 class Occupant(msgspec.Struct, frozen=True):
     """Space and motion of one robot.
 
-    ``way`` is its path from ``at`` on, given by the host or its autopilot; empty when it stands or is driven.
+    ``route`` is its path from ``at`` on, of the host or its autopilot; empty when it stands or is driven.
     ``velocity`` (m/s) is measured, ``asked`` is requested and turns with ``turn`` (rad/s).
     ``braking`` is the deceleration (m/s2) that it surely reaches.
     ``age`` is seconds since its last position. ``moves``: its edge moves it. Of two that are in each
-    other's way the one with the lower ``precedence`` gives way; of equals, the later name.
+    other's route the one with the lower ``precedence`` gives route; of equals, the later name.
     """
 
     name: str
     radius: float
     braking: float
     at: Vector3
-    way: tuple[Vector3, ...] = ()
+    route: tuple[Vector3, ...] = msgspec.field(name="way", default=())
     velocity: Vector3 = Vector3()
     asked: Vector3 = Vector3()
     turn: float = 0.0
@@ -67,21 +67,21 @@ class Occupant(msgspec.Struct, frozen=True):
     @property
     def claim(self) -> tuple[Vector3, ...]:
         """Polyline that it occupies: its position and its path."""
-        return (self.at, *self.way)
+        return (self.at, *self.route)
 
     def gives_way_to(self, other: Occupant) -> bool:
         """Return whether this robot must brake first."""
         return (self.precedence, other.name) < (other.precedence, self.name)
 
-    def stopping_way(self, late: float = 0.0) -> tuple[Vector3, ...]:
+    def stopping_path(self, late: float = 0.0) -> tuple[Vector3, ...]:
         """Return the polyline that it covers until it stands, if it brakes in ``late`` seconds.
 
         If requested and measured motion differ, the polyline encloses everything between the two.
         """
         speed = self.speed
-        if self.way and speed > STILL:
+        if self.route and speed > STILL:
             line = beginning(self.claim, stopping(speed, self.braking) + speed * late)
-            aside = self.aside(self.way[0])
+            aside = self.aside(self.route[0])
             return (self.at, *(point + aside for point in line), *reversed(line)) if aside.norm() else line
         moves = self.velocity.norm() > STILL
         drift = self._course(self.velocity, 0.0, late) if moves else (self.at,)
@@ -90,8 +90,8 @@ class Occupant(msgspec.Struct, frozen=True):
 
     def aside(self, goal: Vector3) -> Vector3:
         """Return how far (m) its momentum carries it off the straight path to a goal."""
-        way = goal - self.at
-        along = way.scaled(1 / way.norm()) if way.norm() > SLACK else Vector3()
+        offset = goal - self.at
+        along = offset.scaled(1 / offset.norm()) if offset.norm() > SLACK else Vector3()
         ahead = self.velocity.x * along.x + self.velocity.y * along.y + self.velocity.z * along.z
         off = self.velocity - along.scaled(max(0.0, ahead))
         speed = off.norm()
@@ -116,8 +116,8 @@ class Occupant(msgspec.Struct, frozen=True):
             return (self.at,)
         line, piece = [self.at], (REACTION + late) / ARC
         for number in range(ARC if turn else 1):
-            way = rotate_to_world(velocity, turn * piece * (number + 0.5)) if turn else velocity.scaled(ARC)
-            line.append(line[-1] + way.scaled(piece))
+            step = rotate_to_world(velocity, turn * piece * (number + 0.5)) if turn else velocity.scaled(ARC)
+            line.append(line[-1] + step.scaled(piece))
         last = rotate_to_world(velocity, turn * piece * ARC)
         return (*line, line[-1] + last.scaled(speed / (2 * self.braking)))
 
@@ -143,18 +143,18 @@ def needed(one: Occupant, other: Occupant) -> float:
     return one.radius + other.radius + one.uncertainty + other.uncertainty
 
 
-def way_trouble(robot: Occupant, points: Iterable[Vector3], others: Iterable[Occupant]) -> str:
+def route_trouble(robot: Occupant, points: Iterable[Vector3], others: Iterable[Occupant]) -> str:
     """Return why a robot may not go through these points; empty when it may."""
     steps = list(enumerate(points, 1))
-    ways = [steps]
+    routes = [steps]
     if steps and (aside := robot.aside(steps[0][1])).norm():
-        ways.append([(0, robot.at + aside), steps[0]])
+        routes.append([(0, robot.at + aside), steps[0]])
     for other in others:
         least = needed(robot, other) + ADMITTED
-        for way in ways:
-            line = (robot.at, *(point for _, point in way))
+        for route in routes:
+            line = (robot.at, *(point for _, point in route))
             near = apart(line, other.claim, least) < least
-            if near and (trouble := _step_trouble(robot.at, way, other, least)):
+            if near and (trouble := _step_trouble(robot.at, route, other, least)):
                 return trouble
     return ""
 
@@ -189,7 +189,7 @@ def must_brake(robot: Occupant, other: Occupant) -> bool:
     It must when their stopping paths come too near each other and its own motion contributes to that.
     """
     least = needed(robot, other) + HELD
-    mine, theirs = robot.stopping_way(_sooner(robot, other)), other.stopping_way()
+    mine, theirs = robot.stopping_path(_sooner(robot, other)), other.stopping_path()
     if apart(mine, theirs, least) >= least:
         return False
     here = apart((robot.at,), theirs)
@@ -223,18 +223,18 @@ def admitted(robot: Occupant, velocity: Vector3, other: Occupant) -> float:
     requested motion must be clear.
     """
     least = needed(robot, other) + HELD
-    theirs = other.stopping_way(_sooner(robot, other))
+    theirs = other.stopping_path(_sooner(robot, other))
     # Within the other's early-braking path no position counts as nearer: then its sure path decides.
-    ways = (theirs, other.stopping_way())
-    here = [apart((robot.at,), way) for way in ways]
-    drift = msgspec.structs.replace(robot, asked=Vector3()).stopping_way()
+    paths = (theirs, other.stopping_path())
+    here = [apart((robot.at,), path) for path in paths]
+    drift = msgspec.structs.replace(robot, asked=Vector3()).stopping_path()
 
     def passes(part: float) -> bool:
         course = robot.course(velocity.scaled(part))
         around = (*reversed(drift), *course[1:], drift[-1])
         if apart(around, theirs, least) >= least:
             return True
-        return all(apart(course, way) >= now - 1e-6 for way, now in zip(ways, here, strict=True))
+        return all(apart(course, path) >= now - 1e-6 for path, now in zip(paths, here, strict=True))
 
     if passes(1.0):
         return 1.0

@@ -10,14 +10,14 @@ from fleet.link.memory import MemoryRobot
 from fleet.model.health import Level
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.constants import MavCmd
-from fleet_mavlink.redundant_links import open_ways
+from fleet_mavlink.redundant_links import open_links
 
 
 @pytest.fixture
-def two_ways(sky):
+def two_links(sky):
     """Make a sky whose vehicle also speaks over a second link; ``cut`` says which of them are down."""
 
-    class TwoWays(sky):
+    class TwoLinks(sky):
         def __init__(self, flavour, **config):
             super().__init__(flavour, backup_links=[f"memory:{id(self)}-backup"], **config)
             self.cut = set()
@@ -27,10 +27,10 @@ def two_ways(sky):
             self._say = self._peer.say
             self._peer.say = self._tell
 
-        def _by(self, way, data):
-            if way in self.cut:
+        def _by(self, index, data):
+            if index in self.cut:
                 return b""
-            self.spoken.append(way)
+            self.spoken.append(index)
             return self._heard(data)
 
         def _tell(self, data):
@@ -47,13 +47,13 @@ def two_ways(sky):
             await super().__aexit__(*_)
             self._backup.__exit__(None, None, None)
 
-    return TwoWays
+    return TwoLinks
 
 
 @pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
-def test_a_flight_goes_on_over_the_second_link(fly, two_ways, flavour):
+def test_a_flight_goes_on_over_the_second_link(fly, two_links, flavour):
     async def main():
-        async with two_ways(flavour) as it:
+        async with two_links(flavour) as it:
             await it.met()
             await it.do("takeoff", altitude=5.0)
             assert all(health.level is Level.OK for health in it.robot.healths[1:])
@@ -69,9 +69,9 @@ def test_a_flight_goes_on_over_the_second_link(fly, two_ways, flavour):
     fly(main())
 
 
-def test_what_comes_by_both_is_believed_once_and_no_alarm(fly, two_ways):
+def test_what_comes_by_both_is_believed_once_and_no_alarm(fly, two_links):
     async def main():
-        async with two_ways("px4") as it:
+        async with two_links("px4") as it:
             await it.met()
             await it.do("takeoff", altitude=5.0)
             vehicle = it.adapter._session.vehicle
@@ -82,9 +82,9 @@ def test_what_comes_by_both_is_believed_once_and_no_alarm(fly, two_ways):
     fly(main())
 
 
-def test_rates_are_asked_for_again_on_the_other_link(fly, two_ways):
+def test_rates_are_asked_for_again_on_the_other_link(fly, two_links):
     async def main():
-        async with two_ways("ardupilot") as it:
+        async with two_links("ardupilot") as it:
             await it.met()
             await asyncio.sleep(3.0)
             before = len(it.asked(MavCmd.SET_MESSAGE_INTERVAL))
@@ -94,9 +94,9 @@ def test_rates_are_asked_for_again_on_the_other_link(fly, two_ways):
     fly(main())
 
 
-def test_a_link_that_falls_is_opened_again_by_itself(fly, two_ways):
+def test_a_link_that_falls_is_opened_again_by_itself(fly, two_links):
     async def main():
-        async with two_ways("px4") as it:
+        async with two_links("px4") as it:
             await it.met()
             it._peer.unplug()
             await it.until(lambda: it._peer.opened == 2, within=3.0)
@@ -111,7 +111,7 @@ def test_a_link_that_falls_is_opened_again_by_itself(fly, two_ways):
 async def test_links_of_which_none_opens_are_lost(monkeypatch):
     monkeypatch.setattr("fleet_mavlink.redundant_links._FIRST_WITHIN", 0.05)
     with pytest.raises(LinkLost, match="none of them"):
-        await open_ways(["memory:nobody-1", "memory:nobody-2"], lambda *_: None)
+        await open_links(["memory:nobody-1", "memory:nobody-2"], lambda *_: None)
 
 
 def test_a_simulator_is_no_second_way():

@@ -39,7 +39,7 @@ DATA = {
     "set_gimbal_pitch": {"pitch": -10.0},
     "transition": {"to": "forward"},
 }
-WAYS = {
+DIRECTIONS = {
     "move_forward": Velocity(Vector3(1.0, 0.0, 0.0)),
     "move_backward": Velocity(Vector3(-1.0, 0.0, 0.0)),
     "strafe_left": Velocity(Vector3(0.0, 1.0, 0.0)),
@@ -68,8 +68,8 @@ async def tried(it, name):
     """Do what a name says, for a moment; return why it was refused, empty when it was taken."""
     try:
         async with asyncio.timeout(20.0):
-            if name in WAYS:
-                await it.drive(WAYS[name], 0.3)
+            if name in DIRECTIONS:
+                await it.drive(DIRECTIONS[name], 0.3)
             elif name in TASKS:
                 await anext(it.adapter.navigate(TASKS[name]))
             else:
@@ -82,7 +82,7 @@ async def tried(it, name):
 
 
 @pytest.mark.parametrize("vehicle", VEHICLES)
-@pytest.mark.parametrize("name", [*WAYS, *TASKS, *COMMANDS])
+@pytest.mark.parametrize("name", [*DIRECTIONS, *TASKS, *COMMANDS])
 def test_each_name_is_taken_or_refused_with_the_words_of_the_table(fly, sky, vehicle, name):
     flavour, kind, vehicle_type = VEHICLES[vehicle]
 

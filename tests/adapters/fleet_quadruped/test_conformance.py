@@ -101,7 +101,7 @@ def test_an_emergency_stop_damps_every_joint_in_the_next_cycle(standing, cycles)
     assert standing.mode is BodyMode.DAMPED
     if standing.dog.drive.protocol == "cia402":
         standing.cycle()  # and on the way there they interpolate
-    assert standing.gives_way()
+    assert standing.is_compliant()
 
 
 def test_a_damped_dog_goes_off_and_needs_a_new_command(standing):
@@ -186,7 +186,7 @@ def test_the_fault_of_a_drive_damps_all_others_in_the_cycle_that_hears_of_it(sta
         standing.cycle()
     assert standing.mode is BodyMode.DAMPED
     standing.go(0.02)
-    assert standing.gives_way(set(range(12)) - {RL_HIP - 1})
+    assert standing.is_compliant(set(range(12)) - {RL_HIP - 1})
 
 
 def test_two_dogs_do_not_hear_each_other(any_dog):

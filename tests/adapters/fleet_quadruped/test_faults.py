@@ -122,7 +122,7 @@ def test_what_was_stopped_hard_is_damped_everywhere_then_off_and_reported_as_a_f
         rig.cycle()
     rig.go(0.02)
     healthy = set(range(12)) - {RL_HIP - 1}
-    assert rig.gives_way(healthy)
+    assert rig.is_compliant(healthy)
     rig.go(1.6, Twist(0.4))
     assert rig.mode is BodyMode.OFF
     assert all(rig.sim.world.motors[number].kp == 0 for number in healthy)

@@ -28,7 +28,7 @@ class Wall:
         self.sim, buses = lockstep(dog)
         self.clock = ManualClock()
         self.pressed_at = None
-        self.on_the_way = lambda: None
+        self.during_motion = lambda: None
         self.hardest = 0.0
         self.start = self.motor.angle
         self.bus = buses["a"]
@@ -53,7 +53,7 @@ class Wall:
 
     def pressed(self):
         if abs(self.motor.angle - self.start) > 0.02:
-            self.on_the_way()
+            self.during_motion()
         return self.pressed_at is not None and abs(self.motor.angle - self.start) > self.pressed_at
 
     def off(self):
@@ -90,21 +90,21 @@ def test_a_key_stops_it_at_once(wall):
 
 
 def test_a_drive_that_fails_ends_it(wall):
-    wall.on_the_way = lambda: wall.sim.fault("overcurrent", NUMBER + 1)
+    wall.during_motion = lambda: wall.sim.fault("overcurrent", NUMBER + 1)
     with pytest.raises(Fault, match="FR_hip"):
         wall.jogger.move()
     assert wall.off()
 
 
 def test_a_drive_that_falls_silent_ends_it(wall):
-    wall.on_the_way = lambda: wall.sim.fault("mute", NUMBER + 1)
+    wall.during_motion = lambda: wall.sim.fault("mute", NUMBER + 1)
     with pytest.raises(LinkLost, match=r"FR_hip: .*silent"):
         wall.jogger.move()
 
 
 def test_a_torque_limit_that_could_not_be_taken_back_is_reported(dog, caplog):
     wall = Wall(dog)
-    wall.on_the_way = lambda: wall.sim.fault("mute", NUMBER + 1)
+    wall.during_motion = lambda: wall.sim.fault("mute", NUMBER + 1)
     with pytest.raises(LinkLost):
         wall.jogger.move()
     assert "FR_hip: its torque is still limited; switch its power off and on" in caplog.text
@@ -157,7 +157,7 @@ def test_a_signal_ends_it_in_order_and_the_next_one_does_not_cut_the_braking_sho
     before = signal.getsignal(number)
     monkeypatch.setattr(sys, "stdin", os.fdopen(source, closefd=False))
     pressed = wall.jogger._interrupted = AbortInput()
-    wall.on_the_way = lambda: os.kill(os.getpid(), number)
+    wall.during_motion = lambda: os.kill(os.getpid(), number)
     looked, braked = wall.jogger._cycle, wall.jogger._bench.drives.quick_stop
     wall.jogger._cycle = lambda act: (wall.pressed(), looked(act))[1]
     wall.jogger._bench.drives.quick_stop = lambda: (os.kill(os.getpid(), number), braked())

@@ -20,7 +20,7 @@ def run(odometry, feedbacks, every=0.05, start=100.0):
     return steps[-1]
 
 
-def ways(left, right, count=21, **more):
+def distances_of(left, right, count=21, **more):
     return [
         Feedback(distances=(left * n / (count - 1), right * n / (count - 1)), **more) for n in range(count)
     ]
@@ -28,20 +28,20 @@ def ways(left, right, count=21, **more):
 
 def test_a_straight_way_is_as_long_as_the_counters_say():
     odometry = WheelOdometry(SCALE, 1.0)
-    run(odometry, ways(1.0, 1.0, 41))
+    run(odometry, distances_of(1.0, 1.0, 41))
     assert (odometry.x, odometry.y, odometry.yaw) == pytest.approx((1.0, 0.0, 0.0))
     assert 0 < odometry.position_sigma < 0.2
 
 
 def test_without_a_gyro_the_heading_comes_from_the_wheels():
     odometry = WheelOdometry(SCALE, 1.0)
-    run(odometry, ways(-0.1 * math.pi / 2, 0.1 * math.pi / 2))
+    run(odometry, distances_of(-0.1 * math.pi / 2, 0.1 * math.pi / 2))
     assert odometry.yaw == pytest.approx(math.pi / 2)
 
 
 def test_with_a_gyro_wheels_that_slip_do_not_turn_the_pose():
     odometry = WheelOdometry(SCALE, 1.0)
-    run(odometry, ways(0.0, 0.4, gyro=gyro(0.1)))
+    run(odometry, distances_of(0.0, 0.4, gyro=gyro(0.1)))
     assert odometry.yaw == pytest.approx(0.1 * 1.0, abs=1e-6)
     assert odometry.heading_sigma < 0.01
 
@@ -74,17 +74,17 @@ def test_speeds_make_the_way_where_there_are_no_counters():
 
 def test_a_counter_reset_is_no_way_back_and_is_reported():
     odometry = WheelOdometry(SCALE, 1.0)
-    run(odometry, ways(1.0, 1.0, 41))
+    run(odometry, distances_of(1.0, 1.0, 41))
     step = odometry.update(Feedback(distances=(0.0, 0.0)), 102.05)
     assert step.restarted
     assert odometry.x == pytest.approx(1.0)
-    run(odometry, ways(0.5, 0.5), start=102.1)
+    run(odometry, distances_of(0.5, 0.5), start=102.1)
     assert odometry.x == pytest.approx(1.5)
 
 
 def test_a_spoiled_counter_is_a_jump_that_no_wheel_makes_and_no_reset():
     odometry = WheelOdometry(SCALE, 1.0)
-    run(odometry, ways(1.0, 1.0, 41))
+    run(odometry, distances_of(1.0, 1.0, 41))
     assert odometry.update(Feedback(distances=(901.0, 1.0)), 102.05) is None
     odometry.update(Feedback(distances=(1.05, 1.05)), 102.1)
     assert odometry.x == pytest.approx(1.05)
@@ -109,7 +109,7 @@ def test_counters_that_wrap_go_on():
     wrap = 10.0
     odometry = WheelOdometry(Scale(track=0.2, wrap=wrap), 1.0)
     distances = [4.9 + 0.02 * n for n in range(11)]
-    run(odometry, [Feedback(distances=(math.remainder(way, wrap),) * 2) for way in distances])
+    run(odometry, [Feedback(distances=(math.remainder(distance, wrap),) * 2) for distance in distances])
     assert odometry.x == pytest.approx(0.2)
 
 
@@ -123,7 +123,7 @@ def test_what_happened_in_a_gap_is_unknown_and_time_does_not_run_back():
 
 def test_calibration_scales_each_side_and_can_turn_it_round():
     odometry = WheelOdometry(Scale(track=0.2, left=1.1, right=-0.9), 1.0)
-    run(odometry, ways(1.0, -1.0, 41))
+    run(odometry, distances_of(1.0, -1.0, 41))
     assert odometry.travelled == pytest.approx((1.1, 0.9))
 
 

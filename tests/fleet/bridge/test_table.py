@@ -145,7 +145,7 @@ class World:
         )
         self.bridge.client.publish = self._publish
         self.bridge.client.route = lambda topic, **how: partial(self._publish, topic, **how)
-        self.bridge.client.queue = lambda way, payload: way(payload)
+        self.bridge.client.queue = lambda route, payload: route(payload)
 
     def _asked(self, topic, _message):
         """Say what the edge says of its workflows."""

@@ -79,8 +79,8 @@ class Bench:
     def now(self):
         return self.clock.monotonic()
 
-    def queue(self, way, payload):
-        way(payload)
+    def queue(self, route, payload):
+        route(payload)
 
     def _publish(self, topic, qos, payload):
         self.sent.append((self.now, topic.partition(f"{TWIN}/")[2], json.loads(payload), qos))
@@ -225,9 +225,9 @@ def test_an_event_at_which_the_bridge_fails_takes_no_state_beside_it_along(bench
 
 def test_a_state_without_a_rate_that_is_reported_twice_in_one_step_crosses_as_it_was_each_time():
     bench = Bench(rulebook("lan", [RuleChanges({"flight_state": RuleChange(rate=0.0)})]))
-    way = bench.uplink.open(f"cw/{TWIN}/data/flight_state")
+    route = bench.uplink.open(f"cw/{TWIN}/data/flight_state")
     for batch in (["A"], ["B", "C"]):
-        bench.uplink.forward([(way, FlightStateReport(1.0, True, mode)) for mode in batch])
+        bench.uplink.forward([(route, FlightStateReport(1.0, True, mode)) for mode in batch])
     assert [message["flight_mode"] for _, message in bench.of("flight_state")] == ["A", "B", "C"]
 
 

@@ -23,7 +23,7 @@ DONE = (Reply("goto", ReplyStatus.ACCEPTED), Reply("goto", ReplyStatus.ACCEPTED,
 
 
 def measured(**changes):
-    return {"reported": 1.0, "way": 1.0, "off": 0.0, "track": 0.2} | changes
+    return {"reported": 1.0, "distance": 1.0, "off": 0.0, "track": 0.2} | changes
 
 
 def test_what_was_right_stays():
@@ -31,20 +31,20 @@ def test_what_was_right_stays():
 
 
 def test_a_robot_that_went_further_than_it_reported_has_larger_wheels():
-    new = calibrated({}, **measured(way=1.1))
+    new = calibrated({}, **measured(distance=1.1))
     assert (new["left"], new["right"], new["gyro"]) == (1.1, 1.1, 1.0)
 
 
 @given(st.floats(0.6, 1.6), st.floats(-100, 100))
-def test_measured_again_with_the_new_values_nothing_changes(way, off):
+def test_measured_again_with_the_new_values_nothing_changes(distance, off):
     track, turned = 0.2, 1 + off / 360
-    new = calibrated({}, **measured(way=way, off=off))
+    new = calibrated({}, **measured(distance=distance, off=off))
     assert new["gyro"] == pytest.approx(turned, abs=1e-4)
     # A turn by the wheels: the sides' difference in new metres over the new track is the true angle.
     assert new["left"] / new["track"] == pytest.approx(turned / track, rel=1e-3)
 
 
-@pytest.mark.parametrize("wrong", [{"way": 9.0}, {"reported": 0.0}, {"off": -350.0}, {"way": -1.0}])
+@pytest.mark.parametrize("wrong", [{"distance": 9.0}, {"reported": 0.0}, {"off": -350.0}, {"distance": -1.0}])
 def test_what_cannot_be_is_refused(wrong):
     with pytest.raises(Refused, match="measure again"):
         calibrated({}, **measured(**wrong))

@@ -48,8 +48,8 @@ def test_a_robot_is_led_through_the_places_of_the_command_line_or_of_a_file(flee
     (tmp_path / "round.csv").write_text("1,2\n3,4\n")
     assert fleet("goto", "rex", "1,2", "3,4").code == 0
     assert fleet("goto", "rex", "--path", str(tmp_path / "round.csv")).code == 0
-    ways = [json.loads(each.payload)["waypoints"] for each in asked]
-    assert ways == [[{"position": [1.0, 2.0]}, {"position": [3.0, 4.0]}]] * 2
+    routes = [json.loads(each.payload)["waypoints"] for each in asked]
+    assert routes == [[{"position": [1.0, 2.0]}, {"position": [3.0, 4.0]}]] * 2
 
 
 @pytest.mark.parametrize("arguments", [(), ("1", "2", "--path", "round.csv")])

@@ -6,7 +6,7 @@ TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 
 
 @pytest.fixture(autouse=True)
-def given_way(monkeypatch):
+def without_records(monkeypatch):
     """Keep the priority of the tests; the recorder asks to have a lower one."""
     given = []
     monkeypatch.setattr("fleet.cli.record.lower_priority", lambda: given.append(True))

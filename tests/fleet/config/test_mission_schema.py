@@ -60,7 +60,7 @@ def _members_fit(value, schema):
         return False
     for key, each in value.items():
         found = properties.get(key) or next(
-            (part for way, part in patterns.items() if re.search(way, key)), more
+            (part for pattern, part in patterns.items() if re.search(pattern, key)), more
         )
         if found is False or (isinstance(found, dict) and not fits(each, found)):
             return False

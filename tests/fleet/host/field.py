@@ -82,9 +82,9 @@ class Walker(Adapter[WalkerConfig]):
             change = change.scaled(most / change.norm())
         self.velocity = self.velocity + change
         self.yaw += self.asked.yaw_rate * STEP
-        way = self.velocity.scaled(STEP)
-        self.world = self.world + way
-        self.site = self.site + rotate_to_world(way, self.turn)
+        step = self.velocity.scaled(STEP)
+        self.world = self.world + step
+        self.site = self.site + rotate_to_world(step, self.turn)
 
     def _later(self, call, *arguments):
         """Do it after the lag, in order: a loop keeps none among calls of one and the same time."""

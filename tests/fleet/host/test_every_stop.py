@@ -166,7 +166,7 @@ class Rig:
         self.bus_session.ask(keys.command("yard", "rex"), payload, **parameters)
 
 
-WAYS = {
+TRANSPORTS = {
     "mqtt command": lambda rig, payload: rig.over_mqtt("command", payload),
     "mqtt command, kept": lambda rig, payload: rig.over_mqtt("command", payload, retain=True),
     "mqtt command, damaged": lambda rig, payload: rig.over_mqtt("command", payload, flaw="no UTF-8"),
@@ -263,13 +263,13 @@ def moves(calls):
     return [one for one in calls if isinstance(one, tuple) or (isinstance(one, Velocity) and not one.is_zero)]
 
 
-async def come(puppet, way, state, payload, *, worker):
+async def come(puppet, transport, state, payload, *, worker):
     """Let a stop come; return the rig and what the robot was told since."""
     rig = Rig(puppet, worker=worker)
     STATES[state](rig)
     await asyncio.sleep(0)
     before = len(rig.puppet.calls)
-    way(rig, payload)
+    transport(rig, payload)
     for _ in range(12):
         await asyncio.sleep(0)
     calls = rig.puppet.calls[before:]
@@ -306,14 +306,16 @@ def test_a_stop_is_obeyed_whatever_it_holds_however_it_comes_and_whatever_there_
     caplog.set_level(logging.CRITICAL)
 
     @PLAYED
-    @given(st.sampled_from(sorted(WAYS | SMALL)), st.sampled_from(sorted(STATES)), stops())
-    def holds(way, state, stop):
+    @given(st.sampled_from(sorted(TRANSPORTS | SMALL)), st.sampled_from(sorted(STATES)), stops())
+    def holds(transport, state, stop):
         payload, name = stop
         with asyncio.Runner() as runner:
-            rig, calls = runner.run(come(puppet, (WAYS | SMALL)[way], state, payload, worker=worker))
+            rig, calls = runner.run(
+                come(puppet, (TRANSPORTS | SMALL)[transport], state, payload, worker=worker)
+            )
         assert {"stop", "halt"} & set(calls)
         assert not moves(calls)
-        if name in EMERGENCIES or way == "stop key":
+        if name in EMERGENCIES or transport == "stop key":
             assert rig.robot.controller.latched
             assert "halt" in calls
 
@@ -322,17 +324,17 @@ def test_a_stop_is_obeyed_whatever_it_holds_however_it_comes_and_whatever_there_
 
 @pytest.mark.parametrize("worker", [False, True], ids=["here", "in a worker"])
 @pytest.mark.parametrize("state", STATES)
-@pytest.mark.parametrize("way", WAYS)
-def test_what_is_too_large_to_be_read_is_a_stop_where_stops_come(puppet, caplog, way, state, worker):
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_what_is_too_large_to_be_read_is_a_stop_where_stops_come(puppet, caplog, transport, state, worker):
     caplog.set_level(logging.CRITICAL)
     payload = b'{"command": "takeoff", "x": "' + b"x" * (2 << 20)
     with asyncio.Runner() as runner:
-        rig, calls = runner.run(come(puppet, WAYS[way], state, payload, worker=worker))
-    if way == "bus of no kind":  # nothing says what it is about
+        rig, calls = runner.run(come(puppet, TRANSPORTS[transport], state, payload, worker=worker))
+    if transport == "bus of no kind":  # nothing says what it is about
         return
     assert {"stop", "halt"} & set(calls)
     assert not moves(calls)
-    assert rig.robot.controller.latched or way in ("mqtt navigation", "mqtt mission")
+    assert rig.robot.controller.latched or transport in ("mqtt navigation", "mqtt mission")
 
 
 @pytest.mark.parametrize("sender", ["tele", "edge", "sim", "preview", "edit", "nobody knows", "", None])
@@ -406,18 +408,18 @@ def test_two_stops_go_on_though_one_robot_is_not_written(puppet):
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("name", ["stop", "emergency_stop"])
-@pytest.mark.parametrize("way", ["mqtt command", "bus command", "stop key"])
-def test_a_stop_does_not_depend_on_its_record(puppet, caplog, way, name, fault):
+@pytest.mark.parametrize("transport", ["mqtt command", "bus command", "stop key"])
+def test_a_stop_does_not_depend_on_its_record(puppet, caplog, transport, name, fault):
     async def play():
         rig, answers = Rig(puppet, worker=False), []
         drive(rig)
         FAULTS[fault](rig)
         before = len(rig.puppet.calls)
         message = {"command": name, "source_type": "tele", "session_id": "anna", "id": "r1"}
-        if way == "bus command":
+        if transport == "bus command":
             answers = rig.bus_session.ask(keys.command("yard", "rex"), json.dumps(message).encode())
         else:
-            WAYS[way](rig, json.dumps(message).encode())
+            TRANSPORTS[transport](rig, json.dumps(message).encode())
         for _ in range(12):
             await asyncio.sleep(0)
         return rig, rig.puppet.calls[before:], answers
@@ -426,6 +428,6 @@ def test_a_stop_does_not_depend_on_its_record(puppet, caplog, way, name, fault):
         rig, calls, answers = runner.run(play())
     assert "stop" in calls
     assert not moves(calls)
-    assert rig.robot.controller.latched == (name == "emergency_stop" or way == "stop key")
+    assert rig.robot.controller.latched == (name == "emergency_stop" or transport == "stop key")
     assert "could not be written into the history" in caplog.text
-    assert (way == "bus command") == bool(answers)
+    assert (transport == "bus command") == bool(answers)

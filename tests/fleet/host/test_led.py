@@ -152,14 +152,14 @@ async def test_it_goes_to_a_goal_and_says_so_once(world):
 async def test_a_verb_with_a_distance_ends_there_and_its_repeat_moves_nothing(world, verb, x):
     world.see()
     can = capabilities(Cart)
-    way = goal_of(Command(verb, {"distance": 1.0}, TELE, id="q1"), can, VerbSpeeds(can.limits).of)
-    (first,) = world.ask(way)
+    move = goal_of(Command(verb, {"distance": 1.0}, TELE, id="q1"), can, VerbSpeeds(can.limits).of)
+    (first,) = world.ask(move)
     assert first.ok
     await world.until(lambda: world.states()[-1] == "completed")
     assert (world.x, world.y) == pytest.approx((x, 0.0), abs=0.05)
     assert (world.cart.velocity, world.controller.deadman.armed) == (Velocity(), False)
     world.cart.velocities.clear()
-    world.ask(way)
+    world.ask(move)
     await world.pass_time(1.0)
     assert world.cart.velocities == []
     assert world.controller.last.command == verb

@@ -42,7 +42,7 @@ def test_frames_are_copied_with_their_direction_and_time_from_when_it_is_switche
     tap.note("in", b"ok", ("10.0.0.2", 14550))
     tap.note("in", b"late", at=99.5)
     (message,) = flushed(frames)
-    assert [(each.at, each.way, each.data, each.peer) for each in message.frames] == [
+    assert [(each.at, each.direction, each.data, each.peer) for each in message.frames] == [
         (100.0, "out", b"go", ""),
         (100.0, "in", b"ok", "10.0.0.2:14550"),
         (99.5, "in", b"late", ""),
@@ -53,7 +53,7 @@ def test_frames_are_copied_with_their_direction_and_time_from_when_it_is_switche
 def test_a_link_that_is_opened_meanwhile_says_so(frames):
     frames.switch(on=True)
     opened(frames)
-    assert [each.way for each in flushed(frames)[0].frames] == ["open"]
+    assert [each.direction for each in flushed(frames)[0].frames] == ["open"]
 
 
 def test_nothing_is_copied_once_nobody_records_any_more(frames):
@@ -154,6 +154,6 @@ async def test_an_open_link_leaves_copies_of_what_it_carries(frames):
     finally:
         OPENING.reset(token)
     assert robot.heard == [b"before", b"go"]
-    copies = [(each.way, each.data) for each in flushed(frames)[0].frames]
+    copies = [(each.direction, each.data) for each in flushed(frames)[0].frames]
     assert ("out", b"go") in copies
     assert ("in", b"re:go") in copies

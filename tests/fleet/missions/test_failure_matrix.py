@@ -329,7 +329,7 @@ def test_mission_is_edited_or_a_robot_is_removed(yard):
 def test_two_schedules_want_one_robot(yard):
     yard.start()
     other = mission_of("other", {**MISSION, "steps": MISSION["steps"][:1]})
-    found = yard.runs.filling.in_the_way(other, other.program({}), StartAsk(run="77"))
+    found = yard.runs.filling.conflicting_runs(other, other.program({}), StartAsk(run="77"))
     assert found == ["3f2a"], "the busy rule decides, and names it"
 
 

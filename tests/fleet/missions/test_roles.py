@@ -3,7 +3,7 @@ import pytest
 from fleet.errors import Refused
 from fleet.missions.model import CountConfig, RoleConfig
 from fleet.missions.program import Require
-from fleet.missions.roles import RoleCandidate, filled, runs_in_the_way
+from fleet.missions.roles import RoleCandidate, conflicting_runs, filled
 from fleet.missions.state import Facts
 
 
@@ -70,8 +70,8 @@ def test_what_each_candidate_lacks_is_reported():
         assert words in str(caught.value)
 
 
-def in_the_way(roles, *robots):
-    return runs_in_the_way(roles, {}, robots, Require(), {})
+def conflicting(roles, *robots):
+    return conflicting_runs(roles, {}, robots, Require(), {})
 
 
 def test_a_robot_in_a_run_fills_no_role():
@@ -81,13 +81,13 @@ def test_a_robot_in_a_run_fills_no_role():
 
 def test_no_more_runs_are_in_the_way_than_have_robots_that_are_needed():
     robots = robot("a", run="r1"), robot("b", run="r2"), robot("c", run="r2"), robot("d")
-    assert in_the_way({"feet": role(1, 4)}, *robots) == set()
-    assert in_the_way({"feet": role(2, 4)}, *robots) == {"r2"}
-    assert in_the_way({"feet": role(4, 4)}, *robots) == {"r1", "r2"}
+    assert conflicting({"feet": role(1, 4)}, *robots) == set()
+    assert conflicting({"feet": role(2, 4)}, *robots) == {"r2"}
+    assert conflicting({"feet": role(4, 4)}, *robots) == {"r1", "r2"}
 
 
 def test_a_role_that_nobody_could_fill_even_then_is_refused():
     with pytest.raises(Refused, match="b: its emergency stop is set"):
-        in_the_way(
+        conflicting(
             {"feet": role(2, 2)}, robot("a", run="r1"), robot("b", trouble="its emergency stop is set")
         )

@@ -109,8 +109,8 @@ def test_a_schedule_finds_only_a_run_in_the_way_where_there_is_no_room(yard):
     yard.start(mission("beast", "pad"), run="a")
     ask = StartAsk(run="b")
     other = mission_of("other", mission("kestrel", "pad"))
-    assert yard.runs.filling.in_the_way(other, other.program({}), ask) == []
+    assert yard.runs.filling.conflicting_runs(other, other.program({}), ask) == []
     yard.start(mission("kestrel", "pad"), run="c")
     third = mission_of("other", {**mission("kestrel", "pad"), "roles": {"feet": {"count": {"min": 1}}}})
     yard.robots["kestrel"].be(run="")
-    assert yard.runs.filling.in_the_way(third, third.program({}), ask) == ["a", "c"]
+    assert yard.runs.filling.conflicting_runs(third, third.program({}), ask) == ["a", "c"]

@@ -233,14 +233,14 @@ def test_a_robot_of_a_run_that_is_taken_up_again_is_given_to_no_other_run(yard):
     began, ask = [], StartAsk(run="77")
     yard.runs.start(other, other.program({}), ask, Transport.MISSION, lambda *given: began.append(given))
     assert "kestrel: it is in run 3f2a" in began[0][2]
-    assert yard.runs.filling.in_the_way(other, other.program({}), ask) == ["3f2a"]
+    assert yard.runs.filling.conflicting_runs(other, other.program({}), ask) == ["3f2a"]
 
 
 def test_what_is_refused_anyway_has_no_run_in_its_way(yard):
     yard.start()
     other = mission_of("patrol", {**MISSION, "rehearse": "required"})
     with pytest.raises(Refused, match="rehearsed"):
-        yard.runs.filling.in_the_way(other, other.program({}), StartAsk(run="77"))
+        yard.runs.filling.conflicting_runs(other, other.program({}), StartAsk(run="77"))
 
 
 def test_a_step_that_leads_a_robot_through_its_fence_is_refused_before_anything_moves(yard):

@@ -29,8 +29,8 @@ def test_every_place_has_one_robot_and_no_two_straight_ways_cross(at):
     places = spread(len(robots), 5.0)
     order = nearest_each(robots, places)
     assert sorted(order) == list(range(len(robots)))
-    ways = [(robot, places[number]) for robot, number in zip(robots, order, strict=True)]
-    for (a, b), (c, d) in itertools.combinations(ways, 2):
+    paths = [(robot, places[number]) for robot, number in zip(robots, order, strict=True)]
+    for (a, b), (c, d) in itertools.combinations(paths, 2):
         properly = _side(a, b, c) * _side(a, b, d) < -1e-3 and _side(c, d, a) * _side(c, d, b) < -1e-3
         assert not properly, apart((a, b), (c, d))
 
@@ -42,8 +42,8 @@ def _side(a, b, c):
 def test_the_grid_is_turned_so_that_those_who_come_from_one_side_do_not_pass_each_others_places():
     robots, centre = [Vector3(0, 11), Vector3(0, 22)], Vector3(15, 16)
     places = [centre + step for step in arranged(robots, centre, 6.0)]
-    ways = list(zip(robots, places, strict=True))
-    assert apart(*ways) > 5.0
+    paths = list(zip(robots, places, strict=True))
+    assert apart(*paths) > 5.0
     assert (places[0] - places[1]).norm() == pytest.approx(6.0)
 
 

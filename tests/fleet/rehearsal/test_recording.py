@@ -24,8 +24,8 @@ def nearest(*looks, **more):
 
 
 def test_who_comes_nearer_than_both_radii_is_too_near_and_who_began_so_is_not():
-    def between(*ways):
-        looks = [(float(at), [at_(0.0), at_(way, "b")]) for at, way in enumerate(ways)]
+    def between(*distances):
+        looks = [(float(at), [at_(0.0), at_(distance, "b")]) for at, distance in enumerate(distances)]
         return [each.metres for each in seen(*looks).too_near()]
 
     def at_(x, name="a"):
@@ -59,7 +59,7 @@ def tracked(points):
 
 
 def test_a_track_has_the_points_of_a_robot_that_takes_part_and_each_stand():
-    ways = [
+    samples = [
         (0.0, 0.0),
         (0.1, 0.04),
         (0.2, 0.12),
@@ -70,7 +70,7 @@ def test_a_track_has_the_points_of_a_robot_that_takes_part_and_each_stand():
         (6.0, 0.31),
     ]
     expected = ((0.0, 0.0), (0.2, 0.12), (5.0, 0.12), (5.1, 0.3), (6.0, 0.31))
-    assert tracked(ways) == (RehearsedTrack("a", tuple((moment, x, 0.0, 0.0) for moment, x in expected)),)
+    assert tracked(samples) == (RehearsedTrack("a", tuple((moment, x, 0.0, 0.0) for moment, x in expected)),)
 
 
 def test_a_long_track_gets_coarser_from_its_beginning_to_its_end():

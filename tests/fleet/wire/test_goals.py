@@ -71,7 +71,7 @@ def test_a_place_and_a_heading_of_the_site_are_turned_into_the_robots_own_world(
 
 
 def test_a_path_has_the_heading_at_its_end_alone_and_no_height_that_nobody_said():
-    aim = GotoTarget(3, 4, frame="site", yaw=1.0, speed=2.0, way=((1.0, 2.0), (2.0, 2.0, 5.0)))
+    aim = GotoTarget(3, 4, frame="site", yaw=1.0, speed=2.0, via=((1.0, 2.0), (2.0, 2.0, 5.0)))
     (message,) = goals(aim, [a_robot("rex", x=1.0)])
     first, second, last = message["waypoints"]
     assert (first, second) == ({"position": [0.0, 2.0]}, {"position": [1.0, 2.0, 5.0]})
@@ -80,7 +80,7 @@ def test_a_path_has_the_heading_at_its_end_alone_and_no_height_that_nobody_said(
 
 
 def test_a_path_on_earth_is_degrees():
-    (message,) = goals(GotoTarget(47.0, 8.0, 20.0, "geo", way=((47.1, 8.1),)), [a_robot("kestrel")])
+    (message,) = goals(GotoTarget(47.0, 8.0, 20.0, "geo", via=((47.1, 8.1),)), [a_robot("kestrel")])
     first, last = (each["geodetic_position"] for each in message["waypoints"])
     assert first == pytest.approx({"latitude": 47.1, "longitude": 8.1})
     assert last == pytest.approx({"latitude": 47.0, "longitude": 8.0, "altitude": 20.0})
@@ -88,4 +88,4 @@ def test_a_path_on_earth_is_degrees():
 
 def test_one_path_for_several_robots_is_refused():
     with pytest.raises(Refused, match="one path for 2 robots"):
-        goals(GotoTarget(1, 2, frame="site", spacing=4.0, way=((0.0, 0.0),)), APART)
+        goals(GotoTarget(1, 2, frame="site", spacing=4.0, via=((0.0, 0.0),)), APART)

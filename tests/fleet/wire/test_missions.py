@@ -39,9 +39,9 @@ def read(mission=None, **message):
 def changed(where, value):
     """Return the mission with one member changed, or taken away by None."""
     mission = copy.deepcopy(MISSION)
-    *way, last = where.split(".")
+    *parents, last = where.split(".")
     target = mission
-    for step in way:
+    for step in parents:
         target = target[int(step) if step.isdigit() else step]
     if value is None:
         del target[int(last) if last.isdigit() else last]

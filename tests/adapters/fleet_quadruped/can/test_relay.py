@@ -26,7 +26,9 @@ def flushed_frames(tap):
     """Return what is on its way to the bus."""
     put = []
     list(tap.flushing(put.append))
-    return [frame for each in put for frame in decode_json(each, LinkFrames).frames if frame.way != "open"]
+    return [
+        frame for each in put for frame in decode_json(each, LinkFrames).frames if frame.direction != "open"
+    ]
 
 
 async def relayed(tap, cycles):
@@ -43,7 +45,7 @@ async def relayed(tap, cycles):
 
 async def test_frames_keep_their_time_and_direction(tap):
     (frame,) = await relayed(tap, [True])
-    assert (frame.at, frame.way, CanFrame.unpack(frame.data)) == (100.5, "in", FRAME)
+    assert (frame.at, frame.direction, CanFrame.unpack(frame.data)) == (100.5, "in", FRAME)
 
 
 async def test_after_a_cycle_in_which_nobody_wants_them_none_are_passed_on(tap):

@@ -40,7 +40,7 @@ class Turning:
 
 
 @pytest.mark.parametrize(
-    ("option", "after", "way"),
+    ("option", "after", "angle"),
     [
         (0, DriveState.SWITCH_ON_DISABLED, 0.0),
         (1, DriveState.SWITCH_ON_DISABLED, 0.1),
@@ -52,10 +52,10 @@ class Turning:
         (7, DriveState.QUICK_STOP, 0.0),
     ],
 )
-def test_a_quick_stop_brakes_and_then_lets_go_or_holds(dog, option, after, way):
+def test_a_quick_stop_brakes_and_then_lets_go_or_holds(dog, option, after, angle):
     turning = Turning(dog, x605A=option)
     turning.tell(QUICK_STOP)
-    assert turning.go(0.5) == pytest.approx(way, abs=0.01)
+    assert turning.go(0.5) == pytest.approx(angle, abs=0.01)
     assert turning.drive.state is after
     assert bool(turning.motor.kp) == (after is DriveState.QUICK_STOP)
     turning.tell(ENABLE)
@@ -65,19 +65,19 @@ def test_a_quick_stop_brakes_and_then_lets_go_or_holds(dog, option, after, way):
     assert turning.motor.kp == turning.motor.kd == 0.0
 
 
-@pytest.mark.parametrize(("option", "way"), [(0, 0.0), (1, 0.1)])
-def test_disabling_operation_lets_go_at_once_or_brakes_before(dog, option, way):
+@pytest.mark.parametrize(("option", "angle"), [(0, 0.0), (1, 0.1)])
+def test_disabling_operation_lets_go_at_once_or_brakes_before(dog, option, angle):
     turning = Turning(dog, x605C=option)
     turning.tell(DISABLE_OPERATION)
-    assert turning.go(0.5) == pytest.approx(way, abs=0.01)
+    assert turning.go(0.5) == pytest.approx(angle, abs=0.01)
     assert (turning.drive.state, turning.motor.kp) == (DriveState.SWITCHED_ON, 0.0)
 
 
-@pytest.mark.parametrize(("option", "way"), [(0, 0.0), (1, 0.1), (2, 0.02), (3, 0.0)])
-def test_a_fault_brakes_or_not_and_always_ends_without_torque(dog, option, way):
+@pytest.mark.parametrize(("option", "angle"), [(0, 0.0), (1, 0.1), (2, 0.02), (3, 0.0)])
+def test_a_fault_brakes_or_not_and_always_ends_without_torque(dog, option, angle):
     turning = Turning(dog, x605E=option)
     turning.drive.fail("overcurrent")
-    assert turning.go(0.5) == pytest.approx(way, abs=0.01)
+    assert turning.go(0.5) == pytest.approx(angle, abs=0.01)
     assert (turning.drive.state, turning.motor.kp) == (DriveState.FAULT, 0.0)
 
 

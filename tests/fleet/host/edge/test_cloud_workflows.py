@@ -83,7 +83,7 @@ async def test_a_mapped_workflow_starts_its_mission_in_the_name_that_fleet_yaml_
     cloud.run(requested_by_uuid="u1")  # the cloud repeats it until it hears that it was started
     await asks.until(lambda: cloud.published)
     about = cloud.edge.missions.runs.find(RUN).about
-    assert (about.way, about.source_type, about.workflow) == ("cloud", "tele", WORKFLOW)
+    assert (about.transport, about.source_type, about.workflow) == ("cloud", "tele", WORKFLOW)
     assert about.by == f"workflow {WORKFLOW} by u1"
     await asks.until(lambda: cloud.ends)
     cloud.run(requested_by_uuid="u1")

@@ -12,11 +12,11 @@ from fleet.missions.report import RunState, StartAsk, Started
 
 HERE = {"worker": "main", "stands": True, "start": [0, 0, 0]}
 THERE = {"worker": "arm", "stands": True, "start": [0, 5, 0]}
-WAYS = [[[1, 8]], [[1, 2]]]
+ROUTE = [[[1, 8]], [[1, 2]]]
 MISSION = {
     "version": 1,
     "roles": {"feet": {"count": 2}},
-    "steps": [{"id": "round", "start": "together", "timeout": "60 s", "do": {"feet": {"path": WAYS}}}],
+    "steps": [{"id": "round", "start": "together", "timeout": "60 s", "do": {"feet": {"path": ROUTE}}}],
 }
 UP = {**MISSION, "steps": [{"id": "up", "start": "together", "do": {"feet": "takeoff"}}]}
 LOADED = 2.0  # s by which a busy computer may be late; ``python -m bench together`` measures what it is

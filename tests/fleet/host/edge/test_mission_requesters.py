@@ -36,8 +36,8 @@ def askers(recorded):
     return MissionRequesters(known)
 
 
-def run_of(by, way="bus"):
-    return RunState("r1", "yard", "patrol", "", "", 0.0, by=by, way=way)
+def run_of(by, transport="bus"):
+    return RunState("r1", "yard", "patrol", "", "", 0.0, by=by, transport=transport)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_a_repeat_of_the_run_of_another_makes_that_name_no_truer(askers):
 
 
 def test_what_the_edge_starts_itself_is_known(askers):
-    assert askers.starter(run_of("schedule dawn", way="mission")).proven
+    assert askers.starter(run_of("schedule dawn", transport="mission")).proven
 
 
 def test_who_may_only_view_starts_and_controls_nothing_and_that_is_recorded(askers, recorded):

@@ -185,15 +185,17 @@ def runs_of(edge):
     """Return the runs of an edge that have ended: who started each, how it ended, and its robots."""
     found = queue.Queue()
     edge.missions.store.ended(100, found.put)
-    return {about.run: (about.by, about.way, head.outcome, members) for about, head, members in found.get()}
+    return {
+        about.run: (about.by, about.transport, head.outcome, members) for about, head, members in found.get()
+    }
 
 
 async def test_a_mission_of_two_robots_starts_by_itself_with_the_authority_of_fleet_yaml(ready):
     soon = datetime.fromtimestamp(time.time() + 10, UTC).isoformat()
     async with ready(PATROL, fair={"mission": "patrol", "once": soon}) as (place, edge):
         await asyncio.to_thread(wait_until, "the run has ended", lambda: runs_of(edge))
-        ((run, (by, way, outcome, members)),) = runs_of(edge).items()
-        assert (by, way, outcome) == ("schedule fair", "mission", "completed")
+        ((run, (by, transport, outcome, members)),) = runs_of(edge).items()
+        assert (by, transport, outcome) == ("schedule fair", "mission", "completed")
         assert {member.robot: member.outcome for member in members} == dict.fromkeys(
             ("rex", "max", "ada"), "done"
         ), "no robot that obeys only the cloud's operators keeps fleet.yaml out"

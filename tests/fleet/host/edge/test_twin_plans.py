@@ -81,7 +81,7 @@ async def flies(cloud, asks):
 
 async def test_a_plan_of_the_cloud_is_a_run_that_carries_its_authority(cloud, asks):
     run = await flies(cloud, asks)
-    assert (run.about.way, run.about.source_type, run.about.by) == ("cloud", "tele", "anna")
+    assert (run.about.transport, run.about.source_type, run.about.by) == ("cloud", "tele", "anna")
     (part,) = run.engine.robots.active()
     await asks.until(lambda: ("running", "") in cloud.reported())
     assert cloud.robot.state().run == RUN

@@ -16,10 +16,10 @@ def pose(x=0.0, y=0.0, yaw=0.0):
 
 
 @given(st.builds(pose, PLACES, PLACES, ANGLES), st.tuples(PLACES, PLACES), st.floats(0, 10), st.booleans())
-def test_no_law_asks_for_more_than_the_pace(here, target, way, backwards):
+def test_no_law_asks_for_more_than_the_pace(here, target, distance, backwards):
     for velocity in (
-        pursue(here, target, way, PACE, backwards=backwards),
-        glide(here, target, way, 0.0, PACE),
+        pursue(here, target, distance, PACE, backwards=backwards),
+        glide(here, target, distance, 0.0, PACE),
     ):
         assert velocity.linear.horizontal() <= 0.5 + 1e-9
         assert abs(velocity.yaw_rate) <= 1.0 + 1e-9
@@ -33,9 +33,9 @@ def test_it_turns_to_the_side_of_its_aim_and_backs_with_the_same_sense():
 
 
 @given(st.floats(0, 20))
-def test_it_can_always_stop_before_its_end(way):
-    speed = approach(way, PACE)
-    assert speed <= max(0.05, math.sqrt(2 * 0.25 * way)) + 1e-9
+def test_it_can_always_stop_before_its_end(distance):
+    speed = approach(distance, PACE)
+    assert speed <= max(0.05, math.sqrt(2 * 0.25 * distance)) + 1e-9
 
 
 def test_a_turn_takes_the_short_side_and_is_never_lost_in_stiction():

@@ -28,7 +28,7 @@ def test_a_gentle_bend_is_cut():
 
 
 def test_points_that_were_passed_are_counted():
-    assert [CORNER.passed(way) for way in (0.0, 0.9, 0.95, 2.0)] == [0, 0, 1, 1]
+    assert [CORNER.passed(travelled) for travelled in (0.0, 0.9, 0.95, 2.0)] == [0, 0, 1, 1]
 
 
 def test_a_path_that_crosses_itself_is_followed_in_order():
@@ -39,8 +39,8 @@ def test_a_path_that_crosses_itself_is_followed_in_order():
 
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=2, max_size=6), st.data())
 def test_the_place_on_the_way_never_falls_and_never_leaves_the_path(points, data):
-    path, way = Path(points), 0.0
+    path, travelled = Path(points), 0.0
     for _ in range(5):
         here = data.draw(st.tuples(st.floats(-6, 6), st.floats(-6, 6)))
-        before, way = way, path.ahead(here, way)
-        assert before <= way <= path.length + 1e-9
+        before, travelled = travelled, path.ahead(here, travelled)
+        assert before <= travelled <= path.length + 1e-9

@@ -49,9 +49,9 @@ def test_the_cloud_gets_one_report_of_its_command_that_nobody_saw_end(start, tmp
     assert (event.robot, event.text, event.asker.transport) == ("rex", f"takeoff failed: {WHY}", "cloud")
 
 
-@pytest.mark.parametrize("way", ["bus", ""])
-def test_the_cloud_gets_no_report_of_what_others_asked(start, way):
-    start()[0].robot("rex").note("r1", "takeoff", transport=way)
+@pytest.mark.parametrize("transport", ["bus", ""])
+def test_the_cloud_gets_no_report_of_what_others_asked(start, transport):
+    start()[0].robot("rex").note("r1", "takeoff", transport=transport)
     assert start()[1] == []
 
 

@@ -315,11 +315,11 @@ MISSPELT = [
 
 
 @pytest.mark.parametrize(("kind", "message"), MISSPELT)
-@pytest.mark.parametrize("way", list(Transport))
-async def test_misspelt_data_moves_nothing_by_any_way_in(served, asks, kind, message, way):
+@pytest.mark.parametrize("transport", list(Transport))
+async def test_misspelt_data_moves_nothing_by_any_way_in(served, asks, kind, message, transport):
     process, place = served
     answers = []
-    take = process.robots["rex"].read(kind, json.dumps(message).encode(), transport=way)
+    take = process.robots["rex"].read(kind, json.dumps(message).encode(), transport=transport)
     take(answers.append)
     await asks.settle()
     assert [answer.ok for answer in answers] == [False]

@@ -538,10 +538,10 @@ async def test_a_stop_while_it_is_stopping_is_answered_too(bench, asks):
     assert bench.puppet.calls.count("stop") == 3
 
 
-@pytest.mark.parametrize("way", ["emergency", "halt"])
-async def test_a_halt_that_raises_stays_inside(bench, asks, way):
+@pytest.mark.parametrize("method", ["emergency", "halt"])
+async def test_a_halt_that_raises_stays_inside(bench, asks, method):
     bench.puppet.halts = ZeroDivisionError("oops")
-    {"emergency": lambda: bench.controller.emergency("test"), "halt": bench.controller.halt}[way]()
+    {"emergency": lambda: bench.controller.emergency("test"), "halt": bench.controller.halt}[method]()
     bench.ask(asks.command("stop"))
     await asks.settle()
     assert bench.puppet.calls[-1] == "stop"

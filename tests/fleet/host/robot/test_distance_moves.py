@@ -35,13 +35,15 @@ def ask(verb, can=CART, **data):
 
 
 @pytest.mark.parametrize(
-    ("verb", "distance", "way"),
+    ("verb", "distance", "forward"),
     [("move_forward", 1.0, 1.0), ("move_backward", 2.0, -2.0), ("move_forward", -1, 1.0)],
 )
-def test_a_verb_with_a_distance_is_a_way_at_a_verbs_speed_in_the_direction_of_the_word(verb, distance, way):
+def test_a_verb_with_a_distance_is_a_way_at_a_verbs_speed_in_the_direction_of_the_word(
+    verb, distance, forward
+):
     asked = ask(verb, distance=distance)
     assert isinstance(asked, Navigate)
-    assert (asked.ask.translation, asked.ask.body_frame) == (Vector3(way), True)
+    assert (asked.ask.translation, asked.ask.body_frame) == (Vector3(forward), True)
     assert asked.ask.constraints.max_speed == 0.4
     assert (asked.name, asked.origin.session) == (verb, "anna")
     assert asked.action_id == ask(verb, distance=distance).action_id != ask(verb, distance=3.0).action_id
@@ -85,10 +87,10 @@ def test_a_sideways_robot_goes_sideways():
 
 def test_a_way_is_gone_at_the_speed_that_was_set_and_not_at_all_at_none():
     speeds, origin = VerbSpeeds(CART.limits), Origin(Transport.CLOUD, "tele", "anna")
-    way = Command("move_forward", {"distance": 1.0}, origin)
+    move = Command("move_forward", {"distance": 1.0}, origin)
     for value, speed in ((0.2, 0.2), (5.0, 0.4)):
         speeds.store(Command("set_linear_velocity", {"linear": value}, origin))
-        assert goal_of(way, CART, speeds.of).ask.constraints.max_speed == speed
+        assert goal_of(move, CART, speeds.of).ask.constraints.max_speed == speed
     speeds.store(Command("set_linear_velocity", {"linear": 0.0}, origin))
     with pytest.raises(WireError, match="its speed is set to 0"):
-        goal_of(way, CART, speeds.of)
+        goal_of(move, CART, speeds.of)

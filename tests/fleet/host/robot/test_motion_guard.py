@@ -3,7 +3,7 @@
 import pytest
 
 from fleet.errors import Refused
-from fleet.host.robot.outside_fence import WAYS_BACK
+from fleet.host.robot.outside_fence import ALLOWED_OUTSIDE
 from fleet.model.command import ReplyStatus
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, quaternion_from_yaw
@@ -144,7 +144,7 @@ async def test_a_flight_does_not_begin_outside_or_with_too_little_battery(make_b
     bench = make_bench(fence=FENCE, battery_policy=POLICY)
     bench.stands(30.0)
     bench.has(90.0)
-    assert bench.ask(asks.command("takeoff"))[0].reason == f"it is outside the fence; {WAYS_BACK}"
+    assert bench.ask(asks.command("takeoff"))[0].reason == f"it is outside the fence; {ALLOWED_OUTSIDE}"
     bench.stands()
     bench.has(19.0)
     assert "19 %" in bench.ask(asks.command("takeoff"))[0].reason
@@ -164,7 +164,7 @@ async def test_from_outside_only_a_goal_inside_on_a_way_back_is_taken(make_bench
     ):
         (answer,) = bench.ask(goal(asks, task))
         assert not answer.ok
-        assert answer.reason.endswith(WAYS_BACK)
+        assert answer.reason.endswith(ALLOWED_OUTSIDE)
     assert bench.puppet.calls == []
     assert bench.ask(goal(asks, GoTo(Goal(Vector3(10, 15, 0)))))[0].ok
 

@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from fleet.host.robot.outside_fence import WAYS_BACK
+from fleet.host.robot.outside_fence import ALLOWED_OUTSIDE
 from fleet.wire.stops import STOP_WORDS
 
 FENCE = {"inclusion": [[(-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0)]]}
@@ -56,7 +56,7 @@ async def test_outside_or_nobody_knows_where_only_what_leads_back_or_down_begins
         refusal = judged(anywhere, asks, name, distance=3.0)
         assert refusal is not None, name
         assert refusal.startswith(why), name
-        assert refusal.endswith(WAYS_BACK), name
+        assert refusal.endswith(ALLOWED_OUTSIDE), name
     answers = {name: anywhere.ask(asks.command(name)) for name in ("dock", *STOP_WORDS, "land")}
     await asks.settle()
     assert [name for name, (answer,) in answers.items() if not answer.ok] == ["dock"]

@@ -210,7 +210,7 @@ async def test_robots_in_workers_are_judged_against_each_other_too(yard, run_edg
         onto_ugv = await asyncio.to_thread(ask, "rex", 6.0)
         first = await asyncio.to_thread(ask, "dog", -3.0)
         others = edge.process.robots["ugv"].controller.guard.apart.others
-        await asks.until(lambda: others.seen("ugv", "dog").way)
+        await asks.until(lambda: others.seen("ugv", "dog").route)
         meets = await asyncio.to_thread(ask, "ugv", 3.0)
         bus_session.close()
     assert (onto_ugv[0]["status"], "0.0 m from ugv" in onto_ugv[0]["reason"]) == ("rejected", True)

@@ -35,16 +35,16 @@ def test_nothing_is_known_before_the_first_report():
 
 def test_numbers_for_people_tell_what_is_left_of_the_goal_under_way_and_nothing_after_it():
     seen, plain = Snapshot(), MetricsReport(1.0, navigation={"status": "AUTO"})
-    assert seen.with_way(plain) == plain
+    assert seen.with_remaining_distance(plain) == plain
     seen.take(NavigationReport(1.0, "a1", ActionState.RUNNING, 10.0, remaining=7.123, eta=3.0))
     wanted = {"status": "AUTO", "distance_remaining_m": 7.12, "eta_seconds": 3.0}
-    assert seen.with_way(plain).navigation == wanted
+    assert seen.with_remaining_distance(plain).navigation == wanted
     seen.take(NavigationReport(1.0, "", ActionState.FAILED))  # of another ask, which was refused
-    assert seen.with_way(plain).navigation == wanted
+    assert seen.with_remaining_distance(plain).navigation == wanted
     seen.take(NavigationReport(1.0, "a1", ActionState.RUNNING, 10.0, "paused", remaining=7.0))
-    assert "eta_seconds" not in seen.with_way(plain).navigation
+    assert "eta_seconds" not in seen.with_remaining_distance(plain).navigation
     seen.take(NavigationReport(1.0, "a1", ActionState.COMPLETED))
-    assert seen.with_way(plain) == plain
+    assert seen.with_remaining_distance(plain) == plain
 
 
 def pose(stamp, x):

@@ -38,21 +38,23 @@ def test_heights_and_distances_count_from_home():
 
 
 def test_a_way_through_an_exclusion_is_refused_though_its_end_is_allowed():
-    assert "leads out" in FENCE.way_trouble(Vector3(0, 0, 5), [Vector3(30, 0, 5)], HOME)
+    assert "leads out" in FENCE.route_trouble(Vector3(0, 0, 5), [Vector3(30, 0, 5)], HOME)
     round_it = [Vector3(15, 20, 5), Vector3(30, 0, 5)]
-    assert FENCE.way_trouble(Vector3(0, 0, 5), round_it, HOME) == ""
-    assert FENCE.way_trouble(Vector3(), [*round_it, Vector3(70, 0, 5)], HOME) == "goal 3 is outside the fence"
+    assert FENCE.route_trouble(Vector3(0, 0, 5), round_it, HOME) == ""
+    assert (
+        FENCE.route_trouble(Vector3(), [*round_it, Vector3(70, 0, 5)], HOME) == "goal 3 is outside the fence"
+    )
 
 
 def test_who_is_outside_may_come_in_and_nothing_else():
-    assert FENCE.way_trouble(Vector3(60, 0, 5), [Vector3(30, 0, 5)], HOME) == ""
-    assert FENCE.way_trouble(Vector3(60, 0, 5), [Vector3(55, 0, 5)], HOME) == "goal 1 is outside the fence"
-    through_the_pond = FENCE.way_trouble(Vector3(60, 0, 5), [Vector3(0, 0, 5)], HOME)
+    assert FENCE.route_trouble(Vector3(60, 0, 5), [Vector3(30, 0, 5)], HOME) == ""
+    assert FENCE.route_trouble(Vector3(60, 0, 5), [Vector3(55, 0, 5)], HOME) == "goal 1 is outside the fence"
+    through_the_pond = FENCE.route_trouble(Vector3(60, 0, 5), [Vector3(0, 0, 5)], HOME)
     assert through_the_pond == (
         "it is outside the fence, and the straight way to goal 1 does not lead back by itself"
     )
-    assert FENCE.way_trouble(Vector3(12, 0, 5), [Vector3(30, 0, 5)], HOME) != "", "through its depth"
-    assert FENCE.way_trouble(Vector3(12, 0, 5), [Vector3(-5, 0, 5)], HOME) == ""
+    assert FENCE.route_trouble(Vector3(12, 0, 5), [Vector3(30, 0, 5)], HOME) != "", "through its depth"
+    assert FENCE.route_trouble(Vector3(12, 0, 5), [Vector3(-5, 0, 5)], HOME) == ""
 
 
 def test_who_is_outside_of_a_bay_does_not_cross_the_open_side_of_it():
@@ -67,13 +69,13 @@ def test_who_is_outside_of_a_bay_does_not_cross_the_open_side_of_it():
         (-50.0, 50.0),
     )
     fence = Fence((bay,))
-    assert fence.way_trouble(Vector3(15, 40, 5), [Vector3(30, 40, 5)], HOME) == ""
-    assert "does not lead back" in fence.way_trouble(Vector3(15, 40, 5), [Vector3(-30, 40, 5)], HOME)
+    assert fence.route_trouble(Vector3(15, 40, 5), [Vector3(30, 40, 5)], HOME) == ""
+    assert "does not lead back" in fence.route_trouble(Vector3(15, 40, 5), [Vector3(-30, 40, 5)], HOME)
 
 
 def test_who_is_too_high_comes_down_and_who_is_outside_does_not_climb():
-    assert FENCE.way_trouble(Vector3(0, 0, 40), [Vector3(0, 0, 20)], HOME) == ""
-    assert "the limit is 30 m" in FENCE.way_trouble(Vector3(0, 0, 40), [Vector3(0, 0, 35)], HOME)
+    assert FENCE.route_trouble(Vector3(0, 0, 40), [Vector3(0, 0, 20)], HOME) == ""
+    assert "the limit is 30 m" in FENCE.route_trouble(Vector3(0, 0, 40), [Vector3(0, 0, 35)], HOME)
     assert FENCE.admitted(Vector3(55, 0, 5), Vector3(-2, 0, 1), HOME) == Vector3(-2, 0, 0)
     assert FENCE.admitted(Vector3(55, 0, 5), Vector3(-2, 0, -1), HOME) == Vector3(-2, 0, -1)
     assert FENCE.admitted(Vector3(0, 0, 40), Vector3(1, 0, 1), HOME) == Vector3(1, 0, 0)
@@ -125,12 +127,12 @@ def test_a_goal_that_is_circled_must_keep_its_circle_from_every_border():
         (((-400.0, -400.0), (400.0, -400.0), (400.0, 400.0), (-400.0, 400.0)),), (POND,), distance=350.0
     )
     here = Vector3(0, 200, 40)
-    assert field.way_trouble(here, [Vector3(0, 240, 40)], HOME, [95.0]) == ""
+    assert field.route_trouble(here, [Vector3(0, 240, 40)], HOME, [95.0]) == ""
     near = "goal 1 is 60 m from the fence, and it circles 95 m about it"
-    assert field.way_trouble(here, [Vector3(-290, 0, 40)], HOME, [95.0]) == near
-    assert "from the fence" in field.way_trouble(here, [Vector3(60, 0, 40)], HOME, [95.0]), "the pond"
+    assert field.route_trouble(here, [Vector3(-290, 0, 40)], HOME, [95.0]) == near
+    assert "from the fence" in field.route_trouble(here, [Vector3(60, 0, 40)], HOME, [95.0]), "the pond"
     passed = [Vector3(-290, 0, 40), Vector3(0, 240, 40)]
-    assert field.way_trouble(here, passed, HOME, [0.0, 95.0]) == ""
+    assert field.route_trouble(here, passed, HOME, [0.0, 95.0]) == ""
 
 
 def forbidden(fence, point):
@@ -161,7 +163,7 @@ def test_a_velocity_held_from_anywhere_never_leads_farther_out(start, velocity):
 )
 def test_a_way_that_is_allowed_from_anywhere_only_ever_leads_back_and_stays(start, goals):
     point, ends = Vector3(*start), [Vector3(x, y, 10.0) for x, y in goals]
-    if FENCE.way_trouble(point, ends, HOME):
+    if FENCE.route_trouble(point, ends, HOME):
         return
     for end in ends:
         for number in range(1, 201):
@@ -176,7 +178,7 @@ def test_a_way_that_is_allowed_from_anywhere_only_ever_leads_back_and_stays(star
 def test_from_everywhere_there_is_a_way_and_a_velocity_back(x, y, z):
     fence = Fence((YARD,), ceiling=30.0, distance=45.0)
     point = Vector3(x, y, z)
-    assert fence.way_trouble(point, [Vector3(0, 0, 10)], HOME) == ""
+    assert fence.route_trouble(point, [Vector3(0, 0, 10)], HOME) == ""
     back = Vector3(-x, -y, 0.0)
     if fence._beyond(point, HOME) > 0:
         velocity = back.scaled(1.0 / back.norm())

@@ -17,9 +17,9 @@ from fleet.host.safety.separation import (
     gap,
     must_brake,
     needed,
+    route_trouble,
     speed_within,
     stopping,
-    way_trouble,
 )
 from fleet.model.geometry import Vector3
 from fleet.model.polyline import apart
@@ -45,7 +45,7 @@ OTHER = st.builds(
     radius=st.floats(0.2, 2),
     braking=st.floats(0.5, 3),
     at=POINT,
-    way=st.lists(POINT, max_size=3).map(tuple),
+    route=st.lists(POINT, max_size=3).map(tuple),
     velocity=VELOCITY,
     age=st.floats(0, 20),
     moves=st.booleans(),
@@ -64,7 +64,7 @@ def test_the_speed_within_a_way_is_that_whose_stop_takes_it(speed, braking):
 
 @given(ROBOT, st.lists(POINT, min_size=1, max_size=4), OTHER)
 def test_no_way_that_is_admitted_comes_nearer_than_the_radii_or_than_it_begins(robot, points, other):
-    trouble = way_trouble(robot, points, [other])
+    trouble = route_trouble(robot, points, [other])
     nearest = apart((robot.at, *points), other.claim)
     begins = apart((robot.at,), other.claim)
     if not trouble:
@@ -85,7 +85,7 @@ def test_what_is_admitted_of_a_velocity_never_leads_nearer_than_the_radii_or_tha
     robot = Occupant(robot.name, robot.radius, robot.braking, robot.at, asked=robot.asked, turn=robot.turn)
     share = admitted(robot, robot.asked, other)
     assert 0.0 <= share <= 1.0
-    course, theirs = robot.course(robot.asked.scaled(share)), other.stopping_way()
+    course, theirs = robot.course(robot.asked.scaled(share)), other.stopping_path()
     here = apart((robot.at,), theirs)
     assert apart(course, theirs) >= min(needed(robot, other) + HELD, here) - 0.02
 
@@ -94,14 +94,14 @@ def test_what_is_admitted_of_a_velocity_never_leads_nearer_than_the_radii_or_tha
 def test_a_robot_that_turns_may_also_brake_straight_ahead_from_what_is_admitted(robot, other):
     share = admitted(robot, robot.asked, other)
     straight = msgspec.structs.replace(robot, turn=0.0).course(robot.asked.scaled(share))
-    theirs, least = other.stopping_way(), needed(robot, other) + HELD
+    theirs, least = other.stopping_path(), needed(robot, other) + HELD
     assert apart(straight, theirs) >= min(least, apart((robot.at,), theirs)) - 1e-5
 
 
 @given(ROBOT, OTHER, VELOCITY)
 def test_a_velocity_that_comes_no_nearer_passes_whole(robot, other, velocity):
     sooner = SOONER if other.moves and robot.gives_way_to(other) else 0.0
-    for theirs in (other.stopping_way(sooner), other.stopping_way()):
+    for theirs in (other.stopping_path(sooner), other.stopping_path()):
         assume(apart(robot.course(velocity), theirs) >= apart((robot.at,), theirs))
     assert admitted(robot, velocity, other) == 1.0
 
@@ -109,9 +109,9 @@ def test_a_velocity_that_comes_no_nearer_passes_whole(robot, other, velocity):
 @given(ROBOT, OTHER, st.sampled_from([*itertools.product((-1.0, 0.0, 1.0), repeat=3)]))
 def test_below_the_free_speed_every_direction_passes(robot, other, direction):
     robot = Occupant(robot.name, robot.radius, robot.braking, robot.at)
-    free, way = free_speed(gap(robot, other, 0.2), robot.braking, 0.2), Vector3(*direction)
-    assume(way.norm() and free > 0.1)
-    assert admitted(robot, way.scaled(0.999 * min(free, 9.0) / way.norm()), other) == 1.0
+    free, heading = free_speed(gap(robot, other, 0.2), robot.braking, 0.2), Vector3(*direction)
+    assume(heading.norm() and free > 0.1)
+    assert admitted(robot, heading.scaled(0.999 * min(free, 9.0) / heading.norm()), other) == 1.0
 
 
 @given(ROBOT, OTHER)
@@ -140,14 +140,14 @@ def test_one_that_flees_from_another_that_comes_after_it_is_not_held():
 
 
 def test_a_parallel_way_at_the_radii_is_not_held():
-    one = standing("one", velocity=Vector3(1.0), way=(Vector3(20.0),), moves=True)
-    other = standing("other", x=8.0, y=1.0, velocity=Vector3(-1.0), way=(Vector3(-20.0, 1.0),), moves=True)
+    one = standing("one", velocity=Vector3(1.0), route=(Vector3(20.0),), moves=True)
+    other = standing("other", x=8.0, y=1.0, velocity=Vector3(-1.0), route=(Vector3(-20.0, 1.0),), moves=True)
     assert not must_brake(one, other)
     assert not must_brake(other, one)
 
 
 def test_a_goal_short_of_another_is_reached_without_being_held():
-    one = standing("one", x=3.0, velocity=Vector3(1.0), way=(Vector3(4.0),), moves=True)
+    one = standing("one", x=3.0, velocity=Vector3(1.0), route=(Vector3(4.0),), moves=True)
     assert not must_brake(one, standing("other", x=5.0))
 
 
@@ -159,18 +159,18 @@ def test_a_place_that_was_not_reported_for_long_grows_as_far_as_the_robot_may_ha
 
 def test_a_refusal_names_who_where_and_how_far():
     robot = standing("rex")
-    assert way_trouble(robot, [Vector3(3.0)], [standing("ugv-1", x=3.5)]) == (
+    assert route_trouble(robot, [Vector3(3.0)], [standing("ugv-1", x=3.5)]) == (
         "goal 1 is 0.5 m from ugv-1, 1.0 m are kept"
     )
-    assert way_trouble(robot, [Vector3(6.0)], [standing("ugv-1", x=3.0)]) == (
+    assert route_trouble(robot, [Vector3(6.0)], [standing("ugv-1", x=3.0)]) == (
         "the straight way to goal 1 is 0.0 m from ugv-1, 1.0 m are kept"
     )
-    crossing = standing("ugv-1", x=3.0, y=-5.0, way=(Vector3(3.0, 5.0),))
-    assert "from ugv-1's way" in way_trouble(robot, [Vector3(6.0)], [crossing])
+    crossing = standing("ugv-1", x=3.0, y=-5.0, route=(Vector3(3.0, 5.0),))
+    assert "from ugv-1's way" in route_trouble(robot, [Vector3(6.0)], [crossing])
 
 
 def test_one_that_stands_too_near_may_leave_and_may_not_come_back():
     robot, other = standing("rex"), standing("ugv-1", x=0.5)
-    assert way_trouble(robot, [Vector3(-5.0)], [other]) == ""
-    assert "goal 2" in way_trouble(robot, [Vector3(-5.0), Vector3(0.0)], [other])
-    assert way_trouble(robot, [Vector3(0.2)], [other])
+    assert route_trouble(robot, [Vector3(-5.0)], [other]) == ""
+    assert "goal 2" in route_trouble(robot, [Vector3(-5.0), Vector3(0.0)], [other])
+    assert route_trouble(robot, [Vector3(0.2)], [other])
