@@ -109,7 +109,7 @@ def bare_client(port, name):
     return opened
 
 
-class Fleet:
+class FleetRun:
     """A running ``fleet run``, with the times at which each robot was first reported healthy."""
 
     def __init__(self, running, runtime):
@@ -155,7 +155,7 @@ def fleet(robots, broker, folder=None, **sections):
         command = [sys.executable, "-m", "fleet", "run", str(path), "--json"]
         environment = os.environ | {"FLEET_RUNTIME_DIR": runtime, "XDG_STATE_HOME": folder}
         running = process(*command, stdout=subprocess.PIPE, env=environment)
-        yield Fleet(stack.enter_context(running), runtime)
+        yield FleetRun(stack.enter_context(running), runtime)
 
 
 def puppets(number, **options):

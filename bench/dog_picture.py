@@ -21,7 +21,7 @@ COLOURS = {"abad": "#1b7f3b", "hip": "#1f4fbf", "knee": "#c2410c"}
 TRACED = ("FL_abad", "FL_hip", "FL_knee")
 
 
-class Walk:
+class RecordedWalk:
     """Recording of a walk: true positions, odometry positions, and joint angles over time."""
 
     def __init__(self):
@@ -125,7 +125,7 @@ def joints_panel(draw, walk):
 
 
 def run():
-    walk = Walk()
+    walk = RecordedWalk()
     walk.square()
     picture = Image.new("RGB", (WIDTH, HEIGHT), "white")
     draw = ImageDraw.Draw(picture)

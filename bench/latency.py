@@ -94,7 +94,7 @@ while True:
 """
 
 
-class Relay:
+class CommandRelay:
     """Relay of datagrams between the fleet and a vehicle that records when an expected command passes."""
 
     def __init__(self, fleet_port=0):
@@ -197,7 +197,7 @@ def run():
 def measure_ours(cloud, broker, taken, hops):
     """Measure a fleet of 50 drones. The first one flies and is commanded through the relay."""
     port = free_port(socket.SOCK_DGRAM)
-    relay, twin = Relay(port), twin_of("drone-1")
+    relay, twin = CommandRelay(port), twin_of("drone-1")
     robots = [robot(number, port) for number in range(1, DRONES + 1)]
     with world(relay, port), fleet(robots, broker) as edge:
         edge.all_healthy(DRONES)
@@ -221,7 +221,7 @@ def measure_peer(cloud, broker, taken):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unheard:
         unheard.bind(("127.0.0.1", 0))
         port = unheard.getsockname()[1]
-        relay = Relay(port)
+        relay = CommandRelay(port)
         with world(relay, port):
             measure_bridge(cloud, broker, relay, taken)
 

@@ -44,7 +44,7 @@ KINDS = (
 METHODS = ("stop", "emergency_stop", "silence")
 
 
-class Watch:
+class RobotClient:
     """One robot on the bus: requests to it, and the positions it reports."""
 
     def __init__(self, bus_session, name):
@@ -102,7 +102,7 @@ def measure(kind, fields, speed, begin):
     with mosquitto() as broker, fleet([robot], broker) as edge:
         edge.all_healthy(1)
         bus_session = join_control(BusSettings("bench"), Path(edge.runtime))
-        watch = Watch(bus_session, "robot")
+        watch = RobotClient(bus_session, "robot")
         time.sleep(8.0)
         for method in METHODS:
             found = [once(watch, method, speed, begin) for _ in range(TIMES)]

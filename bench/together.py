@@ -29,7 +29,7 @@ MISSION = {
 }
 
 
-class Relay:
+class StartRelay:
     """Relay of datagrams between vehicles and one edge process; records start frames by system ID."""
 
     def __init__(self, edge_port):
@@ -74,7 +74,7 @@ class Relay:
 def run():
     """Measure the skew of both ways to start."""
     ports = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_DGRAM)
-    relays = [Relay(port) for port in ports]
+    relays = [StartRelay(port) for port in ports]
     half = DRONES // 2
     robots = [
         robot(number, ports[number > half]) | ({"worker": "wing"} if number > half else {})

@@ -29,7 +29,7 @@ from fleet.sim.process import SimProcess
 from fleet.testing.robot import RecordingRobot, serve
 from fleet_ugv import UgvAdapter, UgvConfig
 from fleet_ugv.sim.server import Bases
-from fleet_ugv.sim.spec import SimSpec
+from fleet_ugv.sim.spec import BaseSpec
 
 BASES = 20
 SECONDS = 15.0
@@ -71,7 +71,7 @@ async def many():
     scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
     scheduler.start()
     async with SimProcess("fleet_ugv.sim") as simulator:
-        urls = [(await simulator.ask({"add": SimSpec(PROFILE)}))["url"] for _ in range(BASES)]
+        urls = [(await simulator.ask({"add": BaseSpec(PROFILE)}))["url"] for _ in range(BASES)]
         robots = [BenchRobot(scheduler) for _ in urls]
         adapters = [adapter_of(url, robot) for url, robot in zip(urls, robots, strict=True)]
         runs = [asyncio.create_task(serve(each)) for each in adapters]
@@ -191,7 +191,7 @@ async def unplugs():
         server = Bases(Path(folder))
         life = asyncio.create_task(server.run())
         for _ in range(PULLS):
-            port = await server.add(SimSpec(PROFILE))
+            port = await server.add(BaseSpec(PROFILE))
             robot = BenchRobot(scheduler)
             run = asyncio.create_task(serve(adapter_of(port.url, robot)))
             await until(lambda robot=robot: is_well(robot))
@@ -237,7 +237,7 @@ def kills():
         async def one(child=child, url_in=url_in, number=number):
             with tempfile.TemporaryDirectory() as folder:
                 server = Bases(Path(folder))
-                port = await server.add(SimSpec(PROFILE, seed=number))
+                port = await server.add(BaseSpec(PROFILE, seed=number))
                 life = asyncio.create_task(server.run())
                 os.write(url_in, port.url.encode())
                 await until(lambda: port.board.physics.speeds[0] > 0.2)

@@ -44,7 +44,7 @@ def stations(number):
         yield reads
 
 
-class Side:
+class WatchedEdge:
     """A running edge and the client that commands it."""
 
     def __init__(self, edge, broker, notes, files):
@@ -70,7 +70,7 @@ def side(watchers):
         with mosquitto() as broker, swarm(port, notes), fleet(robots, broker) as edge:
             edge.all_healthy(AIRCRAFT)
             time.sleep(5)  # message rates are being requested
-            yield Side(edge, broker, notes, files)
+            yield WatchedEdge(edge, broker, notes, files)
 
 
 def read_by(file):

@@ -34,8 +34,8 @@ from fleet_mavlink.preconditions import home_unknown, not_in_the_air, require_co
 from fleet_mavlink.redaction import SigningKeyRedaction
 from fleet_mavlink.session import VehicleSession
 from fleet_mavlink.signing import Signer, key_of
-from fleet_mavlink.sim.spec import SimSpec
-from fleet_mavlink.stops import Stops
+from fleet_mavlink.sim.spec import VehicleSpec
+from fleet_mavlink.stops import StopCommands
 from fleet_mavlink.traffic import tell_traffic
 from fleet_mavlink.transition import TransitionCommands
 from fleet_mavlink.vehicle import Vehicle
@@ -58,7 +58,7 @@ def _replayed(config: Any, robot: Robot) -> MavlinkAdapter:
     return MavlinkAdapter(config.model_copy(update={"watchers": (), "traffic": "off"}), robot)
 
 
-class MavlinkAdapter(Stops, PayloadCommands, TransitionCommands, UpkeepCommands):
+class MavlinkAdapter(StopCommands, PayloadCommands, TransitionCommands, UpkeepCommands):
     """A multirotor, plane or VTOL on ArduPilot or PX4, or a rover or boat on ArduPilot.
 
     Which of them it is decides what it takes of the vocabulary (``vocabulary``), and nothing else for who
@@ -87,7 +87,7 @@ class MavlinkAdapter(Stops, PayloadCommands, TransitionCommands, UpkeepCommands)
         urls = [config.link, *config.backup_links]
         if config.simulated:
             self._sim = await robot.enter(robot.share(_SIMULATOR, lambda: SimProcess(_SIMULATOR)))
-            spec = SimSpec.parse(config.link, system_id=config.system_id)
+            spec = VehicleSpec.parse(config.link, system_id=config.system_id)
             urls[0] = await robot.enter(self._sim.robot(spec))
         key = f"mavlink {' '.join(urls)} {config.own_system}/{config.own_component}"
         self._hub = await robot.enter(

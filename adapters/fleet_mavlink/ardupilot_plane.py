@@ -44,7 +44,7 @@ def reposition(to: GeoPoint) -> CommandInt:
     )
 
 
-class _ArduPlane(ArduPilotFlavour):
+class _ArduPlaneModes(ArduPilotFlavour):
     """Modes of ArduPlane, with or without rotors."""
 
     modes: ClassVar[Mapping[int, str]] = mode_names(
@@ -93,7 +93,7 @@ class _ArduPlane(ArduPilotFlavour):
         return reposition(to)
 
 
-class ArduPlane(Winged, _ArduPlane):
+class ArduPlane(Winged, _ArduPlaneModes):
     """A plane. It takes off in mode TAKEOFF, and circles; LOITER needs a position, CIRCLE does not."""
 
     hold: ClassVar[str] = "LOITER"
@@ -173,7 +173,7 @@ class _Assisted(ArduPlane):
 _PLANE, _UNTOLD, _WINGS = ArduPlane(), UntoldArduPlane(), _Assisted()
 
 
-class QuadPlane(_ArduPlane):
+class QuadPlane(_ArduPlaneModes):
     """A QuadPlane in hover. It holds in GUIDED; QLOITER without a pilot's stick sinks at 2.5 m/s.
 
     GUIDED has no effect while it flies to a position, so it is sent to its stopping point instead.

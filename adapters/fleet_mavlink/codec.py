@@ -76,7 +76,7 @@ class Frame(msgspec.Struct, frozen=True):
     raw: bytes = b""
 
 
-class _Layout:
+class _MessageLayout:
     """Layout of one message's fields in its payload."""
 
     def __init__(self, kind: type[MavlinkMessage]) -> None:
@@ -187,8 +187,8 @@ _MODULES = (
     payload_messages,
     transfer_messages,
 )
-_READ = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.INCOMING}
-_WRITE = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.OUTGOING}
+_READ = {kind.message_id: _MessageLayout(kind) for module in _MODULES for kind in module.INCOMING}
+_WRITE = {kind.message_id: _MessageLayout(kind) for module in _MODULES for kind in module.OUTGOING}
 
 
 class FrameSettings(msgspec.Struct, frozen=True):

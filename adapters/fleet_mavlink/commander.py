@@ -25,7 +25,7 @@ from fleet_mavlink.messages import (
 from fleet_mavlink.motion_effect import Effect, effect_of
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
-from fleet_mavlink.turns import CommandTurn, Turns
+from fleet_mavlink.turns import CommandQueue, CommandTurn
 from fleet_mavlink.vehicle import Condition, Vehicle
 
 
@@ -59,7 +59,7 @@ class Commander:
     def __init__(self, vehicle: Vehicle, timing: CommandTimeouts) -> None:
         self.timing = timing
         self.vehicle = vehicle
-        self.turns = Turns(vehicle.now)
+        self.turns = CommandQueue(vehicle.now)
         self._ever: set[int] = set()  # all commands sent so far
         self._unanswered: dict[int, float] = {}  # time of sending of each unanswered command
         self._mode_asked_at = -math.inf  # of the last change of mode that was not shown yet

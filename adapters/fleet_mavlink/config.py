@@ -9,14 +9,14 @@ from pydantic import AfterValidator, Field, SecretStr, field_validator
 from fleet import AdapterConfig, LinkRefused, Model, parse_link_url
 from fleet_mavlink.failsafes import Keeping, LinkLoss
 from fleet_mavlink.remote_id_config import RemoteIdConfig
-from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.sim.spec import VehicleSpec
 from fleet_mavlink.watcher_config import WatcherConfig
 
 
 def _checked_link(text: str) -> str:
     """Return a valid link; raises ValueError, which pydantic reports with its place."""
     if text.startswith("sim:"):
-        SimSpec.parse(text)
+        VehicleSpec.parse(text)
         return text
     try:
         parse_link_url(text)
@@ -142,7 +142,7 @@ class MavlinkConfig(AdapterConfig):
         """Return the vehicles that a plan may name; a simulated vehicle is defined by its link."""
         if not self.simulated:
             return frozenset({"ardupilot", "px4", "multirotor", "rover", "boat", "plane", "vtol"})
-        spec = SimSpec.parse(self.link)
+        spec = VehicleSpec.parse(self.link)
         return frozenset({spec.flavour, spec.vehicle})
 
     @property

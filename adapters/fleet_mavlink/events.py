@@ -33,7 +33,7 @@ _UNITS = {"m_v": "m"}  # vertical metres
 _TAG = re.compile(r"<[^>]*>")
 
 
-class _Kind(msgspec.Struct, frozen=True):
+class _EventType(msgspec.Struct, frozen=True):
     """One kind of event: its text, and the types of its arguments."""
 
     message: str
@@ -59,7 +59,7 @@ class EventDictionary:
     """Event definitions of one firmware. Raises ValueError for an invalid file."""
 
     def __init__(self, packed: bytes) -> None:
-        self._kinds: dict[int, _Kind] = {}
+        self._kinds: dict[int, _EventType] = {}
         self._enums: dict[str, _Enum] = {}
         try:
             unpacked = lzma.LZMADecompressor().decompress(packed, _MOST_BYTES)
@@ -79,7 +79,7 @@ class EventDictionary:
         for group, events in metadata.get("event_groups", {}).items():
             for number, event in events["events"].items():
                 types = tuple(each["type"] for each in event.get("arguments", ()))
-                self._kinds[component << 24 | int(number)] = _Kind(event["message"], types, group)
+                self._kinds[component << 24 | int(number)] = _EventType(event["message"], types, group)
 
     def __len__(self) -> int:
         return len(self._kinds)

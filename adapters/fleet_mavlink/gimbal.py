@@ -95,7 +95,7 @@ class Gimbal:
             self._ending.cancel()
             self._ending = None
 
-    async def _turn_slowly(self, aim: _Target, seconds: float) -> None:
+    async def _turn_slowly(self, aim: _GimbalTarget, seconds: float) -> None:
         """Turn at the rate that arrives in time."""
         seen = self._vehicle.state.sensors.aim
         if seen is None:
@@ -104,7 +104,7 @@ class Gimbal:
         await self._ask(pitch_rate=pitch, yaw_rate=yaw)
         await asyncio.sleep(seconds)
 
-    def _aim_of(self, turn: GimbalTurn, manager: GimbalManagerInformation) -> _Target:
+    def _aim_of(self, turn: GimbalTurn, manager: GimbalManagerInformation) -> _GimbalTarget:
         """Return the target angles; raises Refused beyond the gimbal's limits."""
         seen = self._vehicle.state.sensors.aim
         if turn.relative and seen is None:
@@ -114,7 +114,7 @@ class Gimbal:
         yaw = None if turn.yaw is None else base.yaw + turn.yaw
         _require_within("pitch", pitch, manager.pitch_min, manager.pitch_max)
         _require_within("yaw", yaw, manager.yaw_min, manager.yaw_max)
-        return _Target(pitch, yaw)
+        return _GimbalTarget(pitch, yaw)
 
     async def _take_control(self) -> GimbalManagerInformation:
         """Find the gimbal manager, once after each boot, and take control; raises Unsupported without one."""
@@ -169,7 +169,7 @@ class Gimbal:
             raise
 
 
-class _Target(msgspec.Struct, frozen=True):
+class _GimbalTarget(msgspec.Struct, frozen=True):
     """Target angles, degrees; None: unchanged."""
 
     pitch: float | None
@@ -186,7 +186,7 @@ def _speed(now: float, then: float | None, seconds: float) -> float:
     return NAN if then is None else (then - now) / seconds
 
 
-def _near(seen: GimbalAngles, target: _Target) -> bool:
+def _near(seen: GimbalAngles, target: _GimbalTarget) -> bool:
     """Return True if the requested axes are near their targets."""
     pairs = ((seen.pitch, target.pitch), (seen.yaw, target.yaw))
     return all(then is None or abs(math.remainder(now - then, 360.0)) <= _THERE for now, then in pairs)

@@ -50,7 +50,7 @@ class LogReader:
         async with self._lock:
             try:
                 with self._vehicle.hearing(LogData) as heard:
-                    return await _Reading(self._vehicle, number, offset, count).through(heard)
+                    return await _LogTransfer(self._vehicle, number, offset, count).through(heard)
             finally:
                 self._vehicle.send(LogRequestEnd(self._vehicle.system, AUTOPILOT))
 
@@ -78,7 +78,7 @@ class LogReader:
             raise Refused("it is armed; logs are read on the ground", hint="land and disarm first")
 
 
-class _Reading:
+class _LogTransfer:
     """Transfer of one part of one log."""
 
     def __init__(self, vehicle: Vehicle, number: int, offset: int, count: int) -> None:

@@ -228,7 +228,7 @@ class MissionPilot:
         if flavour.rewind is not None and not mission.resumed:
             await flight.commander.ask(flavour.rewind)
         before = self._vehicle.state.mission_reached if flavour.repeats_reached else None
-        watch = _Progress(plan, len(mission.items), before)
+        watch = _ItemProgress(plan, len(mission.items), before)
         with self._vehicle.hearing(*_TOLD) as heard:
             await self._start(flavour, resumed=mission.resumed)
             while not self._is_over(mission, watch, returns=returns):
@@ -262,7 +262,7 @@ class MissionPilot:
             else:
                 return
 
-    def _is_over(self, mission: FlyMission, watch: _Progress, *, returns: bool) -> bool:
+    def _is_over(self, mission: FlyMission, watch: _ItemProgress, *, returns: bool) -> bool:
         """Return True once the mission has ended: on the ground, at its last position, or after all items."""
         state = self._vehicle.state
         if returns:
@@ -282,7 +282,7 @@ class MissionPilot:
         state = self._vehicle.state
         return not state.armed and not (_lands(mission) and state.in_air)
 
-    def _may_end(self, mission: FlyMission, watch: _Progress, *, returns: bool) -> bool:
+    def _may_end(self, mission: FlyMission, watch: _ItemProgress, *, returns: bool) -> bool:
         """Return True once the vehicle may leave the mission by itself: at the last item and its position."""
         last = mission.items[-1]
         if returns or last.point is None:
@@ -348,7 +348,7 @@ def _lands(mission: FlyMission) -> bool:
     return mission.items[-1].kind == "land"
 
 
-class _Progress:
+class _ItemProgress:
     """Progress of a mission, from the vehicle's active and reached items.
 
     ``before``: reached item of the previous mission, which is still reported for a while.

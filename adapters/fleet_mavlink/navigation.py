@@ -158,7 +158,7 @@ class _Course:
         return Progress(self._percent, message, blocked, remaining=remaining)
 
 
-class _Watch:
+class _ProgressWatch:
     """Detects that the distance no longer decreases."""
 
     def __init__(self, now: float) -> None:
@@ -290,7 +290,7 @@ class AutopilotNavigator:
             stands = self._flight.flavour.wings or is_standing(state)
             return self._left(target) <= tolerance and stands
 
-        watch = _Watch(self._vehicle.now())
+        watch = _ProgressWatch(self._vehicle.now())
         while not await self._vehicle.until(there, _POLL):
             self._flight.check(mode)
             left = _turn_left(target, self._vehicle.state) if turned else self._left(target)

@@ -28,7 +28,7 @@ _WORDS_WITHIN = 0.5  # s after the checks were asked for
 _BIT_WITHIN = 1.5  # s in which SYS_STATUS comes, once a second
 
 
-class Check(msgspec.Struct, frozen=True):
+class ReadinessCheck(msgspec.Struct, frozen=True):
     """One thing that a take-off needs; ``ok`` None: unknown. ``words`` say what is seen or wrong."""
 
     check: str
@@ -45,7 +45,7 @@ def checks(
     *,
     asked: float = math.inf,
     needs_remote_id: bool = False,
-) -> list[Check]:
+) -> list[ReadinessCheck]:
     """Return the checks, in the order in which they become ok after power-on.
 
     ``asked``: when the autopilot was asked to check itself; what it says from then on is what it found.
@@ -60,24 +60,29 @@ def checks(
     passed = (is_reported or state.prearm_ok) and not against
     return [
         _satellites(state, fix, troubles),
-        Check("home", state.home is not None),
-        Check("position", flavour.position_usable(state, now), troubles),  # in the words of its health
-        Check("autopilot's own checks", passed, () if passed else against or reasons(sentences, now)),
-        Check("mode", True, (_mode_words(mode, flavour),)),
-        Check("fail-safe", not state.failsafe),
-        Check("control", not lost_to, (f"taken in {lost_to}",) if lost_to else ()),
+        ReadinessCheck("home", state.home is not None),
+        # troubles: in the words of its health
+        ReadinessCheck("position", flavour.position_usable(state, now), troubles),
+        ReadinessCheck(
+            "autopilot's own checks", passed, () if passed else against or reasons(sentences, now)
+        ),
+        ReadinessCheck("mode", True, (_mode_words(mode, flavour),)),
+        ReadinessCheck("fail-safe", not state.failsafe),
+        ReadinessCheck("control", not lost_to, (f"taken in {lost_to}",) if lost_to else ()),
         *_remote_control(state),
         *_remote_id(state, now, wanted=needs_remote_id),
-        Check("battery", None if percent is None else not state.failsafe, _percent_words(percent)),
+        ReadinessCheck("battery", None if percent is None else not state.failsafe, _percent_words(percent)),
     ]
 
 
-def _satellites(state: VehicleState, fix: Fix | None, troubles: tuple[str, ...]) -> Check:
+def _satellites(state: VehicleState, fix: Fix | None, troubles: tuple[str, ...]) -> ReadinessCheck:
     """Look whether there is a fix; where there never was one the position may come from elsewhere."""
     if fix is None:
-        return Check("satellites", False if state.had_fix else None, troubles[:1] if state.had_fix else ())
+        return ReadinessCheck(
+            "satellites", False if state.had_fix else None, troubles[:1] if state.had_fix else ()
+        )
     count = "" if fix.satellites is None else f", {fix.satellites} satellites"
-    return Check("satellites", True, (f"{fix.kind} fix{count}",))
+    return ReadinessCheck("satellites", True, (f"{fix.kind} fix{count}",))
 
 
 def _is_put_right(words: str, mode: str, flavour: Flavour) -> bool:
@@ -93,18 +98,20 @@ def _mode_words(mode: str, flavour: Flavour) -> str:
     return mode if mode == flavour.arming else f"{mode}; {begins} changes to {flavour.arming}"
 
 
-def _remote_control(state: VehicleState) -> tuple[Check, ...]:
+def _remote_control(state: VehicleState) -> tuple[ReadinessCheck, ...]:
     """Look whether the pilot's remote control is heard, where the vehicle has a receiver for one."""
     heard = state.remote_control
     if heard is None:
         return ()
-    return (Check("remote control", heard, () if heard else ("it is not heard",)),)
+    return (ReadinessCheck("remote control", heard, () if heard else ("it is not heard",)),)
 
 
-def _remote_id(state: VehicleState, now: float, *, wanted: bool) -> tuple[Check, ...]:
+def _remote_id(state: VehicleState, now: float, *, wanted: bool) -> tuple[ReadinessCheck, ...]:
     """Look whether the Remote ID transmitter allows a take-off, where there is one or must be one."""
     trouble = trouble_of(state, now, wanted=wanted)
-    return () if trouble is None else (Check("remote ID", not trouble, (trouble,) if trouble else ()),)
+    return (
+        () if trouble is None else (ReadinessCheck("remote ID", not trouble, (trouble,) if trouble else ()),)
+    )
 
 
 def _percent_words(percent: float | None) -> tuple[str, ...]:
@@ -140,12 +147,12 @@ def _standing(sentences: Iterable[Sentence], asked: float, now: float) -> tuple[
     )
 
 
-def is_ready(found: Iterable[Check]) -> bool:
+def is_ready(found: Iterable[ReadinessCheck]) -> bool:
     """Return True when nothing prevents a take-off; satellites and battery may be unknown."""
     return all(check.ok or (check.ok is None and check.check in _NEED_NOT_BE_TOLD) for check in found)
 
 
-async def inspect(flight: Flight) -> list[Check]:
+async def inspect(flight: Flight) -> list[ReadinessCheck]:
     """Let the autopilot check itself, and return the list; raises NotReady when it does not answer."""
     vehicle = flight.vehicle
     require_connection(vehicle)

@@ -14,7 +14,7 @@ _ASKED = _TAKE_OVER | {GENTLE, "pause"}
 """The stops that somebody asked for; the others are the host's own, when something failed or ends."""
 
 
-class Stops(SessionAdapter):
+class StopCommands(SessionAdapter):
     """Stops of the vehicle of a session."""
 
     async def stop(self, reason: str) -> None:

@@ -22,7 +22,9 @@ class CommandTurn:
     ``yields``: a request of the adapter itself, which gives its turn to any other command.
     """
 
-    def __init__(self, turns: Turns, ask: Ask, *, effect: Effect = Effect.NONE, yields: bool = False) -> None:
+    def __init__(
+        self, turns: CommandQueue, ask: Ask, *, effect: Effect = Effect.NONE, yields: bool = False
+    ) -> None:
         self.yields = yields
         self.command = ask.command
         self.effect = effect
@@ -85,7 +87,7 @@ class CommandTurn:
             raise Superseded(f"superseded: {self.superseded}")
 
 
-class Turns:
+class CommandQueue:
     """The current command, and the waiting ones."""
 
     def __init__(self, now: Callable[[], float]) -> None:

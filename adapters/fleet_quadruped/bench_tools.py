@@ -12,7 +12,7 @@ from fleet_quadruped.can.bus_guard import require_sole_controller
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import HOLDING, JointFeedback, Power
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, RPDO1, SDO_REQUEST, SDO_RESPONSE, SYNC
-from fleet_quadruped.drives.mit.frames import Layout, MitCommand
+from fleet_quadruped.drives.mit.frames import MitCommand, MitLayout
 from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.drives.moteus.frames import to_servo
 from fleet_quadruped.frames import FrameDecoder
@@ -23,7 +23,7 @@ from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.selfwalk.description import SelfWalker
 
 _READ_DEVICE_TYPE = bytes.fromhex("4000100000000000")
-_DAMPING = Layout(PROFILES["damiao-8006"]).pack_command(MitCommand(kd=3.0))
+_DAMPING = MitLayout(PROFILES["damiao-8006"]).pack_command(MitCommand(kd=3.0))
 """No stiffness, damping only (N m s/rad): the same bytes for every profile."""
 _IDS = range(1, 128)
 _ANSWERED = 0x43
@@ -36,7 +36,7 @@ _ORDERS = frozenset(
 
 @contextlib.contextmanager
 def open_buses(
-    urls: Mapping[str, str], described: Mapping[str, parts.Bus], clock: Clock
+    urls: Mapping[str, str], described: Mapping[str, parts.CanBusConfig], clock: Clock
 ) -> Iterator[dict[str, CanBus]]:
     """Open buses for the duration of a block; raises LinkLost or LinkRefused."""
     with contextlib.ExitStack() as stack:

@@ -29,10 +29,10 @@ from fleet_quadruped.jog import (
     direction,
     verdict,
 )
-from fleet_quadruped.replay import Replay
+from fleet_quadruped.replay import DriveReplay
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS
-from fleet_quadruped.robot.parts import Bus
+from fleet_quadruped.robot.parts import CanBusConfig
 from fleet_quadruped.selfwalk.description import SelfWalker
 
 _BODY = click.argument("body", type=click.Path(dir_okay=False, path_type=Path))
@@ -58,7 +58,7 @@ def _show(lines: list[str]) -> None:
 def scan_command(url: str, bitrate: int) -> int:
     """List the devices that answer on a bus (can:socketcan:can0)."""
     clock = SystemClock()
-    with open_buses({"bus": url}, {"bus": Bus(bitrate=bitrate)}, clock) as buses:
+    with open_buses({"bus": url}, {"bus": CanBusConfig(bitrate=bitrate)}, clock) as buses:
         found = scan(buses["bus"], clock)
     _show([*found, f"{len(found)} devices"])
     return 0 if found else 1
@@ -149,7 +149,7 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
 @click.option("--joint", "name", type=click.Choice(JOINTS), help="This joint; else the one farthest off.")
 def replay_command(body: Path, capture: Path, name: str | None) -> int:
     """Show the frames before a fault: targets, angles, and the state of each drive."""
-    lines = list(Replay(_with_joints(body)).lines(read_capture(capture), name or ""))
+    lines = list(DriveReplay(_with_joints(body)).lines(read_capture(capture), name or ""))
     _show(lines or [f"{capture}: no frames"])
     return 0
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.legs import DogLeg, Point
-from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.body.turning import to_world
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS, LEGS, Twelve
@@ -126,7 +126,7 @@ def _unrolled(dog: DogDescription, looks: Sequence[Observation], feet: Feet) -> 
 
 def _leans(look: Observation) -> list[tuple[float, float]]:
     """Return roll and pitch of each calf in the level frame, rad."""
-    imu = Imu(look.rotation, Vector3(), Vector3())
+    imu = MeasuredImu(look.rotation, Vector3(), Vector3())
     angles = look.angles
     return [
         (imu.roll + angles[leg], imu.pitch + angles[leg + 1] + angles[leg + 2])

@@ -30,7 +30,7 @@ class SilentBus:
         """Do nothing."""
 
 
-class Replay:
+class DriveReplay:
     """The drives of a robot, fed with captured frames; ``wanted``: the last target of each joint, rad."""
 
     def __init__(self, dog: DogDescription) -> None:

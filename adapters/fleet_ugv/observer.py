@@ -8,7 +8,7 @@ from fleet import BatteryReport, ImuReport, JointReport, MetricsReport, PoseRepo
 from fleet_ugv.battery import percent
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.model import Feedback
-from fleet_ugv.odometry import Step, WheelOdometry
+from fleet_ugv.odometry import OdometryStep, WheelOdometry
 
 JOINTS_EVERY = 0.1  # s
 BATTERY_EVERY = 2.0  # s
@@ -33,7 +33,7 @@ class Observer:
         self._radius = config.setting.diameter / 2
         self._due: dict[str, float] = {}
 
-    def take(self, feedback: Feedback, now: float) -> Step | None:
+    def take(self, feedback: Feedback, now: float) -> OdometryStep | None:
         """Take a feedback measured at ``now`` (monotonic s)."""
         step = self.odometry.update(feedback, now)
         if step is not None:

@@ -38,7 +38,7 @@ class Scale(msgspec.Struct, frozen=True):
     wrap: float | None = None
 
 
-class Step(msgspec.Struct, frozen=True):
+class OdometryStep(msgspec.Struct, frozen=True):
     """Motion measured by one feedback: m/s, rad/s. ``restarted``: the counters, so the board, were reset."""
 
     speed: float
@@ -90,7 +90,7 @@ class WheelOdometry:
         """Return calibrated values of the two sides, m or m/s."""
         return sides[0] * self._scale.left, sides[1] * self._scale.right
 
-    def update(self, feedback: Feedback, now: float) -> Step | None:
+    def update(self, feedback: Feedback, now: float) -> OdometryStep | None:
         """Take a feedback measured at ``now`` (monotonic s); None when it gives no motion.
 
         A jump that is too fast for the wheels is skipped: the line was corrupted, or the feedback was late.
@@ -110,16 +110,18 @@ class WheelOdometry:
         self._move((sides[0] + sides[1]) / 2, turned, elapsed, by_gyro=_gyro(feedback) is not None)
         return self._step(sides, turned, elapsed, feedback)
 
-    def _begin(self, feedback: Feedback, now: float, *, restarted: bool) -> Step:
+    def _begin(self, feedback: Feedback, now: float, *, restarted: bool) -> OdometryStep:
         """Count from here on."""
         self._last, self._last_at, self._stepped_at = feedback, now, now
-        return Step(0.0, 0.0, restarted)
+        return OdometryStep(0.0, 0.0, restarted)
 
-    def _step(self, sides: tuple[float, float], turned: float, elapsed: float, feedback: Feedback) -> Step:
+    def _step(
+        self, sides: tuple[float, float], turned: float, elapsed: float, feedback: Feedback
+    ) -> OdometryStep:
         """Return the speeds; reported ones, if any, because they are finer than the counters' steps."""
         if feedback.speeds is None:
-            return Step((sides[0] + sides[1]) / 2 / elapsed, turned / elapsed)
-        return Step(sum(self.scaled(feedback.speeds)) / 2, turned / elapsed)
+            return OdometryStep((sides[0] + sides[1]) / 2 / elapsed, turned / elapsed)
+        return OdometryStep(sum(self.scaled(feedback.speeds)) / 2, turned / elapsed)
 
     def _sides(self, last: Feedback, now: Feedback, elapsed: float) -> tuple[float, float] | None:
         """Return the distance of each side, m; None for a jump that is too fast for the wheels."""

@@ -37,7 +37,7 @@ def topic_of(key):
     return f"cyberwave/twin/{twin}/{channel}"
 
 
-class Head:
+class PublishBuilder:
     """Builder of PUBLISH packets that caches the encoded topic."""
 
     def __init__(self):
@@ -58,14 +58,14 @@ class Head:
         return b"".join((bytes((0x30 | qos << 1,)), size, head, middle, payload))
 
 
-class Pose(msgspec.Struct):
+class PoseMessage(msgspec.Struct):
     ts: float
     x: float
     y: float
     z: float
 
 
-class Joints(msgspec.Struct):
+class JointsPayload(msgspec.Struct):
     ts: float
     names: list[str]
     positions: list[float]
@@ -73,7 +73,7 @@ class Joints(msgspec.Struct):
 
 def state(port, robots, rate):
     """Publish, collect and send the state of many robots: four topics each, a send every 20 ms."""
-    bus, out, head = session(), bare_client(int(port), "floor"), Head()
+    bus, out, head = session(), bare_client(int(port), "floor"), PublishBuilder()
     encode, latest = msgspec.json.Encoder().encode, {}
 
     def arrived(sample):
@@ -91,10 +91,10 @@ def state(port, robots, rate):
         began = time.monotonic()
         now = time.time()
         for position, rotation, joints, imu in publishers[turn % parts :: parts]:
-            position.put(encode(Pose(now, turn * 0.01, 2.0, 0.5)))
-            rotation.put(encode(Pose(now, 0.9, 0.1, 0.1)))
-            joints.put(encode(Joints(now, names, [turn * 0.01] * 12)))
-            imu.put(encode(Pose(now, 0.1, 0.2, 9.81)))
+            position.put(encode(PoseMessage(now, turn * 0.01, 2.0, 0.5)))
+            rotation.put(encode(PoseMessage(now, 0.9, 0.1, 0.1)))
+            joints.put(encode(JointsPayload(now, names, [turn * 0.01] * 12)))
+            imu.put(encode(PoseMessage(now, 0.1, 0.2, 9.81)))
         if turn % 2:
             pieces = []
             for key, payload in latest.items():
@@ -108,7 +108,7 @@ def state(port, robots, rate):
 
 def relay(port, bus_port, *twins):
     """Relay both ways: a ring and this thread outward at QoS 1, a reader thread inward."""
-    bus, out, head = session(connect=bus_port), bare_client(int(port), "floor-out"), Head()
+    bus, out, head = session(connect=bus_port), bare_client(int(port), "floor-out"), PublishBuilder()
     free, topics, identifiers = threading.Semaphore(WINDOW), {}, itertools.cycle(range(1, 0xFFFF))
     threading.Thread(target=_acks, args=(out, free), daemon=True).start()
     threading.Thread(target=_inward, args=(port, bus, twins), daemon=True).start()

@@ -23,7 +23,7 @@ STATUS = "cyberwave/twin/+/navigate/status"
 POSITION = "cyberwave/twin/+/position"
 
 
-class Heard:
+class ReceivedNumbers:
     """Numbers of the durable messages by robot and edge process, and the age of the first state."""
 
     def __init__(self):
@@ -50,7 +50,7 @@ class Heard:
 
 
 def run(seconds=SECONDS):
-    port, heard = free_port(), Heard()
+    port, heard = free_port(), ReceivedNumbers()
     robots = puppets(ROBOTS, rate=10, events=RATE)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))

@@ -17,7 +17,7 @@ READY = 10**9  # the number of the command that shows a candidate to be ready
 SIDES = ("fleet", "peer", "floor")
 
 
-class Side:
+class Candidate:
     """A running candidate: the process whose CPU counts, its twins, and its adapter's journal."""
 
     def __init__(self, pid, twins, bus, journal, runtime=""):
@@ -54,7 +54,7 @@ def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), pose_onl
             edge = stack.enter_context(fleet(robots + more, port, folder, **listen, **sections))
             edge.all_healthy(number + len(more))
             time.sleep(6)  # startup load
-            yield Side(edge.pid, twins, bus, journal, edge.runtime)
+            yield Candidate(edge.pid, twins, bus, journal, edge.runtime)
             return
         run = (sys.executable, "-m")
         stack.enter_context(process(*run, "bench.bridge.peer", "adapter", bus, str(journal)))
@@ -64,7 +64,7 @@ def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), pose_onl
             "floor": ("bench.bridge.floor", "relay", str(port), bus),
         }[name]
         running = stack.enter_context(process(*run, *command, *twins))
-        ready = Side(running.pid, twins, bus, journal)
+        ready = Candidate(running.pid, twins, bus, journal)
         wait_for(lambda: _poked(ready, heard_at or port))
         yield ready
 

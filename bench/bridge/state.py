@@ -17,7 +17,7 @@ LOOKED_AT = 10  # robots whose messages are counted
 RATE = 10.0  # Hz of each topic
 
 
-class Heard:
+class MessageCount:
     """Count of the messages received from some robots."""
 
     def __init__(self):
@@ -29,7 +29,7 @@ class Heard:
 
 def measure(pid, port, twins):
     """Return percent of a core, the rate received per topic (Hz), memory (MiB) and threads."""
-    heard = Heard()
+    heard = MessageCount()
     leaves = ("position", "rotation", "joint_states", "imu")
     topics = [f"cyberwave/twin/{twin}/{suffix}" for twin in twins[:LOOKED_AT] for suffix in leaves]
     topics += [f"cyberwave/joint/{twin}/update" for twin in twins[:LOOKED_AT]]

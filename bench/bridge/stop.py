@@ -61,7 +61,7 @@ def plain(bus, journal):
     threading.Event().wait()
 
 
-class Operator:
+class StopClient:
     """A client on the control session of the bus that stops robots, as ``fleet stop`` does."""
 
     def __init__(self, bus_session):
@@ -101,7 +101,7 @@ def ours(stops, *, loaded):
             stack.enter_context(process(sys.executable, "-m", "bench.bridge.stop", "slow", str(port)))
             time.sleep(3)
             stack.enter_context(frozen(broker))
-        operator = Operator(join_control(BusSettings(edge="bench"), Path(edge.runtime)))
+        operator = StopClient(join_control(BusSettings(edge="bench"), Path(edge.runtime)))
         stack.callback(operator.bus_session.close)
         names = [robot["name"] for robot in robots]
         time.sleep(1)
@@ -119,7 +119,7 @@ def peers():
     with tempfile.NamedTemporaryFile() as journal:
         with process(sys.executable, "-m", "bench.bridge.stop", "plain", bus, journal.name):
             wait_for(lambda: session(connect=bus), (zenoh.ZError,)).close()
-            operator = Operator(
+            operator = StopClient(
                 ZenohSession({"mode": "client", "connect/endpoints": [f"tcp/127.0.0.1:{bus}"]})
             )
             ended = threading.Event()

@@ -23,7 +23,7 @@ _LONGEST = 40
 _RESERVED = frozenset({"new", "reload", "show", "test", "testing"})
 
 
-class _Kind(NamedTuple):
+class _TemplateKind(NamedTuple):
     """Texts of the templates that depend on the kind."""
 
     extra: str
@@ -35,11 +35,11 @@ class _Kind(NamedTuple):
 _TRY_TCP = """Try it: `python -m @package@.simulator` prints a link; put it into fleet.yaml, then `fleet run`.
 
 """
-KINDS: Mapping[str, _Kind] = MappingProxyType(
+KINDS: Mapping[str, _TemplateKind] = MappingProxyType(
     {
-        "frame": _Kind("[serial]", "lines or packets", "serial:/dev/ttyUSB0?baud=115200", _TRY_TCP),
-        "can": _Kind("[can]", "frames", "can:socketcan:can0", _TRY_TCP),
-        "sdk": _Kind(
+        "frame": _TemplateKind("[serial]", "lines or packets", "serial:/dev/ttyUSB0?baud=115200", _TRY_TCP),
+        "can": _TemplateKind("[can]", "frames", "can:socketcan:can0", _TRY_TCP),
+        "sdk": _TemplateKind(
             "",
             "SDK",
             "sim                         # or its host name",

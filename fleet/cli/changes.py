@@ -15,7 +15,7 @@ from fleet.cli.roll_out import WavesWanted, roll_out, with_waves
 from fleet.cli.times import when
 from fleet.client.changes import ask_changes
 from fleet.client.local_user import local_user
-from fleet.config.difference import Outline, difference, not_shown, outline_of
+from fleet.config.difference import ComparedFile, difference, not_shown, outline_of
 from fleet.config.load import load
 from fleet.errors import NotRunning
 from fleet.host.edge.last_configuration import last_configuration
@@ -120,7 +120,7 @@ def _code(changes: Iterable[Change]) -> ExitCode:
     return ExitCode.SOME_FAILED if partly else ExitCode.REJECTED
 
 
-def _since_the_last_run(out: Output, outline: Outline, folder: Path) -> tuple[Change, ...]:
+def _since_the_last_run(out: Output, outline: ComparedFile, folder: Path) -> tuple[Change, ...]:
     """Return the changes since the last run of a stopped edge; raises NotRunning, StateError."""
     last = last_configuration(folder)
     if last is None:

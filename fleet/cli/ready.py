@@ -17,7 +17,7 @@ _WITHIN = 15.0  # s
 _MARKS = {True: "ok", False: "no", None: "unknown"}
 
 
-class _Check(msgspec.Struct):
+class _CheckLine(msgspec.Struct):
     """One line of the answer to ``check_ready``."""
 
     check: str
@@ -25,11 +25,11 @@ class _Check(msgspec.Struct):
     words: list[str] = []
 
 
-class _Answer(msgspec.Struct):
+class _CheckReadyAnswer(msgspec.Struct):
     """The answer to ``check_ready``."""
 
     ready: bool
-    checks: list[_Check]
+    checks: list[_CheckLine]
 
 
 @click.command()
@@ -78,7 +78,7 @@ def _group(out: Output, answers: list[QueryResult]) -> ExitCode:
     return together(out, codes)
 
 
-def _against(answer: _Answer) -> str:
+def _against(answer: _CheckReadyAnswer) -> str:
     """Return the reasons against a take-off."""
     if answer.ready:
         return ""
@@ -87,9 +87,9 @@ def _against(answer: _Answer) -> str:
     )
 
 
-def _checked(answered: QueryResult) -> _Answer:
+def _checked(answered: QueryResult) -> _CheckReadyAnswer:
     """Return the check list; raises Refused for an invalid one, TimedOut without an answer."""
     try:
-        return convert_strictly(answered.get(), _Answer)
+        return convert_strictly(answered.get(), _CheckReadyAnswer)
     except msgspec.ValidationError as error:
         raise Refused(f"{answered.robot.name} does not answer with a check list: {error}") from None

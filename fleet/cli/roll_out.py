@@ -120,7 +120,7 @@ async def _run(
     from fleet.cli.rollout import drive, store_of  # noqa: PLC0415 - its package is an extra
     from fleet.clock import SystemClock  # noqa: PLC0415
     from fleet.rollout.driver import Driver  # noqa: PLC0415
-    from fleet.rollout.messages import Rollout, Target  # noqa: PLC0415
+    from fleet.rollout.messages import EdgeTarget, Rollout  # noqa: PLC0415
     from fleet.rollout.waves import RolloutProgress  # noqa: PLC0415
 
     store = store_of(wanted.store)
@@ -136,7 +136,10 @@ async def _run(
             wanted.parallel,
             wanted.within,
             wanted.settle,
-            {edge: Target(address, parts[address], version) for edge, (address, version) in targets.items()},
+            {
+                edge: EdgeTarget(address, parts[address], version)
+                for edge, (address, version) in targets.items()
+            },
             RolloutProgress(),
         )
         await Driver(store, clock=SystemClock()).begin(rollout)

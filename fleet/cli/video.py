@@ -97,7 +97,7 @@ def video(
     try:
         from aiortc import RTCIceServer  # noqa: PLC0415 - of an extra
 
-        from fleet.video.program import Source, send_video  # noqa: PLC0415
+        from fleet.video.program import CameraSource, send_video  # noqa: PLC0415
     except ModuleNotFoundError as error:
         raise click.ClickException(f"there is no {error.name}: {EXTRA}") from None
     state, settings, configured = _found(robot, file)
@@ -107,7 +107,7 @@ def video(
             f"{robot} has no camera", hint="give --camera, or camera: in fleet.yaml and -f fleet.yaml"
         )
     servers = [RTCIceServer(url, ice_user, ice_password) for url in ice_urls]
-    source = Source(state.name, state.twin, used, sensor, rate, servers)
+    source = CameraSource(state.name, state.twin, used, sensor, rate, servers)
     start_logging(LogSettings(logging.INFO))
     logging.getLogger("aioice").setLevel(logging.WARNING)
     out.note(f"video of {state.name} ({sensor}) is sent when start_video asks for it; Ctrl-C ends it")

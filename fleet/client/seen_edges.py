@@ -22,7 +22,7 @@ FORMAT = 1
 LOCK_WITHIN = 5.0  # s; other views hold the lock only for a moment
 
 
-class _Kept(msgspec.Struct, frozen=True):
+class _SeenFile(msgspec.Struct, frozen=True):
     """Content of the file: edges by bus."""
 
     format: int
@@ -59,7 +59,7 @@ class SeenEdges:
             buses = {**buses, self._bus: change(buses.get(self._bus, {}))}
             new = self._path.with_suffix(".new")
             try:
-                new.write_bytes(msgspec.json.encode(_Kept(FORMAT, buses)))
+                new.write_bytes(msgspec.json.encode(_SeenFile(FORMAT, buses)))
                 new.replace(self._path)
             except OSError as error:
                 raise StateError(f"cannot write {self._path}: {error.strerror}") from None
@@ -74,7 +74,7 @@ class SeenEdges:
             raise StateError(f"cannot read {self._path}: {error.strerror}") from None
         try:
             refuse_newer(format_of(data), FORMAT)
-            return decode_json(data, _Kept).buses
+            return decode_json(data, _SeenFile).buses
         except StateNewer as error:
             raise StateError(f"{self._path}: {error}") from None
         except msgspec.DecodeError as error:

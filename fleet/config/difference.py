@@ -1,7 +1,7 @@
 """Differences between two loaded fleet files, robot by robot; pure.
 
-A file is compared by its ``Outline``: every relevant field as text. The tables ``SECTIONS`` and ``FIELDS``
-define which changes a running edge cannot apply before its next start, and why.
+A file is compared by its ``ComparedFile``: every relevant field as text. The tables ``SECTIONS`` and
+``FIELDS`` define which changes a running edge cannot apply before its next start, and why.
 """
 
 from __future__ import annotations
@@ -82,33 +82,33 @@ FIELDS: Mapping[str, str] = {
 """Robot fields that only the next start applies, with the reason; any other change rebuilds the robot."""
 
 
-class Outline(msgspec.Struct, frozen=True):
+class ComparedFile(msgspec.Struct, frozen=True):
     """A fleet file in the form for comparison: sections, and robots' fields by dotted name, as JSON."""
 
     edge: str
     sections: Mapping[str, Mapping[str, str]]
     robots: Mapping[str, Mapping[str, str]]
 
-    def digest(self, key: bytes) -> Outline:
+    def digest(self, key: bytes) -> ComparedFile:
         """Return a copy with every value replaced by its keyed digest, except those of ``PLAIN``."""
 
         def hidden(fields: Mapping[str, str]) -> dict[str, str]:
             return {name: value if name in PLAIN else _digest(key, value) for name, value in fields.items()}
 
-        return Outline(
+        return ComparedFile(
             self.edge,
             {name: hidden(fields) for name, fields in self.sections.items()},
             {name: hidden(fields) for name, fields in self.robots.items()},
         )
 
 
-def outline_of(loaded: Loaded) -> Outline:
+def outline_of(loaded: Loaded) -> ComparedFile:
     """Return the outline of a loaded fleet file."""
     config = loaded.config
     sections = {name: flat(getattr(config, name)) for name in (*SECTIONS, *LIVE_SECTIONS)}
     sections["missions"] = {mission.name: _text(mission.data) for mission in loaded.missions}
     robots = {robot.name: _robot(robot, plugin, loaded.given[robot.name]) for robot, plugin in loaded.robots}
-    return Outline(config.edge.id, sections, robots)
+    return ComparedFile(config.edge.id, sections, robots)
 
 
 def _robot(config: AdapterConfig, plugin: Plugin, given: str) -> dict[str, str]:
@@ -167,7 +167,7 @@ def _digest(key: bytes, value: str) -> str:
     return hmac.new(key, value.encode(), hashlib.sha256).hexdigest()
 
 
-def difference(old: Outline, new: Outline, shown: Callable[[str, str], str]) -> tuple[Change, ...]:
+def difference(old: ComparedFile, new: ComparedFile, shown: Callable[[str, str], str]) -> tuple[Change, ...]:
     """Return the changes: each robot of either file once, then each section that differs.
 
     ``shown`` formats the value (JSON) of a field for users, without secrets.
@@ -190,7 +190,7 @@ def difference(old: Outline, new: Outline, shown: Callable[[str, str], str]) -> 
     return (*robots, *sections)
 
 
-def _new_names(old: Outline, new: Outline) -> dict[str, str]:
+def _new_names(old: ComparedFile, new: ComparedFile) -> dict[str, str]:
     """Return renamed robots, new name to old; a name in both files is no rename."""
     return {
         name: was
@@ -271,7 +271,7 @@ def digest_of(loaded: Loaded) -> str:
     return pair_digest(outline_of(loaded), loaded.folder.absolute())
 
 
-def pair_digest(outline: Outline, folder: PurePath) -> str:
+def pair_digest(outline: ComparedFile, folder: PurePath) -> str:
     """Return the digest of the parts that both edges of a pair must share: robots, missions, places etc.
 
     Links and the ``folder`` of the file may differ. The digest leaves the computer, so it contains no
@@ -312,7 +312,7 @@ def not_shown(_name: str, _value: str) -> str:
     return ""
 
 
-def renamed(old: Outline, new: Outline) -> dict[str, str]:
+def renamed(old: ComparedFile, new: ComparedFile) -> dict[str, str]:
     """Return robots whose twin had another name in the old file, new name to old."""
     before = {fields.get("twin"): name for name, fields in old.robots.items()}
     names = {name: before.get(fields.get("twin"), name) for name, fields in new.robots.items()}

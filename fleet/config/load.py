@@ -84,7 +84,7 @@ class _ValidRobot(msgspec.Struct, frozen=True):
     given: str
 
 
-class _Outline(Sections):
+class _UncheckedFile(Sections):
     """fleet.yaml with unvalidated robots."""
 
     robots: list[Any] = Field(min_length=1, description="- {name: ..., twin: ..., adapter: ...}")
@@ -199,7 +199,7 @@ def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None 
 
 
 def _sections(
-    document: Document, context: Mapping[str, object], kind: type[Sections] = _Outline
+    document: Document, context: Mapping[str, object], kind: type[Sections] = _UncheckedFile
 ) -> Sections | None:
     """Return the sections without the robots; None after reporting the errors."""
     known = {key: value for key, value in document.data.items() if not key.startswith("x-")}

@@ -201,7 +201,7 @@ def checked_mission(
     config = validated(MissionConfig, normalised(data, samples), at, document, {"folder": folder})
     if config is None:
         return None
-    check = _Check(config, at, document, known, has_files=folder is not None)
+    check = _MissionCheck(config, at, document, known, has_files=folder is not None)
     check.inputs(data, at)
     check.all()
     if folder is not None:
@@ -209,7 +209,7 @@ def checked_mission(
     return Mission(name, data, config)
 
 
-class _Check:
+class _MissionCheck:
     """Checks across the parts of one mission."""
 
     def __init__(

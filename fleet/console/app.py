@@ -40,7 +40,7 @@ from fleet.console.login import Login, LoginRefused
 from fleet.console.passwords import LONGEST as LONGEST_PASSWORD
 from fleet.console.people import LONGEST_NAME
 from fleet.console.requests import read_stop
-from fleet.console.sessions import ConsoleUser, Opened, Session, Sessions
+from fleet.console.sessions import BrowserSession, ConsoleUser, Opened, Sessions
 from fleet.console.stops import StopTarget
 from fleet.console.tab import Tab
 from fleet.errors import Refused, WireError
@@ -64,7 +64,7 @@ class _Given(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     token: str
 
 
-class _Credentials(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class _LoginRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Request to log in."""
 
     name: Annotated[str, msgspec.Meta(max_length=LONGEST_NAME)]
@@ -81,7 +81,7 @@ def make_login_app(hub: Hub, login: Login, served: Served) -> ASGIApp:
     return Guard(_App(hub, login.sessions, page_files(), login).routes(), served)
 
 
-class _Export(StreamingResponse):
+class _ExportResponse(StreamingResponse):
     """Response with an export; ``stack`` ends the export, even if the browser leaves before it begins."""
 
     def __init__(self, blocks: AsyncIterator[bytes], stack: contextlib.AsyncExitStack) -> None:
@@ -130,7 +130,7 @@ class _App:
             ]
         )
 
-    def _shown(self, connection: HTTPConnection) -> Session | None:
+    def _shown(self, connection: HTTPConnection) -> BrowserSession | None:
         """Return the session of a request."""
         shown = connection.scope.get("subprotocols") or []
         proof = shown[-1] if PROTOCOL in shown[:-1] else connection.headers.get(PROOF, "")
@@ -169,7 +169,7 @@ class _App:
         """Open a session for a name and its password."""
         assert self._login is not None
         try:
-            given = decode_json(await _body(request), _Credentials)
+            given = decode_json(await _body(request), _LoginRequest)
         except (msgspec.DecodeError, WireError):
             return _json({"error": "name and password cannot be read, or are too long"}, 400)
         address = request.client.host if request.client is not None else ""
@@ -262,7 +262,7 @@ class _App:
                 return _json({"error": f"the window cannot be read: {error}"}, 400)
             except Refused as error:
                 return _json({"error": f"{error.reason}{error.hint and f' ({error.hint})'}"}, 403)
-            return _Export(export.blocks(), stack.pop_all())
+            return _ExportResponse(export.blocks(), stack.pop_all())
 
     async def _tab(self, socket: WebSocket) -> None:
         """Serve the WebSocket of a page."""
@@ -287,7 +287,7 @@ class _App:
         """Serve the WebSocket of Foxglove."""
         await self._hub.foxglove.serve(socket, socket.path_params["token"])
 
-    async def _end_with(self, session: Session, socket: WebSocket) -> None:
+    async def _end_with(self, session: BrowserSession, socket: WebSocket) -> None:
         """Close a page when its session ends; an open page keeps the session in use."""
         while self._sessions.renew(session):
             await self._hub.next_tick()

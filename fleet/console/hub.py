@@ -19,7 +19,7 @@ from fleet.console.fleet_view import FleetView
 from fleet.console.foxglove.feed import Feed
 from fleet.console.past import Pasts
 from fleet.console.sessions import ConsoleUser
-from fleet.console.stops import Stops, StopTarget
+from fleet.console.stops import StopTarget, StopTracker
 from fleet.console.tab import Tab
 from fleet.console.task import ConsoleTask
 
@@ -44,7 +44,7 @@ class Hub:
         self.exports = Exports(task.recordings_now)
         self.foxglove = Feed(self.edges.joined, clock)
         self.tabs: set[Tab] = set()
-        self._stops = Stops(self.view, self.edges.bus_sessions, _directories(directory), clock)
+        self._stops = StopTracker(self.view, self.edges.bus_sessions, _directories(directory), clock)
         self._tick = asyncio.Event()
         self._count = 0
         self._news: dict[int, tuple[bytes, int]] = {}  # for this tick, by the version from which they start

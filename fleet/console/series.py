@@ -69,7 +69,7 @@ def read_series(asked: SeriesAsked, window: Window, spent: Callable[[], float]) 
 
     ``share`` is the share of the window that was read, ``problems`` what of it cannot be read.
     """
-    found = _Found(asked)
+    found = _FoundNumbers(asked)
     parts, begun, count = window.parts, spent(), 0
     for part in parts:
         if spent() - begun > MOST_SPENT:
@@ -80,7 +80,7 @@ def read_series(asked: SeriesAsked, window: Window, spent: Callable[[], float]) 
     return {**found.fields(), "share": share, "problems": [*window.all_problems(), *found.problems()]}
 
 
-class _Found:
+class _FoundNumbers:
     """The numbers found in messages."""
 
     def __init__(self, asked: SeriesAsked) -> None:

@@ -27,7 +27,7 @@ class ConsoleUser(msgspec.Struct, frozen=True):
     permission: Permission
 
 
-class _Link(msgspec.Struct, frozen=True):
+class _LoginLink(msgspec.Struct, frozen=True):
     """An unused link."""
 
     operator: ConsoleUser
@@ -57,7 +57,7 @@ def _always() -> bool:
     return True
 
 
-class Session(msgspec.Struct, eq=False):
+class BrowserSession(msgspec.Struct, eq=False):
     """A session of one browser; ``key`` and ``proof`` are digests. It ends when ``holds`` returns False."""
 
     operator: ConsoleUser
@@ -79,8 +79,8 @@ class Sessions:
     def __init__(self, clock: Clock, lifetimes: SessionLifetimes = BY_LINK, prefix: str = "") -> None:
         self._clock = clock
         self._lifetimes = lifetimes
-        self._links: dict[bytes, _Link] = {}
-        self._sessions: dict[bytes, Session] = {}
+        self._links: dict[bytes, _LoginLink] = {}
+        self._sessions: dict[bytes, BrowserSession] = {}
         self.instance = secrets.token_hex(8)
         self.cookie = f"{prefix}fleet_console_{self.instance}"
 
@@ -91,7 +91,7 @@ class Sessions:
         while len(self._links) >= MOST_LINKS:
             self._links.pop(next(iter(self._links)))
         token = secrets.token_urlsafe(_BYTES)
-        self._links[_digest(token)] = _Link(operator, now + LINK_LIFE)
+        self._links[_digest(token)] = _LoginLink(operator, now + LINK_LIFE)
         return token
 
     def open(self, token: str) -> Opened | None:
@@ -112,12 +112,12 @@ class Sessions:
             self._sessions.pop(min(self._sessions, key=lambda key: self._sessions[key].until))
         opened = Opened(secrets.token_urlsafe(_BYTES), secrets.token_urlsafe(_BYTES))
         key, ends = _digest(opened.cookie), now + self._lifetimes.longest
-        self._sessions[key] = Session(
+        self._sessions[key] = BrowserSession(
             operator, key, _digest(opened.proof), now + self._lifetimes.idle, ends, holds
         )
         return opened
 
-    def session_of(self, cookies: Mapping[str, str], proof: str) -> Session | None:
+    def session_of(self, cookies: Mapping[str, str], proof: str) -> BrowserSession | None:
         """Return the session of a request, None without one; its use renews it."""
         cookie = cookies.get(self.cookie)
         session = self._sessions.get(_digest(cookie)) if cookie else None
@@ -130,7 +130,7 @@ class Sessions:
         session = self.session_of(cookies, proof)
         return session.operator if session is not None else None
 
-    def renew(self, session: Session) -> bool:
+    def renew(self, session: BrowserSession) -> bool:
         """Return True if a session is still valid; its use renews it."""
         now = self._clock.monotonic()
         if self._sessions.get(session.key) is not session:
@@ -141,11 +141,11 @@ class Sessions:
         session.until = now + self._lifetimes.idle
         return True
 
-    def end(self, session: Session) -> None:
+    def end(self, session: BrowserSession) -> None:
         """End a session: its operator logs out."""
         self._sessions.pop(session.key, None)
 
-    def _lasts(self, session: Session, now: float) -> bool:
+    def _lasts(self, session: BrowserSession, now: float) -> bool:
         """Return True if a session has not expired."""
         return min(session.until, session.ends) > now and session.holds()
 

@@ -114,7 +114,7 @@ class StopRecord:
         return self._robots.setdefault(robot, new)
 
 
-class Stops:
+class StopTracker:
     """Sends stops and follows them; ``directories`` are those with the supervisors' sockets."""
 
     def __init__(

@@ -27,7 +27,7 @@ from fleet.wire.video import LOCAL_ANSWER, LOCAL_OFFER
 ANSWER_WITHIN = 2.0  # s for the last picture
 
 
-class _Watch(msgspec.Struct, frozen=True, eq=False):
+class _WatchedRobot(msgspec.Struct, frozen=True, eq=False):
     """One watched robot: its bus, and the function that unsubscribes."""
 
     bus: Bus
@@ -45,7 +45,7 @@ class WatchedReports:
         self.offers = VideoOffers()
         self._view = view
         self._joined = joined
-        self._watched: dict[str, _Watch] = {}
+        self._watched: dict[str, _WatchedRobot] = {}
         self._lock = threading.Lock()
         self._arrived: dict[tuple[str, str], bytes] = {}
 
@@ -70,7 +70,7 @@ class WatchedReports:
             with self._lock:
                 self._arrived[robot, key] = sample
 
-        self._watched[robot] = _Watch(bus, bus.reports.subscribe(f"cw/{state.twin}/data/**", arrived))
+        self._watched[robot] = _WatchedRobot(bus, bus.reports.subscribe(f"cw/{state.twin}/data/**", arrived))
         photo = f"cw/{state.twin}/data/{PhotoReport.channel}"
         bus.reports.ask_later(
             photo,

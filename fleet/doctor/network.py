@@ -27,7 +27,7 @@ _OF_PROTOCOL = {"tcp": "tcp", "tls": "tcp", "ws": "tcp", "udp": "udp", "quic": "
 _ENDPOINT = re.compile(r"(tcp|tls|ws|udp|quic)/(.+):(\d+)(?:[?#].*)?")
 
 
-class Port(msgspec.Struct, frozen=True):
+class EdgePort(msgspec.Struct, frozen=True):
     """A port that the edge will open: ``protocol`` tcp or udp, and its name in fleet.yaml."""
 
     protocol: str
@@ -35,17 +35,17 @@ class Port(msgspec.Struct, frozen=True):
     purpose: str
 
 
-def ports_of(config: Sections, links: Iterable[str]) -> list[Port]:
+def ports_of(config: Sections, links: Iterable[str]) -> list[EdgePort]:
     """Return the ports that the edge opens by fleet.yaml, without 0 (any free port)."""
-    found = [Port("udp", int(match[1]), link) for link in links if (match := _UDP_LINK.fullmatch(link))]
+    found = [EdgePort("udp", int(match[1]), link) for link in links if (match := _UDP_LINK.fullmatch(link))]
     if config.metrics is not None:
-        found.append(Port("tcp", config.metrics.port, "metrics"))
+        found.append(EdgePort("tcp", config.metrics.port, "metrics"))
     if config.console is not None:
-        found.append(Port("tcp", config.console.port, "console"))
+        found.append(EdgePort("tcp", config.console.port, "console"))
         if config.console.endpoint is not None:
-            found.append(Port("tcp", config.console.endpoint[1], "console.listen"))
+            found.append(EdgePort("tcp", config.console.endpoint[1], "console.listen"))
     found += [
-        Port(_OF_PROTOCOL[match[1]], int(match[3]), f"bus.listen {end}")
+        EdgePort(_OF_PROTOCOL[match[1]], int(match[3]), f"bus.listen {end}")
         for end in config.bus.listen
         if (match := _ENDPOINT.fullmatch(end))
     ]
@@ -63,7 +63,7 @@ def taken_ports(proc: Path = Path("/proc/net")) -> set[tuple[str, int]]:
     return taken
 
 
-def check_ports(ports: Iterable[Port], taken: set[tuple[str, int]], *, running: bool) -> list[Finding]:
+def check_ports(ports: Iterable[EdgePort], taken: set[tuple[str, int]], *, running: bool) -> list[Finding]:
     """Check that the ports are free, or, while the edge runs, that they are open."""
     wanted = list(ports)
     used = [port for port in wanted if (port.protocol, port.number) in taken]

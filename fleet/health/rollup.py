@@ -90,7 +90,7 @@ def roll_up(seen: Iterable[SeenEdge], now: float) -> View:
     robots: Counter[str] = Counter()
     versions: Counter[str] = Counter()
     stopped = more = 0
-    groups: dict[tuple[str, ...], list[_Found]] = {}
+    groups: dict[tuple[str, ...], list[_EdgeCause]] = {}
     for edge in seen:
         reach = edge.reach(now)
         edges[reach.value] += 1
@@ -102,7 +102,7 @@ def roll_up(seen: Iterable[SeenEdge], now: float) -> View:
         for trouble in _troubles(edge, reach, now):
             kind = trouble.kind if trouble.robots else "edge"
             key = (reach, trouble.level, kind, trouble.link, folded(trouble.cause))
-            groups.setdefault(key, []).append(_Found(edge.edge, reach, trouble))
+            groups.setdefault(key, []).append(_EdgeCause(edge.edge, reach, trouble))
     rows = sorted(map(_row, groups.values()), key=lambda row: (row.since, row.what))
     by_health = {word: robots[word] for word in ("unknown", *LEVELS) if robots[word]}
     return View(dict(edges), by_health, stopped, dict(versions), rows, more)
@@ -115,7 +115,7 @@ def _robots_of(summary: Summary, reach: Reach) -> Counter[str]:
     return Counter({"unknown": sum(summary.robots.values())})
 
 
-class _Found(NamedTuple):
+class _EdgeCause(NamedTuple):
     """One cause on one edge."""
 
     edge: str
@@ -142,7 +142,7 @@ def _troubles(edge: SeenEdge, reach: Reach, now: float) -> Sequence[Trouble]:
     ]
 
 
-def _row(group: Sequence[_Found]) -> Row:
+def _row(group: Sequence[_EdgeCause]) -> Row:
     """Return one cause with all of its edges."""
     first = min(group, key=lambda found: found.trouble.since)
     robots = sum(found.trouble.robots for found in group)
@@ -161,7 +161,7 @@ def _row(group: Sequence[_Found]) -> Row:
     )
 
 
-def _what(found: _Found, robots: int, edges: int) -> str:
+def _what(found: _EdgeCause, robots: int, edges: int) -> str:
     """Return number, kind and state: ``3 ugv robots offline``, ``1 edge gone``."""
     trouble = found.trouble
     if not trouble.robots:

@@ -10,10 +10,10 @@ from fleet.missions.state import (
     EmergencyStop,
     Ended,
     Head,
-    Part,
     PartOutcome,
     Phase,
     RunOutcome,
+    StepPart,
     UndoableStep,
     step_name,
 )
@@ -80,7 +80,7 @@ class Ending:
         self._halt_all(now)
         self.check(now)
 
-    def ended(self, part: Part, now: float) -> None:
+    def ended(self, part: StepPart, now: float) -> None:
         """Handle the end of a part during the ending."""
         if part.kind == "undo" and part.outcome is not PartOutcome.DONE and self._head.phase is Phase.UNDOING:
             self._head.target = RunOutcome.UNDO_FAILED

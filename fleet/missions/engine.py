@@ -9,34 +9,34 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from fleet.missions.ending import Ending
-from fleet.missions.facts import Seen
+from fleet.missions.facts import RobotFacts
 from fleet.missions.pausing import Pausing
 from fleet.missions.program import Program
 from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import (
     GOING_ON,
     Abort,
-    Answer,
     Effect,
     Enlisted,
     Event,
     Facts,
     Head,
-    Heard,
     Left,
     Member,
     NotStarted,
     Occupied,
-    Part,
     PartOutcome,
     Pause,
+    PersonAnswer,
     Phase,
-    Prepared,
     Question,
     Replied,
     Restarted,
     Resume,
+    RobotEvent,
+    RobotPrepared,
     Start,
+    StepPart,
     StopAll,
     Tick,
 )
@@ -55,12 +55,12 @@ class Engine:
         members: Iterable[Member],
         *,
         head: Head | None = None,
-        parts: Iterable[Part] = (),
+        parts: Iterable[StepPart] = (),
     ) -> None:
         self.program = program
         self.head = head or Head()
         self.robots = RunRobots(run, members, parts)
-        self.seen = Seen()
+        self.seen = RobotFacts()
         self.ending = Ending(program, self.head, self.robots)
         self.steps = StepRunner(program, self.head, self.robots, self.seen, self.ending)
         self.pausing = Pausing(program, self.head, self.robots, self.seen, self.steps)
@@ -69,14 +69,14 @@ class Engine:
             Restarted: self._restarted,
             Tick: self._tick,
             Replied: self._replied,
-            Prepared: lambda event: self.steps.prepared(event.robot, event.refusal),
+            RobotPrepared: lambda event: self.steps.prepared(event.robot, event.refusal),
             Occupied: self._occupied,
             Enlisted: self.steps.enlisted,
             NotStarted: self.steps.not_started,
             Facts: self._facts,
-            Heard: lambda event: self.seen.heard(event.robot, event.event, self._now),
+            RobotEvent: lambda event: self.seen.heard(event.robot, event.event, self._now),
             Left: self._left,
-            Answer: self._answer,
+            PersonAnswer: self._answer,
             Pause: self.pausing.pause,
             Resume: self.pausing.resume,
             Abort: lambda event: self.ending.abort(f"aborted by {event.by or 'somebody'}", self._now),
@@ -101,7 +101,7 @@ class Engine:
         effects, self.robots.effects = self.robots.effects, []
         return effects
 
-    def changes(self) -> list[Part | Member]:
+    def changes(self) -> list[StepPart | Member]:
         """Return the members and parts that have changed since the last call."""
         touched, self.robots.touched = self.robots.touched, {}
         return list(touched.values())
@@ -167,7 +167,7 @@ class Engine:
                 self.robots.lose(robot, PartOutcome.STOPPED, event.reason, self._now)
         self.ending.stopped(event.reason, self._now)
 
-    def _answer(self, event: Answer) -> None:
+    def _answer(self, event: PersonAnswer) -> None:
         """Apply a person's answer; a paused run only accepts the answer to its resume question."""
         question = self.head.question
         if question is None or question.id != event.question or not self._decidable(question):

@@ -12,7 +12,7 @@ HEALTHS = ("ok", "degraded", "offline", "fault")
 MOVED = 3.0  # m from the paused position beyond which a person is asked
 
 
-class Seen:
+class RobotFacts:
     """The newest facts of each robot, and the times of its events (s of the run's clock)."""
 
     def __init__(self) -> None:

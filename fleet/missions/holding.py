@@ -14,7 +14,7 @@ RefusalCallback = Callable[[str], None]
 """Receives the reason of a refusal, or an empty text."""
 
 
-class _Request:
+class _HoldRequest:
     """One pause or resumption. ``open``: the holds without an answer, by the identity of their part."""
 
     def __init__(self, holds: Sequence[Hold], until: float) -> None:
@@ -31,13 +31,13 @@ class RequestedHolds:
     def __init__(self, take: Callable[[Pause], None], clock: Clock) -> None:
         self._take = take
         self._clock = clock
-        self._requests: list[_Request] = []
+        self._requests: list[_HoldRequest] = []
         self.made = 0  # number of requests so far
 
     def expect(self, holds: Sequence[Hold]) -> None:
         """Expect the answers of robots that are asked together."""
         self.made += 1
-        self._requests.append(_Request(holds, self._clock.monotonic() + ANSWERED_WITHIN))
+        self._requests.append(_HoldRequest(holds, self._clock.monotonic() + ANSWERED_WITHIN))
 
     def hear(self, made: int, callback: RefusalCallback) -> None:
         """Report the outcome of the newest request, or at once if there is none after the first ``made``."""
@@ -74,14 +74,14 @@ class RequestedHolds:
             for callback in request.callbacks:
                 callback("the run has ended")
 
-    def _note(self, request: _Request, hold: Hold, reason: str) -> None:
+    def _note(self, request: _HoldRequest, hold: Hold, reason: str) -> None:
         """Record a refusal, unless the part has ended meanwhile: then there was nothing to pause."""
         if hold.part.inflight:
             robot, what = hold.part.robot, "did not go on" if hold.resumes else "did not pause"
             request.refusals.append(f"{robot}: {reason}")
             self._take(Pause(robot=robot, reason=f"{what}: {reason}"))
 
-    def _close(self, request: _Request) -> None:
+    def _close(self, request: _HoldRequest) -> None:
         """Report the outcome when all have answered."""
         if not request.open and request in self._requests:
             self._requests.remove(request)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet.missions.facts import Seen
+from fleet.missions.facts import RobotFacts
 from fleet.missions.program import Program
 from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import Head, Hold, Occupy, Pause, Phase, Resume, required
@@ -16,7 +16,7 @@ class Pausing:
     """Pauses and resumes one mission run."""
 
     def __init__(
-        self, program: Program, head: Head, robots: RunRobots, seen: Seen, steps: StepRunner
+        self, program: Program, head: Head, robots: RunRobots, seen: RobotFacts, steps: StepRunner
     ) -> None:
         self._program = program
         self._head = head

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import msgspec
 
 from fleet.missions.engine import Engine
-from fleet.missions.state import Head, Member, Part
+from fleet.missions.state import Head, Member, StepPart
 from fleet.missions.store import About
 
 
@@ -161,7 +161,7 @@ def ended_state(about: About, head: Head, members: Iterable[Member], edge: str) 
     )
 
 
-def _robot(member: Member, doing: str, parts: Iterable[Part]) -> RunRobot:
+def _robot(member: Member, doing: str, parts: Iterable[StepPart]) -> RunRobot:
     """Return the state of one robot of a run."""
     outcome = member.outcome.value if member.outcome else ""
     doing = "spare" if member.spare else doing

@@ -56,12 +56,12 @@ class Results:
     def __init__(self, folder: Path) -> None:
         self._folder = folder / RESULTS
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="fleet-results")
-        self._tracks: dict[tuple[str, str], _Track] = {}
+        self._tracks: dict[tuple[str, str], _WaitingTrack] = {}
         self._pictures: dict[str, int] = {}
 
     def at(self, run: str, robot: str, position: Vector3 | None, now: float) -> None:
         """Record the position of a robot of a run; None if unknown."""
-        track = self._tracks.setdefault((run, robot), _Track())
+        track = self._tracks.setdefault((run, robot), _WaitingTrack())
         if position is None or not track.takes(now):
             return
         track.waiting.append(f"{now:.1f},{position.x:.2f},{position.y:.2f},{position.z:.2f}\n")
@@ -94,7 +94,7 @@ class Results:
             self.end(run)
         self._thread.shutdown()
 
-    def _write_track(self, run: str, robot: str, track: _Track) -> None:
+    def _write_track(self, run: str, robot: str, track: _WaitingTrack) -> None:
         """Write the waiting points."""
         lines, track.waiting = "".join(track.waiting).encode(), []
         if lines:
@@ -143,7 +143,7 @@ class Results:
                 shutil.rmtree(folder)
 
 
-class _Track:
+class _WaitingTrack:
     """The waiting points of one robot's track."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import msgspec
 
 from fleet.errors import Refused
-from fleet.missions.facts import Seen
+from fleet.missions.facts import RobotFacts
 from fleet.missions.model import RoleConfig
 from fleet.missions.plan import lacking_words
 from fleet.missions.program import Require
@@ -155,7 +155,7 @@ def _lacks(
         return lacking_words(missing)
     if candidate.trouble or candidate.run:
         return candidate.trouble or f"it is in run {candidate.run}"
-    seen = Seen()
+    seen = RobotFacts()
     seen.take(candidate.facts)
     return seen.lacks(candidate.name, require)
 

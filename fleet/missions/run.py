@@ -35,8 +35,8 @@ from fleet.missions.state import (
     Occupy,
     PartOutcome,
     Prepare,
-    Prepared,
     Replied,
+    RobotPrepared,
     RunOutcome,
     Tick,
 )
@@ -257,7 +257,7 @@ class Run:
             kind, message = message_of(act, identity, state, self._services.site)
         except Refused as error:
             refusal = Replied(identity, PartOutcome.REFUSED, error.reason)
-            self.take(Prepared(robot, error.reason) if prepares else refusal)
+            self.take(RobotPrepared(robot, error.reason) if prepares else refusal)
             return
         if prepares:
             self.together.prepare(robot, kind, message, identity)

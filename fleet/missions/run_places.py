@@ -13,7 +13,7 @@ from fleet.errors import Refused
 from fleet.missions.program import Program
 from fleet.missions.run import Run
 from fleet.missions.state import Head, Occupied, Phase
-from fleet.missions.store import Kept
+from fleet.missions.store import StoredRun
 from fleet.model.occupancy import Claim, ClaimVerdict, Occupancy, Settled
 from fleet.model.place import Place
 
@@ -67,7 +67,7 @@ class RunPlaces:
             self._settle(settled)
             self._tell_who_waits()
 
-    def take_up(self, runs: Iterable[Kept]) -> None:
+    def take_up(self, runs: Iterable[StoredRun]) -> None:
         """Restore the occupancy of the runs of an earlier process; waiting runs are queued again."""
         found = sorted(runs, key=lambda kept: kept.about.started)
         self._missions = {kept.about.run: kept.about.mission for kept in found}

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import msgspec
 
 from fleet.missions.program import Act
-from fleet.missions.state import Begin, BeginTogether, Effect, Kind, LogNote, Member, Part, PartOutcome
+from fleet.missions.state import Begin, BeginTogether, Effect, Kind, LogNote, Member, PartOutcome, StepPart
 
 SHOWN_PARTS = 6  # newest parts of a robot that users see
 HALT_WITHIN = 15.0  # s until a halted robot must be seen standing
@@ -45,7 +45,7 @@ def first_identity(run: str, step: str, robot: str) -> str:
 class RunRobots:
     """Members by robot, parts by identity; ``effects`` collects effects, ``touched`` the changed objects."""
 
-    def __init__(self, run: str, members: Iterable[Member], parts: Iterable[Part] = ()) -> None:
+    def __init__(self, run: str, members: Iterable[Member], parts: Iterable[StepPart] = ()) -> None:
         self.run = run
         self.members = {member.robot: member for member in members}
         self.parts = {part.identity: part for part in parts}
@@ -59,7 +59,7 @@ class RunRobots:
             for robot in self.members
         }
         self.effects: list[Effect] = []
-        self.touched: dict[str, Part | Member] = {}
+        self.touched: dict[str, StepPart | Member] = {}
         self.halts = sum(part.kind == "halt" for part in self.parts.values())
 
     def note(self, text: str, robot: str = "", step: str = "") -> None:
@@ -108,11 +108,11 @@ class RunRobots:
         member = self.members.get(robot)
         return member is not None and (member.within or member.ours or member.spare)
 
-    def active(self, *kinds: Kind) -> list[Part]:
+    def active(self, *kinds: Kind) -> list[StepPart]:
         """Return the active parts of these kinds; without kinds, of all."""
         return [part for part in self._active.values() if not kinds or part.kind in kinds]
 
-    def parts_of(self, step: str) -> list[Part]:
+    def parts_of(self, step: str) -> list[StepPart]:
         """Return the parts of the robots for one begun step."""
         return [part for part in self.parts.values() if part.step == step and part.kind == "do"]
 
@@ -138,7 +138,7 @@ class RunRobots:
         identity = f"{self.run}/{step}/{robot}/{number}"
         if identity in self.parts:  # a begun part never begins again
             return
-        part = Part(identity, step, robot, member.role, attempt, kind, act, now, now + act.timeout)
+        part = StepPart(identity, step, robot, member.role, attempt, kind, act, now, now + act.timeout)
         self.parts[identity] = self._active[identity] = part
         if kind != "halt":
             self._last[robot] = part
@@ -164,7 +164,7 @@ class RunRobots:
             return False
         return last.outcome in (None, PartOutcome.LATE, PartOutcome.UNKNOWN)
 
-    def end(self, part: Part, outcome: PartOutcome, reason: str, now: float) -> None:
+    def end(self, part: StepPart, outcome: PartOutcome, reason: str, now: float) -> None:
         """Record the end of a part; a recorded end is final."""
         if not part.inflight:
             return

@@ -33,18 +33,18 @@ from fleet.missions.run import Run, RunPort
 from fleet.missions.run_places import RunPlaces
 from fleet.missions.state import (
     Abort,
-    Answer,
     Event,
-    Heard,
     Left,
     PartOutcome,
     Pause,
+    PersonAnswer,
     Restarted,
     Resume,
+    RobotEvent,
     Start,
     StopAll,
 )
-from fleet.missions.store import About, Kept, RunStore
+from fleet.missions.store import About, RunStore, StoredRun
 from fleet.missions.together import Together
 from fleet.model.command import Origin, Reply, Transport
 
@@ -302,7 +302,7 @@ class Runs:
         """Handle an event of a robot; on the loop."""
         for run in list(self._runs.values()):
             if robot in run.engine.robots.members:
-                run.take(Heard(robot, event))
+                run.take(RobotEvent(robot, event))
 
     # -- after a restart -------------------------------------------------------------------------------
 
@@ -313,7 +313,7 @@ class Runs:
         for kept in found:
             self._take_up(kept, self.clock.monotonic() + BACK_WITHIN)
 
-    def _take_up(self, kept: Kept, until: float) -> None:
+    def _take_up(self, kept: StoredRun, until: float) -> None:
         """Resume one run when its robots answer, at the latest at ``until``."""
         away = max(0.0, self.clock.time() - kept.stamp)
         engine = Engine(kept.about.run, kept.program, kept.members, head=kept.head, parts=kept.parts)
@@ -344,7 +344,7 @@ def _control(found: Run, ask: ControlAsk) -> str:
         question = found.engine.head.question
         if question is None or (ask.question and question.id != ask.question):
             return "it asks nothing" if question is None else "it asks something else by now"
-        found.take(Answer(question.id, ask.goes_on, ask.session_id))
+        found.take(PersonAnswer(question.id, ask.goes_on, ask.session_id))
         return ""
     before = found.engine.head.phase
     unpausable = found.together.unpausable(before) if ask.do == "pause" else ""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fleet.missions.facts import Seen
+from fleet.missions.facts import RobotFacts
 from fleet.missions.program import Program
 from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import Dismiss, Enlist, Enlisted, Head, Member, PartOutcome, Phase
@@ -19,7 +19,7 @@ ENLISTED_WITHIN = 10.0  # s for a spare to join the run
 class Spares:
     """The spares of one run."""
 
-    def __init__(self, program: Program, head: Head, robots: RunRobots, seen: Seen) -> None:
+    def __init__(self, program: Program, head: Head, robots: RunRobots, seen: RobotFacts) -> None:
         self._program = program
         self._head = head
         self._robots = robots

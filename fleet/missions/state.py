@@ -1,6 +1,6 @@
 """The state of one run, and the events and effects of the engine.
 
-All state that must survive the process is in ``Head``, ``Member`` and ``Part``. Times are seconds of the
+All state that must survive the process is in ``Head``, ``Member`` and ``StepPart``. Times are seconds of the
 run's own clock, which starts at 0 with the run and continues across restarts.
 """
 
@@ -117,7 +117,7 @@ class Member(msgspec.Struct):
     replaced: bool = False
 
 
-class Part(msgspec.Struct):
+class StepPart(msgspec.Struct):
     """One robot's part in a step: one command, with an identity that is used only once."""
 
     identity: str
@@ -221,7 +221,7 @@ class Replied(msgspec.Struct, frozen=True):
     reason: str = ""
 
 
-class Prepared(msgspec.Struct, frozen=True):
+class RobotPrepared(msgspec.Struct, frozen=True):
     """Whether a robot can begin; ``refusal`` is empty if it can."""
 
     robot: str
@@ -259,7 +259,7 @@ class Facts(msgspec.Struct, frozen=True):
     progress: str = ""
 
 
-class Heard(msgspec.Struct, frozen=True):
+class RobotEvent(msgspec.Struct, frozen=True):
     """A robot reported an event."""
 
     robot: str
@@ -274,7 +274,7 @@ class Left(msgspec.Struct, frozen=True):
     reason: str
 
 
-class Answer(msgspec.Struct, frozen=True):
+class PersonAnswer(msgspec.Struct, frozen=True):
     """A person answered a question."""
 
     question: int
@@ -314,14 +314,14 @@ Event = (
     | Restarted
     | Tick
     | Replied
-    | Prepared
+    | RobotPrepared
     | Occupied
     | Enlisted
     | NotStarted
     | Facts
-    | Heard
+    | RobotEvent
     | Left
-    | Answer
+    | PersonAnswer
     | Pause
     | Resume
     | Abort
@@ -332,7 +332,7 @@ Event = (
 class Begin(msgspec.Struct, frozen=True):
     """Command a robot, after the part is recorded."""
 
-    part: Part
+    part: StepPart
 
 
 class Enlist(msgspec.Struct, frozen=True):
@@ -363,13 +363,13 @@ class BeginTogether(msgspec.Struct, frozen=True):
     """Let prepared robots begin at one instant, after their parts are recorded."""
 
     step: str
-    parts: tuple[Part, ...]
+    parts: tuple[StepPart, ...]
 
 
 class Hold(msgspec.Struct, frozen=True):
     """Pause a robot's part; ``resumes``: resume it instead."""
 
-    part: Part
+    part: StepPart
     resumes: bool = False
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from fleet.missions.ending import Ending
-from fleet.missions.facts import Seen
+from fleet.missions.facts import RobotFacts
 from fleet.missions.inner import InnerMissions
 from fleet.missions.losses import RobotLosses, put
 from fleet.missions.program import (
@@ -27,11 +27,11 @@ from fleet.missions.state import (
     Head,
     NotStarted,
     Occupy,
-    Part,
     PartOutcome,
     Phase,
     Prepare,
     RunOutcome,
+    StepPart,
     UndoableStep,
     instruction_of,
     required,
@@ -46,7 +46,9 @@ BOUND = 10_000  # instructions without a wait before the run counts as an endles
 class StepRunner:
     """The steps of one run; ``losses.now`` is the time of the present event."""
 
-    def __init__(self, program: Program, head: Head, robots: RunRobots, seen: Seen, ending: Ending) -> None:
+    def __init__(
+        self, program: Program, head: Head, robots: RunRobots, seen: RobotFacts, ending: Ending
+    ) -> None:
         self.program = program
         self.head = head
         self.robots = robots
@@ -292,7 +294,7 @@ class StepRunner:
         return False
 
 
-def _is_through(step: Do, parts: list[Part], robots: RunRobots) -> bool:
+def _is_through(step: Do, parts: list[StepPart], robots: RunRobots) -> bool:
     """Return True if the robots on which the step depends have finished, so that the others are ended."""
     if step.finish == "all":
         return False

@@ -26,7 +26,7 @@ import msgspec
 
 from fleet.errors import StateError
 from fleet.missions.program import Program
-from fleet.missions.state import Head, LogNote, Member, Part, RunOutcome
+from fleet.missions.state import Head, LogNote, Member, RunOutcome, StepPart
 from fleet.runtime.decoding import decode_json
 from fleet.spool.database import open_checked, transaction
 from fleet.spool.state_folder import create_folder, locked
@@ -83,7 +83,7 @@ class RunChange(msgspec.Struct, frozen=True):
 
     run: str
     head: Head
-    touched: Sequence[Part | Member]
+    touched: Sequence[StepPart | Member]
     notes: Sequence[LogNote]
     stamp: float
     elapsed: float
@@ -91,14 +91,14 @@ class RunChange(msgspec.Struct, frozen=True):
     program: Program | None = None
 
 
-class Kept(msgspec.Struct, frozen=True):
+class StoredRun(msgspec.Struct, frozen=True):
     """A stored run."""
 
     about: About
     program: Program
     head: Head
     members: list[Member]
-    parts: list[Part]
+    parts: list[StepPart]
     stamp: float
     elapsed: float
 
@@ -126,7 +126,7 @@ class RunStore:
     def save(self, change: RunChange, done: Callable[[bool], None]) -> None:
         """Record a change; ``done`` is called on the store's thread with its success. Never raises."""
         head = _encode(change.head)
-        rows = [(isinstance(each, Part), _key(each), _encode(each)) for each in change.touched]
+        rows = [(isinstance(each, StepPart), _key(each), _encode(each)) for each in change.touched]
         try:
             self._thread.submit(self._write, change, head, rows, done)
         except RuntimeError:  # the store is closed
@@ -140,7 +140,7 @@ class RunStore:
         """Return True if a stored run of this id has ended; waits for the disk."""
         return any(ended for (ended,) in self._thread.submit(self._rows_of, run).result())
 
-    def unfinished(self) -> list[Kept]:
+    def unfinished(self) -> list[StoredRun]:
         """Return the unfinished runs; call it before the first save. Unreadable runs are reported."""
         if self._database is None:
             return []
@@ -196,14 +196,14 @@ class RunStore:
             self._database.close()
             self._database = None
 
-    def _kept(self, run: str, about: str, program: str, head: str, stamp: float, elapsed: float) -> Kept:  # noqa: PLR0917 - a row
+    def _kept(self, run: str, about: str, program: str, head: str, stamp: float, elapsed: float) -> StoredRun:  # noqa: PLR0917 - a row
         """Return a run from its rows; raises DecodeError, sqlite3.Error."""
-        return Kept(
+        return StoredRun(
             decode_json(about.encode(), About),
             decode_json(program.encode(), Program),
             decode_json(head.encode(), Head),
             [decode_json(row.encode(), Member) for row in self._states("member", run)],
-            [decode_json(row.encode(), Part) for row in self._states("part", run)],
+            [decode_json(row.encode(), StepPart) for row in self._states("part", run)],
             stamp,
             elapsed,
         )
@@ -308,9 +308,9 @@ class RunStore:
         self.problem = problem
 
 
-def _key(each: Part | Member) -> str:
+def _key(each: StepPart | Member) -> str:
     """Return the key of a part or a member in its run."""
-    return each.identity if isinstance(each, Part) else each.robot
+    return each.identity if isinstance(each, StepPart) else each.robot
 
 
 def is_good(outcome: RunOutcome | None) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Protocol
 
-from fleet.missions.state import Event, NotStarted, Part, Phase, Prepared
+from fleet.missions.state import Event, NotStarted, Phase, RobotPrepared, StepPart
 from fleet.model.command import Reply, Transport
 from fleet.wire.rules import Kind
 
@@ -52,7 +52,7 @@ class TogetherStep:
         self._replied = replied
         self._start: Together | None = None
         self._step = ""
-        self._unconfirmed: dict[str, Part] = {}  # parts that were told to begin, without a confirmation yet
+        self._unconfirmed: dict[str, StepPart] = {}  # parts that were sent their start, not confirmed yet
 
     def unpausable(self, phase: Phase) -> str:
         """Return why a run must not be paused now; empty if it may.
@@ -71,7 +71,7 @@ class TogetherStep:
             nonlocal first
             if first:
                 first = False
-                self._take(Prepared(robot, "" if reply.ok else reply.reason or "it refused"))
+                self._take(RobotPrepared(robot, "" if reply.ok else reply.reason or "it refused"))
             else:
                 self._unconfirmed.pop(identity, None)
                 self._replied(identity, reply)
@@ -82,7 +82,7 @@ class TogetherStep:
         payload = self._payload(message)
         self._start.prepare(robot, kind, payload, transport=self._transport, identity=identity, heard=heard)
 
-    def begin(self, step: str, parts: tuple[Part, ...]) -> None:
+    def begin(self, step: str, parts: tuple[StepPart, ...]) -> None:
         """Start prepared robots whose parts are recorded, unless one of them has left meanwhile."""
         if self._start is not None and all(part.inflight for part in parts):
             self._unconfirmed = {part.identity: part for part in parts}

@@ -38,7 +38,7 @@ def _end() -> bytes:
 END = _end()
 
 
-class _Output:
+class _BufferedFile:
     """The file for the writer of MCAP: it buffers the data until ``flush`` writes it to the disk."""
 
     def __init__(self, path: Path) -> None:
@@ -85,7 +85,7 @@ class RecordingFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._output = _Output(path)
+        self._output = _BufferedFile(path)
         output: Any = self._output
         self._writer = Writer(output, chunk_size=CHUNK, compression=CompressionType.ZSTD)
         self._schemas: dict[str, int] = {}

@@ -82,7 +82,7 @@ class _EdgeSubscriptions:
     def __init__(self, recorder: Recorder, clock: Clock) -> None:
         self._recorder = recorder
         self._clock = clock
-        self._history = _History(recorder, clock)
+        self._history = _HistoryReader(recorder, clock)
         self._asked: dict[str, float] = {}
 
     def connection_changed(self, edge: str, problem: str | None) -> None:
@@ -123,7 +123,7 @@ class _EdgeSubscriptions:
             )
 
 
-class _History:
+class _HistoryReader:
     """Events of the edges' histories since the recorder began, without duplicates."""
 
     def __init__(self, recorder: Recorder, clock: Clock) -> None:

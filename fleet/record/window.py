@@ -20,7 +20,7 @@ T = TypeVar("T")
 _SECOND = 1_000_000_000
 
 
-class Part(msgspec.Struct, frozen=True, eq=False):
+class ChunkPart(msgspec.Struct, frozen=True, eq=False):
     """A chunk with messages of the robot, and the robot's channels in its file by id."""
 
     chunks: Chunks
@@ -40,11 +40,11 @@ class Window:
         self.problems: list[str] = []
         self._prefix = prefix
         self._begins, self._ends = round(since * _SECOND), round(until * _SECOND)
-        self._parts: list[Part] = []
+        self._parts: list[ChunkPart] = []
         self._damaged: Counter[str] = Counter()
 
     @property
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[ChunkPart]:
         """The parts, in the order in which they are to be read."""
         return spread(sorted(self._parts, key=lambda part: part.chunk.begins))
 
@@ -55,7 +55,9 @@ class Window:
         }
         mask = sum(1 << number for number in own)
         self._parts += [
-            Part(chunks, chunk, own) for chunk in chunks.found if self._has(chunk) and chunk.channels & mask
+            ChunkPart(chunks, chunk, own)
+            for chunk in chunks.found
+            if self._has(chunk) and chunk.channels & mask
         ]
         known = sum(1 << number for number in chunks.channels)
         if any(chunk.channels & ~known for chunk in chunks.found if self._has(chunk)):
@@ -68,7 +70,7 @@ class Window:
         """Return True if a chunk has messages of the window's time."""
         return chunk.ends >= self._begins and chunk.begins <= self._ends
 
-    def read(self, part: Part, wanted: Callable[[RecordedTopic], bool]) -> list[ReadMessage]:
+    def read(self, part: ChunkPart, wanted: Callable[[RecordedTopic], bool]) -> list[ReadMessage]:
         """Return the messages of a part on the wanted channels; what cannot be read is a problem."""
         mask = sum(1 << number for number, channel in part.channels.items() if wanted(channel))
         if not mask & part.chunk.channels:

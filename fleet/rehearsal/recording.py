@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from fleet.host.safety.separation import Occupant
 from fleet.missions.rehearsal import ClosestApproach, RehearsalNote, RehearsedPart, RehearsedTrack
-from fleet.missions.state import Part
+from fleet.missions.state import StepPart
 from fleet.missions.store import RunChange, RunStore
 
 WRITES = 0.005  # s of a simulated disk write
@@ -32,14 +32,14 @@ class MemoryStore(RunStore):
 
     def __init__(self, on_note: Callable[[RehearsalNote], None]) -> None:
         self.problem = self.lost = ""
-        self.parts: dict[str, Part] = {}
+        self.parts: dict[str, StepPart] = {}
         self.notes: list[RehearsalNote] = []
         self._on_note = on_note
 
     def save(self, change: RunChange, done: Callable[[bool], None]) -> None:
         """Store a change."""
         for each in change.touched:
-            if isinstance(each, Part):
+            if isinstance(each, StepPart):
                 self.parts[each.identity] = each
         for note in change.notes:
             found = RehearsalNote(round(change.elapsed, 1), note.text, note.step, note.robot)
@@ -107,7 +107,7 @@ class Tracks:
     """Tracks of the participating robots, with a resolution for drawings."""
 
     def __init__(self, taking_part: Iterable[str]) -> None:
-        self._tracks = {name: _Track() for name in sorted(taking_part)}
+        self._tracks = {name: _RobotTrack() for name in sorted(taking_part)}
 
     def sample(self, robots: Mapping[str, Occupant], at: float) -> None:
         """Add the positions of the robots at ``at`` (simulated s of the run)."""
@@ -122,7 +122,7 @@ class Tracks:
         return tuple(RehearsedTrack(name, points) for name, points in found if points)
 
 
-class _Track:
+class _RobotTrack:
     """The points of one robot; ``_apart`` doubles when there are too many."""
 
     def __init__(self) -> None:

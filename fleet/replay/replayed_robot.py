@@ -42,7 +42,7 @@ class RecordedTime:
         return self._loop.time() + self._offset
 
 
-class _Periodic:
+class _RecordedCall:
     """One periodic call of an adapter: its number, and its timer while it runs by its period."""
 
     def __init__(self, number: int, period: float, call: Callable[[], None]) -> None:
@@ -80,7 +80,7 @@ class ReplayedRobot:
         self.channels: dict[int, frozenset[str]] = {}
         self.failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._known = known
-        self._periodics: list[_Periodic] = []
+        self._periodics: list[_RecordedCall] = []
         self._calling: int | None = None
         self._contexts = contextlib.AsyncExitStack()
 
@@ -131,7 +131,7 @@ class ReplayedRobot:
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
         """Make a call at the recorded times of its reports, or else by its period."""
-        periodic = _Periodic(len(self._periodics), seconds, call)
+        periodic = _RecordedCall(len(self._periodics), seconds, call)
         self._periodics.append(periodic)
         if self._known is None or not self._known.get(periodic.number):
             self._again(periodic)
@@ -157,7 +157,7 @@ class ReplayedRobot:
         """Raise Unsupported: a call that depends on the outside could not be replayed."""
         raise Unsupported("a replay makes no blocking calls")
 
-    def _again(self, periodic: _Periodic) -> None:
+    def _again(self, periodic: _RecordedCall) -> None:
         """Schedule the next call of a periodic call."""
 
         def turn() -> None:
@@ -166,7 +166,7 @@ class ReplayedRobot:
 
         periodic.timer = asyncio.get_running_loop().call_later(periodic.period, turn)
 
-    def _call(self, periodic: _Periodic) -> None:
+    def _call(self, periodic: _RecordedCall) -> None:
         """Make a call; an exception ends the attempt."""
         self._calling = periodic.number
         try:

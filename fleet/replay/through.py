@@ -74,10 +74,12 @@ def _replayed(
 ) -> tuple[Channels, Mapping[str, list[Said]], Difference | None]:
     """Replay once; return the channels of each periodic call, all reports, and the adapter's failure."""
     with asyncio.Runner(loop_factory=JumpingLoop) as runner:
-        return runner.run(_Replay(plugin, config, recorded, known).run(), context=contextvars.copy_context())
+        return runner.run(
+            _RobotReplay(plugin, config, recorded, known).run(), context=contextvars.copy_context()
+        )
 
 
-class _Replay:
+class _RobotReplay:
     """One replay of one robot."""
 
     def __init__(

@@ -83,7 +83,7 @@ class ObservedState(msgspec.Struct, frozen=True):
     format: int = FORMAT
 
 
-class Target(msgspec.Struct, frozen=True):
+class EdgeTarget(msgspec.Struct, frozen=True):
     """Bundle of one edge in a roll-out."""
 
     bundle: str
@@ -105,7 +105,7 @@ class Rollout(msgspec.Struct, frozen=True):
     parallel: int
     within: float
     settle: float
-    targets: dict[str, Target]
+    targets: dict[str, EdgeTarget]
     progress: RolloutProgress
     format: int = FORMAT
 

@@ -45,7 +45,7 @@ class SimulatedRobot(Protocol):
 RobotT = TypeVar("RobotT", bound=SimulatedRobot)
 
 
-class _Ask(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class _RobotRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A request about the robot behind ``url``."""
 
     url: str
@@ -57,9 +57,9 @@ class _Line(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One request line: exactly one field is set."""
 
     add: msgspec.Raw = msgspec.Raw()
-    fault: _Ask | None = None
-    look: _Ask | None = None
-    remove: _Ask | None = None
+    fault: _RobotRequest | None = None
+    look: _RobotRequest | None = None
+    remove: _RobotRequest | None = None
 
 
 class SimServer(ABC, Generic[SpecT, RobotT]):
@@ -107,7 +107,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
             return {}
         raise ValueError("say one of add, fault, look and remove")
 
-    def _robot(self, ask: _Ask) -> RobotT:
+    def _robot(self, ask: _RobotRequest) -> RobotT:
         """Return the robot of a request; raises ValueError if there is none."""
         if ask.url not in self.robots:
             raise ValueError(f"there is no simulated robot at {ask.url}")

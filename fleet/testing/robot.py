@@ -28,7 +28,7 @@ WITHIN = 60.0  # s; default timeout of a wait, for slow computers
 async def serve(adapter: Adapter[Any]) -> None:
     """Connect and run an adapter as the host does, until it ends or raises; to be run as a task."""
     robot = adapter.robot
-    assert isinstance(robot, _Robot)
+    assert isinstance(robot, _CallRecorder)
     async with robot.attempt():
         await adapter.connect()
         robot.connected(answers=adapter.connects())
@@ -62,7 +62,7 @@ async def running(
         await asyncio.gather(serving, answered, return_exceptions=True)
 
 
-class _Robot:
+class _CallRecorder:
     """Records the calls of an adapter: ``reports``, ``healths``, ``losses``, ``left_halts``, oldest first.
 
     - ``lacking``: parts of the adapter's vocabulary that the robot does not support, with the reasons.
@@ -169,7 +169,7 @@ class _Robot:
         return self.reports_of(kind)[0]
 
 
-class RecordingRobot(_Robot):
+class RecordingRobot(_CallRecorder):
     """The robot of an adapter in a test that advances the time itself."""
 
     def __init__(
@@ -199,7 +199,7 @@ class RecordingRobot(_Robot):
         self.clock.advance(max(0.0, end - self.clock.monotonic()))
 
 
-class LoopRobot(_Robot):
+class LoopRobot(_CallRecorder):
     """A recording robot in the time of the running event loop, which makes the calls until ``close``.
 
     In a loop with simulated time everything runs as fast as possible.

@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 TELL_EVERY = LIFETIME / 5  # s between two reports of the stream
 
 
-class Source(msgspec.Struct, frozen=True):
+class CameraSource(msgspec.Struct, frozen=True):
     """Camera to send: ``camera`` as in fleet.yaml, at most ``rate`` pictures a second."""
 
     robot: str
@@ -45,11 +45,11 @@ class Source(msgspec.Struct, frozen=True):
 
 
 async def send_video(
-    source: Source, settings: BusSettings, directory: Path, ended: asyncio.Event, clock: Clock
+    source: CameraSource, settings: BusSettings, directory: Path, ended: asyncio.Event, clock: Clock
 ) -> None:
     """Serve one camera of one robot until ``ended``; raises BusError when the bus cannot be joined."""
     bus = await asyncio.to_thread(join, settings, directory)
-    program = _Program(source, bus.reports, clock)
+    program = _VideoProgram(source, bus.reports, clock)
     try:
         program.declare(keys.video(settings.edge, source.robot))
         log.info("video of %s waits for start_video", source.robot)
@@ -63,10 +63,10 @@ async def send_video(
         await asyncio.to_thread(bus.close)
 
 
-class _Program:
+class _VideoProgram:
     """Bus side of the program: requests, WebRTC messages and the stream's state."""
 
-    def __init__(self, source: Source, bus_session: ZenohSession, clock: Clock) -> None:
+    def __init__(self, source: CameraSource, bus_session: ZenohSession, clock: Clock) -> None:
         self._bus_session = bus_session
         self._clock = clock
         self._loop = asyncio.get_running_loop()

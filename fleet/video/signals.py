@@ -29,7 +29,7 @@ class IceCandidate(msgspec.Struct, frozen=True, rename={"mid": "sdpMid", "index"
     index: int | None = None
 
 
-class _Answer(msgspec.Struct):
+class _SdpAnswer(msgspec.Struct):
     """The fields of an answer that are used here; ``camera`` is an older name for the sensor."""
 
     sdp: str
@@ -47,7 +47,7 @@ class _Wrapped(msgspec.Struct):
     candidate: IceCandidate
 
 
-_ANSWER: msgspec.json.Decoder[_Answer] = json_decoder(_Answer)
+_ANSWER: msgspec.json.Decoder[_SdpAnswer] = json_decoder(_SdpAnswer)
 _CANDIDATE: msgspec.json.Decoder[IceCandidate] = json_decoder(IceCandidate)
 _WRAPPED: msgspec.json.Decoder[_Wrapped] = json_decoder(_Wrapped)
 
@@ -82,7 +82,7 @@ def offer_message(
 
 def answer_for(sample: bytes, sensor: str) -> str | None:
     """Return the SDP of an answer to a sensor's offer, None for another stream's. Raises WireError."""
-    answer: _Answer = _read(sample, _ANSWER)
+    answer: _SdpAnswer = _read(sample, _ANSWER)
     ours = (
         (answer.type, answer.target) == ("answer", "edge")
         and "m=video" in answer.sdp

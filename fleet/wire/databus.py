@@ -54,7 +54,7 @@ class _Vector(msgspec.Struct, frozen=True):
         return Vector3(self.x, self.y, self.z)
 
 
-class _Position(msgspec.Struct, frozen=True, omit_defaults=True):
+class _BusPosition(msgspec.Struct, frozen=True, omit_defaults=True):
     """``position``: metres in the world, and a quaternion."""
 
     ts: float
@@ -68,7 +68,7 @@ class _Position(msgspec.Struct, frozen=True, omit_defaults=True):
     frame_id: str = ""
 
     @classmethod
-    def of(cls, report: PoseReport) -> _Position:
+    def of(cls, report: PoseReport) -> _BusPosition:
         p, r = report.position, report.rotation
         return cls(report.stamp, p.x, p.y, p.z, r.x, r.y, r.z, r.w, report.frame_id)
 
@@ -204,7 +204,7 @@ class _Gps(msgspec.Struct, frozen=True, omit_defaults=True):
         )
 
 
-class _Codec(msgspec.Struct, Generic[ReportT], frozen=True):
+class _ChannelCodec(msgspec.Struct, Generic[ReportT], frozen=True):
     """Codec of one channel: conversion between its reports and their form on the bus."""
 
     to_wire: Callable[[Any], Any]
@@ -213,16 +213,18 @@ class _Codec(msgspec.Struct, Generic[ReportT], frozen=True):
     names: frozenset[str]
 
 
-def _shaped(shape: Any) -> _Codec[Any]:
+def _shaped(shape: Any) -> _ChannelCodec[Any]:
     """Return the codec of a channel whose payload has its own struct."""
-    return _Codec(shape.of, shape.report, json_decoder(shape), frozenset(shape.__struct_encode_fields__))
+    return _ChannelCodec(
+        shape.of, shape.report, json_decoder(shape), frozenset(shape.__struct_encode_fields__)
+    )
 
 
-def _as_it_is(kind: Any) -> _Codec[Any]:
+def _as_it_is(kind: Any) -> _ChannelCodec[Any]:
     """Return the codec of a channel whose payload has the fields of its report, ``stamp`` renamed ``ts``."""
     fields = [_same_field(field) for field in msgspec.structs.fields(kind)]
     shape = msgspec.defstruct(f"_{kind.__name__}", fields, frozen=True, rename={"stamp": "ts"})
-    return _Codec(
+    return _ChannelCodec(
         lambda report: shape(*msgspec.structs.astuple(report)),
         lambda wire: kind(*msgspec.structs.astuple(wire)),
         json_decoder(shape),
@@ -240,7 +242,7 @@ def _same_field(field: msgspec.structs.FieldInfo) -> tuple[str, object] | tuple[
 
 
 _SHAPES: Mapping[type[object], type[object]] = {
-    PoseReport: _Position,
+    PoseReport: _BusPosition,
     JointReport: _Joints,
     BatteryReport: _Battery,
     ImuReport: _Imu,
@@ -255,7 +257,7 @@ _ARRAYS: Mapping[str, tuple[Callable[[Any, int], bytes], Callable[[bytes], Repor
     }
 )
 
-_CODECS: Mapping[str, _Codec[Any]] = MappingProxyType(
+_CODECS: Mapping[str, _ChannelCodec[Any]] = MappingProxyType(
     {
         kind.channel: _shaped(_SHAPES[kind]) if kind in _SHAPES else _as_it_is(kind)
         for kind in get_args(Report)

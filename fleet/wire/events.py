@@ -71,13 +71,13 @@ class EventDocument(msgspec.Struct, frozen=True, omit_defaults=True):
         )
 
 
-class _Source(msgspec.Struct):
+class _EventSource(msgspec.Struct):
     """Only the source of an event."""
 
     source: Any = None
 
 
-_SOURCE: msgspec.json.Decoder[_Source] = json_decoder(_Source)
+_SOURCE: msgspec.json.Decoder[_EventSource] = json_decoder(_EventSource)
 
 
 def is_of_the_fleet(sample: bytes, channel: str) -> bool:

@@ -90,7 +90,7 @@ _FIELDS: Mapping[str, frozenset[str]] = MappingProxyType(
 """Known fields of each object; an unknown field whose name resembles one of them is refused."""
 
 
-class _Reading(msgspec.Struct, frozen=True):
+class _MessageConventions(msgspec.Struct, frozen=True):
     """Conventions for one message, from the robot's configuration and the vocabulary."""
 
     order: Order
@@ -134,7 +134,7 @@ def decode_navigate(
         action_id = tolerant(optional_word, message, "action_id", strict=not stops) or ""
         origin, stamp = origin_and_stamp(message, transport, strict=not stops, twin=twin)
         order = _order(name, rotation_order)
-        reading = _Reading(order, planar, home_altitude, origin_heading)
+        reading = _MessageConventions(order, planar, home_altitude, origin_heading)
         ask = CONTROLS.get(name) or _task(name, message, reading)
         if not isinstance(ask, Control):
             action_id = action_id or identity(payload, stamp, request_id, ask)
@@ -151,7 +151,7 @@ def _order(name: str, configured: Literal["auto", "wxyz", "xyzw"]) -> Order:
     return "xyzw" if name == "navigate_to_pose" else "wxyz"
 
 
-def _task(name: str, message: Mapping[str, object], reading: _Reading) -> AnyTask:
+def _task(name: str, message: Mapping[str, object], reading: _MessageConventions) -> AnyTask:
     """Read a task; raises WireError for an unknown name."""
     read = TASKS.get(name)
     if read is None:
@@ -171,14 +171,14 @@ def _refuse_foreign_frames(message: Mapping[str, object]) -> None:
             raise WireError(f"{frame[:40]!a} is not a frame of the world ({known})", where=name)
 
 
-def _goto(message: Mapping[str, object], reading: _Reading) -> AnyTask:
+def _goto(message: Mapping[str, object], reading: _MessageConventions) -> AnyTask:
     """Read one goal, or a path when the message has waypoints."""
     if message.get("waypoints"):
         return _path(message, reading)
     return GoTo(_goal(message, "", reading, _wait(message, "")), _constraints(message))
 
 
-def _path(message: Mapping[str, object], reading: _Reading) -> AnyTask:
+def _path(message: Mapping[str, object], reading: _MessageConventions) -> AnyTask:
     """Read a path; a position beside the waypoints is its last goal."""
     waypoints = message.get("waypoints")
     if not isinstance(waypoints, list) or not 1 <= len(waypoints) <= MOST_WAYPOINTS:
@@ -191,7 +191,9 @@ def _path(message: Mapping[str, object], reading: _Reading) -> AnyTask:
     return FollowPath(tuple(goals), _loops(message), _constraints(message))
 
 
-def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: Mapping[str, object]) -> Goal:
+def _waypoint(
+    item: object, where: str, reading: _MessageConventions, wait: float, shared: Mapping[str, object]
+) -> Goal:
     """Read one waypoint: an object with a position, or its components, or a plain list.
 
     ``shared`` holds the fields that the message sets for all waypoints. ``duration_seconds`` is for
@@ -211,7 +213,7 @@ def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: 
     return _goal({**inherited, **members}, where, reading, _wait(members, where) or wait)
 
 
-def _goal(members: Mapping[str, object], where: str, reading: _Reading, wait: float) -> Goal:
+def _goal(members: Mapping[str, object], where: str, reading: _MessageConventions, wait: float) -> Goal:
     """Read the position and heading of a goal."""
     if members.get("actions"):
         raise WireError("nothing can be done at a goal but wait", where=path(where, "actions"))
@@ -250,7 +252,7 @@ def _numbers(values: Sequence[object], where: str) -> list[float]:
     return [finite(value, f"{where}.{index}") for index, value in enumerate(values)]
 
 
-def _yaw(members: Mapping[str, object], where: str, reading: _Reading) -> float | None:
+def _yaw(members: Mapping[str, object], where: str, reading: _MessageConventions) -> float | None:
     """Return the world yaw (radians) of a cartesian goal, None when it is left to the robot."""
     if "yaw" in members:
         return wrap_angle(number(members, "yaw", where))
@@ -260,7 +262,7 @@ def _yaw(members: Mapping[str, object], where: str, reading: _Reading) -> float 
     return _heading(members, where, reading)
 
 
-def _heading(members: Mapping[str, object], where: str, reading: _Reading) -> float | None:
+def _heading(members: Mapping[str, object], where: str, reading: _MessageConventions) -> float | None:
     """Return the world yaw (radians) for a compass heading (``orientation.heading``, degrees), or None."""
     if "geodetic_position" in members and members.keys() & {"yaw", "rotation"}:
         raise WireError("a geodetic goal is turned by orientation.heading", where=where or "message")
@@ -270,7 +272,7 @@ def _heading(members: Mapping[str, object], where: str, reading: _Reading) -> fl
     return wrap_angle(enu_yaw_from_heading(math.radians(heading - reading.origin_heading)))
 
 
-def _geodetic(members: Mapping[str, object], where: str, reading: _Reading) -> GeoPoint:
+def _geodetic(members: Mapping[str, object], where: str, reading: _MessageConventions) -> GeoPoint:
     """Read a position on Earth; the returned altitude is AMSL."""
     place = path(where, "geodetic_position")
     point = given(child(members, "geodetic_position", where))
@@ -283,7 +285,7 @@ def _geodetic(members: Mapping[str, object], where: str, reading: _Reading) -> G
     return GeoPoint(latitude, longitude, datum + number(point, "altitude", place))
 
 
-def _datum(members: Mapping[str, Any], where: str, reading: _Reading) -> float:
+def _datum(members: Mapping[str, Any], where: str, reading: _MessageConventions) -> float:
     """Return the datum (m AMSL) of a geodetic altitude: the take-off point, unless it says amsl."""
     reference = members.get("coordinate_frame", {}).get("altitude_reference") or "relative_to_takeoff"
     if reference == "amsl":
@@ -295,7 +297,7 @@ def _datum(members: Mapping[str, Any], where: str, reading: _Reading) -> float:
     return reading.home_altitude
 
 
-def _relative(message: Mapping[str, object], _reading: _Reading) -> AnyTask:
+def _relative(message: Mapping[str, object], _reading: _MessageConventions) -> AnyTask:
     """Read a relative move, in metres, in the robot's frame or the world's."""
     if "relative_translation" not in message:
         raise WireError("is missing", where="relative_translation")
@@ -309,7 +311,7 @@ def _relative(message: Mapping[str, object], _reading: _Reading) -> AnyTask:
     return RelativeMove(translation, frame == "body", _constraints(message))
 
 
-def _follow(message: Mapping[str, object], _reading: _Reading) -> AnyTask:
+def _follow(message: Mapping[str, object], _reading: _MessageConventions) -> AnyTask:
     """Read which robot of the edge is followed, and how near."""
     distance = number(message, "distance_m")
     if not NEAREST <= distance <= FARTHEST:
@@ -353,7 +355,7 @@ def _loops(message: Mapping[str, object]) -> int:
     return loops
 
 
-TASKS: Mapping[str, Callable[[Mapping[str, object], _Reading], AnyTask]] = MappingProxyType(
+TASKS: Mapping[str, Callable[[Mapping[str, object], _MessageConventions], AnyTask]] = MappingProxyType(
     {
         "goto": _goto,
         "navigate_to_pose": _goto,

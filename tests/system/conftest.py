@@ -26,7 +26,7 @@ from fleet.testing.waiting import DEADLINE, wait_until
 from fleet.wire.topics import Topics
 from fleet_ugv.sim.port import SimPort
 from fleet_ugv.sim.server import Bases
-from fleet_ugv.sim.spec import SimSpec
+from fleet_ugv.sim.spec import BaseSpec
 
 HERE = Path(__file__).parent
 REAL_TIME = (
@@ -281,7 +281,7 @@ class BasesThread:
 
     def add(self, profile: str) -> SimPort:
         """Add a base; returns its device and all that is behind it."""
-        adding = self._bases.add(SimSpec(profile))
+        adding = self._bases.add(BaseSpec(profile))
         return asyncio.run_coroutine_threadsafe(adding, self._loop).result(DEADLINE)
 
     def call(self, what: Callable[[], None]) -> None:

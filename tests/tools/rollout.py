@@ -4,7 +4,7 @@ import msgspec
 
 from fleet.rollout.bundle import Bundle, sealed
 from fleet.rollout.edge_here import Applied, Code, Running
-from fleet.rollout.messages import DesiredState, ObservedState, Rollout, Target, read_entry
+from fleet.rollout.messages import DesiredState, EdgeTarget, ObservedState, Rollout, read_entry
 from fleet.rollout.store import StoreError, parts_of
 from fleet.rollout.waves import RolloutProgress
 
@@ -123,5 +123,5 @@ def desired_of(key, version, *, rollout="r1", settle=0.0, **fields):
 
 def rollout_of(targets, *, waves="1,10%,100%", stop_if="failed > 2%", parallel=20, within=60.0, settle=0.0):
     """Return a roll-out of addresses by edge."""
-    wanted = {edge: Target(address, 1, 2) for edge, address in targets.items()}
+    wanted = {edge: EdgeTarget(address, 1, 2) for edge, address in targets.items()}
     return Rollout("r1", "alice", 0.0, waves, stop_if, parallel, within, settle, wanted, RolloutProgress())

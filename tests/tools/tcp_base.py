@@ -12,12 +12,12 @@ import time
 from pathlib import Path
 
 from fleet_ugv.profiles import PROFILES
-from fleet_ugv.sim.spec import SimSpec, board_of
+from fleet_ugv.sim.spec import BaseSpec, board_of
 
 
 async def main(file: Path, number: int) -> None:
     """Serve until the process is ended."""
-    board = board_of(SimSpec(next(name for name in PROFILES if name.startswith("waveshare"))))
+    board = board_of(BaseSpec(next(name for name in PROFILES if name.startswith("waveshare"))))
     began = time.monotonic()
     clients: set[asyncio.StreamWriter] = set()
     with file.open("a", buffering=1) as record:

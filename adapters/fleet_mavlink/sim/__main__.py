@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from fleet.sim.faults import parse_faults
 from fleet_mavlink.sim.faults import FAULTS
 from fleet_mavlink.sim.server import Address, Vehicles
-from fleet_mavlink.sim.spec import VEHICLES, ZURICH, SimSpec, parse_home, parse_ready, spec_of
+from fleet_mavlink.sim.spec import VEHICLES, ZURICH, VehicleSpec, parse_home, parse_ready, spec_of
 
 
 def _address(text: str) -> Address:
@@ -45,7 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _specs(options: argparse.Namespace) -> list[SimSpec]:
+def _specs(options: argparse.Namespace) -> list[VehicleSpec]:
     """Return the requested vehicles, in a row to the east; raises ValueError."""
     latitude, longitude, altitude, heading = parse_home(options.home)
     metres_per_degree = 75_000.0

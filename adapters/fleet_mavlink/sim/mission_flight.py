@@ -73,7 +73,7 @@ class _Unlimited(Manoeuvre):
         return self._manoeuvre.aim(pilot)
 
 
-class _Circle(Manoeuvre):
+class _CircleItem(Manoeuvre):
     """Fly to the position of the item and circle it; a negative radius turns left."""
 
     def __init__(self, pilot: Autopilot, item: Item) -> None:
@@ -103,7 +103,7 @@ class _Circle(Manoeuvre):
 _MANOEUVRES: Mapping[int, Callable[[Autopilot, Item], Manoeuvre]] = {
     16: _go,
     17: lambda pilot, item: _Unlimited(_go(pilot, item)),
-    LOITER_TURNS: _Circle,
+    LOITER_TURNS: _CircleItem,
     19: _go,
     31: _go,
     82: _go,

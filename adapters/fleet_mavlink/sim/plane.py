@@ -17,7 +17,7 @@ from fleet_mavlink.sim.modes import GUIDED_BASE, MANUAL_BASE, FlightMode
 from fleet_mavlink.sim.physics import Agility
 from fleet_mavlink.sim.plane_failsafes import PlaneFailsafes
 from fleet_mavlink.sim.plane_mission import WingedMission
-from fleet_mavlink.sim.plane_moves import Circle, RunwayTakeoff
+from fleet_mavlink.sim.plane_moves import CircleManoeuvre, RunwayTakeoff
 from fleet_mavlink.sim.speaker import INFO, WARNING
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 
@@ -56,7 +56,7 @@ def circle_here(pilot: Autopilot) -> Manoeuvre:
     body = pilot.body
     if body.grounded:
         return Idle()
-    return Circle(body.north, body.east, body.down, pilot.params["WP_LOITER_RAD"])
+    return CircleManoeuvre(body.north, body.east, body.down, pilot.params["WP_LOITER_RAD"])
 
 
 def _manual(pilot: Autopilot) -> Manoeuvre:
@@ -68,7 +68,7 @@ def _home(pilot: Autopilot) -> Manoeuvre:
     if pilot.body.grounded:
         return Idle()
     north, east, down = pilot.home_ned()
-    return Circle(north, east, down - pilot.params["RTL_ALTITUDE"], pilot.params["WP_LOITER_RAD"])
+    return CircleManoeuvre(north, east, down - pilot.params["RTL_ALTITUDE"], pilot.params["WP_LOITER_RAD"])
 
 
 def _take_off(pilot: Autopilot) -> Manoeuvre:
@@ -113,7 +113,7 @@ def _reposition(pilot: SimArduPlane, ask: CommandRequest) -> int:
         return FAILED
     if not pilot.body.grounded:
         radius = ask.p3 if math.isfinite(ask.p3) and ask.p3 > 0.0 else pilot.circle_radius
-        pilot.manoeuvre = Circle(north, east, down, radius)
+        pilot.manoeuvre = CircleManoeuvre(north, east, down, radius)
     return ACCEPTED
 
 

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.mission_flight import MissionManoeuvre, place_of_item
 from fleet_mavlink.sim.physics import Aim
-from fleet_mavlink.sim.plane_moves import Circle, LandingApproach, Pass, RunwayTakeoff
+from fleet_mavlink.sim.plane_moves import CircleManoeuvre, LandingApproach, Pass, RunwayTakeoff
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -22,15 +22,15 @@ def _pass(pilot: Autopilot, item: Item) -> Manoeuvre:
     return Pass(*place_of_item(pilot, item), pilot.passes_within)  # type: ignore[attr-defined]
 
 
-def _circle(pilot: Autopilot, item: Item) -> Circle:
-    return Circle(*place_of_item(pilot, item), item.p3 or pilot.circle_radius)  # type: ignore[attr-defined]
+def _circle(pilot: Autopilot, item: Item) -> CircleManoeuvre:
+    return CircleManoeuvre(*place_of_item(pilot, item), item.p3 or pilot.circle_radius)  # type: ignore[attr-defined]
 
 
-def _to_height(pilot: Autopilot, item: Item) -> Circle:
-    return Circle(*place_of_item(pilot, item), item.p2 or pilot.circle_radius)  # type: ignore[attr-defined]
+def _to_height(pilot: Autopilot, item: Item) -> CircleManoeuvre:
+    return CircleManoeuvre(*place_of_item(pilot, item), item.p2 or pilot.circle_radius)  # type: ignore[attr-defined]
 
 
-class _Stay(Circle):
+class _Stay(CircleManoeuvre):
     """A circle that is never done."""
 
     def aim(self, pilot: Autopilot) -> Aim:
@@ -44,7 +44,7 @@ def _stay(pilot: Autopilot, item: Item) -> Manoeuvre:
     return _Stay(*place_of_item(pilot, item), item.p3 or pilot.circle_radius)  # type: ignore[attr-defined]
 
 
-class _Turns(Circle):
+class _CircleTurns(CircleManoeuvre):
     """A circle that is done after its turns."""
 
     def __init__(self, pilot: Autopilot, item: Item) -> None:
@@ -78,7 +78,7 @@ class WingedMission(MissionManoeuvre):
     manoeuvres: ClassVar[Mapping[int, Callable[[Autopilot, Item], Manoeuvre]]] = {
         mav.MAV_CMD_NAV_WAYPOINT: _pass,
         mav.MAV_CMD_NAV_LOITER_UNLIM: _stay,
-        mav.MAV_CMD_NAV_LOITER_TURNS: _Turns,
+        mav.MAV_CMD_NAV_LOITER_TURNS: _CircleTurns,
         mav.MAV_CMD_NAV_LOITER_TIME: _circle,
         mav.MAV_CMD_NAV_LOITER_TO_ALT: _to_height,
         mav.MAV_CMD_NAV_LAND: _land,

@@ -33,7 +33,7 @@ def _vertical(pilot: Autopilot, down: float) -> float:
     return max(-pilot.speeds.climb, min(pilot.speeds.sink, 0.5 * (down - pilot.body.down)))
 
 
-class Circle(GoToManoeuvre):
+class CircleManoeuvre(GoToManoeuvre):
     """Fly to a circle around a position, and along it; a negative radius turns left."""
 
     def __init__(
@@ -100,7 +100,7 @@ class Touchdown(Manoeuvre):
         return Aim(thrust=body.speed > 0.0)
 
 
-class CircleDown(Circle):
+class CircleDown(CircleManoeuvre):
     """Descend in circles to the flare, and land."""
 
     in_air_state = LANDING

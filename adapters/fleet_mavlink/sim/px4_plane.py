@@ -22,7 +22,7 @@ from fleet_mavlink.sim.manoeuvres import TAKING_OFF, Idle, Manoeuvre
 from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.physics import Agility
 from fleet_mavlink.sim.plane_mission import WingedMission
-from fleet_mavlink.sim.plane_moves import Circle, CircleDown, RunwayTakeoff
+from fleet_mavlink.sim.plane_moves import CircleDown, CircleManoeuvre, RunwayTakeoff
 from fleet_mavlink.sim.px4 import SimPx4
 from fleet_mavlink.sim.px4_commands import COMMANDS as COPTERS
 from fleet_mavlink.sim.px4_modes import MODES as COPTER_MODES
@@ -72,7 +72,7 @@ def circle_here(pilot: Autopilot) -> Manoeuvre:
     body = pilot.body
     if body.grounded:
         return Idle()
-    return Circle(body.north, body.east, body.down, pilot.params["NAV_LOITER_RAD"])
+    return CircleManoeuvre(body.north, body.east, body.down, pilot.params["NAV_LOITER_RAD"])
 
 
 def _land(pilot: Autopilot) -> Manoeuvre:
@@ -87,7 +87,7 @@ def _home(pilot: Autopilot) -> Manoeuvre:
         return Idle()
     north, east, down = pilot.home_ned()
     lowest = min(pilot.body.down, down - pilot.params["RTL_RETURN_ALT"])
-    return Circle(north, east, lowest, pilot.params["NAV_LOITER_RAD"])
+    return CircleManoeuvre(north, east, lowest, pilot.params["NAV_LOITER_RAD"])
 
 
 _ENTERED = {
@@ -158,7 +158,7 @@ class SimPx4Plane(SimPx4):
         """Change to a mode, as flown with wings; HOLD keeps the present circle."""
         flown = self.manoeuvre
         super().enter(self.modes[mode.name])
-        if mode.name == "LOITER" and isinstance(flown, Circle) and not isinstance(flown, CircleDown):
+        if mode.name == "LOITER" and isinstance(flown, CircleManoeuvre) and not isinstance(flown, CircleDown):
             self.manoeuvre = flown
 
     def go(self, place: Geo, speed: float) -> int:
@@ -168,7 +168,9 @@ class SimPx4Plane(SimPx4):
             return result
         wanted = [new if math.isfinite(new) else now for new, now in zip(place, self.geo(), strict=True)]
         north, east, down = self.frame.ned_of(*wanted)
-        self.manoeuvre = Circle(north, east, down + _LOW, self.circle_radius, speed if speed > 0.0 else None)
+        self.manoeuvre = CircleManoeuvre(
+            north, east, down + _LOW, self.circle_radius, speed if speed > 0.0 else None
+        )
         return ACCEPTED
 
     def begin_takeoff(self) -> None:

@@ -16,7 +16,7 @@ from fleet_mavlink.sim.modes import GUIDED_BASE, FlightMode
 from fleet_mavlink.sim.plane import COMMANDS as PLANES
 from fleet_mavlink.sim.plane import MODES as PLANE_MODES
 from fleet_mavlink.sim.plane import PlaneSpeeds, SimArduPlane
-from fleet_mavlink.sim.plane_moves import Ahead, Circle, Pass
+from fleet_mavlink.sim.plane_moves import Ahead, CircleManoeuvre, Pass
 from fleet_mavlink.sim.plane_physics import WING_SPEED, VtolBody
 from fleet_mavlink.sim.speaker import INFO
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
@@ -237,8 +237,8 @@ class SimQuadPlane(SimArduPlane):
             self.say(INFO, "Transition done")
             self.body.hovers, self.speeds = False, self._wings
             self.manoeuvre = (
-                Circle(self.body.north, self.body.east, self.body.down, self.circle_radius)
-                if isinstance(then, Circle)
+                CircleManoeuvre(self.body.north, self.body.east, self.body.down, self.circle_radius)
+                if isinstance(then, CircleManoeuvre)
                 else then
             )
         flown = self.manoeuvre

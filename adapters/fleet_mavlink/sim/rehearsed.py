@@ -10,7 +10,7 @@ from fleet_mavlink.ardupilot_plane import ArduPlane
 from fleet_mavlink.ardupilot_rover import ArduRover
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.px4 import Px4
-from fleet_mavlink.sim.spec import QUICK_READY, SimSpec, VehicleName
+from fleet_mavlink.sim.spec import QUICK_READY, VehicleName, VehicleSpec
 from fleet_mavlink.sim.vehicle import Flavour, SimVehicle
 from fleet_mavlink.sim.wire import MavlinkWire
 
@@ -79,12 +79,12 @@ def simulated_vehicle(config: MavlinkConfig, start: SimulationStart) -> Simulati
     )
 
 
-def _spec(config: MavlinkConfig, start: SimulationStart) -> SimSpec:
+def _spec(config: MavlinkConfig, start: SimulationStart) -> VehicleSpec:
     """Return the vehicle to simulate: by its link, for a real vehicle one of its kind."""
     if config.simulated:
-        return SimSpec.parse(config.link, system_id=config.system_id)
+        return VehicleSpec.parse(config.link, system_id=config.system_id)
     flavour: Flavour = "px4" if start.mode in _PX4_MODES else "ardupilot"
     vehicle: VehicleName = "rover" if start.mode in _ROVER_MODES else "multirotor"
     if start.mode in _PLANE_MODES:
         vehicle = "plane"
-    return SimSpec(flavour, vehicle, system_id=config.system_id, seed=start.seed)
+    return VehicleSpec(flavour, vehicle, system_id=config.system_id, seed=start.seed)

@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 from fleet.sim.server import SimServer
-from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.sim.spec import VehicleSpec
 from fleet_mavlink.sim.vehicle import SimVehicle
 from fleet_mavlink.sim.wire import MavlinkWire
 
@@ -21,7 +21,7 @@ Address = tuple[str, int]
 class Station(asyncio.DatagramProtocol):
     """One vehicle on its own UDP socket; it sends to ``target``, or to the last sender."""
 
-    def __init__(self, spec: SimSpec, target: Address | None) -> None:
+    def __init__(self, spec: VehicleSpec, target: Address | None) -> None:
         loop = asyncio.get_running_loop()
         self._loop = loop
         self._started = loop.time()
@@ -99,7 +99,7 @@ class Station(asyncio.DatagramProtocol):
 class TcpStation(Station):
     """One vehicle that waits for a TCP client; a new client replaces the old one."""
 
-    def __init__(self, spec: SimSpec) -> None:
+    def __init__(self, spec: VehicleSpec) -> None:
         super().__init__(spec, None)
         self._server: asyncio.Server | None = None
         self._writer: asyncio.StreamWriter | None = None
@@ -135,30 +135,30 @@ class TcpStation(Station):
             self._server.close()
 
 
-class Vehicles(SimServer[SimSpec, Station]):
+class Vehicles(SimServer[VehicleSpec, Station]):
     """Vehicles of this process."""
 
-    Spec = SimSpec
+    Spec = VehicleSpec
 
-    async def make(self, spec: SimSpec) -> Station:
+    async def make(self, spec: VehicleSpec) -> Station:
         """Create a vehicle that waits on a UDP port of its own."""
         return await self._on_udp(spec, None, 0)
 
-    async def add_udp(self, spec: SimSpec, target: Address | None = None, port: int = 0) -> Station:
+    async def add_udp(self, spec: VehicleSpec, target: Address | None = None, port: int = 0) -> Station:
         """Add a vehicle; without a target it waits on 127.0.0.1:``port`` (0: a free one).
 
         Raises OSError if the port is in use.
         """
         return self.keep(await self._on_udp(spec, target, port))
 
-    async def _on_udp(self, spec: SimSpec, target: Address | None, port: int) -> Station:
+    async def _on_udp(self, spec: VehicleSpec, target: Address | None, port: int) -> Station:
         """Open a vehicle's UDP socket."""
         loop = asyncio.get_running_loop()
         local = ("127.0.0.1", port) if target is None else ("0.0.0.0", 0)  # noqa: S104 - it only sends to the target
         _, station = await loop.create_datagram_endpoint(lambda: Station(spec, target), local_addr=local)
         return station
 
-    async def add_tcp(self, spec: SimSpec, port: int) -> Station:
+    async def add_tcp(self, spec: VehicleSpec, port: int) -> Station:
         """Add a vehicle that waits for a client on 127.0.0.1:``port``; raises OSError."""
         station = TcpStation(spec)
         await station.listen("127.0.0.1", port)

@@ -24,7 +24,7 @@ ZURICH: Home = (47.397742, 8.545594, 488.0, 0.0)
 _KEYS = ("vehicle", "home", "ready", "speed", "fault", "seed", "with")
 
 
-class SimSpec(msgspec.Struct, frozen=True):
+class VehicleSpec(msgspec.Struct, frozen=True):
     """One simulated vehicle.
 
     ``vehicle``: its type; ``VEHICLES`` has the types of each flavour.
@@ -63,7 +63,7 @@ class SimSpec(msgspec.Struct, frozen=True):
             raise ValueError(f"home {latitude:g},{longitude:g},{altitude:g},{heading:g} is not on Earth")
 
     @classmethod
-    def parse(cls, link: str, *, system_id: int = 1) -> SimSpec:
+    def parse(cls, link: str, *, system_id: int = 1) -> VehicleSpec:
         """Return the spec of ``sim:px4?home=47.39,8.54,488,0&ready=3&speed=1&fault=loss:0.01``.
 
         ``ready=real`` takes as long as the real autopilot. Raises ValueError with the reason.
@@ -85,7 +85,7 @@ class SimSpec(msgspec.Struct, frozen=True):
         return _spec({"flavour": flavour, "system_id": system_id}, given)
 
 
-def _spec(values: dict[str, object], given: dict[str, str]) -> SimSpec:
+def _spec(values: dict[str, object], given: dict[str, str]) -> VehicleSpec:
     """Return the spec from the text of its options."""
     if "vehicle" in given:
         values["vehicle"] = given["vehicle"]
@@ -104,10 +104,10 @@ def _spec(values: dict[str, object], given: dict[str, str]) -> SimSpec:
     return spec_of(values)
 
 
-def spec_of(values: object) -> SimSpec:
+def spec_of(values: object) -> VehicleSpec:
     """Return the spec from plain values (JSON); raises ValueError with the reason."""
     try:
-        return convert_strictly(values, SimSpec)
+        return convert_strictly(values, VehicleSpec)
     except msgspec.ValidationError as error:
         raise ValueError(f"simulated vehicle: {error}") from None
 

@@ -11,7 +11,7 @@ from fleet import Quaternion, Vector3
 from fleet_quadruped.robot.names import Twelve
 
 
-class Imu(NamedTuple):
+class MeasuredImu(NamedTuple):
     """Orientation (body to world), rates (rad/s) and acceleration (m/s2) in the body frame."""
 
     rotation: Quaternion
@@ -49,7 +49,7 @@ class Sense(msgspec.Struct, frozen=True, gc=False):
 
     angles: Twelve
     speeds: Twelve
-    imu: Imu | None
+    imu: MeasuredImu | None
     braked: str = ""
 
 

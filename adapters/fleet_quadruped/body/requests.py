@@ -6,7 +6,7 @@ import enum
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.safety.stages import BodyMode
 
 UPRIGHT_FROM = 0.85  # upward component of the body's z axis that rising needs
@@ -55,7 +55,7 @@ STARTED: Mapping[BodyRequest, BodyMode] = MappingProxyType(
 """Requests that enable the drives of a robot that is off, and the mode that follows."""
 
 
-def refusal(ask: BodyRequest, mode: BodyMode, fault: str, imu: Imu | None, *, can_roll: bool) -> str:
+def refusal(ask: BodyRequest, mode: BodyMode, fault: str, imu: MeasuredImu | None, *, can_roll: bool) -> str:
     """Return the reason against enabling the drives for a request; empty if there is none.
 
     ``fault``: the latched fault; ``can_roll``: the description has roll poses.
@@ -67,14 +67,14 @@ def refusal(ask: BodyRequest, mode: BodyMode, fault: str, imu: Imu | None, *, ca
     return _LIES_WRONGLY[ask](imu, can_roll)
 
 
-def _not_upright(hint: str) -> Callable[[Imu | None, bool], str]:
-    def why(imu: Imu | None, _can_roll: bool) -> str:  # noqa: FBT001 - table signature
+def _not_upright(hint: str) -> Callable[[MeasuredImu | None, bool], str]:
+    def why(imu: MeasuredImu | None, _can_roll: bool) -> str:  # noqa: FBT001 - table signature
         return f"it is not upright; {hint}" if imu is not None and imu.up < UPRIGHT_FROM else ""
 
     return why
 
 
-def _cannot_recover(imu: Imu | None, can_roll: bool) -> str:  # noqa: FBT001 - table signature
+def _cannot_recover(imu: MeasuredImu | None, can_roll: bool) -> str:  # noqa: FBT001 - table signature
     if imu is None:
         return "its attitude is unknown without an IMU"
     if imu.up < UPRIGHT_FROM and not can_roll:
@@ -82,7 +82,7 @@ def _cannot_recover(imu: Imu | None, can_roll: bool) -> str:  # noqa: FBT001 - t
     return ""
 
 
-def _cannot_be_checked(imu: Imu | None, _can_roll: bool) -> str:  # noqa: FBT001 - table signature
+def _cannot_be_checked(imu: MeasuredImu | None, _can_roll: bool) -> str:  # noqa: FBT001 - table signature
     if imu is None:
         return "its attitude is unknown without an IMU"
     if imu.tilt > _LEVEL:
@@ -90,7 +90,7 @@ def _cannot_be_checked(imu: Imu | None, _can_roll: bool) -> str:  # noqa: FBT001
     return ""
 
 
-_LIES_WRONGLY: Mapping[BodyRequest, Callable[[Imu | None, bool], str]] = MappingProxyType(
+_LIES_WRONGLY: Mapping[BodyRequest, Callable[[MeasuredImu | None, bool], str]] = MappingProxyType(
     {
         BodyRequest.STAND: _not_upright("send recovery_stand, or check how its IMU is mounted"),
         BodyRequest.POSE: _not_upright("put it on its belly"),

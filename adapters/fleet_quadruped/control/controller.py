@@ -19,7 +19,7 @@ from fleet_quadruped.control.orders import DogState, LoopTiming, Order
 from fleet_quadruped.control.sensors import BodySensors
 from fleet_quadruped.control.target_writer import TargetWriter
 from fleet_quadruped.drives import drives_of
-from fleet_quadruped.drives.base import JointFeedback, Joints
+from fleet_quadruped.drives.base import JointFeedback, JointsFeedback
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.monitor import Monitor, ObservedCycle
@@ -44,7 +44,7 @@ class Controller:
         self._off = OffWatch(dog.all_joints, self._stale)
         self._lamp = Lamp(dog.led, buses)
         self._loads = dog.loads
-        self._joints = Joints.of([JointFeedback()] * 12)
+        self._joints = JointsFeedback.of([JointFeedback()] * 12)
         self._looked = 0.0  # monotonic s of the last feedback evaluation
         self._begun: float | None = None
         self._feedback_complete = False  # False until all drives have reported whether they hold the robot

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fleet_quadruped.drives.base import HOLDING, Joints, Power
+from fleet_quadruped.drives.base import HOLDING, JointsFeedback, Power
 from fleet_quadruped.robot.description import Joint
 
 _OFF = frozenset({Power.DISABLED, Power.FAULT})
 
 
-def holding(joints: Sequence[Joint], reported: Joints) -> str:
+def holding(joints: Sequence[Joint], reported: JointsFeedback) -> str:
     """Describe the first drive that may hold the robot; empty if there is none."""
     for joint, power in zip(joints, reported.powers, strict=True):
         if power in HOLDING:
@@ -18,7 +18,7 @@ def holding(joints: Sequence[Joint], reported: Joints) -> str:
     return ""
 
 
-def all_off(reported: Joints, most: float) -> bool:
+def all_off(reported: JointsFeedback, most: float) -> bool:
     """Return True if every drive has reported within ``most`` s that its torque is off."""
     return max(reported.ages) <= most and _OFF.issuperset(reported.powers)
 
@@ -32,7 +32,7 @@ def silent_bus(joints: Sequence[Joint], ages: Sequence[float], most: float) -> s
     return next(iter(buses), "")
 
 
-def failed(joints: Sequence[Joint], reported: Joints) -> str:
+def failed(joints: Sequence[Joint], reported: JointsFeedback) -> str:
     """Describe the first drive with a fault; empty if there is none."""
     if Power.FAULT not in reported.powers:
         return ""
@@ -40,7 +40,7 @@ def failed(joints: Sequence[Joint], reported: Joints) -> str:
     return f"{joints[number].name}: {reported.faults[number] or 'its drive reports a fault'}"
 
 
-def not_enabled(joints: Sequence[Joint], reported: Joints) -> str:
+def not_enabled(joints: Sequence[Joint], reported: JointsFeedback) -> str:
     """Describe the first drive that is not enabled, with the reason; empty if all are."""
     if reported.all_enabled:
         return ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fleet_quadruped.control.holding import all_off, holding
-from fleet_quadruped.drives.base import Joints
+from fleet_quadruped.drives.base import JointsFeedback
 from fleet_quadruped.robot.description import Joint
 
 _SEEN_OFF = 1.0  # s within which the drives must report that their torque is off
@@ -20,7 +20,7 @@ class OffWatch:
         self._confirmed = False
         self._off_for = 0.0  # s
 
-    def update(self, reported: Joints, dt: float, *, off: bool) -> None:
+    def update(self, reported: JointsFeedback, dt: float, *, off: bool) -> None:
         """Evaluate the feedback of a cycle; ``off``: the drives should be off."""
         self._confirmed = all_off(reported, self._stale)
         self._off_for = self._off_for + dt if off else 0.0
@@ -30,7 +30,7 @@ class OffWatch:
         """True when every drive has confirmed, or the time for it is over: see ``still_on``."""
         return self._confirmed or self._off_for > _SEEN_OFF
 
-    def still_on(self, reported: Joints) -> str:
+    def still_on(self, reported: JointsFeedback) -> str:
         """Describe the drive whose torque is still on although it should be off; empty if there is none."""
         if self._off_for <= _SEEN_OFF or self._confirmed:
             return ""

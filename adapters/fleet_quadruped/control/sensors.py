@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fleet import CanFrame, Quaternion, Vector3, quaternion_from_euler
-from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.frames import FrameDecoder
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import EULER
@@ -76,7 +76,7 @@ class BodySensors:
     """
 
     def __init__(self, dog: DogDescription) -> None:
-        self.imu: Imu | None = None
+        self.imu: MeasuredImu | None = None
         self.imu_age = 0.0
         self._imu = SensorValues(dog.imu, whole=True) if dog.imu else None
         self._imu_timeout = dog.imu.timeout if dog.imu else 0.0
@@ -129,7 +129,7 @@ class BodySensors:
         return ""
 
 
-def imu_of(values: dict[str, float]) -> Imu | None:
+def imu_of(values: dict[str, float]) -> MeasuredImu | None:
     """Return the IMU measurement from its values; None if one is missing or the quaternion is invalid.
 
     The attitude is a quaternion, or roll, pitch and yaw (rad, about x, then y, then z of the body).
@@ -147,4 +147,4 @@ def imu_of(values: dict[str, float]) -> Imu | None:
     length = math.sqrt(w * w + x * x + y * y + z * z)
     if not 0.5 < length < 1.5:
         return None
-    return Imu(Quaternion(w / length, x / length, y / length, z / length), gyro, accel)
+    return MeasuredImu(Quaternion(w / length, x / length, y / length, z / length), gyro, accel)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fleet_quadruped.body.machine import BodyOutput, DriveAction
 from fleet_quadruped.body.measured import ZEROS, Targets
-from fleet_quadruped.drives.base import JointDrive, Joints
+from fleet_quadruped.drives.base import JointDrive, JointsFeedback
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.limits import JointLimits
@@ -24,7 +24,7 @@ class TargetWriter:
         self._stale = dog.safety.stale_cycles * dog.dt
         self._limits = JointLimits(dog.all_joints, dog.safety)
 
-    def write(self, wanted: BodyOutput, joints: Joints, dt: float) -> None:
+    def write(self, wanted: BodyOutput, joints: JointsFeedback, dt: float) -> None:
         """Write the output of one cycle to the drives."""
         match wanted.action:
             case DriveAction.HOLD:
@@ -50,7 +50,7 @@ class TargetWriter:
         self.last = safe.targets.angles
         return safe.targets
 
-    def _known(self, joints: Joints) -> Twelve:
+    def _known(self, joints: JointsFeedback) -> Twelve:
         """Return the joint angles; a silent joint counts as being at its last target."""
         reported = zip(joints.angles, joints.ages, self.last, strict=True)
         return tuple([last if age > self._stale else angle for angle, age, last in reported])

@@ -1,6 +1,6 @@
 """Joint drives: one interface over their protocols. A protocol is an entry point of a package.
 
-Group ``fleet.quadruped_drives``: the name in ``drive.protocol``, and a class like ``Kind``.
+Group ``fleet.quadruped_drives``: the name in ``drive.protocol``, and a class like ``DriveKind``.
 Group ``fleet.quadruped_simulated_drives``: the same name, and a class like ``sim.drive.AnyDrive``.
 """
 
@@ -14,7 +14,7 @@ from typing import Any, Protocol, cast
 from fleet import CanBus, ConfigError
 from fleet_quadruped.drives.base import JointDrive
 from fleet_quadruped.robot.description import DogDescription, Joint
-from fleet_quadruped.robot.parts import Bus, Drive
+from fleet_quadruped.robot.parts import CanBusConfig, Drive
 
 DRIVES = "fleet.quadruped_drives"
 SIMULATED_DRIVES = "fleet.quadruped_simulated_drives"
@@ -22,7 +22,7 @@ _ASKED = ("problems", "load", "shared", "identifiers", "farthest")
 """Static methods of the class, needed before a bus is open."""
 
 
-class Kind(Protocol):
+class DriveKind(Protocol):
     """A class of drives for one protocol."""
 
     def __call__(
@@ -33,7 +33,7 @@ class Kind(Protocol):
     def problems(self, dog: DogDescription, /) -> list[str]:
         """Return all settings in a description that these drives do not support, each with its place."""
 
-    def load(self, drive: Drive, joints: int, bus: Bus, /) -> float:
+    def load(self, drive: Drive, joints: int, bus: CanBusConfig, /) -> float:
         """Return the load of a bus with this number of joints, as a share."""
 
     def shared(self, dog: DogDescription, /) -> tuple[int, ...]:
@@ -47,13 +47,13 @@ class Kind(Protocol):
 
 
 @functools.cache
-def drive_kind(protocol: str) -> Kind:
+def drive_kind(protocol: str) -> DriveKind:
     """Return the drives for a protocol; raises ConfigError with the known protocols."""
     kind = load_entry(DRIVES, protocol)
     missing = [name for name in _ASKED if not callable(getattr(kind, name, None))]
     if missing or not callable(kind):
         raise ConfigError(f"{protocol!r} is not a class of joint drives: it has no {', '.join(missing)}")
-    return cast("Kind", kind)
+    return cast("DriveKind", kind)
 
 
 def load_entry(group: str, name: str) -> Any:

@@ -53,7 +53,7 @@ class JointFeedback(NamedTuple):
     restarted: bool = False
 
 
-class Joints(NamedTuple):
+class JointsFeedback(NamedTuple):
     """Feedback of all joints, value by value; see ``JointFeedback``."""
 
     angles: tuple[float, ...]
@@ -67,7 +67,7 @@ class Joints(NamedTuple):
     restarted: tuple[bool, ...]
 
     @classmethod
-    def of(cls, feedback: Sequence[JointFeedback]) -> Joints:
+    def of(cls, feedback: Sequence[JointFeedback]) -> JointsFeedback:
         """Return the feedback of these joints."""
         return cls(*zip(*feedback, strict=True))
 
@@ -119,7 +119,7 @@ class JointDrive(Protocol):
     def complete(self) -> bool:
         """Return True once all drives have answered since ``begin_cycle``."""
 
-    def feedback(self, now: float) -> Joints:
+    def feedback(self, now: float) -> JointsFeedback:
         """Return the last feedback of the joints."""
 
     def enable(self) -> None:

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 
 from fleet import CanBus
 from fleet_quadruped.drives.answers import Answers
-from fleet_quadruped.drives.base import NEVER, Joints, Power
+from fleet_quadruped.drives.base import NEVER, JointsFeedback, Power
 from fleet_quadruped.robot.description import DogDescription, Joint
 
 
@@ -75,11 +75,13 @@ class DriveGroup(Generic[ReportingT]):
         """Return True once each drive has answered."""
         return all(drive.answers.complete for drive in self._drives)
 
-    def feedback(self, now: float) -> Joints:
+    def feedback(self, now: float) -> JointsFeedback:
         """Return the last feedback of the joints."""
         angles, speeds, torques, reported_at, temperatures, voltages, restarted = zip(
             *map(_VALUES, self._drives), strict=True
         )
         powers, faults = zip(*[drive.power(now) for drive in self._drives], strict=True)
         ages = tuple([now - at for at in reported_at])
-        return Joints(angles, speeds, torques, powers, ages, temperatures, faults, voltages, restarted)
+        return JointsFeedback(
+            angles, speeds, torques, powers, ages, temperatures, faults, voltages, restarted
+        )

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 
 from fleet import STANDARD_ID
-from fleet_quadruped.robot.parts import Battery, Bus, Drive, Sensor
+from fleet_quadruped.robot.parts import CanBusConfig, DogBattery, Drive, Sensor
 
 HIGHEST = 0.6  # share of a bus; beyond it, frames are late
 SLOW_EVERY = 10  # control cycles per frame with velocity and voltage (TPDO2)
@@ -20,7 +20,7 @@ def frame_bits(length: int, *, extended: bool = False) -> int:
     return stuffed + (stuffed - 1) // 4 + 13
 
 
-def fd_frame_seconds(length: int, bus: Bus) -> float:
+def fd_frame_seconds(length: int, bus: CanBusConfig) -> float:
     """Return the longest time (s) of an extended CAN FD frame on a bus.
 
     ISO 11898-1: identifier and end of frame (48 bits) are sent at the nominal bit rate; length, data and a
@@ -33,7 +33,7 @@ def fd_frame_seconds(length: int, bus: Bus) -> float:
 
 
 def bus_loads(
-    drive: Drive, joints: Counter[str], sensors: list[Sensor], buses: Mapping[str, Bus]
+    drive: Drive, joints: Counter[str], sensors: list[Sensor], buses: Mapping[str, CanBusConfig]
 ) -> dict[str, float]:
     """Return the load of each bus as a share; ``joints``: number of drives on each bus."""
     from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - import cycle
@@ -41,7 +41,7 @@ def bus_loads(
     load = drive_kind(drive.protocol).load
     loads = {name: load(drive, joints[name], bus) if joints[name] else 0.0 for name, bus in buses.items()}
     for sensor in sensors:
-        rate = _BATTERY_HZ if isinstance(sensor, Battery) else drive.cycle_hz
+        rate = _BATTERY_HZ if isinstance(sensor, DogBattery) else drive.cycle_hz
         bits = sum(frame_bits(frame.length, extended=frame.id > STANDARD_ID) for frame in sensor.frames)
         loads[sensor.bus] += rate * bits / buses[sensor.bus].bitrate
     return loads

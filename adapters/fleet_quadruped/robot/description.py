@@ -26,13 +26,13 @@ from fleet_quadruped.robot.names import (
 )
 from fleet_quadruped.robot.parts import (
     Actuator,
-    Battery,
-    Bus,
+    CanBusConfig,
+    DogBattery,
     Drive,
     Gait,
     Geometry,
+    LegPose,
     Machine,
-    Pose,
     Poses,
     Safety,
     Section,
@@ -71,14 +71,14 @@ class DogDescription(Section):
 
     robot: Machine
     geometry: Geometry
-    buses: dict[str, Bus] = Field(min_length=1)
+    buses: dict[str, CanBusConfig] = Field(min_length=1)
     drive: Drive
     actuators: dict[Part, Actuator]
     joints: dict[str, Wiring]
     gait: Gait = Gait()
     poses: Poses
     imu: Sensor | None = None
-    battery: Battery | None = None
+    battery: DogBattery | None = None
     led: Switch | None = None
     safety: Safety = Safety()
 
@@ -130,7 +130,7 @@ class DogDescription(Section):
             self.drive, Counter(wiring.bus for wiring in self.joints.values()), sensors, self.buses
         )
 
-    def posture(self, left: Pose, right: Pose | None = None) -> Twelve:
+    def posture(self, left: LegPose, right: LegPose | None = None) -> Twelve:
         """Return the angles of all joints for a pose of the left legs; ``right``: one for the right legs."""
         mirror = right or left
         one = (left.abad, left.hip, left.knee)

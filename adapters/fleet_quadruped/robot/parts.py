@@ -52,7 +52,7 @@ class Geometry(Section):
     )
 
 
-class Bus(Section):
+class CanBusConfig(Section):
     """One CAN bus."""
 
     bitrate: int = Field(1_000_000, gt=0, description="bit/s.")
@@ -152,7 +152,7 @@ class Pace(Section):
     turn_acceleration: Positive = Field(2.5, description="rad/s2.")
 
 
-class Walk(Pace):
+class WalkGait(Pace):
     """The slow gait, with three feet on the ground."""
 
     speed: Positive = Field(0.15, description="Highest forward speed, m/s.")
@@ -176,11 +176,11 @@ class Gait(Pace):
     duty: float = Field(0.58, ge=0.5, lt=0.9, description="Share of the cycle that a foot is on the ground.")
     swing: Positive = Field(0.06, description="Height to which a foot is lifted, m.")
     reach: Positive = Field(0.16, description="Greatest distance of a foot from its neutral position, m.")
-    walk: Walk = Field(Walk(), description="Gait ``walk`` of the velocity contract.")
+    walk: WalkGait = Field(WalkGait(), description="Gait ``walk`` of the velocity contract.")
     posture: Share = Field(0.5, description="How strongly the legs level the body.")
 
 
-class Pose(Section):
+class LegPose(Section):
     """Angles of a left leg; the right leg mirrors them."""
 
     abad: float
@@ -191,9 +191,11 @@ class Pose(Section):
 class Poses(Section):
     """Named postures."""
 
-    fold: Pose = Field(description="Legs folded under the lying body.")
-    roll_near: Pose | None = Field(None, description="Rolling over: legs on the side that it rolls towards.")
-    roll_far: Pose | None = Field(None, description="Rolling over: legs on the other side.")
+    fold: LegPose = Field(description="Legs folded under the lying body.")
+    roll_near: LegPose | None = Field(
+        None, description="Rolling over: legs on the side that it rolls towards."
+    )
+    roll_far: LegPose | None = Field(None, description="Rolling over: legs on the other side.")
     rise_time: Positive = Field(1.5, description="Duration of standing up from ``fold``, s.")
     sit_time: Positive = Field(1.2, description="Duration of sitting down, s.")
 
@@ -206,7 +208,7 @@ class Sensor(Section):
     timeout: Positive = Field(0.1, description="Silence after which the values are stale, s.")
 
 
-class Battery(Sensor):
+class DogBattery(Sensor):
     """The battery's frames and thresholds."""
 
     timeout: Positive = Field(5.0, description="Silence after which the values are stale, s.")
@@ -223,7 +225,7 @@ class Switch(Section):
     off: str = Field(pattern=r"^([0-9a-fA-F]{2}){1,8}$", description="Data that turns it off, hex.")
 
 
-class Watch(Section):
+class WatchLimits(Section):
     """Limits that apply to any quadruped, also a self-walking machine."""
 
     deadman: float = Field(
@@ -235,7 +237,7 @@ class Watch(Section):
     tilt: float = Field(0.785, gt=0.1, le=1.5, description="Tilt at which the drives damp, rad.")
 
 
-class Safety(Watch):
+class Safety(WatchLimits):
     """Limits and timing of safety stops."""
 
     following: float = Field(0.35, gt=0, le=1.5, description="Greatest following error, rad.")

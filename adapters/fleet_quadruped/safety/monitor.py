@@ -8,8 +8,8 @@ from operator import ge, le
 
 import msgspec
 
-from fleet_quadruped.body.measured import Imu
-from fleet_quadruped.drives.base import Joints, Power
+from fleet_quadruped.body.measured import MeasuredImu
+from fleet_quadruped.drives.base import JointsFeedback, Power
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.stages import POSITIONED, UPRIGHT, BodyMode, StopStage, Trip
@@ -27,9 +27,9 @@ class ObservedCycle(msgspec.Struct, frozen=True, gc=False):
     """One cycle: ``targets`` are the last written angles, ages are in s, ``voltage`` is the battery's."""
 
     mode: BodyMode
-    joints: Joints
+    joints: JointsFeedback
     targets: Twelve
-    imu: Imu | None
+    imu: MeasuredImu | None
     imu_age: float
     battery: float | None
     dt: float
@@ -52,7 +52,7 @@ class Monitor:
         self._cool: tuple[float | None, ...] = ()  # the last temperatures, if none was near a limit
         self._stale = dog.safety.stale_cycles * dog.dt
         self._empty = self._sagging = 0.0  # s
-        self._imu: Imu | None = None
+        self._imu: MeasuredImu | None = None
         self._same = 0.0  # s for which the IMU has repeated its measurement
 
     def check(self, seen: ObservedCycle) -> Trip | None:
@@ -64,7 +64,7 @@ class Monitor:
                     hardest = trip
         return hardest
 
-    def speed_share(self, joints: Joints) -> float:
+    def speed_share(self, joints: JointsFeedback) -> float:
         """Return the share of the speed that the temperatures permit: 1 when cool, 0.3 near the limit."""
         share = 1.0
         for joint, temperature in self._warm(joints.temperatures):

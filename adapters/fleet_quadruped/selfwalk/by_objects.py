@@ -43,7 +43,7 @@ class PdoEntry(Number):
         return FieldMap(at=place, **self.model_dump(include=set(Number.model_fields)))
 
 
-class Setting(Section):
+class ObjectSetting(Section):
     """A constant to be written into the object dictionary."""
 
     index: int = Field(ge=0x1000, le=0xFFFF, description="Index of the object.")
@@ -72,15 +72,17 @@ class Objects(Section):
     """Objects by meaning. The machine's heartbeat consumer (1016h) is armed with ``silence``."""
 
     node: int = Field(ge=1, le=126, description="Node ID.")
-    setup: tuple[Setting, ...] = Field((), description="Written after the bus is opened, and read back.")
+    setup: tuple[ObjectSetting, ...] = Field(
+        (), description="Written after the bus is opened, and read back."
+    )
     velocity: Annotated[dict[str, PdoEntry], AfterValidator(_axes), AfterValidator(_fit)] = Field(
         description="Velocity: x, y, turn."
     )
-    stand_up: Setting
-    sit_down: Setting
-    emergency_stop: Setting = Field(description="Fastest stop that lowers the machine gently.")
-    recovery_stand: Setting | None = None
-    reset_faults: Setting | None = None
+    stand_up: ObjectSetting
+    sit_down: ObjectSetting
+    emergency_stop: ObjectSetting = Field(description="Fastest stop that lowers the machine gently.")
+    recovery_stand: ObjectSetting | None = None
+    reset_faults: ObjectSetting | None = None
     height: PdoEntry | None = Field(None, description="Standing height.")
     state: Annotated[dict[str, PdoEntry], AfterValidator(_fit)] = Field(
         description="State sent in every cycle."
@@ -139,7 +141,7 @@ def _mapped(pdos: Sequence[_Pdo], parameters: int, mapping: int) -> list[Object]
 
 def _commands(objects: Objects) -> dict[str, CanFrame]:
     """Return the frame of each command that the machine supports."""
-    given: dict[str, Setting | None] = {name: getattr(objects, name) for name in COMMANDS}
+    given: dict[str, ObjectSetting | None] = {name: getattr(objects, name) for name in COMMANDS}
     return {
         name: _written(objects.node, one.object(name), one.value.to_bytes(_SIZES[one.type], "little"))
         for name, one in given.items()

@@ -10,7 +10,16 @@ from pydantic import BeforeValidator, Field, model_validator
 from fleet import STANDARD_ID
 from fleet_quadruped.frames import FrameMap
 from fleet_quadruped.robot.busload import HIGHEST, frame_bits
-from fleet_quadruped.robot.parts import Bus, Machine, Pace, Positive, Section, Sensor, Switch, Watch
+from fleet_quadruped.robot.parts import (
+    CanBusConfig,
+    Machine,
+    Pace,
+    Positive,
+    Section,
+    Sensor,
+    Switch,
+    WatchLimits,
+)
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.selfwalk import by_frames, by_objects
 from fleet_quadruped.selfwalk.by_frames import Frames
@@ -31,7 +40,7 @@ class SelfWalker(Section):
     """Complete description of a self-walking machine."""
 
     robot: Machine
-    buses: dict[str, Bus] = Field(min_length=1, max_length=1)
+    buses: dict[str, CanBusConfig] = Field(min_length=1, max_length=1)
     cycle_hz: int = Field(50, ge=10, le=200, description="Velocities sent per second.")
     silence: float = Field(
         ge=0.05,
@@ -56,7 +65,7 @@ class SelfWalker(Section):
     warn: float = Field(25, ge=0, le=100, description="Battery percentage at which health becomes degraded.")
     sit_at: float = Field(10, ge=0, le=100, description="Battery percentage at which it sits down.")
     led: Switch | None = None
-    safety: Watch = Watch()
+    safety: WatchLimits = WatchLimits()
 
     @model_validator(mode="after")
     def _whole(self) -> SelfWalker:

@@ -6,7 +6,7 @@ import math
 
 from fleet import CanFrame, Quaternion, quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.control.sensors import SensorValues, imu_of
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.selfwalk.description import SelfWalker
@@ -23,7 +23,7 @@ class Telemetry:
     def __init__(self, walker: SelfWalker) -> None:
         self.mode = BodyMode.OFF
         self.error = self.unnamed = ""
-        self.imu: Imu | None = None
+        self.imu: MeasuredImu | None = None
         self.x = self.y = self.yaw = 0.0
         self.now = 0.0
         self._walker = walker

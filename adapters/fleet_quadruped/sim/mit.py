@@ -25,7 +25,7 @@ class SimMitDrive(SimDampingDrive):
     def __init__(self, joint: Joint, motor: SimMotor, send: Callable[[CanFrame], None], drive: Drive) -> None:
         super().__init__(joint, motor, send)
         self._profile = profile_of(drive, joint.kind)
-        self._layout = wire.Layout(self._profile)
+        self._layout = wire.MitLayout(self._profile)
         ranges = (self._profile.angle, self._profile.speed, self._profile.torque)
         self._registers = {
             register: struct.pack("<f", value)

@@ -9,7 +9,7 @@ import mujoco
 
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.legs import DogLeg, Point
-from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.body.turning import to_body
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import LEGS
@@ -102,7 +102,7 @@ class MujocoWorld:
             self.data.qpos[address] = angle
         self._rest = 0.0
         self._gains: list[tuple[float, float]] = []
-        self._imu: Imu | None = None  # cached until the next step
+        self._imu: MeasuredImu | None = None  # cached until the next step
         for _ in range(250):
             self.step(STEP)
         self.measure()
@@ -152,13 +152,13 @@ class MujocoWorld:
         for motor, at, moved, force in zip(self.motors, self._addresses, self._speeds, forces, strict=True):
             motor.angle, motor.speed, motor.torque = angles[at], speeds[moved], force
 
-    def imu(self) -> Imu:
+    def imu(self) -> MeasuredImu:
         """Return orientation, rates and acceleration as an ideal IMU measures them."""
         if self._imu is None:
             rotation = Quaternion(*self._turn.tolist())
             ax, ay, az = self._felt.tolist()
             felt = to_body(rotation, (ax, ay, az + 9.81))
-            self._imu = Imu(rotation, Vector3(*self._rates.tolist()), Vector3(*felt))
+            self._imu = MeasuredImu(rotation, Vector3(*self._rates.tolist()), Vector3(*felt))
         return self._imu
 
     def place(self) -> Point:

@@ -9,7 +9,7 @@ import random
 
 from fleet import Quaternion, quaternion_from_euler
 from fleet.testing.clock import ManualClock
-from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.check_moves import CheckMoves
 from fleet_quadruped.commissioning import at_rest, problems
 from fleet_quadruped.robot.description import DogDescription
@@ -27,7 +27,7 @@ class BuiltWorld(MujocoWorld):
 
     mount = Quaternion()
 
-    def imu(self) -> Imu:
+    def imu(self) -> MeasuredImu:
         """Return the measurement of this IMU."""
         true = super().imu()
         return true._replace(rotation=_product(true.rotation, self.mount))

@@ -29,19 +29,19 @@ _NOTHING = CanFrame(0x7FF, b"")
 _RUNAWAY = Twist(0.5)
 
 
-class _Step(NamedTuple):
+class _ModeTransition(NamedTuple):
     """Automatic transition of a mode: delay in seconds, next mode."""
 
     after: float
     then: BodyMode
 
 
-_NEXT: Mapping[BodyMode, _Step] = MappingProxyType(
+_NEXT: Mapping[BodyMode, _ModeTransition] = MappingProxyType(
     {
-        BodyMode.RISING: _Step(1.0, BodyMode.STANDING),
-        BodyMode.SITTING: _Step(1.0, BodyMode.OFF),
-        BodyMode.DAMPED: _Step(1.0, BodyMode.OFF),
-        BodyMode.RECOVERING: _Step(1.5, BodyMode.RISING),
+        BodyMode.RISING: _ModeTransition(1.0, BodyMode.STANDING),
+        BodyMode.SITTING: _ModeTransition(1.0, BodyMode.OFF),
+        BodyMode.DAMPED: _ModeTransition(1.0, BodyMode.OFF),
+        BodyMode.RECOVERING: _ModeTransition(1.5, BodyMode.RISING),
     }
 )
 _ON_COMMAND: Mapping[str, Mapping[BodyMode, BodyMode]] = MappingProxyType(

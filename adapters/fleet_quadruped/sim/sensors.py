@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 from fleet import CanFrame, Quaternion
-from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.frames import FrameEncoder
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.parts import Sensor
@@ -37,7 +37,7 @@ class Sensors:
         self._world = world
         self._next_battery = 0.0
         self._imu_frames, self._battery_frames = _encoders(dog.imu), _encoders(dog.battery)
-        self._frozen: Imu | None = None
+        self._frozen: MeasuredImu | None = None
         self._chance = random.Random(1)  # noqa: S311 - reproducible
 
     def frames(self, now: float) -> Iterator[tuple[str, CanFrame]]:

@@ -17,7 +17,7 @@ from pathlib import Path
 from fleet import Quaternion, quaternion_from_euler
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.robot.description import DogDescription, load_description
-from fleet_quadruped.robot.parts import Pose
+from fleet_quadruped.robot.parts import LegPose
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
@@ -59,24 +59,24 @@ def tries_needed(dog: DogDescription, turn: Quaternion, most: int = 3) -> int | 
     return body.recovery.tries if rig.mode is BodyMode.STANDING else None
 
 
-def with_roll(dog: DogDescription, near: Pose, far: Pose) -> DogDescription:
+def with_roll(dog: DogDescription, near: LegPose, far: LegPose) -> DogDescription:
     """Return the description with these roll poses."""
     return dog.model_copy(update={"poses": dog.poses.model_copy(update={"roll_near": near, "roll_far": far})})
 
 
-def _random_pose(dog: DogDescription, chance: random.Random) -> Pose:
+def _random_pose(dog: DogDescription, chance: random.Random) -> LegPose:
     margin = dog.safety.margin
     ranges = (dog.actuators[part].limits for part in ("abad", "hip", "knee"))
     angles = [round(chance.uniform(low + margin, high - margin), 3) for low, high in ranges]
-    return Pose(abad=angles[0], hip=angles[1], knee=angles[2])
+    return LegPose(abad=angles[0], hip=angles[1], knee=angles[2])
 
 
-def search(dog: DogDescription, rounds: int, seed: int = 1) -> tuple[Pose, Pose, int]:
+def search(dog: DogDescription, rounds: int, seed: int = 1) -> tuple[LegPose, LegPose, int]:
     """Return the best roll poses of ``rounds`` tries, and the number of trial orientations they master."""
     chance = random.Random(seed)  # noqa: S311 - reproducible
     trials = [quaternion_from_euler(roll, 0.0, 0.0) for roll in (math.pi, 1.6, -1.6, 2.5, -2.6)]
     trials += [random_turn(chance) for _ in range(7)]
-    best: tuple[Pose, Pose, int] | None = None
+    best: tuple[LegPose, LegPose, int] | None = None
     for _ in range(rounds):
         near, far = _random_pose(dog, chance), _random_pose(dog, chance)
         score = _score(with_roll(dog, near, far), trials, best[2] if best else 0)

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from fleet import Quaternion, Vector3, quaternion_from_yaw
 from fleet_quadruped.body.legs import Point
-from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.body.odometry import body_twist
 from fleet_quadruped.robot.description import DogDescription, leg_angles
 
@@ -53,7 +53,7 @@ class World(Protocol):
     def measure(self) -> None:
         """Update the measurements of the motors, and the body."""
 
-    def imu(self) -> Imu:
+    def imu(self) -> MeasuredImu:
         """Return the measurement of an ideal IMU in the body."""
 
     def place(self) -> Point:
@@ -102,10 +102,10 @@ class KinematicWorld:
         self._y += (sin * twist.x + cos * twist.y) * dt
         self._yaw += twist.turn * dt
 
-    def imu(self) -> Imu:
+    def imu(self) -> MeasuredImu:
         """Return a level body with its turn rate."""
         rotation: Quaternion = quaternion_from_yaw(self._yaw)
-        return Imu(rotation, Vector3(0.0, 0.0, self._turn), Vector3(0.0, 0.0, GRAVITY))
+        return MeasuredImu(rotation, Vector3(0.0, 0.0, self._turn), Vector3(0.0, 0.0, GRAVITY))
 
     def place(self) -> Point:
         """Return the position of the body."""

@@ -15,7 +15,7 @@ from pathlib import Path
 from fleet.sim.faults import parse_faults
 from fleet_ugv.sim.faults import FAULTS
 from fleet_ugv.sim.server import Bases
-from fleet_ugv.sim.spec import BOARDS, SimSpec
+from fleet_ugv.sim.spec import BOARDS, BaseSpec
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -32,7 +32,7 @@ async def _serve(options: argparse.Namespace, folder: Path) -> None:
     """Run the bases; raises ValueError for an invalid specification."""
     server = Bases(folder)
     if options.profile:
-        await server.add(SimSpec(options.profile, options.seed, parse_faults(options.fault, FAULTS)))
+        await server.add(BaseSpec(options.profile, options.seed, parse_faults(options.fault, FAULTS)))
     await server.serve(obeys=options.stdin)
 
 

@@ -7,7 +7,7 @@ from fleet_ugv.battery import Curve, percent, voltage
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.odometry import POSE
 from fleet_ugv.sim.board import SimBoard
-from fleet_ugv.sim.spec import BOARDS, SimSpec, board_of, spec_of
+from fleet_ugv.sim.spec import BOARDS, BaseSpec, board_of, spec_of
 
 MOVES = 0.01  # m/s of a side from which on it counts as moving
 
@@ -22,7 +22,7 @@ def simulated_base(config: UgvConfig, start: SimulationStart) -> Simulation | No
     if config.simulated:
         spec = spec_of(config.link, ticks=setting.ticks, diameter=setting.diameter)
     elif config.profile in BOARDS:
-        spec = SimSpec(config.profile, start.seed, ticks=setting.ticks, diameter=setting.diameter)
+        spec = BaseSpec(config.profile, start.seed, ticks=setting.ticks, diameter=setting.diameter)
     else:
         return None
     board = board_of(spec)

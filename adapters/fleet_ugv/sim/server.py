@@ -8,13 +8,13 @@ from typing import ClassVar
 from fleet.sim.server import SimServer
 from fleet_ugv.profiles import PROFILES
 from fleet_ugv.sim.port import STEP, SimPort
-from fleet_ugv.sim.spec import SimSpec, board_of
+from fleet_ugv.sim.spec import BaseSpec, board_of
 
 
-class Bases(SimServer[SimSpec, SimPort]):
+class Bases(SimServer[BaseSpec, SimPort]):
     """The bases; their device files are in ``folder``."""
 
-    Spec = SimSpec
+    Spec = BaseSpec
     tick: ClassVar[float] = STEP
 
     def __init__(self, folder: Path) -> None:
@@ -22,7 +22,7 @@ class Bases(SimServer[SimSpec, SimPort]):
         self._folder = folder
         self._count = 0
 
-    async def make(self, spec: SimSpec) -> SimPort:
+    async def make(self, spec: BaseSpec) -> SimPort:
         """Create a base; raises ValueError for an unknown one."""
         board = board_of(spec)
         self._count += 1

@@ -20,7 +20,7 @@ from fleet_ugv.sim.waveshare import WaveshareBoard
 SKID = 1.3  # assumed ratio of effective to geometric track, for a base that slips in turns
 
 
-class SimSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class BaseSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One simulated base: profile, initial faults, ticks per metre and wheel diameter (m; 0: the profile's).
 
     ``firmware``: of Waveshare's boards, ugv_base_ros or ugv_base_general.
@@ -34,7 +34,7 @@ class SimSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     firmware: Literal["ros", "general"] = "ros"
 
 
-def spec_of(link: str, *, ticks: float, diameter: float) -> SimSpec:
+def spec_of(link: str, *, ticks: float, diameter: float) -> BaseSpec:
     """Parse ``sim:PROFILE?fault=NAME:VALUE,...&seed=N&firmware=general``; raises ValueError."""
     profile, _, query = link.removeprefix("sim:").partition("?")
     fields = dict(part.partition("=")[::2] for part in query.split("&") if part)
@@ -47,10 +47,12 @@ def spec_of(link: str, *, ticks: float, diameter: float) -> SimSpec:
     if firmware not in {"ros", "general"}:
         raise ValueError(f"{link!r}: the firmware {firmware!r} is not known; there are ros and general")
     faults = parse_faults(fields.get("fault", ""), FAULTS)
-    return SimSpec(profile, int(seed), faults, ticks, diameter, "general" if firmware == "general" else "ros")
+    return BaseSpec(
+        profile, int(seed), faults, ticks, diameter, "general" if firmware == "general" else "ros"
+    )
 
 
-def _waveshare(spec: SimSpec) -> SimBoard:
+def _waveshare(spec: BaseSpec) -> SimBoard:
     """Return one of Waveshare's boards."""
     profile = PROFILES[spec.profile]
     tracked = SKID if spec.profile != "waveshare-rasprover" else 1.15
@@ -58,21 +60,21 @@ def _waveshare(spec: SimSpec) -> SimBoard:
     return WaveshareBoard(body, general=spec.firmware == "general", seed=spec.seed)
 
 
-def _arduino(spec: SimSpec) -> SimBoard:
+def _arduino(spec: BaseSpec) -> SimBoard:
     """Return a two-wheeled base with encoders."""
     profile = PROFILES[spec.profile]
     body = BaseBody(profile.track, fastest=profile.fastest)
     return ArduinoBoard(body, ticks=spec.ticks or profile.ticks, seed=spec.seed)
 
 
-def _hoverboard(spec: SimSpec) -> SimBoard:
+def _hoverboard(spec: BaseSpec) -> SimBoard:
     """Return a hoverboard."""
     profile = PROFILES[spec.profile]
     body = BaseBody(profile.track, fastest=profile.fastest * 2)
     return HoverboardBoard(body, diameter=spec.diameter or profile.diameter, seed=spec.seed)
 
 
-BOARDS: Mapping[str, Callable[[SimSpec], SimBoard]] = MappingProxyType(
+BOARDS: Mapping[str, Callable[[BaseSpec], SimBoard]] = MappingProxyType(
     {
         "waveshare-beast": _waveshare,
         "waveshare-rover": _waveshare,
@@ -83,7 +85,7 @@ BOARDS: Mapping[str, Callable[[SimSpec], SimBoard]] = MappingProxyType(
 )
 
 
-def board_of(spec: SimSpec) -> SimBoard:
+def board_of(spec: BaseSpec) -> SimBoard:
     """Return the specified base; raises ValueError for an unknown one."""
     if spec.profile not in BOARDS:
         raise ValueError(f"there is no simulated {spec.profile!r}; there are {', '.join(BOARDS)}")

@@ -26,7 +26,7 @@ class Sample(msgspec.Struct, frozen=True):
     payload: bytes
 
 
-class _Seen(msgspec.Struct, frozen=True):
+class _DecodedKey(msgspec.Struct, frozen=True):
     """The channels of a bus key, and when it was last decoded, in Unix ns."""
 
     channels: frozenset[int]
@@ -42,7 +42,7 @@ class Channels:
         self._is_full = False
         self._reader = SampleReader()
         self._numbers: dict[tuple[str, str], int] = {}
-        self._seen: dict[tuple[str, str], _Seen] = {}
+        self._seen: dict[tuple[str, str], _DecodedKey] = {}
 
     def take(
         self, edge: str, samples: Iterable[tuple[str, bytes]], received: int, wanted: AbstractSet[int]
@@ -58,7 +58,7 @@ class Channels:
                 known = [each for each in made if each is not None]
                 if len(self._seen) >= MOST:  # keys of robots that are gone, or invented by a sender
                     self._seen.clear()
-                self._seen[edge, key] = _Seen(frozenset(each.channel for each in known), received)
+                self._seen[edge, key] = _DecodedKey(frozenset(each.channel for each in known), received)
                 found += known
         return found
 

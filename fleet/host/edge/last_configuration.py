@@ -13,7 +13,7 @@ from pathlib import Path
 
 import msgspec
 
-from fleet.config.difference import Outline
+from fleet.config.difference import ComparedFile
 from fleet.errors import StateError
 from fleet.runtime.decoding import decode_json
 from fleet.runtime.state_format import format_of, refuse_newer
@@ -33,10 +33,10 @@ class LastConfiguration(msgspec.Struct, frozen=True):
     fleet: str
     stamp: float
     key: str
-    outline: Outline
+    outline: ComparedFile
 
 
-def keep(folder: Path, outline: Outline, stamp: float) -> None:
+def keep(folder: Path, outline: ComparedFile, stamp: float) -> None:
     """Write the running configuration; raises StateError. Blocks."""
     key = secrets.token_hex(16)
     kept = LastConfiguration(FORMAT, __version__, stamp, key, outline.digest(key.encode()))

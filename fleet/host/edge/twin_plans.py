@@ -87,7 +87,7 @@ class TwinPlans:
 
     def port(self, robot: RobotPort) -> RobotPort:
         """Return a robot in the form for the bridge."""
-        return _Port(robot, self)
+        return _PlanPort(robot, self)
 
     # -- status ----------------------------------------------------------------------------------------
 
@@ -284,7 +284,7 @@ class TwinPlans:
         return None
 
 
-class _Port:
+class _PlanPort:
     """A robot in the form for the bridge, whose plans run as missions."""
 
     def __init__(self, robot: RobotPort, plans: TwinPlans) -> None:

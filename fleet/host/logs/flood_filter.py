@@ -13,7 +13,7 @@ MOST_KINDS = (
 )
 
 
-class _Kind(msgspec.Struct):
+class _LineKind(msgspec.Struct):
     """Lines of one kind since a time (s): written, and left out."""
 
     since: float
@@ -25,13 +25,13 @@ class FloodFilter:
     """Decides which lines are written. Lines left out are counted; the next of their kind has the number."""
 
     def __init__(self) -> None:
-        self._kinds: dict[Hashable, _Kind] = {}
+        self._kinds: dict[Hashable, _LineKind] = {}
 
     def admit(self, kind: Hashable, now: float) -> int | None:
         """Return how many such lines were left out before this one; None if this one is left out."""
         if kind not in self._kinds and len(self._kinds) >= MOST_KINDS:
             kind = None
-        found = self._kinds.setdefault(kind, _Kind(now))
+        found = self._kinds.setdefault(kind, _LineKind(now))
         if not 0 <= now - found.since < WINDOW:  # a clock that was set back starts a new window
             found.since, found.written = now, 0
         if found.written >= MOST:

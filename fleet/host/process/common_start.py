@@ -49,7 +49,7 @@ READY = "check_ready"
 KINDS = ("command", "navigate", "mission")
 
 
-class _Prepared(msgspec.Struct, eq=False):
+class _PreparedRequest(msgspec.Struct, eq=False):
     """A robot's prepared request; it waits for its instant (Unix ``stamp``) until ``until`` (monotonic s)."""
 
     start: str
@@ -90,7 +90,7 @@ class CommonStarts:
         self._process = process
         self._loop, self._clock = process.loop, process.clock
         self._permitted = PermittedRequests(process.senders)
-        self._prepared: dict[str, _Prepared] = {}
+        self._prepared: dict[str, _PreparedRequest] = {}
         self._alive: set[str] = set()
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -170,7 +170,7 @@ class CommonStarts:
             return
         receipt = Receipt(name, answer, waits=waits)
         until = self._clock.monotonic() + KEPT
-        self._prepared[robot.name] = _Prepared(start, robot, ask, receipt, until)
+        self._prepared[robot.name] = _PreparedRequest(start, robot, ask, receipt, until)
         if isinstance(ask, Navigate) and not isinstance(ask.ask, Control):
             robot.controller.guard.means(ask.ask)
         question.reply(msgspec.json.encode(Reply(name, ReplyStatus.ACCEPTED)))
@@ -223,7 +223,7 @@ class CommonStarts:
             self._loop.call_later(ahead, self._begin, asked.id)
         self._answer(question, problems)
 
-    def _hindrance(self, one: _Prepared, ahead: float) -> str:
+    def _hindrance(self, one: _PreparedRequest, ahead: float) -> str:
         """Return why a prepared robot cannot begin in ``ahead`` seconds; empty when it can."""
         if one.start not in self._alive:
             return "its sender is gone"
@@ -278,22 +278,22 @@ class CommonStarts:
             elif one.stamp is None and now > one.until:
                 self._interrupted(one.robot.name, f"its start time did not arrive within {KEPT:g} s")
 
-    def _drop_all(self, which: Callable[[_Prepared], bool], why: str) -> None:
+    def _drop_all(self, which: Callable[[_PreparedRequest], bool], why: str) -> None:
         """Drop the preparations that match."""
         for one in [one for one in self._prepared.values() if which(one)]:
             self._drop(one, why)
 
-    def _drop(self, one: _Prepared, why: str) -> None:
+    def _drop(self, one: _PreparedRequest, why: str) -> None:
         """Drop a preparation and report why the robot does not begin."""
         self._forget(one)
         self._refuse(one, why)
 
-    def _forget(self, one: _Prepared) -> None:
+    def _forget(self, one: _PreparedRequest) -> None:
         """Remove a preparation."""
         self._prepared.pop(one.robot.name, None)
         one.robot.controller.guard.means(None)
 
-    def _refuse(self, one: _Prepared, why: str) -> None:
+    def _refuse(self, one: _PreparedRequest, why: str) -> None:
         """Report that a robot does not begin."""
         one.robot.controller.event_reporter.log.warning("%s is not started: %s", one.ask.name, why)
         one.receipt.reject(f"not started: {why}")

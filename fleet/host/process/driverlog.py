@@ -12,7 +12,7 @@ from fleet.host.requests.event_reporter import ROBOT_LOGGER
 from fleet.model.report import LogReport
 
 
-class _Robot(Protocol):
+class _LoggedRobot(Protocol):
     """A robot whose log lines are published."""
 
     def publish(self, report: LogReport, /) -> None:
@@ -22,7 +22,7 @@ class _Robot(Protocol):
 class _DriverlogHandler(logging.Handler):
     """Handler that publishes log records about a robot, from level WARNING."""
 
-    def __init__(self, process: RobotProcess, remote: Mapping[str, _Robot]) -> None:
+    def __init__(self, process: RobotProcess, remote: Mapping[str, _LoggedRobot]) -> None:
         super().__init__(logging.WARNING)
         self._process = process
         self._remote = remote
@@ -41,7 +41,7 @@ class _DriverlogHandler(logging.Handler):
 
 
 def publish_robot_logs(
-    process: RobotProcess, remote: Mapping[str, _Robot] = MappingProxyType({})
+    process: RobotProcess, remote: Mapping[str, _LoggedRobot] = MappingProxyType({})
 ) -> Callable[[], None]:
     """Publish the robots' warnings on their twins from now on; return a function that ends it.
 

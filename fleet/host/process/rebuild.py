@@ -59,7 +59,7 @@ def take_over(robot: LocalRobot, config: AdapterConfig) -> str:
     return ""
 
 
-class Held(msgspec.Struct, frozen=True):
+class HeldConfiguration(msgspec.Struct, frozen=True):
     """Configuration of a robot after ``hold``: the whole new one (``complete``), part of it, or the old one.
 
     ``trouble`` is why it was not applied.
@@ -71,7 +71,7 @@ class Held(msgspec.Struct, frozen=True):
     trouble: str = ""
 
 
-def hold(robot: LocalRobot, config: AdapterConfig, *, whole: bool) -> Held:
+def hold(robot: LocalRobot, config: AdapterConfig, *, whole: bool) -> HeldConfiguration:
     """Restrict a robot that may move to the stricter parts of a new configuration.
 
     ``whole``: its adapter can continue with all of it, so all is applied if nothing in it is looser.
@@ -80,11 +80,11 @@ def hold(robot: LocalRobot, config: AdapterConfig, *, whole: bool) -> Held:
     both = as_strict_as_both(before, config, limits=can.limits, separation=can.separation)
     complete = whole and holds_alike(both, config, can.limits, can.separation)
     if not complete and holds_alike(both, before, can.limits, can.separation):
-        return Held(before)
+        return HeldConfiguration(before)
     target = config if complete else both
     if trouble := take_over(robot, target):
-        return Held(before, trouble=trouble)
-    return Held(target, changed=True, complete=complete)
+        return HeldConfiguration(before, trouble=trouble)
+    return HeldConfiguration(target, changed=True, complete=complete)
 
 
 async def ended(process: RobotProcess, robot: LocalRobot) -> str:

@@ -42,7 +42,7 @@ class FrameAdapterRunner(Adapter[Any]):
         # A listening socket has no peer address until the robot speaks.
         self._robot_speaks_first = parse_link_url(inner.config.link).scheme == "udpin"
         self._peer: Address = None
-        self._session: _Session
+        self._session: _OpenLink
         self._link: Link
         self._slot: LatestMotion
         self._motion: MotionSender
@@ -50,7 +50,7 @@ class FrameAdapterRunner(Adapter[Any]):
 
     async def connect(self) -> None:
         """Open the link and send the hello; raises LinkLost or LinkRefused."""
-        url, self._session = self.config.link, _Session(self)
+        url, self._session = self.config.link, _OpenLink(self)
         self._link = await self.robot.enter(opened_link(url, self._session.arrived))
         self._slot = LatestMotion(self._link, self.robot.clock, baud=parse_link_url(url).baud)
         self._motion = MotionSender(
@@ -143,7 +143,7 @@ class FrameAdapterRunner(Adapter[Any]):
             return self._last_resort
 
 
-class _Session:
+class _OpenLink:
     """Open link: received bytes, periodic work, and the first failure of either."""
 
     def __init__(self, framed: FrameAdapterRunner) -> None:

@@ -65,7 +65,7 @@ class _Channel:
             log.warning(line, *values)
 
 
-class _Robot:
+class _RobotQueue:
     """Channels and queued events of one robot.
 
     An adapter may report from its own thread, so each step is atomic, and an entry is complete before it can
@@ -118,7 +118,7 @@ class ReportQueue:
         self._publishers = bus_session.publishers(ALL)
         self._channels: list[_Channel] = []
         self.states: deque[_Channel] = deque()  # queued channels, each once
-        self.eventful: deque[_Robot] = deque()  # one entry for each queued event
+        self.eventful: deque[_RobotQueue] = deque()  # one entry for each queued event
         self.bridge: BridgePort | None = None
         self.navigates: Callable[[NavigationReport], None] = lambda _report: None  # for each action status
         self.pictured: Callable[[str, PhotoReport], None] = lambda _twin, _report: None  # for each picture
@@ -127,7 +127,7 @@ class ReportQueue:
 
     def sender(self, twin: str) -> Callable[[Report], None]:
         """Return the function that queues one robot's reports, to be sent with the next ``flush``."""
-        return _Robot(twin, self).put
+        return _RobotQueue(twin, self).put
 
     def drop(self, twin: str) -> None:
         """Forget the last reports of a robot that this process no longer runs."""

@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 SharedT = TypeVar("SharedT")
 
 
-class _Held:
+class _OpenResource:
     """One open resource: entered and exited by its own task, because its users come and go."""
 
     def __init__(self, key: str, make: Callable[[], AbstractAsyncContextManager[object]]) -> None:
@@ -58,7 +58,7 @@ class SharedResources:
     """Opens a resource for its first user and closes it after its last."""
 
     def __init__(self) -> None:
-        self._held: dict[str, _Held] = {}
+        self._held: dict[str, _OpenResource] = {}
 
     @asynccontextmanager
     async def share(
@@ -74,11 +74,11 @@ class SharedResources:
             if held.users == 0:
                 await held.release()
 
-    async def _open(self, key: str, make: Callable[[], AbstractAsyncContextManager[object]]) -> _Held:
+    async def _open(self, key: str, make: Callable[[], AbstractAsyncContextManager[object]]) -> _OpenResource:
         """Return the resource under ``key``; if it is being closed, wait and reopen it."""
         while (held := self._held.get(key)) is not None and held.released.is_set():
             await asyncio.wait({held.task})
         if held is None:
-            held = self._held[key] = _Held(key, make)
+            held = self._held[key] = _OpenResource(key, make)
             held.task.add_done_callback(lambda _: self._held.pop(key))
         return held

@@ -38,7 +38,7 @@ class _Stop(msgspec.Struct, frozen=True):
     shared: bool = False
 
 
-class _Session:
+class _SenderClock:
     """Clock estimate and newest stop of one sender.
 
     ``offset`` is the smallest lag of this window and the previous one, within ``skew``.
@@ -76,7 +76,7 @@ class AgeCheck:
 
     def __init__(self, clock_skew: float) -> None:
         self._skew = clock_skew
-        self._sessions: OrderedDict[str, _Session] = OrderedDict()
+        self._sessions: OrderedDict[str, _SenderClock] = OrderedDict()
         self._last_stop = _Stop()
 
     def stopped(
@@ -130,7 +130,7 @@ class AgeCheck:
         overtaken = self._overtaken(session, stamp, since, ordered=ordered, moves=moves)
         return late or overtaken or known.follow(stamp, ordered)
 
-    def _late(self, known: _Session, lag: float, max_age: float, *, ordered: bool) -> str | None:
+    def _late(self, known: _SenderClock, lag: float, max_age: float, *, ordered: bool) -> str | None:
         """Return why a message with this lag is too late; None when it is not."""
         if ordered and known.smallest > self._skew:
             return f"its sender's clock, or its way, is {known.smallest:.2f} s late; {self._advice()}"
@@ -155,11 +155,11 @@ class AgeCheck:
         """Return the allowed skew and the cure, for a refusal."""
         return f"clock_skew is {self._skew:g} s: set the clock, or allow more in fleet.yaml"
 
-    def _session(self, session: str, now: float) -> _Session:
+    def _session(self, session: str, now: float) -> _SenderClock:
         """Return the sender's record; create it at its first message."""
         known = self._sessions.get(session)
         if known is None:
-            known = self._sessions[session] = _Session(now, self._skew)
+            known = self._sessions[session] = _SenderClock(now, self._skew)
             if len(self._sessions) > SESSIONS:
                 self._sessions.popitem(last=False)
         self._sessions.move_to_end(session)

@@ -16,7 +16,7 @@ from fleet.wire.commands import SETTINGS, MotionDefaults
 VERB_SPEED = 0.5  # m/s, and rad/s: a verb without a magnitude, where no session set one
 
 
-class _Setting(msgspec.Struct, frozen=True):
+class _SpeedSetting(msgspec.Struct, frozen=True):
     """Setting of one session: ``linear`` in m/s and ``angular`` in rad/s, None where not set."""
 
     session: str
@@ -30,7 +30,7 @@ class VerbSpeeds:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._plain = self._defaults(None, None)
-        self._setting: _Setting | None = None
+        self._setting: _SpeedSetting | None = None
 
     def configure(self, _config: AdapterConfig, limits: Limits) -> None:
         """Apply other limits; the operator's setting is dropped."""
@@ -51,7 +51,7 @@ class VerbSpeeds:
         limit = self._limits.speed if field == "linear" else self._limits.yaw_rate
         applied = _within(abs(ask.data[field]), limit)
         self.driven_by(ask.origin.session)
-        before = self._setting or _Setting(ask.origin.session)
+        before = self._setting or _SpeedSetting(ask.origin.session)
         self._setting = msgspec.structs.replace(before, **{field: applied})
         return {field: applied}
 

@@ -194,7 +194,7 @@ def test_answers_to_commands_that_were_never_sent_change_nothing():
     it, vehicle = heard_of()
     before = vehicle.state
     for command in range(0, 3000, 7):
-        ack = codec._Layout(CommandAck).encode(
+        ack = codec._MessageLayout(CommandAck).encode(
             CommandAck(command, 0, target_system=245, target_component=191)
         )
         it.receive(framed(77, ack), None)

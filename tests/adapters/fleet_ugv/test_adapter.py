@@ -12,7 +12,7 @@ from fleet.model.command import Command
 from fleet.model.report import BatteryReport, JointReport, MetricsReport, PhotoReport
 from fleet.testing.robot import RecordingRobot, serve
 from fleet_ugv import UgvAdapter
-from fleet_ugv.sim.spec import SimSpec, board_of
+from fleet_ugv.sim.spec import BaseSpec, board_of
 
 HALT = b'{"T":1,"L":0,"R":0}\n{"T":0}\n'
 
@@ -80,7 +80,7 @@ async def make_bench(make_config, request):
         def make(profile="waveshare-beast", faults=None, firmware="ros", **fields):
             name = request.node.name.replace("[", ".").rstrip("]")
             machine = stack.enter_context(MemoryRobot(name))
-            board = board_of(SimSpec(profile, faults=faults or {}, firmware=firmware))
+            board = board_of(BaseSpec(profile, faults=faults or {}, firmware=firmware))
             bench = Bench(
                 make_config(profile, f"memory:{name}", twin=str(uuid.uuid4()), **fields), machine, board
             )
@@ -410,7 +410,7 @@ async def test_where_the_robot_is_outlives_its_cable(make_bench):
     await bench.end()
     bench.machine.heard.clear()
     other = Bench(
-        bench.adapter.config, bench.machine, board_of(SimSpec("waveshare-beast")), bench.robot.state
+        bench.adapter.config, bench.machine, board_of(BaseSpec("waveshare-beast")), bench.robot.state
     )
     await other.ready()
     assert other.last(PoseReport).position.x == pytest.approx(before, abs=0.05)

@@ -23,7 +23,7 @@ from fleet.wire.stops import STOP_WORDS
 from fleet.wire.verbs import VERBS
 from fleet_ugv import UgvAdapter
 from fleet_ugv.model import Wheels
-from fleet_ugv.sim.spec import SimSpec, board_of
+from fleet_ugv.sim.spec import BaseSpec, board_of
 
 TICK = 0.02  # s
 QUANTUM = 0.01  # m/s that rounding to a board's units may add
@@ -65,7 +65,7 @@ class Bench:
 
     def __init__(self, config, machine):
         self.config, self.machine = config, machine
-        self.board = board_of(SimSpec(config.profile))
+        self.board = board_of(BaseSpec(config.profile))
         self.robot = RecordingRobot()
         self.adapter = create_adapter(UgvAdapter, config, self.robot)
         can = capabilities(UgvAdapter)

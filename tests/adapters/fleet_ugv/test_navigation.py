@@ -14,7 +14,7 @@ from fleet_ugv.kinematics import Differential
 from fleet_ugv.model import Feedback
 from fleet_ugv.odometry import Scale, WheelOdometry
 from fleet_ugv.profiles import PROFILES
-from fleet_ugv.sim.spec import SimSpec, board_of
+from fleet_ugv.sim.spec import BaseSpec, board_of
 
 PERIOD = 0.05
 CODEC_SETTING = {"timeout": 0.5, "module": 0, "ticks": 4000.0, "diameter": 0.165, "servo": None}
@@ -25,7 +25,7 @@ class Drive:
 
     def __init__(self, profile="waveshare-beast", seed=1):
         kind = PROFILES[profile]
-        self.board = board_of(SimSpec(profile, seed=seed))
+        self.board = board_of(BaseSpec(profile, seed=seed))
         self.codec = kind.codec(type("Setting", (), CODEC_SETTING))
         self.kinematics = Differential(kind.track, kind.fastest)
         wrap = kind.counter / kind.ticks if kind.counter else None

@@ -14,7 +14,7 @@ from fleet.testing.robot import RecordingRobot
 from fleet.testing.robot import serve as serve_adapter
 from fleet_ugv import UgvAdapter
 from fleet_ugv.sim.server import Bases
-from fleet_ugv.sim.spec import SimSpec
+from fleet_ugv.sim.spec import BaseSpec
 
 FORWARD = Velocity(Vector3(0.3))
 WITHIN = 60.0  # s
@@ -99,7 +99,7 @@ def is_ok(robot):
 
 @pytest.mark.parametrize("profile", ["waveshare-beast", "ros-arduino", "hoverboard"])
 async def test_every_base_drives_over_its_device(server, serve, profile):
-    port = await server.add(SimSpec(profile))
+    port = await server.add(BaseSpec(profile))
     robot, adapter, _ = serve(profile, port.url)
     await until(lambda: is_ok(robot))
     adapter.drive(FORWARD)
@@ -110,7 +110,7 @@ async def test_every_base_drives_over_its_device(server, serve, profile):
 
 
 async def test_a_pulled_cable_is_noticed_at_once_and_the_base_stops_by_itself(server, serve):
-    port = await server.add(SimSpec("waveshare-beast"))
+    port = await server.add(BaseSpec("waveshare-beast"))
     robot, adapter, run = serve("waveshare-beast", port.url)
     await until(lambda: is_ok(robot))
     adapter.drive(FORWARD)
@@ -122,7 +122,7 @@ async def test_a_pulled_cable_is_noticed_at_once_and_the_base_stops_by_itself(se
 
 
 async def test_a_cable_that_is_put_back_is_found_under_its_name(server, serve):
-    port = await server.add(SimSpec("waveshare-beast"))
+    port = await server.add(BaseSpec("waveshare-beast"))
     port.unplug()
     with pytest.raises(LinkLost, match="plugged in"):
         await open_link(port.url, lambda *_: None)
@@ -132,7 +132,7 @@ async def test_a_cable_that_is_put_back_is_found_under_its_name(server, serve):
 
 
 async def test_a_device_that_another_program_holds_is_refused(server, serve):
-    port = await server.add(SimSpec("waveshare-beast"))
+    port = await server.add(BaseSpec("waveshare-beast"))
     robot, _, _ = serve("waveshare-beast", port.url)
     await until(lambda: is_ok(robot))
     with pytest.raises(LinkRefused, match="another program"):
@@ -141,7 +141,7 @@ async def test_a_device_that_another_program_holds_is_refused(server, serve):
 
 @pytest.mark.parametrize("profile", ["waveshare-beast", "ros-arduino", "hoverboard"])
 async def test_when_the_worker_is_killed_the_base_stops_within_its_own_time(server, profile):
-    port = await server.add(SimSpec(profile))
+    port = await server.add(BaseSpec(profile))
     worker = await asyncio.create_subprocess_exec(sys.executable, "-c", DRIVER, port.url, profile)
     try:
         await until(lambda: port.board.physics.speeds[0] > 0.1)
@@ -155,7 +155,7 @@ async def test_when_the_worker_is_killed_the_base_stops_within_its_own_time(serv
 
 
 async def test_a_megabyte_without_an_end_costs_no_link(server, serve):
-    port = await server.add(SimSpec("waveshare-beast"))
+    port = await server.add(BaseSpec("waveshare-beast"))
     robot, _, _ = serve("waveshare-beast", port.url)
     await until(lambda: is_ok(robot))
     left = 1 << 20

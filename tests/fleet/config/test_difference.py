@@ -13,7 +13,7 @@ from fleet.config.difference import (
     LIVE_SECTIONS,
     SECTIONS,
     SETTINGS,
-    Outline,
+    ComparedFile,
     changed,
     difference,
     flat,
@@ -36,7 +36,7 @@ fields = st.dictionaries(
     st.sampled_from(["1", "2", '"a"', "true", "false"]),
 )
 outlines = st.builds(
-    Outline,
+    ComparedFile,
     edge=st.just("yard"),
     sections=st.dictionaries(st.sampled_from(["cloud", "bus", "places", "not_known_yet"]), fields),
     robots=st.dictionaries(st.sampled_from(["rex", "max", "ada"]), fields),
@@ -135,8 +135,8 @@ def test_a_long_value_is_cut():
 
 
 def test_a_robot_of_another_name_is_known_by_its_twin():
-    old = Outline("yard", {}, {"rex": {"twin": "1"}, "max": {"twin": "2"}})
-    new = Outline("yard", {}, {"ada": {"twin": "1"}, "max": {"twin": "2"}})
+    old = ComparedFile("yard", {}, {"rex": {"twin": "1"}, "max": {"twin": "2"}})
+    new = ComparedFile("yard", {}, {"ada": {"twin": "1"}, "max": {"twin": "2"}})
     assert renamed(old, new) == {"ada": "rex"}
 
 
@@ -172,7 +172,7 @@ def test_the_digest_of_a_pair_leaves_out_what_belongs_to_one_computer():
         path = json.dumps(f"{folder}/body.yaml")
         fields = {"link": '"tcp:1"', "password": '"x"', "body": path, "limits.speed": "1.0"} | robot
         sections = {"edge": {"id": json.dumps(edge)}, "cloud": {"token": "1"}, "places": {"gate.at": "[1]"}}
-        return pair_digest(Outline(edge, sections, {"rex": fields}), PurePath(folder))
+        return pair_digest(ComparedFile(edge, sections, {"rex": fields}), PurePath(folder))
 
     plain = digest()
     assert plain == digest("/home/fleet", "b", link='"tcp:2"', password='"y"')

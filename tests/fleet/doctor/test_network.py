@@ -11,7 +11,7 @@ import pytest
 from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.config.schema import BusConfig, CloudConfig, EdgeConfig, Sections
 from fleet.doctor.finding import Rating
-from fleet.doctor.network import Port, check_broker, check_endpoints, check_ports, ports_of, taken_ports
+from fleet.doctor.network import EdgePort, check_broker, check_endpoints, check_ports, ports_of, taken_ports
 
 NOW = datetime.now(UTC)
 
@@ -39,15 +39,15 @@ def listener():
 
 def test_a_port_that_another_program_has_is_an_error_with_the_way_to_find_it(listener):
     number = listener.getsockname()[1]
-    (found,) = check_ports([Port("tcp", number, "metrics")], taken_ports(), running=False)
+    (found,) = check_ports([EdgePort("tcp", number, "metrics")], taken_ports(), running=False)
     assert (found.verdict, f"sport = :{number}" in found.cure) == (Rating.ERROR, True)
 
 
 def test_while_the_edge_runs_its_own_ports_are_expected_to_be_open(listener):
-    mine = Port("tcp", listener.getsockname()[1], "metrics")
+    mine = EdgePort("tcp", listener.getsockname()[1], "metrics")
     (found,) = check_ports([mine], taken_ports(), running=True)
     assert found.verdict is Rating.OK
-    (missing,) = check_ports([Port("udp", 1, "udpin:0.0.0.0:1")], set(), running=True)
+    (missing,) = check_ports([EdgePort("udp", 1, "udpin:0.0.0.0:1")], set(), running=True)
     assert missing.verdict is Rating.WARNING
 
 

@@ -23,7 +23,6 @@ from fleet.missions.program import (
 from fleet.missions.state import (
     NEXT,
     Abort,
-    Answer,
     Begin,
     BeginTogether,
     Dismiss,
@@ -33,22 +32,23 @@ from fleet.missions.state import (
     Enlisted,
     Facts,
     Head,
-    Heard,
     Left,
     Member,
     NotStarted,
     Occupied,
     Occupy,
-    Part,
     PartOutcome,
     Pause,
+    PersonAnswer,
     Phase,
     Prepare,
-    Prepared,
     Replied,
     Restarted,
     Resume,
+    RobotEvent,
+    RobotPrepared,
     Start,
+    StepPart,
     StopAll,
     Tick,
 )
@@ -211,8 +211,8 @@ class Life(RuleBasedStateMachine):
 
     def record(self):
         for each in self.engine.changes():
-            where = self.parts if isinstance(each, Part) else self.recorded
-            where[each.identity if isinstance(each, Part) else each.robot] = msgspec.json.encode(each)
+            where = self.parts if isinstance(each, StepPart) else self.recorded
+            where[each.identity if isinstance(each, StepPart) else each.robot] = msgspec.json.encode(each)
         self.head = msgspec.json.encode(self.engine.head)
 
     def send(self, event, *, dies=False):
@@ -296,7 +296,7 @@ class Life(RuleBasedStateMachine):
     def a_robot_is_prepared(self, data, refusal):
         robot = data.draw(st.sampled_from(sorted(self.preparing)))
         del self.preparing[robot]
-        self.send(Prepared(robot, refusal))
+        self.send(RobotPrepared(robot, refusal))
 
     @precondition(lambda self: self.enlisting)
     @rule(refusal=st.sampled_from(["", "", "no"]))
@@ -335,7 +335,7 @@ class Life(RuleBasedStateMachine):
 
     @rule(robot=st.sampled_from(sorted(ROBOTS)))
     def a_person_is_seen(self, robot):
-        self.send(Heard(robot, "person"))
+        self.send(RobotEvent(robot, "person"))
 
     @rule()
     def somebody_pauses(self):
@@ -347,7 +347,7 @@ class Life(RuleBasedStateMachine):
 
     @rule(goes_on=st.booleans(), question=st.integers(0, 3))
     def somebody_answers(self, goes_on, question):
-        self.send(Answer(question, goes_on, "anna"))
+        self.send(PersonAnswer(question, goes_on, "anna"))
 
     @rule(rare=st.integers(0, 4))
     def somebody_aborts(self, rare):
@@ -389,7 +389,7 @@ class Life(RuleBasedStateMachine):
             self.program,
             [msgspec.json.decode(each, type=Member) for each in self.recorded.values()],
             head=msgspec.json.decode(self.head, type=Head),
-            parts=[msgspec.json.decode(each, type=Part) for each in self.parts.values()],
+            parts=[msgspec.json.decode(each, type=StepPart) for each in self.parts.values()],
         )
         for robot in (*ROBOTS, SPARE):
             self.send(Facts(robot, "ok", 80.0, (0.0, 0.0, 0.0)))

@@ -17,7 +17,6 @@ from fleet.missions.program import Act, Enter, Leave
 from fleet.missions.report import StartAsk
 from fleet.missions.state import (
     Abort,
-    Answer,
     Enlisted,
     Facts,
     Head,
@@ -25,12 +24,13 @@ from fleet.missions.state import (
     Member,
     NotStarted,
     Occupied,
-    Part,
     PartOutcome,
+    PersonAnswer,
     Phase,
-    Prepared,
     Restarted,
+    RobotPrepared,
     RunOutcome,
+    StepPart,
     StopAll,
 )
 from fleet.missions.store import RunStore
@@ -52,7 +52,7 @@ def restarted(play):
         play.program,
         [again(each, Member) for each in old.robots.members.values()],
         head=again(old.head, Head),
-        parts=[again(each, Part) for each in old.robots.parts.values()],
+        parts=[again(each, StepPart) for each in old.robots.parts.values()],
     )
     play.effects.clear()
     for robot in EVERYBODY:
@@ -62,7 +62,7 @@ def restarted(play):
 
 def test_one_robot_refuses_in_prepare(play):
     run = play(do(together=True))
-    run.take(Prepared("kestrel")).take(Prepared("beast", "the goal is outside its fence"))
+    run.take(RobotPrepared("kestrel")).take(RobotPrepared("beast", "the goal is outside its fence"))
     assert all(words == "stop" for _, words in run.begun()), "nobody moved"
     run.stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
@@ -163,14 +163,14 @@ def test_edge_process_killed_within_a_step(play, policy):
     assert {part.outcome for part in run.engine.robots.parts.values() if part.kind == "do"} == {
         PartOutcome.UNKNOWN
     }
-    run.stands(*EVERYBODY).take(Answer(1, goes_on=True, by="anna"))
+    run.stands(*EVERYBODY).take(PersonAnswer(1, goes_on=True, by="anna"))
     assert run.begun()[3:] == [(robot, "goto") for robot in EVERYBODY]
     assert all(part.step.startswith("home") for part in run.engine.robots.active())
 
 
 def test_edge_process_killed_within_the_last_step(play):
     run = restarted(play(do()))
-    run.stands(*EVERYBODY).take(Answer(1, goes_on=True, by="anna"))
+    run.stands(*EVERYBODY).take(PersonAnswer(1, goes_on=True, by="anna"))
     assert run.ended is RunOutcome.WITH_LOSSES, "nobody saw that it was completed"
     assert {(each.outcome, each.reason) for each in run.engine.robots.members.values()} == {
         (PartOutcome.UNKNOWN, "nobody saw how step go.1 ended")
@@ -346,7 +346,7 @@ def test_a_mission_within_the_mission_fails(play):
 def test_the_common_start_is_taken_back(play):
     run = play(do(together=True))
     for robot in EVERYBODY:
-        run.take(Prepared(robot))
+        run.take(RobotPrepared(robot))
     run.take(NotStarted("go.1", "beast: its emergency stop is set")).stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
     assert "no robot moved" in run.engine.head.reason

@@ -5,12 +5,12 @@ import pytest
 from fleet.missions.program import Act, Enter, Leave, Require, Wait
 from fleet.missions.state import (
     Abort,
-    Answer,
     Facts,
     Hold,
     Left,
     PartOutcome,
     Pause,
+    PersonAnswer,
     Phase,
     Resume,
     RunOutcome,
@@ -83,7 +83,7 @@ def test_a_person_is_asked_whether_to_go_on_without_it(run):
     found.reply("beast", PartOutcome.FAILED, "no").stands("beast", "rover")
     assert found.engine.head.phase is Phase.ASKING
     assert "Continue without it?" in found.engine.head.question.text
-    found.take(Answer(1, goes_on=True, by="anna"))
+    found.take(PersonAnswer(1, goes_on=True, by="anna"))
     assert found.begun()[-1] == ("kestrel", "land")
 
 

@@ -6,12 +6,12 @@ import sqlite3
 import pytest
 
 from fleet.missions.program import Act, Program, Wait
-from fleet.missions.state import Head, LogNote, Member, Part, Phase, RunOutcome, UndoableStep
+from fleet.missions.state import Head, LogNote, Member, Phase, RunOutcome, StepPart, UndoableStep
 from fleet.missions.store import MISSIONS, About, RunChange, RunStore
 
 ABOUT = About("r1", "patrol", "ab12", 1000.0, "anna", inputs={"height": 5})
 PROGRAM = Program("patrol", (Wait("rest", 5.0),), {"eye": 1})
-PART = Part("r1/up.1/kestrel/1", "up.1", "kestrel", "eye", 1, "do", Act("command", "takeoff"), 0.0, 60.0)
+PART = StepPart("r1/up.1/kestrel/1", "up.1", "kestrel", "eye", 1, "do", Act("command", "takeoff"), 0.0, 60.0)
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import json
 import pytest
 
 from fleet.clock import SystemClock
-from fleet.video.program import Source, _Program
+from fleet.video.program import CameraSource, _VideoProgram
 from fleet.wire.samples import json_payload
 from fleet.wire.streams import StreamState, read_stream
 
@@ -61,7 +61,9 @@ def camera(module_at, tmp_path):
 async def ask(camera):
     """Run the program on a lane in memory; returns what asks it and the lane."""
     bus_session = FakeSession()
-    program = _Program(Source("rex", TWIN, camera.source, "front", 10.0), bus_session, SystemClock())
+    program = _VideoProgram(
+        CameraSource("rex", TWIN, camera.source, "front", 10.0), bus_session, SystemClock()
+    )
     program.declare("ask")
 
     async def ask(payload):

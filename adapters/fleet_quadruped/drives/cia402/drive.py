@@ -33,7 +33,7 @@ from fleet_quadruped.drives.group import DriveGroup
 from fleet_quadruped.robot.busload import SLOW_EVERY, frame_bits
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.names import Twelve
-from fleet_quadruped.robot.parts import Bus, Drive
+from fleet_quadruped.robot.parts import CanBusConfig, Drive
 
 _OF_ONE = (EMERGENCY, TPDO1, RPDO1, TPDO2, SDO_RESPONSE, SDO_REQUEST, HEARTBEAT)
 _SILENT = 8  # heartbeats that may be lost on a bad bus; missing TPDOs show silence sooner
@@ -59,7 +59,7 @@ class Cia402Drives(DriveGroup[Cia402Node]):
         }
 
     @staticmethod
-    def load(drive: Drive, joints: int, bus: Bus) -> float:
+    def load(drive: Drive, joints: int, bus: CanBusConfig) -> float:
         """Return the load by PDOs, SYNC and heartbeats."""
         cyclic = joints * (2 + 1 / SLOW_EVERY) * frame_bits(8) + frame_bits(0) + frame_bits(1)
         return (drive.cycle_hz * cyclic + joints * frame_bits(1) / drive.heartbeat) / bus.bitrate

@@ -17,7 +17,7 @@ from fleet_quadruped.drives.mit.registers import DamiaoRegisters
 from fleet_quadruped.drives.motor_units import Units, near
 from fleet_quadruped.robot.busload import frame_bits
 from fleet_quadruped.robot.description import DogDescription, Joint
-from fleet_quadruped.robot.parts import Bus, Drive
+from fleet_quadruped.robot.parts import CanBusConfig, Drive
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +52,7 @@ class MitDrives(DampingGroup[MitMotor]):
         return [*found, *unknown.values()]
 
     @staticmethod
-    def load(drive: Drive, joints: int, bus: Bus) -> float:
+    def load(drive: Drive, joints: int, bus: CanBusConfig) -> float:
         """Return the load by a command and a reply per joint and cycle."""
         return drive.cycle_hz * joints * 2 * frame_bits(8) / bus.bitrate
 
@@ -146,12 +146,12 @@ class MitDrives(DampingGroup[MitMotor]):
 
 def _motors(dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> list[MitMotor]:
     """Return the motors of joints; motors of one profile share a layout."""
-    layouts: dict[MotorProfile, wire.Layout] = {}
+    layouts: dict[MotorProfile, wire.MitLayout] = {}
     motors = []
     for joint in joints:
         kind = joint.kind
         profile = profile_of(dog.drive, kind)
-        layout = layouts.setdefault(profile, wire.Layout(profile))
+        layout = layouts.setdefault(profile, wire.MitLayout(profile))
         gains = layout.pack_gains(kind.kp / kind.ratio**2, kind.kd / kind.ratio**2)
         motors.append(MitMotor(joint, buses[joint.bus], joint.id, Units(joint), profile, layout, gains))
     return motors

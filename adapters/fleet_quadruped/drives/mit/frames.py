@@ -61,7 +61,7 @@ Status and temperature are None if the motor does not report them.
 """
 
 
-class Layout:
+class MitLayout:
     """Frames of one kind of motor, both sides; precomputed, because each cycle packs dozens of numbers."""
 
     def __init__(self, profile: MotorProfile) -> None:

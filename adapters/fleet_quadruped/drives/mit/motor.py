@@ -22,7 +22,7 @@ class MitMotor(DampingDrive):
     """
 
     profile: MotorProfile
-    layout: wire.Layout
+    layout: wire.MitLayout
     gains: int
     status: int | None = None
     enabled: bool = False

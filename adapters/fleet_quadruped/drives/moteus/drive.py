@@ -21,7 +21,7 @@ from fleet_quadruped.drives.moteus.servo import MoteusServo
 from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.robot.busload import fd_frame_seconds
 from fleet_quadruped.robot.description import DogDescription, Joint
-from fleet_quadruped.robot.parts import Bus, Drive
+from fleet_quadruped.robot.parts import CanBusConfig, Drive
 
 _COMMAND_BYTES, _REPLY_BYTES = 48, 32
 
@@ -46,7 +46,7 @@ class MoteusDrives(DampingGroup[MoteusServo]):
         ]
 
     @staticmethod
-    def load(drive: Drive, joints: int, bus: Bus) -> float:
+    def load(drive: Drive, joints: int, bus: CanBusConfig) -> float:
         """Return the load by a command and a reply per joint and cycle."""
         both = fd_frame_seconds(_COMMAND_BYTES, bus) + fd_frame_seconds(_REPLY_BYTES, bus)
         return drive.cycle_hz * joints * both

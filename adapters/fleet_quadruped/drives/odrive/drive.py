@@ -20,7 +20,7 @@ from fleet_quadruped.drives.odrive.commission import commission
 from fleet_quadruped.drives.odrive.frames import OdriveCommand, State
 from fleet_quadruped.robot.busload import frame_bits
 from fleet_quadruped.robot.description import DogDescription, Joint
-from fleet_quadruped.robot.parts import Bus, Drive
+from fleet_quadruped.robot.parts import CanBusConfig, Drive
 
 _STATE_EVERY = 3  # cycles between two polls for the state of one drive
 _SLOW = (
@@ -60,7 +60,7 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         return found
 
     @staticmethod
-    def load(drive: Drive, joints: int, bus: Bus) -> float:
+    def load(drive: Drive, joints: int, bus: CanBusConfig) -> float:
         """Return the load by polls, answers and targets; gains while damping do not exceed it."""
         asked = frame_bits(0) + frame_bits(8)
         each = asked * (1 + 1 / _STATE_EVERY) + frame_bits(8)

@@ -23,7 +23,7 @@ from mavsdk.plugins.offboard import OffboardError, VelocityBodyYawspeed
 
 from fleet.sim.process import SimProcess
 from fleet_mavlink.sim.params import ardupilot_params, px4_params
-from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.sim.spec import VehicleSpec
 
 SPEED = 5.0
 LIMIT = 40  # seconds for one wait, on a busy computer
@@ -54,7 +54,7 @@ async def insist(act, error):
 async def drone(request):
     """Connect MAVSDK to a vehicle."""
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    spec = SimSpec.parse(f"sim:{request.param}?speed={SPEED}")
+    spec = VehicleSpec.parse(f"sim:{request.param}?speed={SPEED}")
     async with (
         SimProcess("fleet_mavlink.sim") as simulator,
         simulator.robot(spec) as link,

@@ -10,14 +10,14 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet.errors import LinkRefused
 from fleet.sim.process import SimProcess
-from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.sim.spec import VehicleSpec
 
 
 async def test_a_vehicle_has_its_own_port_and_is_gone_with_whoever_asked_for_it():
     async with SimProcess("fleet_mavlink.sim") as simulator:
         async with (
-            simulator.robot(SimSpec("px4")) as one,
-            simulator.robot(SimSpec("px4", system_id=2)) as two,
+            simulator.robot(VehicleSpec("px4")) as one,
+            simulator.robot(VehicleSpec("px4", system_id=2)) as two,
         ):
             assert one.startswith("udpout:127.0.0.1:")
             assert one != two

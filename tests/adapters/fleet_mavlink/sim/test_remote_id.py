@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.remote_id import SimRemoteId
-from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.sim.spec import VehicleSpec
 
 NOBODY = [0] * 20
 GOOD = mav.MAVLink_open_drone_id_arm_status_message(0, b"")
@@ -72,6 +72,6 @@ def test_the_transmitter_says_what_it_misses(known):
 
 
 def test_only_ardupilot_is_simulated_with_it():
-    assert SimSpec.parse("sim:ardupilot?with=remote_id").accessories == ("remote_id",)
+    assert VehicleSpec.parse("sim:ardupilot?with=remote_id").accessories == ("remote_id",)
     with pytest.raises(ValueError, match="only ArduPilot is simulated with remote_id"):
-        SimSpec.parse("sim:px4?with=remote_id")
+        VehicleSpec.parse("sim:px4?with=remote_id")

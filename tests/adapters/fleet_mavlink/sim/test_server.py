@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.server import Vehicles
-from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.sim.spec import VehicleSpec
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ async def test_vehicles_may_share_the_port_they_speak_to(server):
     transport, listener = await listen(local_addr=("127.0.0.1", 0))
     target = transport.get_extra_info("sockname")
     for system_id in (1, 2):
-        await server.add_udp(SimSpec("ardupilot", system_id=system_id, ready=0.0), target)
+        await server.add_udp(VehicleSpec("ardupilot", system_id=system_id, ready=0.0), target)
     for system_id in (1, 2):
         await heard(listener, "HEARTBEAT", system=system_id)
     transport.close()
@@ -98,7 +98,7 @@ async def test_a_vehicle_that_cannot_be_is_answered_with_the_reason(server, line
 
 
 async def test_tcp_begins_with_text_and_goes_on_with_frames(server):
-    station = await server.add_tcp(SimSpec("ardupilot", ready=0.0), 0)
+    station = await server.add_tcp(VehicleSpec("ardupilot", ready=0.0), 0)
     reader, writer = await asyncio.open_connection("127.0.0.1", port_of(station.url))
     async with asyncio.timeout(60):
         assert (await reader.readexactly(18)) == b"\n\nInit ArduCopter "

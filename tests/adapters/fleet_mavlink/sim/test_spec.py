@@ -4,18 +4,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet_mavlink.sim.spec import SimSpec, spec_of
+from fleet_mavlink.sim.spec import VehicleSpec, spec_of
 
 
 def test_a_bare_link_is_ready_after_3_seconds():
-    spec = SimSpec.parse("sim:px4")
+    spec = VehicleSpec.parse("sim:px4")
     assert (spec.flavour, spec.ready, spec.speed, spec.system_id) == ("px4", 3.0, 1.0, 1)
 
 
 def test_everything_can_be_said():
     options = "home=47.39,8.54,488,90&ready=real&speed=5&fault=loss:0.01,wind:3&seed=4&with=gimbal,adsb"
-    spec = SimSpec.parse(f"sim:ardupilot?{options}", system_id=7)
-    assert spec == SimSpec(
+    spec = VehicleSpec.parse(f"sim:ardupilot?{options}", system_id=7)
+    assert spec == VehicleSpec(
         "ardupilot",
         system_id=7,
         home=(47.39, 8.54, 488.0, 90.0),
@@ -50,13 +50,13 @@ def test_everything_can_be_said():
 )
 def test_what_makes_no_sense_is_refused_with_the_reason(link, says):
     with pytest.raises(ValueError, match=says):
-        SimSpec.parse(link)
+        VehicleSpec.parse(link)
 
 
 @given(st.text())
 def test_any_text_is_a_spec_or_a_value_error(text):
     try:
-        spec = SimSpec.parse(f"sim:px4?{text}")
+        spec = VehicleSpec.parse(f"sim:px4?{text}")
     except ValueError:
         return
     assert spec.flavour == "px4"

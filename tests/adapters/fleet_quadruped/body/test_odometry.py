@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.measured import ZEROS, Imu, Sense
+from fleet_quadruped.body.measured import ZEROS, MeasuredImu, Sense
 from fleet_quadruped.body.odometry import LegOdometry, body_twist
 
 PLACES = ((0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1))
@@ -40,7 +40,7 @@ def test_a_dog_whose_joints_rest_stays_where_it_is(dog):
 
 def test_the_heading_is_the_imus_and_the_way_goes_along_it(dog):
     odometry = LegOdometry(dog.legs, dog.geometry.foot_radius)
-    walked = Sense(dog.stance(0.27), (0.0, 0.5, 0.0) * 4, Imu(WEST, Vector3(), Vector3(0, 0, 9.81)))
+    walked = Sense(dog.stance(0.27), (0.0, 0.5, 0.0) * 4, MeasuredImu(WEST, Vector3(), Vector3(0, 0, 9.81)))
     for _ in range(50):
         odometry.update(0.01, walked, [0.25] * 4)
     assert odometry.yaw == pytest.approx(WEST.yaw)

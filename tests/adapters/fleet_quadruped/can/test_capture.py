@@ -11,7 +11,7 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.can.capture import FILES, Capture, read_capture
 from fleet_quadruped.cli import can as fleet_can
 from fleet_quadruped.control.controller import Controller
-from fleet_quadruped.replay import Replay
+from fleet_quadruped.replay import DriveReplay
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.sim.lockstep import SimBus
@@ -129,7 +129,7 @@ def failed(any_dog, capture, tmp_path):
 
 def test_a_replay_repeats_the_reports(failed):
     rig, path = failed
-    replay = Replay(rig.dog)
+    replay = DriveReplay(rig.dog)
     for captured in read_capture(path):
         replay.take(captured)
     state = rig.state()
@@ -140,7 +140,7 @@ def test_a_replay_repeats_the_reports(failed):
 
 def test_a_replay_names_the_drive_and_its_fault(failed):
     rig, path = failed
-    lines = list(Replay(rig.dog).lines(read_capture(path)))
+    lines = list(DriveReplay(rig.dog).lines(read_capture(path)))
     assert any("RL_hip   is fault: over-current" in line for line in lines)
     assert any(" wanted " in line and " is at " in line for line in lines)
 

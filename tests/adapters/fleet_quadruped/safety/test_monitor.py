@@ -2,13 +2,13 @@ import pytest
 
 from fleet import Quaternion, Vector3
 from fleet.model.geometry import quaternion_from_euler
-from fleet_quadruped.body.measured import Imu
-from fleet_quadruped.drives.base import JointFeedback, Joints, Power
+from fleet_quadruped.body.measured import MeasuredImu
+from fleet_quadruped.drives.base import JointFeedback, JointsFeedback, Power
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.monitor import Monitor, ObservedCycle
 from fleet_quadruped.safety.stages import BodyMode, StopStage
 
-LEVEL = Imu(Quaternion(), Vector3(), Vector3(0, 0, 9.81))
+LEVEL = MeasuredImu(Quaternion(), Vector3(), Vector3(0, 0, 9.81))
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def look(dog):
         number = JOINTS.index(joint)
         feedback[number] = feedback[number]._replace(**(change or {}))
         plain = {"imu": LEVEL, "targets": stance, "imu_age": 0.0, "battery": 80.0, "mode": BodyMode.WALKING}
-        seen = ObservedCycle(joints=Joints.of(feedback), dt=0.01, **(plain | changes))
+        seen = ObservedCycle(joints=JointsFeedback.of(feedback), dt=0.01, **(plain | changes))
         return [monitor.check(seen) for _ in range(cycles)][-1]
 
     return check
@@ -115,6 +115,6 @@ def test_a_dog_that_is_off_needs_no_feedback(look):
 
 def test_a_warm_joint_slows_the_dog_down(dog):
     joints = [JointFeedback(temperature=40.0)] * 11
-    share = Monitor(dog).speed_share(Joints.of([*joints, JointFeedback(temperature=79.0)]))
+    share = Monitor(dog).speed_share(JointsFeedback.of([*joints, JointFeedback(temperature=79.0)]))
     assert share == pytest.approx(0.4)
-    assert Monitor(dog).speed_share(Joints.of([*joints, JointFeedback(temperature=60.0)])) == 1.0
+    assert Monitor(dog).speed_share(JointsFeedback.of([*joints, JointFeedback(temperature=60.0)])) == 1.0

@@ -4,12 +4,12 @@ import json
 
 import pytest
 
-from fleet.config.difference import Outline, difference, not_shown
+from fleet.config.difference import ComparedFile, difference, not_shown
 from fleet.errors import StateError, StateNewer
 from fleet.host.edge.last_configuration import FILE, keep, last_configuration
 from fleet.model.change import ChangeKind
 
-OUTLINE = Outline("yard", {"cloud": {"token": '"cw_secret"'}}, {"rex": {"twin": '"1"', "pin": '"4711"'}})
+OUTLINE = ComparedFile("yard", {"cloud": {"token": '"cw_secret"'}}, {"rex": {"twin": '"1"', "pin": '"4711"'}})
 
 
 def test_what_is_kept_is_found_the_same_and_shows_no_value(tmp_path):
