@@ -140,7 +140,7 @@ def stop_all(edge, notes):
     notes.forget()
     began = time.monotonic()
     with StopEffort(()) as effort:
-        effort.try_here()
+        effort.stop_local_edges()
         arrived = notes.first(HOLD, set(range(1, AIRCRAFT + 1)))
         effort.end()
     if len(arrived) < AIRCRAFT:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from fleet.cli.interrupt import INTERRUPTED, end_at_once, raise_from_now_on
+from fleet.cli.interrupt import INTERRUPTED, end_on_interrupt, restore_interrupt
 
-end_at_once()
+end_on_interrupt()
 
 import os  # noqa: E402 - Ctrl-C first
 import sys  # noqa: E402
@@ -17,7 +17,7 @@ def main() -> int:
     try:
         return _main()
     except KeyboardInterrupt:
-        end_at_once()
+        end_on_interrupt()
         return INTERRUPTED
 
 
@@ -32,11 +32,11 @@ def _main() -> int:
     from fleet.cli.main import main as run_command  # noqa: PLC0415 - the version is told without it
     from fleet.host.runtime.shutdown import shutdown  # noqa: PLC0415 - likewise
 
-    raise_from_now_on()
+    restore_interrupt()
     try:
         code = run_command(sys.argv[1:])
     finally:
-        end_at_once()
+        end_on_interrupt()
     return shutdown(code)
 
 

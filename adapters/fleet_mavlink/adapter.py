@@ -36,7 +36,7 @@ from fleet_mavlink.session import VehicleSession
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import VehicleSpec
 from fleet_mavlink.stops import StopCommands
-from fleet_mavlink.traffic import tell_traffic
+from fleet_mavlink.traffic import report_traffic
 from fleet_mavlink.transition import TransitionCommands
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.watching import show
@@ -96,7 +96,7 @@ class MavlinkAdapter(StopCommands, PayloadCommands, TransitionCommands, UpkeepCo
         vehicle = await robot.enter(self._claim())
         self._session = VehicleSession(config, robot.limits, self._hub, vehicle, robot)
         await show(config, robot, self._hub, self._session)
-        await tell_traffic(config, robot, vehicle)
+        await report_traffic(config, robot, vehicle)
 
     @contextlib.asynccontextmanager
     async def _claim(self) -> AsyncIterator[Vehicle]:
@@ -171,7 +171,7 @@ class MavlinkAdapter(StopCommands, PayloadCommands, TransitionCommands, UpkeepCo
         flavour = session.flight.flavour
         comes = (
             session.navigator.go_home()
-            if flavour.stays_at_home
+            if flavour.hovers_at_home
             else session.flight.come_down(flavour.return_home)
         )
         async for progress in comes:

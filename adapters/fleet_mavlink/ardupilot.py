@@ -29,7 +29,7 @@ class ArduCopter(ArduPilotFlavour):
         self,
         to: GeoPoint,
         home_altitude: float,
-        speed: float,  # noqa: ARG002 - see ``after_go``
+        speed: float,  # noqa: ARG002 - see ``command_after_go``
         heading: float,
     ) -> SetPositionTargetGlobalInt:
         """Return the target with its altitude above home.

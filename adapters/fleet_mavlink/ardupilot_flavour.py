@@ -41,7 +41,7 @@ class ArduPilotFlavour(ArduPilotKind, Flavour):
         """Return the change to the holding mode."""
         return self.mode_command(self.hold)
 
-    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002
+    def command_after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002
         """Return DO_CHANGE_SPEED. It must follow the position: a new position resets the speed."""
         return CommandLong(MavCmd.DO_CHANGE_SPEED, param1=_GROUND_SPEED, param2=speed, param3=-1.0)
 

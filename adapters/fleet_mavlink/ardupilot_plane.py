@@ -86,7 +86,7 @@ class _ArduPlaneModes(ArduPilotFlavour):
         self,
         to: GeoPoint,
         home_altitude: float,  # noqa: ARG002 - it takes AMSL
-        speed: float,  # noqa: ARG002 - see ``after_go``
+        speed: float,  # noqa: ARG002 - see ``command_after_go``
         heading: float,  # noqa: ARG002 - its nose follows its course
     ) -> CommandInt:
         """Return DO_REPOSITION."""
@@ -122,12 +122,12 @@ class ArduPlane(Winged, _ArduPlaneModes):
         """Return DO_LAND_START: it follows the landing in its mission, and is refused without one."""
         return CommandLong(MavCmd.DO_LAND_START)
 
-    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002 - always the same
+    def command_after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002 - always the same
         """Return DO_CHANGE_SPEED for an airspeed."""
         return CommandLong(MavCmd.DO_CHANGE_SPEED, param1=self.speed_kind, param2=speed, param3=-1.0)
 
 
-class UntoldArduPlane(ArduPlane):
+class UnknownArduPlane(ArduPlane):
     """A plane that has not yet reported whether it has rotors, or flies on them.
 
     GUIDED is right for all: a plane circles, and a QuadPlane hovers if its parameters permit it. But GUIDED
@@ -170,7 +170,7 @@ class _Assisted(ArduPlane):
         return speed
 
 
-_PLANE, _UNTOLD, _WINGS = ArduPlane(), UntoldArduPlane(), _Assisted()
+_PLANE, _UNKNOWN, _WINGS = ArduPlane(), UnknownArduPlane(), _Assisted()
 
 
 class QuadPlane(_ArduPlaneModes):
@@ -225,10 +225,10 @@ class QuadPlane(_ArduPlaneModes):
         """Return NAV_TAKEOFF with the rotors, with the height above its present position."""
         return CommandInt(MavCmd.NAV_TAKEOFF, frame=MavFrame.LOCAL_OFFSET_NED, z=-altitude)
 
-    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:
+    def command_after_go(self, speed: float, state: VehicleState) -> CommandLong | None:
         """Return the command of its wings for an airspeed; in hover Q_WP_SPEED applies."""
         slowest = state.settings.get(_PLANE.airspeeds[0], math.inf)
-        return _PLANE.after_go(speed, state) if speed >= slowest else None
+        return _PLANE.command_after_go(speed, state) if speed >= slowest else None
 
     def speed_to(
         self, state: VehicleState, limit: float | None, wanted: float | None, metres: float
@@ -325,7 +325,7 @@ _QUADPLANES: Mapping[int, tuple[Flavour, Flavour]] = {
 def arduplane_of(state: VehicleState) -> Flavour:
     """Return the present flavour of an ArduPlane: by its rotors, its flight state, and Q_GUIDED_MODE."""
     if state.vtol_state is None:
-        return _UNTOLD
+        return _UNKNOWN
     if not state.vtol_state:
         return _PLANE
     set_up, unset = _QUADPLANES.get(state.vtol_state, (_FORWARD, _UNSET_FORWARD))

@@ -69,7 +69,7 @@ class ArduRover(ArduPilotFlavour):
             yaw_rate=-velocity.yaw_rate,
         )
 
-    def before_go(self, *, backwards: bool) -> CommandLong | None:
+    def command_before_go(self, *, backwards: bool) -> CommandLong | None:
         """Return DO_SET_REVERSE, each time: ArduRover keeps it until its mode changes."""
         return CommandLong(MavCmd.DO_SET_REVERSE, param1=float(backwards))
 
@@ -77,7 +77,7 @@ class ArduRover(ArduPilotFlavour):
         self,
         to: GeoPoint,
         home_altitude: float,  # noqa: ARG002 - it has no height
-        speed: float,  # noqa: ARG002 - refused without a target: see ``after_go``
+        speed: float,  # noqa: ARG002 - refused without a target: see ``command_after_go``
         heading: float,  # noqa: ARG002 - its nose follows its course
     ) -> CommandInt:
         """Return DO_REPOSITION, which is acknowledged."""

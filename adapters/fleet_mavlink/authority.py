@@ -69,7 +69,7 @@ class Authority:
         """Return True for a mode that was asked for before the expected one, and may still be shown."""
         return mode in self._earlier | self._left
 
-    def taken_by(self, who: str, mode: str) -> None:
+    def lose_to(self, who: str, mode: str) -> None:
         """Lose authority to another station that commands the vehicle, which is in ``mode`` now."""
         if self.lost_to:
             return
@@ -98,7 +98,7 @@ class Authority:
             self.lost_to = ""
             return
         if self._arms and not was_armed:
-            self.taken_by(self._arms, mode)
+            self.lose_to(self._arms, mode)
         if mode == before or mode in self._allowed(before, flavour.follows, flavour.ours):
             self._doubts = False
             return

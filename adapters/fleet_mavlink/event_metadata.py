@@ -32,7 +32,7 @@ class EventKeeper:
         self._vehicle = vehicle
         self._files = FtpClient(vehicle)
 
-    async def keep(self) -> None:
+    async def run(self) -> None:
         """Load the metadata whenever the vehicle is connected and on the ground, until cancelled."""
         while True:
             while not await self._vehicle.until(lambda _: self._vehicle.connected, _FOREVER):

@@ -54,7 +54,7 @@ class FailsafeCause:
         self._mode = ""
         self._since: float | None = None
 
-    def see(self, state: VehicleState, mode: str, said: Iterable[Sentence], now: float) -> None:
+    def observe(self, state: VehicleState, mode: str, said: Iterable[Sentence], now: float) -> None:
         """Update from the newest state and the received texts."""
         changed, self._mode = mode != self._mode, mode
         if not state.failsafe:

@@ -164,7 +164,7 @@ class Failsafes:
         self._aloud = logging.WARNING if lasting else logging.INFO
         self._changed = changed
 
-    async def keep(self) -> None:
+    async def run(self) -> None:
         """Verify at each connect and after each reboot, until cancelled."""
         while True:
             await self._met()

@@ -88,7 +88,7 @@ class FenceUploader:
         self._origin = origin
         self._changed = changed
 
-    async def keep(self) -> None:
+    async def run(self) -> None:
         """Upload the fence at each connect and after each reboot, until cancelled."""
         self._tell("the fence is not in the autopilot yet")
         while True:

@@ -88,7 +88,7 @@ class Flavour(VehicleKind):
         return ()
 
     @property
-    def stays_at_home(self) -> bool:
+    def hovers_at_home(self) -> bool:
         """Whether its return home ends without a landing."""
         return self.surface
 
@@ -114,7 +114,7 @@ class Flavour(VehicleKind):
         """Return the setpoint for a body velocity; ``heading`` is radians clockwise from north."""
         return setpoint(velocity, heading, system)
 
-    def before_go(self, *, backwards: bool) -> CommandLong | None:  # noqa: ARG002 - not needed
+    def command_before_go(self, *, backwards: bool) -> CommandLong | None:  # noqa: ARG002 - not needed
         """Return the command that must precede a go command, or None."""
         return None
 
@@ -152,7 +152,7 @@ class Flavour(VehicleKind):
         """
 
     @abstractmethod
-    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:
+    def command_after_go(self, speed: float, state: VehicleState) -> CommandLong | None:
         """Return the command that must follow a go command to apply its speed, or None."""
 
     def speed_to(

@@ -150,7 +150,7 @@ class Flight:
         self.require_altitude(to.altitude)
         flavour = self.flavour
         self.end_stream(flavour, flavour.goto)
-        before = flavour.before_go(backwards=backwards)
+        before = flavour.command_before_go(backwards=backwards)
         if before is not None:
             await self.be_in(flavour.goto)  # a change of mode resets what ``before`` sets
             await self.commander.ask(before)
@@ -160,7 +160,7 @@ class Flight:
             await self.commander.send_to(go, to.altitude)
         else:
             await self.enter(flavour.goto, go)
-        following = flavour.after_go(speed, self.vehicle.state)
+        following = flavour.command_after_go(speed, self.vehicle.state)
         if following is not None:
             await self.commander.ask(following)
 

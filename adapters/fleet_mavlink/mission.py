@@ -49,8 +49,8 @@ _COMMANDS: Mapping[str, MavCmd] = {
 }
 
 
-_Told = MissionCurrent | MissionItemReached
-_TOLD: tuple[type[_Told], ...] = (MissionCurrent, MissionItemReached)
+_ItemMessage = MissionCurrent | MissionItemReached
+_ITEM_MESSAGES: tuple[type[_ItemMessage], ...] = (MissionCurrent, MissionItemReached)
 
 
 class MissionPlan(msgspec.Struct, frozen=True):
@@ -221,7 +221,7 @@ class MissionPilot:
         flight, flavour = self._flight, self._flight.flavour
         # A rover that has returned stays armed, and in its mission; a plane circles over its home.
         home_last, lands = mission.items[-1].kind == "return_to_launch", _lands(mission)
-        returns = lands or (home_last and not flavour.stays_at_home)
+        returns = lands or (home_last and not flavour.hovers_at_home)
         circles = home_last and flavour.wings and not returns
         ends = (flavour.return_home,) if returns or circles else (flavour.hold, *flavour.mission_ends)
         self._flight.end_stream(flavour, flavour.mission)
@@ -229,10 +229,10 @@ class MissionPilot:
             await flight.commander.ask(flavour.rewind)
         before = self._vehicle.state.mission_reached if flavour.repeats_reached else None
         watch = _ItemProgress(plan, len(mission.items), before)
-        with self._vehicle.hearing(*_TOLD) as heard:
+        with self._vehicle.hearing(*_ITEM_MESSAGES) as heard:
             await self._start(flavour, resumed=mission.resumed)
             while not self._is_over(mission, watch, returns=returns):
-                watch.see(await heard.next(_POLL_INTERVAL))
+                watch.observe(await heard.next(_POLL_INTERVAL))
                 may_end = self._may_end(mission, watch, returns=returns)
                 if may_end:
                     flight.authority.expect_also(*ends)
@@ -370,7 +370,7 @@ class _ItemProgress:
         """True once the last item was reached."""
         return self._done >= self._count
 
-    def see(self, said: _Told | None) -> None:
+    def observe(self, said: _ItemMessage | None) -> None:
         """Process the number of the active item, or of a reached one, in the vehicle's numbering."""
         if said is None or not 0 <= said.seq < len(self._plan.steps):
             return

@@ -63,7 +63,7 @@ _KINDS: tuple[type[_Said], ...] = (
     MissionCount,
     MissionItemInt,
 )
-_TOLD = (MissionCount, MissionItemInt)  # answers to a download
+_DOWNLOAD_ANSWERS = (MissionCount, MissionItemInt)  # answers to a download
 
 
 class PlanType(enum.IntEnum):
@@ -165,7 +165,7 @@ class Plans:
 
         def counts(said: _Said) -> bool:
             late = isinstance(said, MissionAck) and said.type == _INVALID_SEQUENCE
-            return said.mission_type == kind and not late and not isinstance(said, _TOLD)
+            return said.mission_type == kind and not late and not isinstance(said, _DOWNLOAD_ANSWERS)
 
         newest = await heard.first(counts, _SILENCE)
         while newest is not None and not isinstance(newest, MissionAck):
@@ -173,7 +173,7 @@ class Plans:
             if later is None:
                 break
             newest = later
-        return None if isinstance(newest, _TOLD) else newest
+        return None if isinstance(newest, _DOWNLOAD_ANSWERS) else newest
 
     async def _count(self, kind: PlanType, heard: ReceivedMessages[_Said]) -> int:
         """Return the number of items; after an aborted upload ArduPilot first refuses to send it."""

@@ -8,7 +8,7 @@ from fleet import GeoPoint, NotReady, Unsupported
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.vehicle import Vehicle, lacking_of
+from fleet_mavlink.vehicle import Vehicle, missing_commands
 from fleet_mavlink.vehicle import not_moved as not_moved_words
 
 _SLOW = 0.5  # m/s; slower counts as standing
@@ -81,7 +81,7 @@ def not_moved(vehicle: Vehicle) -> Unsupported:
 
 def require_has(vehicle: Vehicle, name: str) -> None:
     """Raise Unsupported for a command that this vehicle lacks."""
-    if reason := lacking_of(vehicle.state).get(name):
+    if reason := missing_commands(vehicle.state).get(name):
         raise Unsupported(reason)
 
 

@@ -71,7 +71,7 @@ class Px4(Px4Kind, Flavour):
             z=to.altitude,
         )
 
-    def after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002
+    def command_after_go(self, speed: float, state: VehicleState) -> CommandLong | None:  # noqa: ARG002
         """Return None: the go command has the speed."""
         return None
 

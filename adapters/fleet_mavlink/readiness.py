@@ -23,7 +23,7 @@ _SAID_FOR = 35.0  # s; ArduPilot repeats what is wrong every 30 s
 _REASONS = ("arm", "prearm", "preflight")  # with which an autopilot begins what keeps it from arming
 _FOUND, _REFUSED = "prearm: ", "arm: "  # how ArduPilot begins what its checks find, and why it does not arm
 _OF_THE_MODE = ("mode not armable", "AUTO missing takeoff waypoint")  # the latter of a QuadPlane after a plan
-_NEED_NOT_BE_TOLD = frozenset({"satellites", "battery"})
+_MAY_BE_UNKNOWN = frozenset({"satellites", "battery"})
 _WORDS_WITHIN = 0.5  # s after the checks were asked for
 _BIT_WITHIN = 1.5  # s in which SYS_STATUS comes, once a second
 
@@ -149,7 +149,7 @@ def _standing(sentences: Iterable[Sentence], asked: float, now: float) -> tuple[
 
 def is_ready(found: Iterable[ReadinessCheck]) -> bool:
     """Return True when nothing prevents a take-off; satellites and battery may be unknown."""
-    return all(check.ok or (check.ok is None and check.check in _NEED_NOT_BE_TOLD) for check in found)
+    return all(check.ok or (check.ok is None and check.check in _MAY_BE_UNKNOWN) for check in found)
 
 
 async def inspect(flight: Flight) -> list[ReadinessCheck]:

@@ -114,7 +114,7 @@ class RemoteId:
         self._unix = unix
         vehicle.needs_remote_id = config is not None
 
-    async def keep(self) -> None:
+    async def run(self) -> None:
         """Send it, until cancelled."""
         count = 0
         while True:

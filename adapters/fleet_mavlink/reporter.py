@@ -66,7 +66,7 @@ class Reporter:
             self._every(1 / rates.imu, self._imu)
         if rates.motors:
             self._every(1 / rates.motors, self._joints)
-        self._robot.every(_CHANGES, self._tell_changes)
+        self._robot.every(_CHANGES, self._report_changes)
 
     def battery(self) -> bool:
         """Report the battery now; False while it is unknown."""
@@ -116,16 +116,16 @@ class Reporter:
 
         self._robot.every(seconds, tell)
 
-    def _tell_changes(self) -> None:
+    def _report_changes(self) -> None:
         """Report changed states at once, unchanged ones periodically."""
         kind = self._vehicle.kind
         if kind is None:
             return
-        self._tell_controller(kind)
+        self._report_controller(kind)
         if self._vehicle.connected:
-            self._tell_state(kind)
+            self._report_state(kind)
 
-    def _tell_controller(self, kind: VehicleKind) -> None:
+    def _report_controller(self, kind: VehicleKind) -> None:
         """Report the flight controller's state, also its loss."""
         report = reports.flight_controller_report(
             self._vehicle.state,
@@ -141,7 +141,7 @@ class Reporter:
         self._controller, self._controller_at = report, now
         self._robot.report(report)
 
-    def _tell_state(self, kind: VehicleKind) -> None:
+    def _report_state(self, kind: VehicleKind) -> None:
         """Report the vehicle's state for the telemetry topic; a changed altitude alone is not a change."""
         now = self._vehicle.now()
         report = reports.vehicle_state_report(self._vehicle.state, kind, now, self._robot.clock.time())

@@ -45,14 +45,14 @@ from fleet_mavlink.steering import SteeringSettings
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.turns import Superseded
-from fleet_mavlink.vehicle import Vehicle, circle_of, lacking_of
+from fleet_mavlink.vehicle import Vehicle, circle_of, missing_commands
 from fleet_mavlink.vehicle_health import VehicleHealth
 from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
 from fleet_mavlink.wing_settings import WingSettings
 
 GENTLE = "stop"  # the reason of a plain stop, which ends a burst of velocities
 _STANDS_WITHIN = 3.0  # s
-_KEY_TOLD = 3  # times; nothing answers
+_KEY_SENT = 3  # times; nothing answers
 _SIGNS_WITHIN = 2.0  # s
 _POLL_INTERVAL = 0.25  # s between looks at the vehicle's health
 
@@ -158,9 +158,9 @@ class VehicleSession:
             WingSettings(self.vehicle, self.parameters),
         )
         parts = self.streams, self.failsafes, EventKeeper(self.vehicle), *settings, remote_id
-        keepers = [part.keep() for part in parts]
+        keepers = [part.run() for part in parts]
         if self.fence:
-            keepers.append(self.fence.keep())
+            keepers.append(self.fence.run())
         work = [asyncio.ensure_future(each) for each in (*losses, *keepers)]
         try:
             done, _ = await asyncio.wait(work, return_when=asyncio.FIRST_COMPLETED)
@@ -257,7 +257,7 @@ class VehicleSession:
             raise Refused("there is no key", hint="give this robot a signing_key in fleet.yaml")
         if self.vehicle.state.armed:
             raise Refused("it is armed; a key is set up on the ground", hint="disarm first")
-        for _ in range(_KEY_TOLD):
+        for _ in range(_KEY_SENT):
             key, stamp = tuple(trust.signer.key), trust.signer.stamp()
             self.vehicle.send(SetupSigning(self.vehicle.system, AUTOPILOT, key, stamp))
             if await self.vehicle.until(lambda _: trust.signed, _SIGNS_WITHIN):
@@ -287,8 +287,8 @@ class VehicleSession:
     def _heartbeat(self) -> None:
         """Check whether somebody else changed the mode, and whether the vehicle is back."""
         vehicle = self.vehicle
-        self.health.see_cause()
-        lacking = lacking_of(vehicle.state)
+        self.health.find_failsafe_cause()
+        lacking = missing_commands(vehicle.state)
         if lacking != self._lacking:
             self._lacking = lacking
             self._robot.lacks(lacking)
@@ -302,15 +302,15 @@ class VehicleSession:
         self.commander.turns.supersede("somebody else has the vehicle")
         self.driver.end()
         if self.vehicle.state.failsafe and not self.health.cause.text:
-            self._spawn(self._tell_loss(reason))  # only the report waits for the reason
+            self._spawn(self._report_loss(reason))  # only the report waits for the reason
         else:
             self._robot.authority_lost(reason)
 
-    async def _tell_loss(self, reason: str) -> None:
+    async def _report_loss(self, reason: str) -> None:
         """Report a loss of authority, after waiting for the autopilot's reason."""
         while not self.health.cause.text and not self.health.cause.settled(self.vehicle.now()):
             await asyncio.sleep(_POLL_INTERVAL)
-            self.health.see_cause()
+            self.health.find_failsafe_cause()
         why = self.health.cause.text
         self.authority.cause = why
         self._robot.authority_lost(f"{reason} ({why})" if why else reason)

@@ -22,7 +22,7 @@ class SteeringSettings:
         self._vehicle = vehicle
         self._parameters = parameters
 
-    async def keep(self) -> None:
+    async def run(self) -> None:
         """Read the servo functions of a vehicle on the surface, again after each reboot, until cancelled."""
         vehicle = self._vehicle
         while True:

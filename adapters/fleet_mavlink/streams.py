@@ -79,7 +79,7 @@ class Streams:
         self._in_vain = 0
         self._refused: set[int] = set()
 
-    async def keep(self) -> None:
+    async def run(self) -> None:
         """Request and check periodically, until cancelled."""
         agreed = (0, 0)
         while True:

@@ -123,7 +123,7 @@ async def _joined(traffic: Traffic, config: MavlinkConfig, vehicle: Vehicle) -> 
         yield one
 
 
-async def tell_traffic(config: MavlinkConfig, robot: Robot, vehicle: Vehicle) -> None:
+async def report_traffic(config: MavlinkConfig, robot: Robot, vehicle: Vehicle) -> None:
     """Report a vehicle to the others until its attempt ends; report the others to it, if configured."""
     traffic = await robot.enter(robot.share("mavlink traffic", _open_traffic))
     own = await robot.enter(_joined(traffic, config, vehicle))

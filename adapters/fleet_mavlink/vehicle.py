@@ -93,7 +93,7 @@ class Vehicle:
     def what(self) -> str:
         """Type and autopilot, as text."""
         beat = self.state.heartbeat
-        return "not known yet" if beat is None else what_is(beat)
+        return "not known yet" if beat is None else vehicle_text(beat)
 
     @property
     def connected(self) -> bool:
@@ -243,7 +243,7 @@ class Vehicle:
         return True
 
 
-def what_is(heartbeat: Heartbeat) -> str:
+def vehicle_text(heartbeat: Heartbeat) -> str:
     """Return type and autopilot of a vehicle, as text."""
     return f"a {type_name(heartbeat.type)} on {kind_of(heartbeat).name}"
 
@@ -251,7 +251,7 @@ def what_is(heartbeat: Heartbeat) -> str:
 def not_moved(heartbeat: Heartbeat) -> str:
     """Return the text for a vehicle that is not moved here."""
     why = PX4_ROVER if heartbeat.autopilot == PX4 and heartbeat.type in ROVERS else ""
-    return f"it is {what_is(heartbeat)}, which is not moved here: it is watched, and stopped{why}"
+    return f"it is {vehicle_text(heartbeat)}, which is not moved here: it is watched, and stopped{why}"
 
 
 def circle_of(state: VehicleState) -> float:
@@ -264,7 +264,7 @@ def circle_of(state: VehicleState) -> float:
     return wings.reach(state) if isinstance(wings, Winged) else 0.0
 
 
-def lacking_of(state: VehicleState) -> Mapping[str, str]:
+def missing_commands(state: VehicleState) -> Mapping[str, str]:
     """Return the commands that a vehicle lacks, with reasons; none before its first heartbeat."""
     heartbeat = state.heartbeat
     if heartbeat is None:

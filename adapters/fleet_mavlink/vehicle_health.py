@@ -33,7 +33,7 @@ class VehicleHealth:
     def check(self) -> None:
         """Check the vehicle's timeouts, and report its health once it has had time to answer."""
         self._vehicle.tick()
-        self.see_cause()
+        self.find_failsafe_cause()
         never_heard = self._vehicle.state.heartbeat is None
         if never_heard and self._robot.clock.monotonic() - self._began < SILENCE:
             return
@@ -43,12 +43,12 @@ class VehicleHealth:
         """Report the health now."""
         self._robot.health(self._health())
 
-    def see_cause(self) -> None:
+    def find_failsafe_cause(self) -> None:
         """Look for the reason of a fail-safe in the autopilot's texts."""
         vehicle = self._vehicle
         if vehicle.kind is not None:
             mode = vehicle.kind.mode_of(vehicle.state)
-            self.cause.see(vehicle.state, mode, vehicle.sentences, vehicle.now())
+            self.cause.observe(vehicle.state, mode, vehicle.sentences, vehicle.now())
 
     def _health(self) -> Health:
         """Return the vehicle's health, with the cause."""

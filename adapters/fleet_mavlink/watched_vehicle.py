@@ -61,7 +61,7 @@ class WatchedVehicle:
         """Show a frame of the vehicle."""
         self._watcher.show(frame.raw)
 
-    def hear(self, frame: Frame) -> None:
+    def handle_frame(self, frame: Frame) -> None:
         """Pass a station's message on, or refuse it."""
         try:
             message = self._reader.decode(bytearray(frame.raw))
@@ -90,7 +90,7 @@ class WatchedVehicle:
             if arms(message):
                 self._authority.armed_by(who)
             return
-        self._authority.taken_by(who, kind.mode_of(state))
+        self._authority.lose_to(who, kind.mode_of(state))
 
     def _why_not(self, need: Need, frame: Frame, message: Any) -> str:
         """Return why a message is refused, empty if it is permitted."""

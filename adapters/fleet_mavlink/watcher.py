@@ -31,7 +31,7 @@ _A_SECOND, _BURST = 100.0, 200.0  # per second: messages accepted from a link
 class ShownVehicle(Protocol):
     """A vehicle that is shown to a station."""
 
-    def hear(self, frame: Frame) -> None:
+    def handle_frame(self, frame: Frame) -> None:
         """Process a message of a station; must not raise."""
 
 
@@ -146,7 +146,7 @@ class Watcher:
         system, _ = target_of(frame.raw)
         vehicle = self._vehicles.get(system)
         if vehicle is not None:
-            vehicle.hear(frame)
+            vehicle.handle_frame(frame)
         elif system:
             self._notices.add("an unknown vehicle", f"{self.url}: no vehicle {system} is shown here")
 

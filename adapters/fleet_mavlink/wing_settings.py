@@ -17,7 +17,7 @@ class WingSettings:
         self._vehicle = vehicle
         self._parameters = parameters
 
-    async def keep(self) -> None:
+    async def run(self) -> None:
         """Read the parameters of a vehicle with wings, again after each reboot, until cancelled."""
         vehicle = self._vehicle
         while True:

@@ -35,7 +35,7 @@ class Winged(Flavour):
         return (self.circle, *self.airspeeds)
 
     @property
-    def stays_at_home(self) -> bool:
+    def hovers_at_home(self) -> bool:
         """Whether its return home ends without a landing."""
         return not self.lands_here
 

@@ -165,7 +165,7 @@ class Board:
         restarted = step is not None and step.restarted
         if restarted:
             self._robot.log.warning("the board restarted")
-        if self.readiness.heard(at, restarted=restarted):
+        if self.readiness.record_feedback(at, restarted=restarted):
             self._set_up()
         if abs(self.observer.speed) < STANDS and abs(self.observer.yaw_rate) < STANDS_TURNING:
             self.stands.set()
@@ -197,7 +197,7 @@ class Board:
         """Write the poll and the motion that are due."""
         if self._profile.poll:
             self._ask(now, self._profile.poll, self.codec.poll)
-        elif self.readiness.unheard:
+        elif self.readiness.is_silent:
             self._ask(now, GREETING, self.codec.hello)
         self._motion.look()
 
@@ -223,7 +223,7 @@ class Board:
         spoiled, self._garbage = self.codec.garbage - self._garbage, self.codec.garbage
         if spoiled:
             errors.append({"code": "line", "message": f"{spoiled} pieces made no sense", "count": spoiled})
-        if self._slot.held_back:
-            count = self._slot.held_back
+        if self._slot.superseded:
+            count = self._slot.superseded
             errors.append({"code": "backlog", "message": f"{count} motions were replaced", "count": count})
         return tuple(errors)

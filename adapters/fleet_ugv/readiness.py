@@ -70,7 +70,7 @@ class Readiness:
         return _WHY.get(self.phase, "")
 
     @property
-    def unheard(self) -> bool:
+    def is_silent(self) -> bool:
         """True for a base that is silent, or has become so."""
         return self.phase in {BoardPhase.SILENT, BoardPhase.QUIET}
 
@@ -91,10 +91,10 @@ class Readiness:
         """Return True when the base was silent for too long."""
         return self.quiet_for(now) > LOST_AFTER
 
-    def heard(self, now: float, *, restarted: bool) -> bool:
+    def record_feedback(self, now: float, *, restarted: bool) -> bool:
         """Note a feedback; return True when the board must be set up now."""
         self._heard = now
-        if self.unheard or restarted:
+        if self.is_silent or restarted:
             self._tries = 0
             self._ask(now)
             return True

@@ -12,7 +12,7 @@ from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.constants import ARDUPILOT, PX4
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.vehicle import lacking_of
+from fleet_mavlink.vehicle import missing_commands
 from fleet_mavlink.vocabulary import VERBS
 
 TARGET = pathlib.Path(__file__).with_name("vehicles.md")
@@ -57,7 +57,7 @@ def names() -> list[str]:
 
 def render() -> str:
     """Return the whole table."""
-    lacking = {name: lacking_of(state) for name, state in VEHICLES.items()}
+    lacking = {name: missing_commands(state) for name, state in VEHICLES.items()}
     reasons: dict[str, int] = {}
     rows = []
     for name in names():

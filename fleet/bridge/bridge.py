@@ -106,7 +106,7 @@ class Bridge:
             send=self.publisher.answer,
             put=put,
             own={
-                "edge_health": lambda topic, message: self._conflicts.heard(
+                "edge_health": lambda topic, message: self._conflicts.handle_heartbeat(
                     topic.twin, read_heartbeat(message.payload)
                 ),
                 "ping:request": self._handle_ping,
@@ -201,7 +201,7 @@ class Bridge:
         self.client.resubscribe(subscriptions(self._topics, self._rules))
         self.client.flush_queued()
 
-    def heard(self, samples: Iterable[tuple[str, bytes]]) -> None:
+    def handle_samples(self, samples: Iterable[tuple[str, bytes]]) -> None:
         """Handle samples of other programs on the bus, by key; on the bus thread. Events are sent at once."""
         for key, sample in samples:
             self.uplink.arrived(key, sample)
@@ -282,7 +282,7 @@ class Bridge:
 
     def _handle_pong(self, _topic: Topic, message: CloudMessage) -> None:
         """Handle the pong of the cloud."""
-        self.round_trip.heard(message.payload)
+        self.round_trip.handle_pong(message.payload)
 
     def _report_gap(self, gap: Gap) -> None:
         """Report on the telemetry of a twin that messages of a topic were lost."""

@@ -35,9 +35,9 @@ class OwnedStreams:
 
     def listen(self, subscribe: Callable[[str, Callable[[str, bytes], None]], object]) -> None:
         """Subscribe to the stream reports of programs with ``subscribe``."""
-        subscribe(f"cw/*/data/{CHANNEL}/*", self.heard)
+        subscribe(f"cw/*/data/{CHANNEL}/*", self.handle_report)
 
-    def heard(self, key: str, sample: bytes) -> None:
+    def handle_report(self, key: str, sample: bytes) -> None:
         """Handle a program's report of one stream; an empty sample ends it. Other twins are ignored."""
         parsed = parse_data_key(key)
         if parsed is None or parsed.sensor is None or parsed.twin not in self._streams:

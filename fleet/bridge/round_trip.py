@@ -43,7 +43,7 @@ class RoundTrip:
         self._sent = now
         self._send()
 
-    def heard(self, payload: bytes) -> None:
+    def handle_pong(self, payload: bytes) -> None:
         """Handle a pong; raises WireError if malformed. Pongs of other edges say nothing about the cloud."""
         if is_clouds_pong(payload) and self._sent is not None:
             self.seconds = self._clock.monotonic() - self._sent

@@ -37,13 +37,13 @@ class TwinConflictMonitor:
         self._seen: dict[tuple[str, str], float] = {}  # time of the last heartbeat, by (twin, edge)
         self._holders: dict[str, str] = {}
 
-    def heard(self, twin: str, beat: EdgeHeartbeat) -> None:
+    def handle_heartbeat(self, twin: str, beat: EdgeHeartbeat) -> None:
         """Handle the heartbeat of an edge on one of our twins."""
         if beat.edge in self._ignored or beat.session == self._session:
             return
         now = self._clock.monotonic()
         own = EdgeHeartbeat(self._edge, self._session, now - self._began)
-        if not beat.comes_before(own):
+        if not beat.is_older_than(own):
             return
         claim = (twin, beat.edge)
         last = self._seen.get(claim, float("-inf"))

@@ -23,8 +23,8 @@ from fleet.model.report import Report
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.wire.databus import decode_report, unread_fields
 from fleet.wire.documents import document_out
-from fleet.wire.events import CLOUD_EVENTS, is_of_the_fleet, unproven
-from fleet.wire.parts import ends_every_stream, part_of
+from fleet.wire.events import CLOUD_EVENTS, is_fleet_event, unproven
+from fleet.wire.parts import is_telemetry_end, part_of
 from fleet.wire.reports import to_mqtt
 from fleet.wire.rules import TopicRule
 from fleet.wire.topics import Topics, data_key, parse_data_key
@@ -112,7 +112,7 @@ class Uplink:
                 _report_unread(outbound, sample, self.refusals)
         if outbound is None:
             return
-        if outbound.ours and (not outbound.shared or is_of_the_fleet(sample, outbound.channel)):
+        if outbound.ours and (not outbound.shared or is_fleet_event(sample, outbound.channel)):
             line = "refused %s of %s from the bus: its robot runs in this process and reports it itself"
             self.refusals.add("forged", line, outbound.channel, outbound.twin)
             return
@@ -197,7 +197,7 @@ class Uplink:
     def _part(self, outbound: OutboundChannel, sample: Report | bytes) -> tuple[OutboundChannel, Report]:
         """Return channel and report of one part of a channel with several states; raises WireError."""
         report = decode_report(outbound.channel, sample) if isinstance(sample, bytes) else sample
-        if ends_every_stream(report) and outbound.twin in self.streaming:
+        if is_telemetry_end(report) and outbound.twin in self.streaming:
             raise WireError("a program here has streams of this twin, which it would close; name a sensor")
         return outbound.part(part_of(report)), report
 
@@ -205,7 +205,7 @@ class Uplink:
         """Send an event of the fleet unless it is suppressed; False for an event of another program."""
         heard = sample if isinstance(sample, bytes) else None
         if isinstance(sample, bytes):
-            if not is_of_the_fleet(sample, outbound.channel):
+            if not is_fleet_event(sample, outbound.channel):
                 return False
             try:
                 sample = decode_report(outbound.channel, sample)
@@ -347,7 +347,7 @@ def _report_unread(outbound: OutboundChannel, sample: bytes, refusals: RateLimit
 
 def _translated(outbound: OutboundChannel, sample: Report | bytes, session: str) -> list[tuple[str, bytes]]:
     """Return suffix and payload of each message for a sample; raises WireError."""
-    if outbound.document and isinstance(sample, bytes) and not is_of_the_fleet(sample, outbound.channel):
+    if outbound.document and isinstance(sample, bytes) and not is_fleet_event(sample, outbound.channel):
         suffix, source_type = outbound.suffix, outbound.info.source_type
         return [(suffix, document_out(suffix, sample, source_type=source_type, session=session))]
     report = unproven(decode_report(outbound.channel, sample)) if isinstance(sample, bytes) else sample

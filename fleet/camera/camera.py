@@ -6,7 +6,7 @@ import asyncio
 import threading
 from collections.abc import Generator
 
-from fleet.camera.picture import TIMEOUT, Picture, take_picture, taken
+from fleet.camera.picture import TIMEOUT, Picture, take_in_thread, take_picture
 from fleet.camera.v4l2 import frames
 
 
@@ -21,7 +21,7 @@ class Camera:
     async def picture(self) -> Picture:
         """Return the next picture; raises like ``take_picture``."""
         if self.source.startswith("v4l2:"):
-            return await taken(self._next, self.source)
+            return await take_in_thread(self._next, self.source)
         return await take_picture(self.source)
 
     async def close(self) -> None:

@@ -55,10 +55,10 @@ async def take_picture(source: str) -> Picture:
     Raises Refused with the reason, TimedOut when the camera does not answer.
     """
     kind, _, rest = source.partition(":")
-    return await taken(partial(_SOURCES[kind], rest, source), source)
+    return await take_in_thread(partial(_SOURCES[kind], rest, source), source)
 
 
-async def taken(read: Callable[[], bytes], source: str) -> Picture:
+async def take_in_thread(read: Callable[[], bytes], source: str) -> Picture:
     """Run ``read`` in a thread and return its picture; raises like ``take_picture``."""
     try:
         async with asyncio.timeout(TIMEOUT + 1.0):
@@ -82,8 +82,8 @@ def _from_file(path: str, _source: str) -> bytes:
 def _from_url(_rest: str, source: str) -> bytes:
     """Return the response body of a snapshot URL."""
     with urllib.request.urlopen(source, timeout=TIMEOUT) as answer:  # noqa: S310 - http(s), from fleet.yaml
-        taken: bytes = answer.read(LARGEST + 1)
-    return taken
+        take_in_thread: bytes = answer.read(LARGEST + 1)
+    return take_in_thread
 
 
 def _from_device(path: str, _source: str) -> bytes:

@@ -107,7 +107,7 @@ def install(out: Output, bundle: Path, *, folder: Path) -> ExitCode:
             raise BundleError(f"{bundle} is for {', '.join(found.edges)}, not for edge {settings.edge}")
         installation.stage(found, address)
         LocalEdge(settings.edge, installation.file_in_use).check(installation.folder_of(address), None)
-        installation.keep(AgentRecord(address, found.version, address, placed=time.time()))
+        installation.save_record(AgentRecord(address, found.version, address, placed=time.time()))
         installation.activate(address)
     finally:
         installation.release()

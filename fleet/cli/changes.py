@@ -90,7 +90,7 @@ def apply(
     file = files[0] if files else "fleet.yaml"
     edge = load(file).config.edge.id
     asked = ChangesAsked("apply", force, local_user(), str(Path(file).resolve()))
-    with _told_to_wait(out, edge):
+    with _report_waiting(out, edge):
         answer = ask_changes(edge, file, asked)
     if answer is None:
         raise NotRunning(f"edge {edge} does not run; fleet run {file} starts it with this file")
@@ -99,7 +99,7 @@ def apply(
 
 
 @contextlib.contextmanager
-def _told_to_wait(out: Output, edge: str) -> Iterator[None]:
+def _report_waiting(out: Output, edge: str) -> Iterator[None]:
     """Print a note if the edge does not answer soon."""
     timer = threading.Timer(SOON, out.note, [f"waiting for edge {edge}: {TAKES}"])
     timer.daemon = True

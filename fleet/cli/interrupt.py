@@ -12,7 +12,7 @@ import _signal  # type: ignore[import-not-found]  # the C part of ``signal``; ty
 INTERRUPTED = 130  # as in shells: 128 plus the number of SIGINT
 
 
-def end_at_once() -> bool:
+def end_on_interrupt() -> bool:
     """Let Ctrl-C end the process, if it would raise KeyboardInterrupt; return True if changed.
 
     A process that ignores it (nohup, a background job), or that has a handler of its own, stays as it is.
@@ -26,7 +26,7 @@ def end_at_once() -> bool:
     return True
 
 
-def raise_from_now_on() -> None:
+def restore_interrupt() -> None:
     """Restore KeyboardInterrupt for Ctrl-C."""
     if _signal.getsignal(_signal.SIGINT) == _signal.SIG_DFL:
         _signal.signal(_signal.SIGINT, _signal.default_int_handler)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import click
 
 from fleet.cli.adapter_commands import adapter_commands, load_command, package_of
-from fleet.cli.interrupt import end_at_once, raise_from_now_on
+from fleet.cli.interrupt import end_on_interrupt, restore_interrupt
 from fleet.cli.output import ExitCode, exit_code_of, show_error
 from fleet.config.text import nearest
 from fleet.errors import FleetError
@@ -116,7 +116,7 @@ class LazyGroup(click.Group):
         point = None if found else adapter_commands().get(cmd_name)
         if not found and point is None:
             return None
-        interruptible = end_at_once()
+        interruptible = end_on_interrupt()
         try:
             if point is not None:
                 return load_command(point)
@@ -125,7 +125,7 @@ class LazyGroup(click.Group):
             return command
         finally:
             if interruptible:
-                raise_from_now_on()
+                restore_interrupt()
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -159,7 +159,7 @@ def fleet() -> None:
     """
 
 
-def _tell_programs(arguments: Sequence[str], error: FleetError | str, code: int) -> None:
+def _write_error_json(arguments: Sequence[str], error: FleetError | str, code: int) -> None:
     """Write an error as one line of JSON to stdout, if --json was given."""
     if "--json" not in arguments:
         return
@@ -181,18 +181,18 @@ def main(arguments: Sequence[str]) -> int:
         return ExitCode.INTERRUPTED
     except click.ClickException as error:
         error.show()
-        _tell_programs(arguments, error.format_message(), error.exit_code)
+        _write_error_json(arguments, error.format_message(), error.exit_code)
         return error.exit_code
     except FleetError as error:
         show_error(error)
-        _tell_programs(arguments, error, exit_code_of(error))
+        _write_error_json(arguments, error, exit_code_of(error))
         return exit_code_of(error)
     except OSError as error:  # the reader of our output is gone (as with head), or its disk is full
         if not isinstance(error, BrokenPipeError):
             log.debug("the command failed", exc_info=True)
             sys.stderr.write(f"fleet: {error}\n")
             with contextlib.suppress(OSError):
-                _tell_programs(arguments, str(error), ExitCode.RUNTIME_ERROR)
+                _write_error_json(arguments, str(error), ExitCode.RUNTIME_ERROR)
         with contextlib.suppress(OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitCode.RUNTIME_ERROR

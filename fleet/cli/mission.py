@@ -15,7 +15,7 @@ from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, show_error, with_output
 from fleet.cli.rehearsals import follow_rehearsal
 from fleet.cli.runs import follow, run_lines
-from fleet.cli.send import pair
+from fleet.cli.send import parse_argument
 from fleet.client import mission_requests
 from fleet.client.edges import Edges
 from fleet.client.local_user import local_user
@@ -145,7 +145,7 @@ def run(
 
     For example:  fleet mission run survey.plan --robot kestrel
     """
-    given = dict(pair(each) for each in inputs)
+    given = dict(parse_argument(each) for each in inputs)
     _require_a_pilot(what, robots)
 
     def show(roles: Mapping[str, Sequence[str]]) -> None:
@@ -180,7 +180,7 @@ def rehearse(
     name, sent = mission_named(what)
     with Edges.reach(file) as edges:
         chosen = _chosen(robots, what)
-        given = dict(pair(each) for each in inputs)
+        given = dict(parse_argument(each) for each in inputs)
         ask = StartAsk(mission=sent, inputs=given, robots=chosen, session_id=local_user())
         again = " ".join(["fleet mission run", what, *inputs, *(f"--robot {robot}" for robot in robots)])
         return follow_rehearsal(out, edges, edge_of(edges, name, chosen, sent), name, ask, again)

@@ -22,7 +22,7 @@ from fleet.model.state import RobotState
 RECEIPT_WITHIN = 15.0  # s
 
 
-def pair(text: str) -> tuple[str, object]:
+def parse_argument(text: str) -> tuple[str, object]:
     """Parse a  key=value  argument; the value is JSON if possible, else text."""
     name, equals, value = text.partition("=")
     if not name or not equals:
@@ -35,7 +35,7 @@ def pair(text: str) -> tuple[str, object]:
 
 def _data(pairs: tuple[str, ...]) -> dict[str, object]:
     """Return a command's data; a repeated key is an error that must not move a robot."""
-    data = dict(pair(each) for each in pairs)
+    data = dict(parse_argument(each) for each in pairs)
     if len(data) != len(pairs):
         raise click.BadParameter("a key is given twice")
     return data

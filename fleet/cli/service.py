@@ -117,12 +117,12 @@ def status(out: Output, file: Path) -> ExitCode:
         raise NotRunning(f"edge {edge} is not installed as a service; fleet service install {file}")
     shown = [(units[0], found), *([(units[1], agent)] if has_agent else [])]
     for unit, values in shown:
-        _tell_status(out, unit, values)
+        _write_status(out, unit, values)
     runs = all(values.get("ActiveState") == "active" for _, values in shown)
     return ExitCode.OK if runs else ExitCode.NOT_RUNNING
 
 
-def _tell_status(out: Output, unit: str, values: Mapping[str, str]) -> None:
+def _write_status(out: Output, unit: str, values: Mapping[str, str]) -> None:
     """Show systemd's properties of a unit."""
     since = values.get("ActiveEnterTimestamp") or "never"
     state = f"{values.get('ActiveState', 'unknown')} ({values.get('SubState', 'unknown')})"

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import msgspec
 
-from fleet.cli.interrupt import end_at_once, raise_from_now_on
+from fleet.cli.interrupt import end_on_interrupt, restore_interrupt
 from fleet.cli.output import Output, counted, with_output
 from fleet.config.load import sections_of
 from fleet.spool import inspection
@@ -88,13 +88,13 @@ def _confirmed(ctx: click.Context, _: click.Parameter, value: bool) -> None:  # 
     Python's own handler only sets a flag: a signal just before the blocking read of the answer would have no
     effect until the next key.
     """
-    ends = end_at_once()
+    ends = end_on_interrupt()
     try:
         if not value and not click.confirm("Delete all that waits for the cloud?"):
             ctx.abort()
     finally:
         if ends:
-            raise_from_now_on()
+            restore_interrupt()
 
 
 @spool.command()

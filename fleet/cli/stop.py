@@ -120,7 +120,7 @@ class StopEffort:
             if attempt.bus_session is not None:
                 attempt.bus_session.close()
 
-    def try_here(self) -> None:
+    def stop_local_edges(self) -> None:
         """Begin to stop every edge that runs on this computer."""
         for directory in runtime_dirs():
             self._supervisors.append(Supervisors(directory, self._asked))
@@ -215,7 +215,7 @@ def stop(
     if bool(robots) == everything:
         raise click.UsageError("name the robots to stop, or --all")
     with StopEffort(robots, reason) as effort:
-        effort.try_here()
+        effort.stop_local_edges()
         if file is not None:
             effort.try_file(file)
         hit = effort.end()

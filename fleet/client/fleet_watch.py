@@ -25,7 +25,7 @@ MOST = 20_000
 SURE_AFTER = 0.3
 """Seconds from the loss of a token until its edge counts as gone: our own link may have failed."""
 KEEP_EVERY = 60.0  # s between writes of the list of seen edges
-REFUSALS_TOLD = 3
+REFUSALS_SHOWN = 3
 
 
 class FleetWatch:
@@ -70,7 +70,7 @@ class FleetWatch:
                 self._seen_at = now
                 self._end_expired_tokens(now)
             found = sorted(self._edges.values(), key=lambda edge: edge.edge)
-            refused = [f"edge {edge}: {why}" for edge, why in list(self._refused.items())[:REFUSALS_TOLD]]
+            refused = [f"edge {edge}: {why}" for edge, why in list(self._refused.items())[:REFUSALS_SHOWN]]
         if self._link is not None:
             self.problems = [*self._link.unreached, *self._register_problems, *refused]
         if self._clock.monotonic() >= self._save_at:
@@ -218,7 +218,7 @@ class FleetWatch:
                     if not self._edges[name].alive:
                         del self._edges[name]
                 seen = [self._as_saved(edge) for edge in self._edges.values()]
-            self._register.keep(seen)
+            self._register.save(seen)
             self._saved = {edge.edge for edge in seen}
         except StateError as error:
             self._register_problems = [str(error)]

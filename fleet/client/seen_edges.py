@@ -40,7 +40,7 @@ class SeenEdges:
         """Return the edges as last written; raises StateError for an unreadable file."""
         return self._buses().get(self._bus, {})
 
-    def keep(self, edges: Iterable[SeenEdge]) -> None:
+    def save(self, edges: Iterable[SeenEdge]) -> None:
         """Write the newest views of edges; other edges are kept. Raises StateError."""
         found = {edge.edge: edge for edge in edges}
         self._change(lambda known: known | found)

@@ -90,7 +90,7 @@ class BrokerSocket:
         if not self._unsent:
             self._loop.remove_writer(self._socket.fileno())
 
-    def shut(self) -> None:
+    def close_write(self) -> None:
         """Close the sending side; buffered data is lost."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)

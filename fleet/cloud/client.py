@@ -26,7 +26,7 @@ from fleet.cloud.reconnect_backoff import Backoff
 from fleet.cloud.topics import check_apart, check_topic
 from fleet.cloud.values import CloudMessage, CloudSettings, CloudState, CloudStats
 from fleet.errors import CloudError
-from fleet.runtime.exception_barrier import contained, guarded
+from fleet.runtime.exception_barrier import guarded, log_exceptions
 from fleet.spool.message import Outgoing
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import Spool, SpoolSettings
@@ -313,7 +313,7 @@ class CloudClient:
         """Periodic work: detect dead links, drop expired messages."""
         while True:
             await asyncio.sleep(self._connection.watch_interval if self._connection else 1.0)
-            tried = contained(logger, "watching the cloud connection failed")
+            tried = log_exceptions(logger, "watching the cloud connection failed")
             if self._connection:
                 tried(self._connection.watch)()
             if self.state is CloudState.CONNECTED and self._session is not None:  # may refuse filters later

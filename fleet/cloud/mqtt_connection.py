@@ -125,7 +125,7 @@ class MqttConnection:
         """
         with self._lock:
             waiting = self._failure is None and self._stream.waiting()
-            owing = self._failure is None and self._session.owes
+            owing = self._failure is None and self._session.owes_reply
             stuck = self._seen == self._reads
             neglected = waiting and stuck
             if neglected:
@@ -280,7 +280,7 @@ class MqttConnection:
         with self._lock:
             self._write(encode(mqtt5.DisconnectPacket(), self._protocol))
             self._end(CloudError("closed"))
-            self._stream.shut()
+            self._stream.close_write()
         await asyncio.wait([self.gone], timeout=patience)
         with self._lock:
             self._stream.close(reset=True)

@@ -105,10 +105,10 @@ class MqttSession:
     @property
     def answers(self) -> bool:
         """True when the broker is owed an answer, or has acknowledged messages, so that more may be sent."""
-        return self.owes or self._window.answered
+        return self.owes_reply or self._window.answered
 
     @property
-    def owes(self) -> bool:
+    def owes_reply(self) -> bool:
         """True when the broker is owed an answer."""
         return bool(self._replies)
 

@@ -79,7 +79,7 @@ class OutboundQueue:
 
     def go_offline(self, unanswered: Iterable[Outgoing]) -> None:
         """Take back the unacknowledged messages, oldest first; drop QoS 0 and refuse new ones."""
-        self.spool.put_back(unanswered)
+        self.spool.requeue(unanswered)
         self.spool.go_offline()
         self._drop_qos0()
 

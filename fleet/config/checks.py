@@ -9,9 +9,9 @@ from pathlib import Path
 from fleet.config.endpoints import (
     LONGEST_LISTENING_PATH,
     Proof,
-    carried_in_the_open,
     connecting_danger,
     folder_of,
+    is_unencrypted,
     listening_danger,
     scouting_danger,
     shared_folder_danger,
@@ -24,7 +24,7 @@ from fleet.config.text import nearest
 from fleet.config.yaml import Document
 from fleet.robot_config import MAIN, AdapterConfig
 
-MOST_TOLD = 5
+MOST_NAMED = 5
 """Number of robots up to which a warning is repeated for each; beyond it, one warning covers all."""
 _LINK = "way to the robot"
 _APART = {
@@ -120,7 +120,7 @@ def warn_of_places(
 def _warn_of_unplaced(unplaced: Sequence[int], document: Document) -> None:
     """Warn of each robot that cannot be placed, or once for many: a file may have a thousand."""
     hint = "start: [metres east, metres north, heading in radians], from the site's origin"
-    named = unplaced if len(unplaced) <= MOST_TOLD else unplaced[:1]
+    named = unplaced if len(unplaced) <= MOST_NAMED else unplaced[:1]
     others = len(unplaced) - len(named)
     whose = f"it and {others} other robots" if others else "it"
     for index in named:
@@ -270,7 +270,7 @@ def check_bus(bus: BusConfig, document: Document) -> None:
                 wrong = socket_too_long(end, LONGEST_LISTENING_PATH)
             if wrong:
                 document.report(mark, wrong)
-            elif carried_in_the_open(end) and bus.insecure is not True:
+            elif is_unencrypted(end) and bus.insecure is not True:
                 message = "the password is required, but the traffic can be read and changed on the network"
                 document.warn(mark, message, "use a tls/ endpoint with tls:")
     if tls is not None and bus.listen and bus.access is None:

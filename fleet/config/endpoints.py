@@ -131,7 +131,7 @@ def shared_folder_danger(endpoint: str, proof: Proof, insecure: Insecure) -> str
     )
 
 
-def carried_in_the_open(endpoint: str) -> bool:
+def is_unencrypted(endpoint: str) -> bool:
     """Return True if the traffic of an endpoint can be read and changed on the network."""
     return not is_encrypted(endpoint) and _reach(endpoint) == "network"
 

@@ -15,7 +15,7 @@ _ONE_END = ("on_failure", "on_abort", "on_restart")
 """Settings of a whole run, which has one end: those of the outermost mission apply."""
 
 
-def carried(mission: MissionConfig, at: Path) -> Iterator[tuple[str, ActConfig, Path]]:
+def inner_mission_steps(mission: MissionConfig, at: Path) -> Iterator[tuple[str, ActConfig, Path]]:
     """Yield role, act and path of each step that executes another mission."""
     for step, where in all_steps(mission.steps, (*at, "steps")):
         if step.mission is not None:
@@ -53,7 +53,7 @@ class InnerCheck:
 
     def all(self, at: Path, given: Callable[[Path], Any]) -> None:
         """Check each step that executes a mission; ``given`` returns its inputs as written."""
-        for role, act, where in carried(self._config, at):
+        for role, act, where in inner_mission_steps(self._config, at):
             name, place = act.mission or "", (*where, "mission")
             cycle = self._cycle_from(name, (self._name,))
             inner = self._known.get(name)
@@ -76,7 +76,10 @@ class InnerCheck:
         found = self._known.get(name)
         if found is None or name in before:
             return ()
-        cycles = (self._cycle_from(act.mission or "", (*before, name)) for _, act, _ in carried(found, ()))
+        cycles = (
+            self._cycle_from(act.mission or "", (*before, name))
+            for _, act, _ in inner_mission_steps(found, ())
+        )
         return next((cycle for cycle in cycles if cycle), ())
 
     def _inputs(self, act: ActConfig, inner: MissionConfig, where: Path, given: Any) -> None:

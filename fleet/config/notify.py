@@ -11,7 +11,7 @@ from fleet.model.event import EventKind
 from fleet.robot_config import Name
 from fleet.yaml_model import Model, wrong
 
-TOLD = (
+DEFAULT_EVENTS = (
     EventKind.STOP,
     EventKind.EMERGENCY_STOP,
     EventKind.RELEASE,
@@ -33,7 +33,7 @@ class NotifyConfig(Model):
         (), description="A program and its arguments; each notice is JSON on its stdin. No shell."
     )
     events: tuple[EventKind, ...] = Field(
-        TOLD,
+        DEFAULT_EVENTS,
         description="Kinds of events, as `fleet history` names them; errors are always included.",
     )
     robots: tuple[Name, ...] = Field((), description="Only of these robots and groups. None: all.")

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from fleet.config.yaml import Document
 from fleet.model.geodesy import GeoOrigin, GeoPoint, geo_from_world, world_from_geo
 from fleet.model.geometry import Vector3
-from fleet.model.place import Place, PlaceFrame, PlaceKind, may_be, metric, point_of
+from fleet.model.place import Place, PlaceFrame, PlaceKind, is_allowed_point, metric, point_of
 from fleet.model.polygon import Point, polygon_contains
 from fleet.robot_config import AdapterConfig, Corners, FenceConfig, Name, Positive
 from fleet.runtime.decoding import convert_strictly
@@ -144,4 +144,4 @@ def _within(fence: FenceConfig, point: Point, around: GeoOrigin | None) -> bool:
     if around is not None:
         inclusion = tuple(metric(polygon, around) for polygon in inclusion)
         exclusion = tuple(metric(polygon, around) for polygon in exclusion)
-    return may_be(point, inclusion, exclusion)
+    return is_allowed_point(point, inclusion, exclusion)

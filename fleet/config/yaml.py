@@ -75,7 +75,7 @@ class Document(msgspec.Struct):
         for step, part in _parts_of(value):
             self.copy_places((*source, step), (*target, step), part)
 
-    def spoil(self, path: Path, mark: Mark, message: str, hint: str = "") -> None:
+    def report_unreadable(self, path: Path, mark: Mark, message: str, hint: str = "") -> None:
         """Report an unreadable value."""
         self.spoiled.add(path)
         self.report(mark, message, hint)
@@ -143,10 +143,12 @@ class _Reader:
             text = decoded(_bytes_of(path))
         except OSError as error:
             hint = "" if where else self._if_missing
-            return self.document.spoil(where, asked_at, f"cannot read {shown}: {error.strerror}", hint)
+            return self.document.report_unreadable(
+                where, asked_at, f"cannot read {shown}: {error.strerror}", hint
+            )
         except BadYaml as error:
             mark = Mark(shown, error.line, error.column, where)
-            return self.document.spoil(where, mark, str(error), error.hint)
+            return self.document.report_unreadable(where, mark, str(error), error.hint)
         self._open_files.append(path.resolve())
         try:
             return self.text(text, shown, where)
@@ -160,7 +162,7 @@ class _Reader:
             node = compose(text)
         except BadYaml as error:
             mark = Mark(shown, error.line, error.column, where)
-            return self.document.spoil(where, mark, str(error), error.hint)
+            return self.document.report_unreadable(where, mark, str(error), error.hint)
         if node is None:
             self.document.marks[where] = Mark(shown, 1, 1, where)
             return None
@@ -172,7 +174,9 @@ class _Reader:
         self.document.marks[where] = mark
         self._count += 1
         if self._count == MAX_NODES:
-            self.document.spoil((), mark, f"more than {MAX_NODES} values: is an alias repeated too often?")
+            self.document.report_unreadable(
+                (), mark, f"more than {MAX_NODES} values: is an alias repeated too often?"
+            )
         if self._count >= MAX_NODES:
             return None
         if isinstance(node, yaml.ScalarNode):
@@ -181,7 +185,7 @@ class _Reader:
             return self._unknown_tag(node, where, mark)
         if id(node) in self._open_nodes or len(where) > MAX_DEPTH:
             reason = "an alias that contains itself" if id(node) in self._open_nodes else "nested too deeply"
-            return self.document.spoil(where, mark, reason)
+            return self.document.report_unreadable(where, mark, reason)
         self._open_nodes.append(id(node))
         try:
             if isinstance(node, yaml.MappingNode):
@@ -201,7 +205,7 @@ class _Reader:
             path = (*where, key.value)
             mark = _mark(key, file, path)
             if key.value == MERGE and not key.style:
-                self.document.spoil(where, mark, f"{MERGE} merges nothing in YAML 1.2", NO_MERGE)
+                self.document.report_unreadable(where, mark, f"{MERGE} merges nothing in YAML 1.2", NO_MERGE)
                 continue
             if key.value in data:
                 first = self.document.keys[path].line
@@ -224,14 +228,14 @@ class _Reader:
         try:
             text = expand(node.value, self._environ)
         except UndefinedVariable as error:
-            return self.document.spoil(where, mark, str(error), error.hint)
+            return self.document.report_unreadable(where, mark, str(error), error.hint)
         self.document.texts.add(where)
         return text
 
     def _unknown_tag(self, node: yaml.Node, where: Path, mark: Mark) -> None:
         """Report an unknown tag."""
         hint = nearest(node.tag, ("!include", "!secret")) or "only !include and !secret are known"
-        self.document.spoil(where, mark, f"the tag {node.tag} is not allowed", hint)
+        self.document.report_unreadable(where, mark, f"the tag {node.tag} is not allowed", hint)
 
     def _include(self, name: str, where: Path, mark: Mark) -> Any:
         """Return the content of an included file; one outside the first file's folder is refused."""
@@ -239,11 +243,13 @@ class _Reader:
         target = path.resolve()
         if not target.is_relative_to(self._folder):
             message = f"{name} is outside the folder of the configuration"
-            return self.document.spoil(where, mark, message, f"keep included files in {self._shown}/")
+            return self.document.report_unreadable(
+                where, mark, message, f"keep included files in {self._shown}/"
+            )
         if target.exists() and not target.is_file():  # opening a FIFO would block without end
-            return self.document.spoil(where, mark, f"{name} is no regular file")
+            return self.document.report_unreadable(where, mark, f"{name} is no regular file")
         if target in self._open_files:
-            return self.document.spoil(where, mark, f"{name} includes itself")
+            return self.document.report_unreadable(where, mark, f"{name} includes itself")
         return self.file(path, mark, where)
 
     def _secret(self, name: str, where: Path, mark: Mark) -> str | None:
@@ -254,14 +260,14 @@ class _Reader:
             if self._secrets is None:
                 self._secrets = _secrets_of(path)
         except OSError as error:
-            self.document.spoil(where, mark, f"cannot read {path}: {error.strerror}", hint)
+            self.document.report_unreadable(where, mark, f"cannot read {path}: {error.strerror}", hint)
             return None
         except BadYaml as error:
-            self.document.spoil(where, mark, f"{path}:{error.line}:{error.column}: {error}", hint)
+            self.document.report_unreadable(where, mark, f"{path}:{error.line}:{error.column}: {error}", hint)
             return None
         if name not in self._secrets:
             hint = nearest(name, self._secrets) or f"add the line  {name}: ...  to it"
-            self.document.spoil(where, mark, f"{path} has no {name!r}", hint)
+            self.document.report_unreadable(where, mark, f"{path} has no {name!r}", hint)
             return None
         self.document.texts.add(where)
         self.document.secrets.add(self._secrets[name])

@@ -81,7 +81,9 @@ class EdgeConnections:
 
     def _connection_changed(self, edge: str, problem: str | None) -> None:
         """Show whether an edge is joined, else why not."""
-        self._view.edge_is(edge, alive=problem is None, problem=problem or "", now=self._clock.monotonic())
+        self._view.set_edge_state(
+            edge, alive=problem is None, problem=problem or "", now=self._clock.monotonic()
+        )
 
     def _opened(self, _edge: str, bus: Bus) -> None:
         """Subscribe on an edge's bus, and query earlier publications; blocks."""

@@ -133,7 +133,7 @@ class FleetView:
             self._alive[state.edge] = True
             self._show_edge(state.edge, now)
 
-    def edge_is(self, edge: str, *, alive: bool, problem: str = "", now: float) -> None:
+    def set_edge_state(self, edge: str, *, alive: bool, problem: str = "", now: float) -> None:
         """Set whether an edge runs, and the reason if it is not reached."""
         self._alive[edge], self._problems[edge] = alive, problem
         self._show_edge(edge, now)

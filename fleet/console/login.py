@@ -73,7 +73,7 @@ class Login:
         right = await asyncio.to_thread(verify_password, person.password if person else None, password)
         if person is not None and right and self._people.knows(person):
             self._names.clear(name)
-            self._history.came_in(name, address)
+            self._history.logged_in(name, address)
             return self.sessions.begin(ConsoleUser(name, person.allowed), self._knows(person))
         now = self._clock.monotonic()
         wait = max(self._names.fail(name, now), self._addresses.fail(address_key(address), now))

@@ -34,9 +34,9 @@ class LoginHistory:
     def __init__(self, place: HistoryPlace, clock: Clock) -> None:
         self._history = History(Path(place.folder), clock, HistoryBounds(place.size, place.age))
         self._clock = clock
-        self._window, self._failed, self._untold = float("-inf"), 0, 0
+        self._window, self._failed, self._unrecorded = float("-inf"), 0, 0
 
-    def came_in(self, name: str, address: str) -> None:
+    def logged_in(self, name: str, address: str) -> None:
         """Record a successful login."""
         requester = Requester(Transport.LOCAL, name, proven=True)
         self._add(f"{name} logged in at the console, from {address}", Severity.INFO, requester, address)
@@ -48,12 +48,12 @@ class LoginHistory:
             self._window, self._failed = now, 0
         self._failed += 1
         if self._failed > FAILURES:
-            self._untold += 1
+            self._unrecorded += 1
             return
         whom = f"as {name}" if name else "with an unknown name"
         later = f"; the next try waits {wait:.0f} s" if wait else ""
-        more = f"; {self._untold} failures before were not written" if self._untold else ""
-        self._untold = 0
+        more = f"; {self._unrecorded} failures before were not written" if self._unrecorded else ""
+        self._unrecorded = 0
         requester = Requester(Transport.LOCAL, name)
         text = f"a login at the console {whom} failed, from {address}{later}{more}"
         self._add(text, Severity.WARNING, requester, address)

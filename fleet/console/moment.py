@@ -77,7 +77,7 @@ class _Shown:
         for edge, heard in self._heard.items():
             if self._at - heard > SILENT:
                 why = f"nothing of it was recorded for {self._at - heard:.0f} s"
-                self._view.edge_is(edge, alive=False, problem=why, now=heard)
+                self._view.set_edge_state(edge, alive=False, problem=why, now=heard)
         events = sorted(self._events, key=lambda event: -event.stamp)
         return {"entries": self._view.since(0), "events": [_shown_event(event) for event in events]}
 

@@ -73,7 +73,7 @@ class StopRecord:
         if found["acknowledged"] is None:
             found |= {"acknowledged": _ms(now - self.began), "way": transport, "outcome": "set"}
 
-    def see(self, robot: str, outcome: str, now: float) -> None:
+    def observe(self, robot: str, outcome: str, now: float) -> None:
         """Record the outcome of a robot's stop by its state."""
         found = self._robot(robot)
         found["outcome"] = outcome
@@ -223,7 +223,7 @@ class StopTracker:
             for robot, state in zip(pending, states, strict=True):
                 if state is not None:
                     seen = stop_outcome(state, first.setdefault(robot, state.stamp))
-                    record.see(robot, seen, now)
+                    record.observe(robot, seen, now)
                     self._view.take_state(state, now)
             self._view.take_stop(request, record.shown())
             await asyncio.sleep(POLL_INTERVAL)

@@ -27,7 +27,7 @@ class CauseParts(NamedTuple):
     why: str
 
 
-def parted(cause: str) -> CauseParts:
+def split_cause(cause: str) -> CauseParts:
     """Split a cause into link or worker (``serial:/dev/ttyUSB3``, ``worker arms``), and the rest."""
     found = _LINK.fullmatch(cause) or _WORKER.fullmatch(cause)
     return CauseParts(found[1], found[2]) if found else CauseParts("", cause)
@@ -77,7 +77,7 @@ def troubles_of(
     groups: dict[tuple[str, str, str], list[tuple[RobotState, CauseParts]]] = {}
     for state in states:
         if state.health != Level.OK.word:
-            part = _with_link(parted(state.cause), links.get(state.name, ""))
+            part = _with_link(split_cause(state.cause), links.get(state.name, ""))
             why = folded(without_name(part.why, state.name))
             key = (state.health, _DEVICE.sub("#", part.link), why)
             groups.setdefault(key, []).append((state, part))

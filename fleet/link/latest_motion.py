@@ -21,14 +21,14 @@ MotionFrames = tuple[bytes, ...]  # frames that belong together; each is one wri
 class LatestMotion:
     """Writer of one link. ``baud`` paces motion (0: no pacing); ``peer``: destination address (datagrams).
 
-    ``turn`` counts the stops. ``held_back`` counts motion that was replaced by newer motion before the line
+    ``turn`` counts the stops. ``superseded`` counts motion that was replaced by newer motion before the line
     was free.
     """
 
     def __init__(self, link: Link, clock: Clock, *, baud: int = 0) -> None:
         self.peer: Address = None
         self.turn = 0
-        self.held_back = 0
+        self.superseded = 0
         self._link = link
         self._clock = clock
         self._byte_time = BITS_A_BYTE / baud if baud else 0.0
@@ -46,7 +46,7 @@ class LatestMotion:
         with self._lock:
             if turn != self.turn:
                 return False
-            self.held_back += bool(self._waiting)
+            self.superseded += bool(self._waiting)
             self._waiting = () if at_once else motion
             if at_once:
                 self._write(motion)

@@ -71,10 +71,10 @@ class Engine:
             Replied: self._replied,
             RobotPrepared: lambda event: self.steps.prepared(event.robot, event.refusal),
             Occupied: self._occupied,
-            Enlisted: self.steps.enlisted,
+            Enlisted: self.steps.handle_spare_answer,
             NotStarted: self.steps.not_started,
             Facts: self._facts,
-            RobotEvent: lambda event: self.seen.heard(event.robot, event.event, self._now),
+            RobotEvent: lambda event: self.seen.record_event(event.robot, event.event, self._now),
             Left: self._left,
             PersonAnswer: self._answer,
             Pause: self.pausing.pause,
@@ -111,7 +111,7 @@ class Engine:
         if self.head.phase is Phase.NEW and self.program.occupies:
             self.steps.occupy()
         elif self.head.phase is Phase.NEW:
-            self.steps.go_on()
+            self.steps.run_until_wait()
 
     def _occupied(self, event: Occupied) -> None:
         """Begin the run, or record what it waits for; fail it when the wait has timed out."""
@@ -124,7 +124,7 @@ class Engine:
             self.robots.note(f"The run waits for {event.waits_for}")
         else:
             self.head.waits_for = ""
-            self.steps.go_on()
+            self.steps.run_until_wait()
 
     def _facts(self, event: Facts) -> None:
         """Update what is known of a robot; progress extends the time limits of its active parts."""
@@ -244,7 +244,7 @@ class Engine:
         elif within:
             self._ask_where_to_go_on()
         elif policy == "continue":
-            self.pausing.go_on_between()
+            self.pausing.continue_between_steps()
         elif self.head.question is None:
             self._pause_after_restart()
 

@@ -25,7 +25,7 @@ class RobotFacts:
         self._facts[facts.robot] = facts
         return before
 
-    def heard(self, robot: str, event: str, now: float) -> None:
+    def record_event(self, robot: str, event: str, now: float) -> None:
         """Store the time of an event."""
         self._events[robot, event] = now
 

@@ -14,7 +14,7 @@ from fleet.missions.plan import plan_needs
 from fleet.missions.program import Act, Do, Program, RoleNeed
 from fleet.missions.rehearsal import Point
 from fleet.missions.report import MissionState, StartAsk
-from fleet.missions.roles import RoleCandidate, conflicting_runs, filled, is_meant, spare_of, spares
+from fleet.missions.roles import RoleCandidate, conflicting_runs, filled, matches_role, spare_of, spares
 from fleet.missions.run import Run
 from fleet.missions.state import Member
 
@@ -91,7 +91,7 @@ class Filling:
         """Return the robots that match a mission's roles but fill none of them."""
         taken = {robot for robots in roles.values() for robot in robots}
         asked = mission.config.roles.values()
-        meant = {each.name for each in self._candidates() if any(is_meant(each, role) for role in asked)}
+        meant = {each.name for each in self._candidates() if any(matches_role(each, role) for role in asked)}
         return meant - taken
 
     def _free(self, run: str) -> list[RoleCandidate]:

@@ -39,7 +39,7 @@ class RequestedHolds:
         self.made += 1
         self._requests.append(_HoldRequest(holds, self._clock.monotonic() + ANSWERED_WITHIN))
 
-    def hear(self, made: int, callback: RefusalCallback) -> None:
+    def report_outcome(self, made: int, callback: RefusalCallback) -> None:
         """Report the outcome of the newest request, or at once if there is none after the first ``made``."""
         if self.made == made or not self._requests:
             callback("")

@@ -44,7 +44,7 @@ class InnerMissions:
                 return at, step
         return None
 
-    def leave_off(self, at: int, inner: Enter) -> None:
+    def skip_to_end(self, at: int, inner: Enter) -> None:
         """Go to the end of a failed mission; its robots are made safe before the run continues."""
         head = self._head
         for index, _ in self.under_way():

@@ -87,7 +87,7 @@ class RobotLosses:
         """Fail an inner mission: its robots have failed in the step that contains it."""
         why = f"mission {inner.mission} failed: {reason}"
         self._robots.note(f"The {why}", step=inner.id)
-        self._inner.leave_off(at, inner)
+        self._inner.skip_to_end(at, inner)
         for member in self._robots.within([inner.role]):
             self._robots.lose(member.robot, PartOutcome.FAILED, why, self.now)
             self._make_safe(member.robot, inner.failed_do)

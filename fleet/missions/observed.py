@@ -23,7 +23,7 @@ class RunMembership:
         """Record that a robot has joined; an older state, which a worker may still send, proves nothing."""
         self._joined[robot] = self._clock.monotonic()
 
-    def why_left(self, state: RobotState) -> tuple[PartOutcome, str] | None:
+    def leave_reason(self, state: RobotState) -> tuple[PartOutcome, str] | None:
         """Return how and why a robot has left the run; None while it is in it."""
         if state.emergency_stop:
             return PartOutcome.STOPPED, state.stop_cause or "its emergency stop is set"

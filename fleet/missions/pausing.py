@@ -71,15 +71,15 @@ class Pausing:
             self._robots.touched[part.identity] = part
         self._robots.note(f"{event.by or 'Somebody'} resumed the run", step=self._steps.name)
         self._hold(resumes=True)
-        self.go_on_between()
+        self.continue_between_steps()
         self._steps.check()
 
-    def go_on_between(self) -> None:
+    def continue_between_steps(self) -> None:
         """Continue between two steps, or before the first."""
         if self._head.phase is Phase.OCCUPYING:
             self._robots.effects.append(Occupy())
         elif self._head.phase in (Phase.NEW, Phase.FILLING, Phase.PREPARING):
-            self._steps.go_on()
+            self._steps.run_until_wait()
 
     def _hold(self, *, resumes: bool, without: str = "") -> None:
         """Pause or resume the pausable commands."""

@@ -119,7 +119,7 @@ def plan_in(data: bytes) -> dict[str, Any]:
     kinds: list[str] = []
     if document.get("fileType") == "Plan":
         try:
-            kinds = _made_for(document)
+            kinds = _checked_made_for(document)
             document = _converted(document)
         except (AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
             raise WireError(f"is no plan of QGroundControl: {type(error).__name__}: {error}") from None
@@ -159,7 +159,7 @@ def plans_of(kinds: frozenset[str], autopilot: str, vehicle: str) -> frozenset[s
     return kinds
 
 
-def lacking_words(missing: Collection[str]) -> str:
+def missing_text(missing: Collection[str]) -> str:
     """Describe the missing capabilities of a robot."""
     kinds = sorted(each.removeprefix(_FOR) for each in missing if each.startswith(_FOR))
     others = sorted(each for each in missing if not each.startswith(_FOR))
@@ -207,7 +207,7 @@ def _converted(document: Mapping[str, Any]) -> dict[str, Any]:
     } | ({"home": {"latitude": home[0], "longitude": home[1], "altitude_amsl_m": home[2]}} if home else {})
 
 
-def _made_for(document: Mapping[str, Any]) -> list[str]:
+def _checked_made_for(document: Mapping[str, Any]) -> list[str]:
     """Return the autopilot and the kind of vehicle named in a .plan."""
     found = []
     for key, words, other in (

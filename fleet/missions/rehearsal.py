@@ -176,13 +176,13 @@ class Present(msgspec.Struct, frozen=True):
 def refusal(passes: Iterable[Passed], present: Present) -> str:
     """Return why no pass permits the start of a mission; empty if one does. Newest passes come first."""
     wanted = program_digest(present.program)
-    reasons = [why_stale(passed, present) for passed in passes if passed.program == wanted]
+    reasons = [stale_reason(passed, present) for passed in passes if passed.program == wanted]
     if not all(reasons):
         return ""
     return reasons[0] if reasons else "it has not been rehearsed with these inputs"
 
 
-def why_stale(passed: Passed, present: Present) -> str:
+def stale_reason(passed: Passed, present: Present) -> str:
     """Return why a pass of the same program is not valid now; empty if it is."""
     roles = present.roles
     if passed.config != present.config:

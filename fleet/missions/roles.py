@@ -14,7 +14,7 @@ import msgspec
 from fleet.errors import Refused
 from fleet.missions.facts import RobotFacts
 from fleet.missions.model import RoleConfig
-from fleet.missions.plan import lacking_words
+from fleet.missions.plan import missing_text
 from fleet.missions.program import Require
 from fleet.missions.state import Facts
 
@@ -126,7 +126,7 @@ def conflicting_runs(
     return ended
 
 
-def is_meant(candidate: RoleCandidate, role: RoleConfig, given: Sequence[str] | None = None) -> bool:
+def matches_role(candidate: RoleCandidate, role: RoleConfig, given: Sequence[str] | None = None) -> bool:
     """Return True if a robot matches a role; ``given`` are robots chosen by a person."""
     wanted = role.from_ in (None, candidate.name) or role.from_ in candidate.groups
     if given is not None:
@@ -148,11 +148,11 @@ def _lacks(
     given: Sequence[str] | None,
 ) -> str:
     """Return why a robot does not fit a role; empty if it does, ``-`` if the role does not ask for it."""
-    if not is_meant(candidate, role, given):
+    if not matches_role(candidate, role, given):
         return "-"
     missing = (needs | frozenset(role.can)) - candidate.can
     if missing:
-        return lacking_words(missing)
+        return missing_text(missing)
     if candidate.trouble or candidate.run:
         return candidate.trouble or f"it is in run {candidate.run}"
     seen = RobotFacts()

@@ -88,7 +88,7 @@ class RunServices(Protocol):
     def occupy(self, run: Run) -> None:
         """Occupy the places of a run or queue it for them; the run receives the result as an event."""
 
-    def give_back(self, run: Run) -> None:
+    def release_places(self, run: Run) -> None:
         """Release the places of a run."""
 
 
@@ -167,11 +167,11 @@ class Run:
         """Poll the robots, and let time pass."""
         for member in self.engine.robots.ours():
             self._look(member.robot)
-        self.see([member.robot for member in self.engine.robots.spares("all")])
+        self.observe([member.robot for member in self.engine.robots.spares("all")])
         self.holding.expire()
         self.take(Tick())
 
-    def see(self, robots: Iterable[str]) -> None:
+    def observe(self, robots: Iterable[str]) -> None:
         """Pass the facts of robots to the engine; robots that were removed from fleet.yaml are skipped."""
         for robot in robots:
             if robot in self._services.robots:
@@ -181,7 +181,7 @@ class Run:
         """Pass the facts of a robot to the engine, and whether it has left the run."""
         state = self._services.robots[robot].state()
         self.take(facts_of(state))
-        left = self._membership.why_left(state)
+        left = self._membership.leave_reason(state)
         if left is not None:
             self.take(Left(robot, *left))
 
@@ -238,7 +238,7 @@ class Run:
             case Ended():
                 self.holding.end()
                 self._give_back()
-                self._services.give_back(self)
+                self._services.release_places(self)
             case _:
                 pass
 
@@ -249,7 +249,7 @@ class Run:
             return
         self._sent.add(identity)
         state = self._services.robots[robot].state()
-        left = self._membership.why_left(state)
+        left = self._membership.leave_reason(state)
         if left is not None:
             self.take(Left(robot, *left))
             return

@@ -52,22 +52,22 @@ class RunPlaces:
             run.take(Occupied())
         elif claim is None:
             self._ask(run.id, run.engine.program, run.engine.head.until - run.now)
-        self._tell_who_waits()
+        self._notify_waiting()
 
-    def give_back(self, run: Run) -> None:
+    def release_places(self, run: Run) -> None:
         """Release the places of a run, and inform the runs that get them."""
-        self._settle(self._occupancy.give_back(run.id, now=self._clock.monotonic()))
+        self._settle(self._occupancy.release_places(run.id, now=self._clock.monotonic()))
         self._missions.pop(run.id, None)
-        self._tell_who_waits()
+        self._notify_waiting()
 
     def expire(self) -> None:
         """End the waits that are past their limit; called periodically."""
         settled = self._occupancy.settle(now=self._clock.monotonic())
         if settled:
             self._settle(settled)
-            self._tell_who_waits()
+            self._notify_waiting()
 
-    def take_up(self, runs: Iterable[StoredRun]) -> None:
+    def restore_runs(self, runs: Iterable[StoredRun]) -> None:
         """Restore the occupancy of the runs of an earlier process; waiting runs are queued again."""
         found = sorted(runs, key=lambda kept: kept.about.started)
         self._missions = {kept.about.run: kept.about.mission for kept in found}
@@ -99,7 +99,7 @@ class RunPlaces:
                 late = f"{each.place} did not become free in time: {self._names(each.held_by)} it"
                 self._tell(each.holder, Occupied(late=late))
 
-    def _tell_who_waits(self) -> None:
+    def _notify_waiting(self) -> None:
         """Inform waiting runs of the place and its holder, if that has changed."""
         for claim in self._occupancy.claims:
             if claim.next is None:

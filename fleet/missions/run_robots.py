@@ -208,6 +208,6 @@ class RunRobots:
                 return f"role {role} has {left} of the {least} robots that it needs"
         return ""
 
-    def lost_any(self) -> bool:
+    def has_lost_robot(self) -> bool:
         """Return True if a robot did not stay in the run to the end."""
         return any(not each.within and not each.spare for each in self.members.values())

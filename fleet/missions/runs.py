@@ -66,7 +66,7 @@ Began = Callable[[str, Mapping[str, Sequence[str]], str], None]
 class Runs:
     """Every run of an edge. ``candidates`` returns the present capabilities and facts of the robots.
 
-    ``hindrance`` returns why a robot must never execute an act, else empty. ``elsewhere`` returns the other
+    ``blocker`` returns why a robot must never execute an act, else empty. ``elsewhere`` returns the other
     edge that has a robot, empty for a robot of this edge.
     """
 
@@ -77,7 +77,7 @@ class Runs:
         *,
         candidates: Callable[[], list[RoleCandidate]],
         allowed: Allowed,
-        hindrance: Callable[[str, Act], str],
+        blocker: Callable[[str, Act], str],
         elsewhere: Elsewhere,
         site: SiteMap,
         store: RunStore,
@@ -96,12 +96,12 @@ class Runs:
         self.stop = stop
         self.together = together
         self._allowed = allowed
-        self._hindrance, self._elsewhere = hindrance, elsewhere
+        self._blocker, self._elsewhere = blocker, elsewhere
         self._on_change = on_change
         self._runs: dict[str, Run] = {}
         self.places = RunPlaces(site.places, self._runs.get, clock)
         self.occupy = self.places.occupy
-        self.give_back = self.places.give_back
+        self.release_places = self.places.release_places
         self._ended: deque[str] = deque(maxlen=ENDED)
         self.filling = Filling(candidates, self.all, self.places.is_full, self._ended)
         self._pending: dict[str, _Pending] = {}
@@ -207,7 +207,7 @@ class Runs:
             acts = step.acts if isinstance(step, Do) else {}
             for member in robots.members.values():
                 act = robots.act_of(member, acts)
-                trouble = self._hindrance(member.robot, act) if act is not None else ""
+                trouble = self._blocker(member.robot, act) if act is not None else ""
                 if trouble:
                     raise Refused(f"{member.robot}: step {step.id}: {trouble}")
 
@@ -252,7 +252,7 @@ class Runs:
             began("", roles, refusal)
             return
         self._runs[run.id] = run
-        run.see(list(run.engine.robots.members))
+        run.observe(list(run.engine.robots.members))
         states = (self.robots[name].state() for name in run.engine.robots.members)
         danger = not_kept_apart(states, self._elsewhere)
         if danger:
@@ -286,7 +286,7 @@ class Runs:
         if refusal or found is None:
             on_answer(refusal)
         else:
-            found.holding.hear(made, on_answer)
+            found.holding.report_outcome(made, on_answer)
 
     def stopped(self, names: tuple[str, ...], reason: str) -> None:
         """Handle an emergency stop of several robots, or (without names) of all; on the loop."""
@@ -298,7 +298,7 @@ class Runs:
             if robots:
                 run.take(StopAll(robots, reason))
 
-    def heard(self, robot: str, event: str) -> None:
+    def handle_event(self, robot: str, event: str) -> None:
         """Handle an event of a robot; on the loop."""
         for run in list(self._runs.values()):
             if robot in run.engine.robots.members:
@@ -306,14 +306,14 @@ class Runs:
 
     # -- after a restart -------------------------------------------------------------------------------
 
-    def take_up(self) -> None:
+    def restore_runs(self) -> None:
         """Resume the runs that an earlier process did not end; their robots may still be connecting."""
         found = self.store.unfinished()
-        self.places.take_up(found)
+        self.places.restore_runs(found)
         for kept in found:
-            self._take_up(kept, self.clock.monotonic() + BACK_WITHIN)
+            self._restore_run(kept, self.clock.monotonic() + BACK_WITHIN)
 
-    def _take_up(self, kept: StoredRun, until: float) -> None:
+    def _restore_run(self, kept: StoredRun, until: float) -> None:
         """Resume one run when its robots answer, at the latest at ``until``."""
         away = max(0.0, self.clock.time() - kept.stamp)
         engine = Engine(kept.about.run, kept.program, kept.members, head=kept.head, parts=kept.parts)
@@ -332,7 +332,7 @@ class Runs:
     def _back(self, run: Run, refused: Mapping[str, str]) -> None:
         """Continue a run of an earlier process without the robots that did not rejoin."""
         self._runs[run.id] = run
-        run.see(list(run.engine.robots.members))
+        run.observe(list(run.engine.robots.members))
         for robot, why in refused.items():
             run.take(Left(robot, PartOutcome.LOST, why))
         run.take(Restarted())

@@ -25,7 +25,7 @@ class Spares:
         self._robots = robots
         self._seen = seen
 
-    def enlist(self, now: float) -> bool:
+    def request_spare(self, now: float) -> bool:
         """Ask the next spare to replace a lost robot; return True if the run waits for one."""
         for lost in self._lost():
             for spare in self._robots.spares(lost.role):

@@ -38,7 +38,7 @@ from fleet.missions.state import (
     step_name,
 )
 
-TOLD_WITHIN = 5.0  # s after the deadline for places within which the run must be informed of the failure
+INFORMED_WITHIN = 5.0  # s after the deadline for places within which the run must be informed of the failure
 PREPARED_WITHIN = 15.0  # s for all robots to report whether they can begin
 BOUND = 10_000  # instructions without a wait before the run counts as an endless loop
 
@@ -78,16 +78,16 @@ class StepRunner:
     def next(self) -> None:
         """Go to the next instruction."""
         self.head.at += 1
-        self.go_on()
+        self.run_until_wait()
 
-    def go_on(self) -> None:
+    def run_until_wait(self) -> None:
         """Execute instructions until one must wait."""
         for _ in range(BOUND):
             step = instruction_of(self.program, self.head)
             if isinstance(step, Do | None) and self._fills_up():
                 return
             if step is None:
-                lost = self.robots.lost_any()
+                lost = self.robots.has_lost_robot()
                 self.ending.close(RunOutcome.WITH_LOSSES if lost else RunOutcome.COMPLETED, "")
                 return
             self.head.serial += 1
@@ -105,17 +105,17 @@ class StepRunner:
 
         Without further spares, the present robots must satisfy the quorum.
         """
-        if instruction_of(self.program, self.head) is not None and self.spares.enlist(self.losses.now):
+        if instruction_of(self.program, self.head) is not None and self.spares.request_spare(self.losses.now):
             return True
         shortage = self.robots.shortage(self.program.quorum)
         if shortage:
             self.ending.fail(shortage, self.losses.now)
         return bool(shortage)
 
-    def enlisted(self, event: Enlisted) -> None:
+    def handle_spare_answer(self, event: Enlisted) -> None:
         """Handle the answer of a spare, and continue."""
         if self.spares.take(event, self.losses.now):
-            self.go_on()
+            self.run_until_wait()
 
     def occupy(self) -> None:
         """Occupy the places of the mission before anything begins, or wait for them."""
@@ -158,8 +158,10 @@ class StepRunner:
         self.losses.time_passes()
         late = self.losses.now >= self.head.until
         if self.head.phase is Phase.FILLING and late:
-            self.enlisted(Enlisted(self.head.enlists, f"it did not join within {ENLISTED_WITHIN:g} s"))
-        if self.head.phase is Phase.OCCUPYING and self.losses.now >= self.head.until + TOLD_WITHIN:
+            self.handle_spare_answer(
+                Enlisted(self.head.enlists, f"it did not join within {ENLISTED_WITHIN:g} s")
+            )
+        if self.head.phase is Phase.OCCUPYING and self.losses.now >= self.head.until + INFORMED_WITHIN:
             self.losses.fail("no answer whether its places are free")
         if self.head.phase is Phase.PREPARING and late:
             missing = ", ".join(sorted(self._unprepared))

@@ -86,7 +86,7 @@ class Occupancy:
         self.claims.append(claim)
         return self._settle(now, new=claim)
 
-    def give_back(self, holder: str, *, now: float) -> list[Settled]:
+    def release_places(self, holder: str, *, now: float) -> list[Settled]:
         """Return all places of a holder, or end its wait; return the claims settled by it.
 
         A holder without a claim is ignored.

@@ -78,7 +78,7 @@ def metric(polygon: Polygon, origin: GeoOrigin) -> Polygon:
     return tuple((corner.x, corner.y) for corner in corners)
 
 
-def may_be(point: Point, inclusion: Iterable[Polygon], exclusion: Iterable[Polygon]) -> bool:
+def is_allowed_point(point: Point, inclusion: Iterable[Polygon], exclusion: Iterable[Polygon]) -> bool:
     """Return whether a fence of these polygons allows a point; without inclusions all points are inside."""
     allowed = tuple(inclusion)
     inside = not allowed or any(polygon_contains(polygon, point) for polygon in allowed)

@@ -53,7 +53,7 @@ class Rehearsal:
         self._task = task
         self._tell = tell
         self._within = within
-        self._began = self._told_at = time.monotonic()
+        self._began = self._reported_at = time.monotonic()
         self._clock: Clock = LoopClock(asyncio.get_running_loop())
         self._robots = SimulatedRobots(players_of(task), task.site, self._clock, self._heard)
         self._store = MemoryStore(lambda note: tell(RehearsalLine(note.at, note.step, note)))
@@ -70,7 +70,7 @@ class Rehearsal:
             candidates=self._candidates,
             allowed=self._refusal,
             site=SiteMap(task.places, task.site),
-            hindrance=lambda *_: "",  # the robots refuse it themselves, and the result shows that
+            blocker=lambda *_: "",  # the robots refuse it themselves, and the result shows that
             elsewhere=lambda _: "",
             together=lambda: SimulatedStart(self._robots.robots, self._soon),
             store=self._store,
@@ -146,7 +146,7 @@ class Rehearsal:
 
     def _heard(self, robot: str, event: str) -> None:
         """Handle an event of a robot."""
-        self._runs.heard(robot, event)
+        self._runs.handle_event(robot, event)
 
     # -- run -------------------------------------------------------------------------------------------
 
@@ -190,7 +190,7 @@ class Rehearsal:
             if step % POLL_INTERVAL == 0:
                 self._runs.poll()
                 self._answer(run)
-                self._tell_progress(run)
+                self._report_progress(run)
             if run.now >= LONGEST:
                 return f"it had not ended after {LONGEST / 3600:g} simulated hours"
             if time.monotonic() - self._began >= self._within:
@@ -211,11 +211,11 @@ class Rehearsal:
         if head.phase is Phase.WAITING and isinstance(step, WaitFor) and run.now >= head.until:
             self._assumed.append(f"what step {step.id} waits for comes, or its time runs out")
 
-    def _tell_progress(self, run: Run) -> None:
+    def _report_progress(self, run: Run) -> None:
         """Report progress periodically."""
         now = time.monotonic()
-        if now - self._told_at >= TELL:
-            self._told_at = now
+        if now - self._reported_at >= TELL:
+            self._reported_at = now
             self._tell(RehearsalLine(round(run.now, 1), run.engine.steps.name))
 
     # -- result ----------------------------------------------------------------------------------------

@@ -85,9 +85,9 @@ class StandIn(Adapter[AdapterConfig]):
     async def connect(self) -> None:
         """Start the periodic motion and reports."""
         self.robot.every(STEP, self._step)
-        self.robot.every(POSES, self._tell_pose)
+        self.robot.every(POSES, self._report_pose)
         if self._battery is not None:
-            self.robot.every(BATTERIES, self._tell_battery)
+            self.robot.every(BATTERIES, self._report_battery_level)
 
     def drive(self, velocity: Velocity) -> None:
         """Move with this body velocity at once."""
@@ -161,11 +161,11 @@ class StandIn(Adapter[AdapterConfig]):
         if moves and self._battery is not None and policy is not None and policy.endurance is not None:
             self._battery = max(0.0, self._battery - 100.0 * STEP / policy.endurance)
 
-    def _tell_pose(self) -> None:
+    def _report_pose(self) -> None:
         """Report the pose."""
         self.robot.report(PoseReport(self.robot.clock.time(), self._at, quaternion_from_yaw(self._yaw)))
 
-    def _tell_battery(self) -> None:
+    def _report_battery_level(self) -> None:
         """Report the battery."""
         self.robot.report(BatteryReport(self.robot.clock.time(), self._battery))
 

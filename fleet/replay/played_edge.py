@@ -50,8 +50,8 @@ class PlayedEdge:
         self._events: deque[Record] = deque(maxlen=REMEMBERED)
         control = self._bus.control
         for key in (keys.state(self.name, "*"), keys.health(self.name), keys.run(self.name, "*")):
-            control.answer(key, self._tell_last)
-        control.answer(keys.history(self.name), self._tell_history)
+            control.answer(key, self._answer_last)
+        control.answer(keys.history(self.name), self._answer_history)
         control.answer(keys.command(self.name, "*"), _refuse)
         self._lives = control.token(keys.edge(self.name))
 
@@ -102,14 +102,14 @@ class PlayedEdge:
         if send is not None and report is not None:
             send(msgspec.structs.replace(report, stamp=now))
 
-    def _tell_last(self, question: Query) -> None:
+    def _answer_last(self, question: Query) -> None:
         """Answer a query with the last states; on the bus's thread."""
         for key, payload in list(self._last.items()):
             if keys_intersect(question.asked, key):
                 question.reply(payload, key)
         question.close()
 
-    def _tell_history(self, question: Query) -> None:
+    def _answer_history(self, question: Query) -> None:
         """Answer a query with the replayed events; on the bus's thread."""
         try:
             wanted = decode_json(question.payload, EventFilter) if question.payload else EventFilter()

@@ -178,7 +178,7 @@ class Agent:
         else:
             self._keep(running=record.bundle)
             self._settle(BundleStage.DONE, "")
-            await asyncio.to_thread(self._installation.tidy)
+            await asyncio.to_thread(self._installation.remove_unused)
 
     async def _withdraw(self, _desired: DesiredState | None) -> None:
         """Roll back, because the roll-out ended before this edge was done."""
@@ -280,7 +280,7 @@ class Agent:
     def _keep(self, **changes: Any) -> None:
         """Change the record, first on disk; raises StateError."""
         record: AgentRecord = msgspec.structs.replace(self.record, **changes)
-        self._installation.keep(record)
+        self._installation.save_record(record)
         self.record = record
 
     def _silent(self, error: FleetError) -> None:

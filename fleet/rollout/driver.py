@@ -94,7 +94,7 @@ class Driver:
             )
         if before is not None:
             await self._withdraw(before, before.progress.not_done())
-        await self._store.keep(rollout, revision)
+        await self._store.replace_rollout(rollout, revision)
 
     async def drive(self) -> Rollout:
         """Drive the roll-out in the store until it ends; raises StoreError if the store stays silent."""
@@ -149,12 +149,12 @@ class Driver:
         """
         rollout: Rollout = msgspec.structs.replace(before, progress=progress)
         if progress != before.progress:
-            await self._store.keep(rollout, revision)
+            await self._store.replace_rollout(rollout, revision)
         over = progress.phase is not RolloutPhase.RUNNING
         for edge, state in progress.statuses.items():
             news = state is not before.progress.statuses.get(edge) or not self._all_written
             if state is EdgeStatus.OPEN and news and not over:
-                await self._store.desire(edge, self._desired(rollout, edge, withdrawn=False))
+                await self._store.put_desired(edge, self._desired(rollout, edge, withdrawn=False))
             elif state is EdgeStatus.OVERDUE and news and not over:
                 await self._withdraw(rollout, [edge])
         if over:
@@ -165,7 +165,7 @@ class Driver:
     async def _withdraw(self, rollout: Rollout, edges: Iterable[str]) -> None:
         """Withdraw the bundle from these edges, also from silent ones."""
         for edge in edges:
-            await self._store.desire(edge, self._desired(rollout, edge, withdrawn=True))
+            await self._store.put_desired(edge, self._desired(rollout, edge, withdrawn=True))
 
     def _desired(self, rollout: Rollout, edge: str, *, withdrawn: bool) -> DesiredState:
         """Return the desired state of an edge."""

@@ -94,7 +94,7 @@ class Installation:
                 f"cannot put bundle {address[:12]} in place: {error.strerror or error}"
             ) from None
 
-    def tidy(self) -> None:
+    def remove_unused(self) -> None:
         """Remove all bundles that are not in use."""
         folder, kept = self.folder / VERSIONS, self._in_use()
         for path in folder.iterdir() if folder.is_dir() else ():
@@ -126,7 +126,7 @@ class Installation:
         refuse_newer(found.format, FORMAT)
         return found
 
-    def keep(self, record: AgentRecord) -> None:
+    def save_record(self, record: AgentRecord) -> None:
         """Write the record of the agent atomically."""
         path = self.folder / STATE
         fresh = path.with_suffix(".new")

@@ -205,7 +205,7 @@ class NatsFleetStore:
             await self._connection.put(BUNDLES, _part_key(address, number), part)
         return len(parts)
 
-    async def desire(self, edge: str, desired: DesiredState) -> None:
+    async def put_desired(self, edge: str, desired: DesiredState) -> None:
         """Write the desired state of an edge; raises StoreError."""
         await self._connection.put(DESIRED, edge, msgspec.json.encode(desired))
 
@@ -223,13 +223,13 @@ class NatsFleetStore:
         return found
 
     async def rollout(self) -> tuple[Rollout | None, int]:
-        """Return the last roll-out and its revision, for ``keep``; raises StoreError, StateError."""
+        """Return the last roll-out and its revision (``replace_rollout``); raises StoreError, StateError."""
         found = await self._connection.last(ROLLOUTS, CURRENT)
         if found is None:
             return None, 0
         return read_entry(found[0], Rollout, f"{ROLLOUTS}/{CURRENT}"), found[1]
 
-    async def keep(self, rollout: Rollout, revision: int) -> int:
+    async def replace_rollout(self, rollout: Rollout, revision: int) -> int:
         """Replace the roll-out of this revision and return the new revision; raises StoreError."""
         stream = await self._connection.ready()
         try:

@@ -36,16 +36,16 @@ class FleetStore(Protocol):
     async def put_bundle(self, address: str, data: bytes) -> int:
         """Store a bundle and return the number of its parts."""
 
-    async def desire(self, edge: str, desired: DesiredState) -> None:
+    async def put_desired(self, edge: str, desired: DesiredState) -> None:
         """Write the desired state of an edge."""
 
     async def observed(self, edges: Iterable[str]) -> dict[str, ObservedState]:
         """Return the reports of these edges, without missing and unreadable ones."""
 
     async def rollout(self) -> tuple[Rollout | None, int]:
-        """Return the last roll-out and its revision, for ``keep``; also raises StateError."""
+        """Return the last roll-out and its revision, for ``replace_rollout``; also raises StateError."""
 
-    async def keep(self, rollout: Rollout, revision: int) -> int:
+    async def replace_rollout(self, rollout: Rollout, revision: int) -> int:
         """Replace the roll-out of this revision and return the new revision."""
 
 

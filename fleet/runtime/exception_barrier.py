@@ -39,7 +39,7 @@ def call_guarded(work: Callable[..., ResultT], *arguments: object) -> ResultT:
         raise failure_of(error) from error
 
 
-def contained(
+def log_exceptions(
     log: logging.Logger, failure: str
 ) -> Callable[[Callable[Given, object]], Callable[Given, None]]:
     """Return a decorator for calls on which nothing may depend: an exception is logged, with ``failure``."""

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from fleet.model.event import EventKind
 from fleet.robot_config import Name
-from fleet.schedules.triggers import Trigger, cron_fields, once_at, zone_of
+from fleet.schedules.triggers import Trigger, cron_fields, unix_time_of, zone_of
 from fleet.yaml_model import Duration, Model, wrong
 
 Missed = Literal["skip", "once"]
@@ -71,7 +71,7 @@ class ScheduleConfig(Model):
         checks = (
             ("timezone", lambda: self.timezone is None or zone_of(self.timezone)),
             ("cron", lambda: self.cron is None or cron_fields(self.cron)),
-            ("once", lambda: self.once is None or once_at(self.once, self.timezone or "UTC")),
+            ("once", lambda: self.once is None or unix_time_of(self.once, self.timezone or "UTC")),
         )
         for key, check in checks:
             try:
@@ -96,7 +96,7 @@ class ScheduleConfig(Model):
 
 def _has_zone(text: str) -> bool:
     """Return True if a date with time has an offset: then it is the same instant in every zone."""
-    return once_at(text, "UTC") == once_at(text, "Asia/Tokyo")
+    return unix_time_of(text, "UTC") == unix_time_of(text, "Asia/Tokyo")
 
 
 def due_of(config: Mapping[str, ScheduleConfig], kind: EventKind, robot: str) -> list[str]:

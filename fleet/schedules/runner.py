@@ -156,7 +156,7 @@ class Schedules:
             for firing in list(self._waiting.values()):
                 await self._try(firing)
 
-    async def heard(self, robot: str, event: EventReport) -> None:
+    async def handle_event(self, robot: str, event: EventReport) -> None:
         """Handle an event of the history; it fires the schedules that wait for it."""
         for name in due_of(self._configs, event.kind, robot):
             async with self._lock:
@@ -241,13 +241,13 @@ class Schedules:
         kept = await self._kept(partial(self._store.record, name, new, now))
         if kept is None:
             for firing in new:
-                self._tell_skipped(firing, f"it cannot be recorded: {self.problem}")
+                self._report_skipped(firing, f"it cannot be recorded: {self.problem}")
             self._seen[name] = now
             return
         self._seen[name] = now
         for firing in kept:
             if firing.state == SKIPPED:
-                self._tell_skipped(firing, firing.reason)
+                self._report_skipped(firing, firing.reason)
                 continue
             before = self._waiting.pop(name, None)
             if before is not None:
@@ -300,7 +300,7 @@ class Schedules:
             del self._waiting[firing.schedule]
         skipped = msgspec.structs.replace(firing, state=SKIPPED, reason=why)
         await self._kept(partial(self._store.end, skipped))
-        self._tell_skipped(firing, why)
+        self._report_skipped(firing, why)
 
     async def _kept(self, work: Callable[[], T]) -> T | None:
         """Run disk work on a thread; if it fails, set ``problem`` and return None."""
@@ -313,7 +313,7 @@ class Schedules:
         self.problem = ""
         return done
 
-    def _tell_skipped(self, firing: Firing, why: str) -> None:
+    def _report_skipped(self, firing: Firing, why: str) -> None:
         """Report that a firing is skipped."""
         self._event(firing.schedule, f"skipped: {why}", Severity.WARNING, due=firing.due)
 

@@ -62,7 +62,7 @@ def cron_fields(text: str) -> dict[str, str]:
     return fields
 
 
-def once_at(text: str, zone: str) -> float:
+def unix_time_of(text: str, zone: str) -> float:
     """Return the Unix seconds of a date with time, in ``zone`` unless it has an offset; raises ValueError."""
     try:
         found = datetime.fromisoformat(text)
@@ -79,7 +79,7 @@ def firings(trigger: Trigger, after: float) -> Iterator[float]:
             yield turn * trigger.every
             turn += 1
     if trigger.once:
-        at = once_at(trigger.once, trigger.zone)
+        at = unix_time_of(trigger.once, trigger.zone)
         if at > after:
             yield at
         return

@@ -77,9 +77,9 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
 
     async def add(self, spec: SpecT) -> RobotT:
         """Create a robot and start to simulate it; raises like ``make``."""
-        return self.keep(await self.make(spec))
+        return self.add_robot(await self.make(spec))
 
-    def keep(self, robot: RobotT) -> RobotT:
+    def add_robot(self, robot: RobotT) -> RobotT:
         """Simulate a robot from now on."""
         self.robots[robot.url] = robot
         return robot

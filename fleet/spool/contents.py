@@ -52,11 +52,11 @@ class SpoolContents:
         self.waiting -= 1
         queue.in_flight += 1
 
-    def take_back(self, queue: TopicQueue, message: Outgoing) -> None:
+    def requeue(self, queue: TopicQueue, message: Outgoing) -> None:
         """Return a message that was in flight to the head of its topic."""
         if message.gone:
             return
-        queue.put_back(message)
+        queue.requeue(message)
         self.memory.add_again(message)
         self.waiting += 1
 

@@ -121,7 +121,7 @@ class SpoolDisk:
             self._close_store()
             self._report_failure(error)
             with self._queue_lock:
-                self._queue.disk.no_disk()
+                self._queue.disk.disk_missing()
             self._more()
             return False
         if store.aside is not None:

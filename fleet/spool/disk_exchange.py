@@ -65,8 +65,8 @@ class DiskExchange:
 
     def not_written(self, work: DiskWork) -> None:
         """Take back changes that could not be written."""
-        self._contents.deletions.put_back()
-        self._contents.unwritten.put_back(work.rows)
+        self._contents.deletions.requeue()
+        self._contents.unwritten.requeue(work.rows)
         self.failing, self._writing = True, False
 
     def fetches(self) -> list[FetchRequest]:
@@ -145,7 +145,7 @@ class DiskExchange:
             self._queues.forget(queue)
         contents.deletions.clear()
 
-    def no_disk(self) -> None:
+    def disk_missing(self) -> None:
         """Handle a missing file: keep all messages in memory, even those that were to leave it."""
         self.failing = True
         if self._contents.on_disk:

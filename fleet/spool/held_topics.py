@@ -23,11 +23,11 @@ class HeldTopics:
         """The number of waiting messages in all of them."""
         return sum(queue.waiting for queue in self._queues.values())
 
-    def unheard(self, queue: TopicQueue, now: float) -> None:
+    def unsubscribed(self, queue: TopicQueue, now: float) -> None:
         """Hold a topic queue; the delay grows with each attempt, not with each message in flight."""
         if queue.transition(TopicEvent.UNHEARD):
-            queue.retry = now + min(LONGEST_WAIT, FIRST_WAIT * 2**queue.unheard)
-            queue.unheard = min(queue.unheard + 1, 8)
+            queue.retry = now + min(LONGEST_WAIT, FIRST_WAIT * 2**queue.unsubscribed)
+            queue.unsubscribed = min(queue.unsubscribed + 1, 8)
             self._queues[queue.topic] = queue
 
     def heard(self, queue: TopicQueue, now: float) -> None:
@@ -35,8 +35,8 @@ class HeldTopics:
         if queue.state is OPEN:  # the common case
             return
         queue.transition(TopicEvent.HEARD)
-        if queue.unheard:
-            queue.unheard = 0
+        if queue.unsubscribed:
+            queue.unsubscribed = 0
             for other in self._queues.values():
                 other.retry = now
 

@@ -22,7 +22,7 @@ class PendingDeletions:
         self._next.add(seq)
 
     def take(self) -> set[int]:
-        """Return the rows to delete now; they stay known until ``deleted`` or ``put_back``."""
+        """Return the rows to delete now; they stay known until ``deleted`` or ``requeue``."""
         self._deleting, self._next = self._next, set()
         return self._deleting
 
@@ -30,7 +30,7 @@ class PendingDeletions:
         """Forget the rows whose deletion is committed."""
         self._deleting = set()
 
-    def put_back(self) -> None:
+    def requeue(self) -> None:
         """Take back the rows whose deletion failed."""
         self._next |= self._deleting
         self._deleting = set()

@@ -122,8 +122,8 @@ class SpoolQueue:
         queue = self._queues[message.topic]
         queue.in_flight -= 1
         if outcome is _HELD:
-            self._contents.take_back(queue, message)
-            self._queues.held_topics.unheard(queue, now)
+            self._contents.requeue(queue, message)
+            self._queues.held_topics.unsubscribed(queue, now)
             return
         if outcome is _REFUSED:
             self.losses.note(message.topic, message.traffic, Reason.REFUSED, wall)
@@ -133,13 +133,13 @@ class SpoolQueue:
             self._queues.reschedule(queue)
             self._queues.forget(queue)
 
-    def put_back(self, messages: Iterable[Outgoing]) -> None:
+    def requeue(self, messages: Iterable[Outgoing]) -> None:
         """Take back the messages, oldest first, that were in flight when the connection ended."""
         oldest_first = list(messages)
         for message in reversed(oldest_first):
             queue = self._queues[message.topic]
             queue.in_flight -= 1
-            self._contents.take_back(queue, message)
+            self._contents.requeue(queue, message)
         for message in oldest_first:
             self._queues.reschedule(self._queues[message.topic])
 
@@ -186,7 +186,7 @@ class SpoolQueue:
         return len(self._queues.held_topics)
 
     @property
-    def unheard(self) -> int:
+    def unsubscribed(self) -> int:
         """The number of messages that wait for a subscriber of their topic."""
         return self._queues.held_topics.messages
 

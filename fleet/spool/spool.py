@@ -97,10 +97,10 @@ class Spool:
                 self._queue.settle(message, outcome, now, wall)
         self._wake_disk()
 
-    def put_back(self, messages: Iterable[Outgoing]) -> None:
+    def requeue(self, messages: Iterable[Outgoing]) -> None:
         """Take back the messages, oldest first, that were in flight when the connection ended."""
         with self._queue_lock:
-            self._queue.put_back(messages)
+            self._queue.requeue(messages)
 
     def go_online(self) -> None:
         """Start a new connection."""
@@ -138,10 +138,10 @@ class Spool:
         return self._queue.waiting
 
     @property
-    def unheard(self) -> int:
+    def unsubscribed(self) -> int:
         """The number of messages that wait for a subscriber of their topic, not for the cloud."""
         with self._queue_lock:
-            return self._queue.unheard
+            return self._queue.unsubscribed
 
     @property
     def lost(self) -> int:

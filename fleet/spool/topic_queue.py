@@ -77,7 +77,7 @@ class TopicQueue:
         self.ahead = NONE_AHEAD
         self.in_flight = 0
         self.retry = 0.0
-        self.unheard = 0  # attempts in a row
+        self.unsubscribed = 0  # attempts in a row
         self.queued = False  # it is in the ring of its class
 
     @property
@@ -124,7 +124,7 @@ class TopicQueue:
         while self.memory and self.memory[0].gone:
             self.memory.popleft()
 
-    def put_back(self, message: Outgoing) -> None:
+    def requeue(self, message: Outgoing) -> None:
         """Insert a message that was in flight before all newer ones."""
         message.again = True
         if not self.back or self.back[-1].seq < message.seq:

@@ -59,7 +59,7 @@ class UnwrittenMessages:
             rows.append(message)
         return rows
 
-    def put_back(self, rows: Sequence[Outgoing]) -> None:
+    def requeue(self, rows: Sequence[Outgoing]) -> None:
         """Take back messages that could not be written."""
         for message in reversed(rows):
             message.stored = False

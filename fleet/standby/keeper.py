@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Coroutine
 from typing import Any, Protocol
 
-from fleet.runtime.exception_barrier import contained
+from fleet.runtime.exception_barrier import log_exceptions
 from fleet.standby.lease import Lease, LeaseEntry, LeaseState, Wish
 from fleet.standby.store import ANSWER_WITHIN, LeaseStore
 
@@ -98,13 +98,13 @@ class LeaseKeeper:
     async def _run(self) -> None:
         """Keep the lease until the end."""
         while not self._ended.is_set():
-            contained(log, "the lease could not be looked after; it is tried again")(self._poll)()
+            log_exceptions(log, "the lease could not be looked after; it is tried again")(self._poll)()
             await asyncio.sleep(POLL_EVERY)
         if self._asking is not None:
             await asyncio.wait({self._asking}, timeout=2 * ANSWER_WITHIN)
         self.lease.hand_over("")
         self.lease.robots_released()
-        if self.lease.wish(self._clock()) is Wish.RELEASE:
+        if self.lease.next_write(self._clock()) is Wish.RELEASE:
             await asyncio.wait({asyncio.ensure_future(self._write(Wish.RELEASE))}, timeout=RELEASED_WITHIN)
         await self._store.close()
 
@@ -115,10 +115,10 @@ class LeaseKeeper:
         self._tell()
         if self._asking is not None and not self._asking.done():
             return
-        wish = self.lease.wish(now, news=self._user.stops() != self._stops)
+        wish = self.lease.next_write(now, news=self._user.stops() != self._stops)
         if wish is not None:
             self._ask(self._write(wish))
-        elif self.lease.must_look and now >= self._look_at:
+        elif self.lease.needs_read and now >= self._look_at:
             self._look_at = now + POLL_INTERVAL
             self._ask(self._read())
 
@@ -135,7 +135,7 @@ class LeaseKeeper:
             self._silent(error)
             return
         self.problem = ""
-        self.lease.see(entry, revision, self._clock())
+        self.lease.observe(entry, revision, self._clock())
         self._tell()
         if self.lease.state is not LeaseState.HOLDER:
             self._user.saw(entry)

@@ -146,7 +146,7 @@ class Lease:
 
     # -- reads ---------------------------------------------------------------------------------------
 
-    def see(self, entry: LeaseEntry | None, revision: int, now: float) -> None:
+    def observe(self, entry: LeaseEntry | None, revision: int, now: float) -> None:
         """Handle an entry that was read. Without an entry, ``revision`` is that of its deletion, or 0."""
         if self.seen_since == math.inf or (revision, entry) != (self.revision, self.seen):
             self.seen, self.revision, self.seen_since = entry, revision, now
@@ -156,11 +156,11 @@ class Lease:
             self._to = None
 
     @property
-    def must_look(self) -> bool:
+    def needs_read(self) -> bool:
         """True if the store must be read before anything is written."""
         return self.state is not LeaseState.HOLDER or self._unanswered
 
-    def wish(self, now: float, *, news: bool = False) -> Wish | None:
+    def next_write(self, now: float, *, news: bool = False) -> Wish | None:
         """Return the next write, if any; ``news``: the stops differ from those in the entry."""
         if self._write is not None or self._unanswered or self.seen_since == math.inf:
             return None
@@ -195,13 +195,13 @@ class Lease:
 
     # -- writes --------------------------------------------------------------------------------------
 
-    def begin(self, wish: Wish, stops: dict[str, str], now: float) -> LeaseEntry:
+    def begin(self, next_write: Wish, stops: dict[str, str], now: float) -> LeaseEntry:
         """Return the entry to write in place of ``revision``; pass the result to one of the next methods."""
         orderly = self._is_ours() or (self.seen is not None and self.seen.released)
-        self._write = _Write(wish, now, Takeover(self.seen, self.seen_since, orderly))
-        if wish is Wish.TAKE:
+        self._write = _Write(next_write, now, Takeover(self.seen, self.seen_since, orderly))
+        if next_write is Wish.TAKE:
             return LeaseEntry(self.edge, self.process, stops=stops, config=self.config)
-        released = wish is Wish.RELEASE
+        released = next_write is Wish.RELEASE
         return LeaseEntry(self.edge, self.process, self.epoch, released, self._to or "", stops, self.config)
 
     def written(self, entry: LeaseEntry, revision: int, now: float) -> None:

@@ -47,7 +47,7 @@ BEAT = 0.25  # s between heartbeats
 class SupervisorClient:
     """Connection to the supervisor; without one (``sock`` None) all calls do nothing.
 
-    ``folder`` is the runtime folder. ``keep`` may be called from any thread and never waits.
+    ``folder`` is the runtime folder. ``register`` may be called from any thread and never waits.
     """
 
     def __init__(self, sock: socket.socket | None = None, folder: Path | None = None) -> None:
@@ -119,7 +119,7 @@ class SupervisorClient:
                 self._thread.join(2 * BEAT)
             self._sock.close()
 
-    def keep(
+    def register(
         self,
         robot: str,
         descriptor: int,

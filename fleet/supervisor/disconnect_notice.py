@@ -21,7 +21,7 @@ class DisconnectNotice:
         self._file: int | None = None
         self._process: subprocess.Popen[bytes] | None = None
 
-    def keep(self, descriptors: list[int]) -> None:
+    def store(self, descriptors: list[int]) -> None:
         """Keep the file that came with a message, in place of the previous one; without a file, keep none."""
         self.forget()
         if descriptors:

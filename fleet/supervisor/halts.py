@@ -93,7 +93,7 @@ class ProcessHalts:
                 self.until = message.until
                 return None
 
-    def keep(self, robot: str, halt: RegisteredHalt) -> None:
+    def store(self, robot: str, halt: RegisteredHalt) -> None:
         """Keep a robot's halt in place of an earlier one."""
         self.drop(robot)
         self._kept[robot] = halt
@@ -104,7 +104,7 @@ class ProcessHalts:
             raise OSError(errno.EBADF, f"the link of {robot} did not come with its halt")
         halt = registered_halt(descriptors[-1], frames, address)
         descriptors.pop()  # only now: the caller closes the descriptors that are left in the list
-        self.keep(robot, halt)
+        self.store(robot, halt)
 
     def drop(self, robot: str) -> None:
         """Remove a robot's halt, if it has one, and close its link."""

@@ -305,7 +305,7 @@ class Supervisor:
                 self._ending |= peer.is_edge
                 self._in_order |= peer.is_edge
             case LeftNotice() if peer.is_edge:
-                self._notice.keep(descriptors)
+                self._notice.store(descriptors)
             case StopRequest():
                 self._stop(peer, message)
             case StopAnswer():

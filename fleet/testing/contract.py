@@ -36,11 +36,11 @@ from fleet.testing.bench import ONLINE_WITHIN, STEP, Bench, connected
 from fleet.testing.motion import MotionTrial, trial_velocities
 from fleet.testing.probes import (
     containers_of,
+    corrupted_frames,
     implausible,
     in_time,
     least_data,
     near,
-    noise_like,
     unless_refused,
 )
 from fleet.testing.robot import LoopRobot, RecordingRobot
@@ -235,7 +235,7 @@ class FrameContract(AdapterContract):
     def test_noise_on_its_link_ends_nothing_and_starts_nothing(self) -> None:
         async def live() -> None:
             async with self.bench() as bench:
-                for noise in noise_like(list(self.said)):
+                for noise in corrupted_frames(list(self.said)):
                     self.machine.say(noise)
                 await bench.pass_time(STEP)
                 if self.adapter.drives():
@@ -310,7 +310,7 @@ class FrameContract(AdapterContract):
 
     def test_decode_survives_whatever_arrives(self) -> None:
         inner = self.inner()
-        noise = noise_like(self.frames())
+        noise = corrupted_frames(self.frames())
         reports = in_time(lambda: [report for frame in noise for report in inner.decode(frame, STAMP)])
         assert [flaw for report in reports if (flaw := implausible(report, STAMP))] == []
 

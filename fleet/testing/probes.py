@@ -72,7 +72,7 @@ def unless_refused(
         return None
 
 
-def noise_like(frames: list[bytes]) -> Iterator[bytes]:
+def corrupted_frames(frames: list[bytes]) -> Iterator[bytes]:
     """Yield corrupted frames: cut, repeated, with flipped bytes or impossible numbers; and random bytes."""
     source = random.Random(0)  # noqa: S311 - repeatable on purpose
     yield b""

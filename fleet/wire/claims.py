@@ -15,7 +15,7 @@ class EdgeHeartbeat(msgspec.Struct, frozen=True):
     session: str
     uptime: float
 
-    def comes_before(self, other: EdgeHeartbeat) -> bool:
+    def is_older_than(self, other: EdgeHeartbeat) -> bool:
         """Return True when this edge has the older claim; both edges come to the same result.
 
         Edges that started within the same second are ordered by name.

@@ -80,7 +80,7 @@ class _EventSource(msgspec.Struct):
 _SOURCE: msgspec.json.Decoder[_EventSource] = json_decoder(_EventSource)
 
 
-def is_of_the_fleet(sample: bytes, channel: str) -> bool:
+def is_fleet_event(sample: bytes, channel: str) -> bool:
     """Return True for an event of a fleet process, False for a message of any other program."""
     if channel != EventReport.channel:
         return False

@@ -74,7 +74,7 @@ def rule_of_part(rule: TopicRule, part: str) -> TopicRule:
     )
 
 
-def ends_every_stream(report: Report) -> bool:
+def is_telemetry_end(report: Report) -> bool:
     """Return True for the end of all telemetry of a twin, which closes its streams and recordings."""
     if not isinstance(report, TelemetryReport) or report.type != TELEMETRY_END:
         return False

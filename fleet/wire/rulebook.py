@@ -137,7 +137,7 @@ def rulebook(
     )
 
 
-def of_a_twin(book: Rulebook) -> Rulebook:
+def twin_rules(book: Rulebook) -> Rulebook:
     """Return the rules that apply to the uuid of a twin."""
     return _only(book, lambda suffix: suffix not in NOT_OF_A_TWIN)
 
@@ -152,7 +152,7 @@ def of_a_workflow(book: Rulebook) -> Rulebook:
     return _only(book, OF_A_WORKFLOW.__contains__)
 
 
-def of_any_run(book: Rulebook) -> Rulebook:
+def run_rules(book: Rulebook) -> Rulebook:
     """Return the rules that apply to workflow runs."""
     return _only(book, lambda suffix: suffix.startswith("workflow-run:"))
 

@@ -113,7 +113,7 @@ async def refuses_what_wings_cannot(it):
         await it.do("takeoff", altitude=5.0)
 
 
-async def is_told_that_missions_need_no_landing(it):
+async def is_informed_that_missions_need_no_landing(it):
     """PX4 wants a landing in the mission of a plane, unless it is told not to, on the ground."""
     if it.state.heartbeat.autopilot == PX4:
         await it.do("set_parameter", name="MIS_TKO_LAND_REQ", value=0)
@@ -261,7 +261,7 @@ async def takes_off_after_its_landing(it):
 STEPS = (
     is_met_and_ready,
     refuses_what_wings_cannot,
-    is_told_that_missions_need_no_landing,
+    is_informed_that_missions_need_no_landing,
     takes_off,
     circles_a_goal,
     refuses_a_goal_that_it_cannot_fly_to,

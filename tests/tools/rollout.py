@@ -30,7 +30,7 @@ class MemoryStore:
         self.bundles[address] = data
         return len(parts_of(data))
 
-    async def desire(self, edge, desired):
+    async def put_desired(self, edge, desired):
         self.answer()
         self.desired_of[edge] = msgspec.json.encode(desired)
 
@@ -43,7 +43,7 @@ class MemoryStore:
         self.answer()
         return (read_entry(self.kept, Rollout, "current"), self.revision) if self.kept else (None, 0)
 
-    async def keep(self, rollout, revision):
+    async def replace_rollout(self, rollout, revision):
         self.answer()
         if revision != self.revision:
             raise StoreError("the roll-out was changed meanwhile by another")

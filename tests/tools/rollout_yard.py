@@ -21,7 +21,7 @@ class Yard:
         self.here = PuppetEdge(self.installation)
         self.first, data = sealed(bundle_of(1), KEY)
         self.installation.stage(bundle_of(1), self.first)
-        self.installation.keep(AgentRecord(self.first, 1, self.first))
+        self.installation.save_record(AgentRecord(self.first, 1, self.first))
         self.installation.activate(self.first)
         self.store.bundles[self.first] = data
         self.start()
@@ -48,12 +48,12 @@ class Yard:
         self.store.bundles[at or address] = made if data is None else data
         if at:
             desired = DesiredState(desired.rollout, at, desired.parts)
-        await self.store.desire("yard-1", desired)
+        await self.store.put_desired("yard-1", desired)
         await self.agent.turn()
         return address
 
     async def withdraw(self, address, rollout="r1"):
-        await self.store.desire("yard-1", DesiredState(rollout, address, 1, withdrawn=True))
+        await self.store.put_desired("yard-1", DesiredState(rollout, address, 1, withdrawn=True))
         await self.agent.turn()
 
     async def report(self):

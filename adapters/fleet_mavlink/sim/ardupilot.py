@@ -60,7 +60,7 @@ class ArduPilot(Autopilot):
     def __init__(self, boot: Boot) -> None:
         super().__init__(boot, self.modes[self.first_mode])
         self._switch_read = False
-        self._prearm_told_at = boot.at
+        self._prearm_sent_at = boot.at
         self._checked_at, self._checks_pass = boot.at, False
         self._log_failed_at = -math.inf
         self.failsafes = ArduPilotFailsafes(self)
@@ -237,17 +237,17 @@ class ArduPilot(Autopilot):
         """Report the steps of the start; the mode switch of the remote control resets the mode once."""
         if not self.initialised:
             return
-        self.say_once(INFO, "ArduPilot Ready")
+        self.send_text_once(INFO, "ArduPilot Ready")
         if not self._switch_read and self.uptime.reached(2.6):
             self._switch_read = True
             self.enter(self.modes[self.switched_mode])
         if self.home is None and self.uptime.reached(20.0) and self.gps.fix:
-            self.say_once(INFO, "EKF3 IMU0 origin set")
+            self.send_text_once(INFO, "EKF3 IMU0 origin set")
             self.set_home()
         if self.has_position:
-            self.say_once(INFO, "EKF3 IMU0 is using GPS")
-        elif not self.armed and self.time - self._prearm_told_at > _PREARM_EVERY:
-            self._prearm_told_at = self.time
+            self.send_text_once(INFO, "EKF3 IMU0 is using GPS")
+        elif not self.armed and self.time - self._prearm_sent_at > _PREARM_EVERY:
+            self._prearm_sent_at = self.time
             for refusal in self.refusals(force=False):
                 self.say(CRITICAL, f"PreArm: {refusal}")
 

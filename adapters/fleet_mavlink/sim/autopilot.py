@@ -280,7 +280,7 @@ class Autopilot(Speaker, ABC):
         self.gps.tick(dt)
         self._watch_ground()
         self.supervise()
-        self.say_what_is_due()
+        self.send_due_texts()
         self.out.extend(self.params.pending())
         self.out.extend(self.missions.overdue(now))
         self.out.extend(self.equipment.tick(self, dt))

@@ -7,7 +7,7 @@ from typing import Protocol
 from pymavlink.dialects.v20 import all as mav
 
 _LASTS = 20.0  # s
-_TOLD_EVERY = 0.5  # s
+_REPORT_INTERVAL = 0.5  # s
 _SUCCESS = int(mav.MAG_CAL_SUCCESS)
 _FAILED = int(mav.MAG_CAL_FAILED)
 
@@ -25,7 +25,7 @@ class SimCompass:
     def __init__(self, *, words: bool) -> None:
         self.words = words
         self._began: float | None = None
-        self._told_at = 0.0
+        self._reported_at = 0.0
 
     @property
     def calibrating(self) -> bool:
@@ -34,7 +34,7 @@ class SimCompass:
 
     def start(self, now: float, speaker: TextSender) -> None:
         """Begin a calibration."""
-        self._began = self._told_at = now
+        self._began = self._reported_at = now
         if self.words:
             speaker.say(6, "[cal] calibration started: 2 mag")
 
@@ -46,9 +46,9 @@ class SimCompass:
 
     def tick(self, now: float, speaker: TextSender, *, fails: bool) -> list[object]:
         """Report the progress, and the result."""
-        if self._began is None or now - self._told_at < _TOLD_EVERY:
+        if self._began is None or now - self._reported_at < _REPORT_INTERVAL:
             return []
-        self._told_at = now
+        self._reported_at = now
         percent = int(100 * (now - self._began) / _LASTS)
         if percent < 100:
             return self._progress(percent, speaker)

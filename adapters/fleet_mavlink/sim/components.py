@@ -131,18 +131,18 @@ class RemoteIdTransmitter(Component):
     def __init__(self, vehicle: SimVehicle) -> None:
         super().__init__(vehicle)
         vehicle.equipment.remote_id = SimRemoteId()
-        self._told_at = -math.inf
+        self._reported_at = -math.inf
 
     def messages(self, now: float) -> list[object]:
         """Send the arm status."""
         known = self._vehicle.equipment.remote_id
-        if known is None or now - self._told_at < 1.0 or "remote_id_silent" in self._vehicle.faults:
+        if known is None or now - self._reported_at < 1.0 or "remote_id_silent" in self._vehicle.faults:
             return []
-        self._told_at = now
-        wanting = known.wanting(now, located=self._vehicle.pilot.origin_set)
+        self._reported_at = now
+        missing_data = known.missing_data(now, located=self._vehicle.pilot.origin_set)
         bad = mav.MAV_ODID_ARM_STATUS_PRE_ARM_FAIL_GENERIC
-        status = bad if wanting else mav.MAV_ODID_ARM_STATUS_GOOD_TO_ARM
-        message = mav.MAVLink_open_drone_id_arm_status_message(status, wanting.encode())
+        status = bad if missing_data else mav.MAV_ODID_ARM_STATUS_GOOD_TO_ARM
+        message = mav.MAVLink_open_drone_id_arm_status_message(status, missing_data.encode())
         known.take_arm_status(message, now)
         return [message]
 

@@ -11,7 +11,7 @@ from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, CommandRequest
 _PITCH = (-90.0, 30.0)  # degrees
 _YAW = (-160.0, 160.0)
 _FASTEST = 60.0  # degrees per second
-_TOLD_EVERY = 0.2  # s
+_REPORT_INTERVAL = 0.2  # s
 _ITSELF = -2.0  # in DO_GIMBAL_MANAGER_CONFIGURE: the sender
 DEVICE = 154
 
@@ -24,7 +24,7 @@ class SimGimbal:
         self._pitch = _Axis()
         self._yaw = _Axis()
         self._owner: tuple[int, int] | None = None
-        self._told_at = -math.inf
+        self._reported_at = -math.inf
 
     def configure(self, ask: CommandRequest) -> int:
         """Take control (DO_GIMBAL_MANAGER_CONFIGURE): for the given ids, or for the sender."""
@@ -54,9 +54,9 @@ class SimGimbal:
 
     def due(self, now: float, boot_ms: int) -> list[object]:
         """Return GIMBAL_DEVICE_ATTITUDE_STATUS if it is due."""
-        if now - self._told_at < _TOLD_EVERY:
+        if now - self._reported_at < _REPORT_INTERVAL:
             return []
-        self._told_at = now
+        self._reported_at = now
         pitch, yaw = math.radians(self.pitch) / 2, math.radians(self.yaw) / 2
         cp, sp, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
         turned = [cp * cy, -sp * sy, sp * cy, cp * sy]

@@ -72,7 +72,7 @@ class GoToManoeuvre(Manoeuvre):
         flat = math.hypot(self.north - body.north, self.east - body.east)
         self.done = flat < 0.5 and abs(self.down - body.down) < 0.4
         heading = self.heading
-        if heading is None and flat > _NOSE_BEYOND and pilot.speeds.nose_follows:
+        if heading is None and flat > _NOSE_BEYOND and pilot.speeds.yaw_follows_course:
             heading = math.atan2(self.east - body.east, self.north - body.north)
         return aim_at(pilot, self, self.speed or pilot.speeds.cruise, heading)
 
@@ -157,7 +157,7 @@ class DriveManoeuvre(Manoeuvre):
         speed = math.hypot(vn, ve)
         share = min(1.0, pilot.speeds.top / speed) if speed > 0.0 else 1.0
         rate = self.turn_rate
-        if self.heading is None and rate is None and pilot.speeds.nose_follows and speed > 0.3:
+        if self.heading is None and rate is None and pilot.speeds.yaw_follows_course and speed > 0.3:
             left = math.remainder(math.atan2(ve, vn) - pilot.body.heading, math.tau)
             rate = max(-_NOSE_RATE, min(_NOSE_RATE, 2.0 * left))
         vd = max(-pilot.speeds.climb, min(pilot.speeds.sink, vd))

@@ -14,7 +14,7 @@ from fleet_mavlink.sim.mission_items import MISSION, Habits, Item
 from fleet_mavlink.sim.mission_upload import MissionUpload
 
 NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = 1, 2, 3, 4, 5  # MISSION_STATE
-_TOLD_AGAIN = 1.0  # s
+_REPEATED_AFTER = 1.0  # s
 
 
 class SimMissions:
@@ -30,15 +30,15 @@ class SimMissions:
 
     def reached(self, now: float) -> object:
         """Return the message that the current item is reached; PX4 repeats it."""
-        self._reached = (self.current, self.habits.reached_times - 1, now + _TOLD_AGAIN)
+        self._reached = (self.current, self.habits.reached_times - 1, now + _REPEATED_AFTER)
         return mav.MAVLink_mission_item_reached_message(self.current)
 
-    def _told_again(self, now: float) -> Iterable[object]:
+    def _repeated_reports(self, now: float) -> Iterable[object]:
         """Repeat the report of the last reached item, even after another mission was uploaded."""
         if self._reached is None or not self._reached[1] or now < self._reached[2]:
             return ()
         item, times, _ = self._reached
-        self._reached = (item, times - 1, now + _TOLD_AGAIN)
+        self._reached = (item, times - 1, now + _REPEATED_AFTER)
         return [mav.MAVLink_mission_item_reached_message(item)]
 
     def plan(self, kind: int) -> list[Item]:
@@ -82,7 +82,7 @@ class SimMissions:
 
     def overdue(self, now: float) -> Iterable[object]:
         """Repeat due reports; request an overdue item, end a silent upload."""
-        return [*self._told_again(now), *self.upload.overdue(now)]
+        return [*self._repeated_reports(now), *self.upload.overdue(now)]
 
     def _store(self, kind: int, items: list[Item]) -> None:
         """Replace a plan by an uploaded one."""

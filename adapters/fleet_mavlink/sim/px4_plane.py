@@ -204,7 +204,7 @@ class SimPx4Plane(SimPx4):
         flown = self.manoeuvre
         if isinstance(flown, RunwayTakeoff):
             if not self.landed and not self.left_ground:
-                self.say_once(INFO, "Takeoff detected")
+                self.send_text_once(INFO, "Takeoff detected")
             if flown.done:
                 self.enter(self.modes["LOITER"])
         super().supervise()

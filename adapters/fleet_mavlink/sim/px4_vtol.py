@@ -37,7 +37,7 @@ def _transition(pilot: SimPx4Vtol, ask: CommandRequest) -> int:
     to = whole(ask.p1)
     if to not in _TAKES:
         return DENIED
-    pilot.go_over(to)
+    pilot.begin_transition(to)
     return ACCEPTED
 
 
@@ -78,9 +78,9 @@ class SimPx4Vtol(SimPx4Plane):
 
     def hover(self) -> None:
         """Begin the transition to hover."""
-        self.go_over(HOVERS)
+        self.begin_transition(HOVERS)
 
-    def go_over(self, to: int) -> None:
+    def begin_transition(self, to: int) -> None:
         """Begin a transition, along its nose, in its mode. One to its wings can be aborted at once."""
         if (to == HOVERS) is self.body.hovers and self._goes_over is None:
             return

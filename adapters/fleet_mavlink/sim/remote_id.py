@@ -80,7 +80,7 @@ class SimRemoteId:
             self._lost_operator_at = now
             pilot.say(_WARNING, "ODID: lost operator location")
 
-    def wanting(self, now: float, *, located: bool) -> str:
+    def missing_data(self, now: float, *, located: bool) -> str:
         """Return the data that the transmitter misses, in its own words; empty without any."""
         ages = (("SELF_ID", "SELF_ID", _OTHERS_AGE), ("OPERATOR_ID", "OP_ID", _OTHERS_AGE))
         missing = [] if located else ["LOC"]

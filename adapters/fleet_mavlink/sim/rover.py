@@ -37,7 +37,7 @@ class RoverSpeeds(ArduPilotSpeeds):
         return self.asked or self._params["WP_SPEED"]
 
     @property
-    def nose_follows(self) -> bool:
+    def yaw_follows_course(self) -> bool:
         """Always True."""
         return True
 

@@ -149,7 +149,7 @@ class Vehicles(SimServer[VehicleSpec, Station]):
 
         Raises OSError if the port is in use.
         """
-        return self.keep(await self._on_udp(spec, target, port))
+        return self.add_robot(await self._on_udp(spec, target, port))
 
     async def _on_udp(self, spec: VehicleSpec, target: Address | None, port: int) -> Station:
         """Open a vehicle's UDP socket."""
@@ -162,4 +162,4 @@ class Vehicles(SimServer[VehicleSpec, Station]):
         """Add a vehicle that waits for a client on 127.0.0.1:``port``; raises OSError."""
         station = TcpStation(spec)
         await station.listen("127.0.0.1", port)
-        return self.keep(station)
+        return self.add_robot(station)

@@ -42,7 +42,7 @@ class Speaker:
             part = data[start : start + _TEXT]
             self.out.append(mav.MAVLink_statustext_message(severity, part, number, chunk))
 
-    def say_once(self, severity: int, text: str) -> None:
+    def send_text_once(self, severity: int, text: str) -> None:
         """Send a STATUSTEXT only the first time after boot."""
         if text not in self._reported:
             self._reported.add(text)
@@ -68,7 +68,7 @@ class Speaker:
         else:
             self.out.append(ack(ask, result))
 
-    def say_what_is_due(self) -> None:
+    def send_due_texts(self) -> None:
         """Send the delayed messages that are due."""
         if not self._later:
             return

@@ -46,7 +46,7 @@ class FlightSpeeds(ABC):
 
     @property
     @abstractmethod
-    def nose_follows(self) -> bool:
+    def yaw_follows_course(self) -> bool:
         """True if the nose turns into the direction of travel."""
 
 
@@ -84,7 +84,7 @@ class ArduPilotSpeeds(FlightSpeeds):
         return self.sink, self._params["LAND_SPEED"] / 100, 10.0
 
     @property
-    def nose_follows(self) -> bool:
+    def yaw_follows_course(self) -> bool:
         """True for a WP_YAW_BEHAVIOR other than 0."""
         return self._params["WP_YAW_BEHAVIOR"] != 0
 
@@ -123,6 +123,6 @@ class Px4Speeds(FlightSpeeds):
         return self.sink, self._params["MPC_LAND_SPEED"], self._params["MPC_LAND_ALT1"]
 
     @property
-    def nose_follows(self) -> bool:
+    def yaw_follows_course(self) -> bool:
         """True for an MPC_YAW_MODE along the way: 0, 4 (nose first) and 3."""
         return int(self._params["MPC_YAW_MODE"]) in {0, 3, 4}

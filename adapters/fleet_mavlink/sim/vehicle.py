@@ -287,7 +287,7 @@ def _remote_id(pilot: Autopilot, message: object) -> None:
 def _list_logs(pilot: Autopilot, message: object) -> Iterable[object]:
     """LOG_REQUEST_LIST: ArduPilot lists its logs on the ground only."""
     if pilot.armed and isinstance(pilot, ArduPilot):
-        pilot.say_once(3, "Disarm for log download")
+        pilot.send_text_once(3, "Disarm for log download")
         return []
     return pilot.equipment.logs.asked_list(message)
 

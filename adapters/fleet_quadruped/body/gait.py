@@ -75,7 +75,7 @@ class GaitSteps:
         self._phase, self.walking, self.stance = 0.0, False, [True] * 4
         self.balance = Balance()
 
-    def bearable(self, wanted: Twist) -> Twist:
+    def feasible_velocity(self, wanted: Twist) -> Twist:
         """Return the largest velocity in this direction that leaves no standing foot too far behind.
 
         A foot that was placed for another velocity cannot correct its position before its next lift.

@@ -30,7 +30,7 @@ class Lean(NamedTuple):
     yaw: float = 0.0
 
 
-def leans(dog: DogDescription) -> tuple[Lean, ...]:
+def lean_tests(dog: DogDescription) -> tuple[Lean, ...]:
     """Return the trunk positions of the check, the lowest first."""
     gait, shift = dog.gait, _SHIFT * (dog.geometry.thigh + dog.geometry.calf)
     low = gait.lowest
@@ -46,23 +46,23 @@ def leans(dog: DogDescription) -> tuple[Lean, ...]:
 
 
 def look_times(dog: DogDescription) -> tuple[float, ...]:
-    """Return the times (s from the start) at which the trunk has come to rest at each of ``leans``."""
+    """Return the times (s from the start) at which the trunk has come to rest at each of ``lean_tests``."""
     first = FOLD_TIME + RISE_TIME + HOLD_TIME
-    return tuple(first + number * (MOVE_TIME + HOLD_TIME) for number in range(len(leans(dog))))
+    return tuple(first + number * (MOVE_TIME + HOLD_TIME) for number in range(len(lean_tests(dog))))
 
 
 def probing(dog: DogDescription, start: Twelve) -> PostureMotion:
-    """Fold slowly, crouch, and move the trunk to each of ``leans``."""
+    """Fold slowly, crouch, and move the trunk to each of ``lean_tests``."""
     fold = dog.posture(dog.poses.fold)
-    first, *others = leans(dog)
+    first, *others = lean_tests(dog)
     segments = [
         Segment(FOLD_TIME, fold),
-        Segment(RISE_TIME, leaning(dog, first)),
-        Segment(HOLD_TIME, leaning(dog, first)),
+        Segment(RISE_TIME, lean_angles(dog, first)),
+        Segment(HOLD_TIME, lean_angles(dog, first)),
     ]
     before = first
     for lean in others:
-        segments += [_move(dog, before, lean), Segment(HOLD_TIME, leaning(dog, lean))]
+        segments += [_move(dog, before, lean), Segment(HOLD_TIME, lean_angles(dog, lean))]
         before = lean
     return PostureMotion(start, segments)
 
@@ -71,12 +71,12 @@ def _move(dog: DogDescription, before: Lean, after: Lean) -> Segment:
     """Return the path of the trunk from one position to another."""
 
     def path(share: float) -> Twelve:
-        return leaning(dog, Lean(*(a + (b - a) * share for a, b in zip(before, after, strict=True))))
+        return lean_angles(dog, Lean(*(a + (b - a) * share for a, b in zip(before, after, strict=True))))
 
-    return Segment(MOVE_TIME, leaning(dog, after), path)
+    return Segment(MOVE_TIME, lean_angles(dog, after), path)
 
 
-def leaning(dog: DogDescription, lean: Lean) -> Twelve:
+def lean_angles(dog: DogDescription, lean: Lean) -> Twelve:
     """Return the joint angles for a trunk position, with the feet below the hips of a level trunk."""
     rotation = quaternion_from_euler(lean.roll, lean.pitch, lean.yaw)
     angles: list[float] = []

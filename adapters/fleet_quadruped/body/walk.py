@@ -77,7 +77,7 @@ class Walker:
             wanted = Twist()
         self.odometry.update(dt, sense, self._steps.loads, self._steps.balance.speed)
         before = self._ramped
-        goal = self._steps.bearable(limited(wanted, pace, self.speed_share))
+        goal = self._steps.feasible_velocity(limited(wanted, pace, self.speed_share))
         now = self._ramped = ramped(before, goal, pace, dt)
         self._correct(dt)
         most = _HEIGHT_SPEED * dt

@@ -106,7 +106,7 @@ class Controller:
         self._trip = self._monitor.check(self._observed(now, dt))
         if self._trip is not None:
             self.body.trip(self._trip)
-        self._orders.obey(order, now, sense, self._unfit)
+        self._orders.execute_order(order, now, sense, self._unfit)
         self.body.walker.speed_share = self._monitor.speed_share(self._joints)
         self.body.walker.gait = order.gait
         heard = now - order.alive < self.dog.safety.deadman
@@ -137,7 +137,7 @@ class Controller:
         """Return the newest state."""
         imu, odometry = self._sensors.imu, self.body.walker.odometry
         turn = imu.rotation if imu else quaternion_from_yaw(odometry.yaw)
-        fault = failed(self.dog.all_joints, self._joints) or self._off.still_on(self._joints)
+        fault = failed(self.dog.all_joints, self._joints) or self._off.torque_on_fault(self._joints)
         return DogState(
             stamp=now,
             mode=self.body.mode.value,

@@ -27,10 +27,10 @@ class OffWatch:
 
     @property
     def over(self) -> bool:
-        """True when every drive has confirmed, or the time for it is over: see ``still_on``."""
+        """True when every drive has confirmed, or the time for it is over: see ``torque_on_fault``."""
         return self._confirmed or self._off_for > _SEEN_OFF
 
-    def still_on(self, reported: JointsFeedback) -> str:
+    def torque_on_fault(self, reported: JointsFeedback) -> str:
         """Describe the drive whose torque is still on although it should be off; empty if there is none."""
         if self._off_for <= _SEEN_OFF or self._confirmed:
             return ""

@@ -8,7 +8,7 @@ from fleet_quadruped.body.machine import BodyStateMachine
 from fleet_quadruped.body.measured import Sense
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.orders import Order
-from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, BodyMode, StopStage, Trip
+from fleet_quadruped.safety.stages import ASKED_TO_LEAVE, EMERGENCY_STOP, BodyMode, StopStage, Trip
 
 _STOP_TRIP = Trip(StopStage.DAMP, EMERGENCY_STOP)
 _POWERS = frozenset({BodyRequest.STAND, BodyRequest.RECOVER, BodyRequest.CHECK, BodyRequest.POSE})
@@ -29,7 +29,7 @@ class OrderTracker:
         self._body = body
         self._abandoned = abandoned  # s of silence of the host after which the robot sits down
 
-    def obey(self, order: Order, now: float, sense: Sense, unfit: Callable[[], str]) -> None:
+    def execute_order(self, order: Order, now: float, sense: Sense, unfit: Callable[[], str]) -> None:
         """Execute the activity, then halt and stop, which so take precedence, then sit down without a host.
 
         ``unfit`` returns why the drives cannot be enabled now; empty if they can.
@@ -50,7 +50,7 @@ class OrderTracker:
                 body.fault = body.fault or _STOP_TRIP.cause
         silent = now - order.alive
         if order.leave or silent > self._abandoned:
-            why = TOLD_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s"
+            why = ASKED_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s"
             body.trip(Trip(StopStage.SIT, why))
 
     def _release(self, ask: BodyRequest) -> None:

@@ -37,7 +37,7 @@ class ReportingDrive(ABC):
         """Return the state of the drive, and its fault; empty without one."""
 
     @property
-    def two_with_its_id(self) -> str:
+    def duplicate_id_fault(self) -> str:
         """Fault text for two drives with the same id."""
         return f"two drives answer as id {self.joint.id} on bus {self.joint.bus}: give each its own"
 

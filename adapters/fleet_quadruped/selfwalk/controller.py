@@ -14,7 +14,7 @@ from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.orders import DogState, LoopTiming, Order
 from fleet_quadruped.drives.cia402.commission import NodeName, write_node
 from fleet_quadruped.drives.cia402.frames import SDO_RESPONSE
-from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, BodyMode
+from fleet_quadruped.safety.stages import ASKED_TO_LEAVE, EMERGENCY_STOP, BodyMode
 from fleet_quadruped.selfwalk.by_objects import SDO_ABORT
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.height import StandingHeight
@@ -167,7 +167,7 @@ class SelfWalkController:
     def _judge(self, dt: float) -> None:
         """Compare the reported velocity with the requested one; stop a machine that moves unrequested."""
         known = self._telemetry.mode in _STANDS and not self._telemetry.is_stale
-        self._velocity_check.judge(
+        self._velocity_check.check_cycle(
             dt, self._twist if known else _STILL, self._telemetry.twist if known else _STILL
         )
         if self._velocity_check.runs:
@@ -193,7 +193,7 @@ class SelfWalkController:
         self._halted = order.halts
         silent = now - order.alive
         if order.leave or silent > self.walker.safety.abandoned:
-            self._sit(TOLD_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s")
+            self._sit(ASKED_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s")
         percent = self._telemetry.percent
         if percent is not None and percent <= self.walker.sit_at:
             self._sit(f"battery: {percent:.0f} %, it sits down at {self.walker.sit_at:g} %")

@@ -23,7 +23,7 @@ class VelocityCheck:
         self.why = self.runs = ""
         self._idle = self._running = 0.0  # s
 
-    def judge(self, dt: float, asked: Twist, reported: Twist) -> None:
+    def check_cycle(self, dt: float, asked: Twist, reported: Twist) -> None:
         """Compare one cycle: requested and reported velocity (m/s, rad/s)."""
         still = asked == Twist()
         self._idle = self._idle + dt if not still and _idles(asked, reported) else 0.0

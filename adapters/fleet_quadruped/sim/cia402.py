@@ -214,7 +214,7 @@ class SimDrive:
         """Apply a control word and a target."""
         control, angle, torque = decoded
         was = self.state
-        if not self.power.obey(control):
+        if not self.power.handle_control_word(control):
             return
         if self.state is DriveState.ENABLED is not was:
             self._to = self.motor.angle

@@ -61,7 +61,7 @@ class PowerStage:
         """React to a fault according to 605Eh."""
         self._stop(DriveState.FAULT_REACTION, FAULTS[self._objects[FAULT_OPTION].value], DriveState.FAULT)
 
-    def obey(self, control: int) -> bool:
+    def handle_control_word(self, control: int) -> bool:
         """Process a control word; return False if it, and its target, are ignored."""
         if self.dozing and control & 0x0F == 0x0F and self.state is DriveState.SWITCHED_ON:
             self.dozing -= 1
@@ -120,7 +120,7 @@ class PowerStage:
         """Stop according to 605Ch ("disable operation")."""
         self._stop(DriveState.ENABLED, DISABLES[self._objects[DISABLE_OPTION].value], DriveState.SWITCHED_ON)
 
-    def go_on(self) -> None:
+    def resume_operation(self) -> None:
         """Continue after a quick stop that holds (605Ah is 5 to 7): transition 16."""
         if self._brake is not None and self._brake.holds and not self._stays:
             self.state, self._brake = DriveState.ENABLED, None
@@ -137,7 +137,7 @@ _ACTS: Mapping[tuple[DriveState, int], Callable[[PowerStage], None]] = MappingPr
     {
         (DriveState.ENABLED, 0x02): PowerStage.stop_quickly,
         (DriveState.ENABLED, 0x07): PowerStage.disable,
-        (DriveState.QUICK_STOP, 0x0F): PowerStage.go_on,
+        (DriveState.QUICK_STOP, 0x0F): PowerStage.resume_operation,
     }
 )
 """(state, low four bits of the control word) to transitions that take time, or depend on more."""

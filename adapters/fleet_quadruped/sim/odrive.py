@@ -175,7 +175,7 @@ class SimOdrive(SimDampingDrive):
             self._parameters[endpoint] = kept if self._refusing else value[: len(kept)]
             return
         answer = struct.pack("<BHx", 0, endpoint) + self._parameters[endpoint]
-        self._send(CanFrame(wire.identifier(self.joint.id, OdriveCommand.TOLD), answer))
+        self._send(CanFrame(wire.identifier(self.joint.id, OdriveCommand.TX_SDO), answer))
 
     def _estimates(self) -> bytes:
         angle, speed, _ = self._units.motor(self.encoder.angle, self.motor.speed, 0.0)

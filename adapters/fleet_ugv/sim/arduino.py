@@ -24,7 +24,7 @@ class ArduinoBoard(SimBoard):
         self.physics.distances = [0.0, 0.0]
         self._rest = b""
 
-    def obey(self, data: bytes, now: float) -> bytes:
+    def handle_bytes(self, data: bytes, now: float) -> bytes:
         """Answer the words, one by one."""
         *words, self._rest = (self._rest + data).split(b"\r")
         self._rest = self._rest[:LONGEST]

@@ -32,7 +32,7 @@ class SimBoard(ABC):
         self._to_board = BadWire(self.faults, random)
 
     @abstractmethod
-    def obey(self, data: bytes, now: float) -> bytes:
+    def handle_bytes(self, data: bytes, now: float) -> bytes:
         """Handle received bytes; return the answers."""
 
     @abstractmethod
@@ -48,13 +48,13 @@ class SimBoard(ABC):
         self._pass(now)
         echo = data if "echo" in self.faults else b""
         heard = b"".join(self._to_board.carry([data], now))
-        return self._out(echo + (self.obey(heard, now) if heard else b""), now)
+        return self._out(echo + (self.handle_bytes(heard, now) if heard else b""), now)
 
     def step(self, now: float) -> bytes:
         """Advance the time; return the bytes that reach the host."""
         self._pass(now)
         late = b"".join(self._to_board.carry([], now))
-        return self._out((self.obey(late, now) if late else b"") + self.speak(now), now)
+        return self._out((self.handle_bytes(late, now) if late else b"") + self.speak(now), now)
 
     def set_fault(self, name: str, value: float | None) -> None:
         """Start a fault; None ends it. Raises ValueError for an unknown fault."""

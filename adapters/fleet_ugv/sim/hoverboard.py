@@ -30,7 +30,7 @@ class HoverboardBoard(SimBoard):
         self._rest = b""
         self._inputs = (0, 0)
 
-    def obey(self, data: bytes, now: float) -> bytes:
+    def handle_bytes(self, data: bytes, now: float) -> bytes:
         """Handle valid frames; other bytes are skipped one by one."""
         self._rest += data
         while len(self._rest) >= _DOWN.size:

@@ -56,7 +56,7 @@ class WaveshareBoard(SimBoard):
         self._module = 0
         self._next = 0.0
 
-    def obey(self, data: bytes, now: float) -> bytes:
+    def handle_bytes(self, data: bytes, now: float) -> bytes:
         """Carry out commands; input is ignored while it boots."""
         self._mount.turn(now)
         if now < self._booted:

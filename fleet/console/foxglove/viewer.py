@@ -82,7 +82,7 @@ class Viewer:
                 subscription = self._subscriptions.get(sample.channel)
                 if subscription is not None:
                     await self._socket.send_bytes(message_data(subscription, sample.received, sample.payload))
-            await self._tell_lost()
+            await self._report_lost()
 
     def _new_channels(self) -> list[FoxgloveChannel]:
         """Return the channels that were not offered yet."""
@@ -90,7 +90,7 @@ class Viewer:
         self._offered += len(new)
         return new
 
-    async def _tell_lost(self) -> None:
+    async def _report_lost(self) -> None:
         """Warn periodically of dropped samples."""
         now = self._clock.monotonic()
         if self._backlog.lost and now - self._warned_at >= TELL_EVERY:

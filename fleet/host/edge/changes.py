@@ -24,7 +24,7 @@ from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError, StateError
 from fleet.host.edge.changes_elsewhere import ChangesElsewhere, ended, waits
 from fleet.host.edge.last_configuration import keep
-from fleet.host.edge.member_rules import groups_hindrance, unfit
+from fleet.host.edge.member_rules import groups_blocker, unfit
 from fleet.host.edge.membership import Membership, RobotRegistrations
 from fleet.host.edge.shown_configuration import shown_configuration
 from fleet.host.edge.stops_during_change import StopsDuringChange
@@ -34,7 +34,7 @@ from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_service import merged_groups, replace_groups
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.rest import moving, not_resting
-from fleet.host.safety.stricter import held_back, holds_alike
+from fleet.host.safety.stricter import is_equally_strict, merge_stricter
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_changes import WorkerChanges
 from fleet.model.change import (
@@ -61,7 +61,7 @@ BEFORE = "it has its configuration of before"
 class ConfigurationChanges:
     """Running configuration of one edge, and its changes; on the event loop.
 
-    ``configured`` are called with the running configuration after each change. ``hindrance`` returns why a
+    ``configured`` are called with the running configuration after each change. ``blocker`` returns why a
     section cannot be changed now. ``groups`` are used by stops, from any thread.
     """
 
@@ -74,7 +74,7 @@ class ConfigurationChanges:
         *,
         folder: Path,
         configured: Iterable[Callable[[Loaded], None]],
-        hindrance: Callable[[str], str],
+        blocker: Callable[[str], str],
         followers: RobotRegistrations,
         members: WorkerMembership,
         groups: dict[str, list[str]],
@@ -82,7 +82,7 @@ class ConfigurationChanges:
         self._running = loaded
         self._process, self._remote, self._workers = process, remote, workers
         self._folder, self._configured = folder, tuple(configured)
-        self._section_hindrance = hindrance
+        self._section_blocker = blocker
         self._stops = StopsDuringChange(process)
         self._membership = Membership(process, followers, self._stops, members)
         self._registrations, self._groups = followers, groups
@@ -151,7 +151,7 @@ class ConfigurationChanges:
         found = await asyncio.to_thread(_found, self._running, new)
         if asked.do == "diff":
             planned = (
-                msgspec.structs.replace(each, why=each.why or self._hindrance(each, new)) for each in found
+                msgspec.structs.replace(each, why=each.why or self._blocker(each, new)) for each in found
             )
             return ChangesAnswer(tuple(planned), file, warnings=tuple(map(str, new.warnings)))
         changes = await self._apply(found, new, asked)
@@ -160,28 +160,28 @@ class ConfigurationChanges:
 
     # -- dry run ---------------------------------------------------------------------------------------
 
-    def _hindrance(self, change: Change, new: Loaded) -> str:
+    def _blocker(self, change: Change, new: Loaded) -> str:
         """Return why a robot or a section cannot be changed now; empty when it can."""
         if change.kind in MEMBERS:
-            return self._member_hindrance(change, new, force=False)
+            return self._member_blocker(change, new, force=False)
         if change.kind not in LIVE:
             return ""
         if change.section:
-            groups = groups_hindrance(self._running.config, new.config) if change.name == "groups" else ""
-            return groups or self._section_hindrance(change.name)
+            groups = groups_blocker(self._running.config, new.config) if change.name == "groups" else ""
+            return groups or self._section_blocker(change.name)
         here = self._process.robots.get(change.name)
         if here is not None:
             return not_resting(here)
-        return self._workers.hindrance(self._remote[change.name].worker)
+        return self._workers.blocker(self._remote[change.name].worker)
 
-    def _member_hindrance(self, change: Change, new: Loaded, *, force: bool) -> str:
+    def _member_blocker(self, change: Change, new: Loaded, *, force: bool) -> str:
         """Return why a robot cannot be added or removed now; empty when it can."""
         name, added = change.name, change.kind is ChangeKind.ADDED
         why = unfit(self._running, new.config, name if added else "")
         if why or added or force:
             return why
         runs = ", ".join(self._registrations.runs_with(name))
-        return self._membership.hindrance(name) or (runs and f"{name} is in run {runs}")
+        return self._membership.blocker(name) or (runs and f"{name} is in run {runs}")
 
     # -- application -----------------------------------------------------------------------------------
 
@@ -230,7 +230,7 @@ class ConfigurationChanges:
 
     async def _member(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
         """Add or remove a robot."""
-        if why := self._member_hindrance(change, new, force=asked.force):
+        if why := self._member_blocker(change, new, force=asked.force):
             return ended(change, Outcome.REFUSED, why)
         name, added = change.name, change.kind is ChangeKind.ADDED
         try:
@@ -253,7 +253,7 @@ class ConfigurationChanges:
         if changes and missing:
             why = f"they may name {', '.join(missing)}: see there, and apply again"
             return [ended(change, Outcome.REFUSED, why) for change in changes]
-        why = "; ".join(filter(None, (self._hindrance(change, new) for change in changes)))
+        why = "; ".join(filter(None, (self._blocker(change, new) for change in changes)))
         regroups = any(change.name == "groups" for change in changes)
         if regroups and not why and (why := await self._workers.regroup(new.config.members)):
             await self._workers.regroup(self._groups)
@@ -286,19 +286,19 @@ class ConfigurationChanges:
         except Exception as error:  # noqa: BLE001 - the validators are the adapter's own code
             return ended(change, Outcome.FAILED, f"its adapter, as it is loaded, refuses it: {error}")
         live, moves = change.kind is ChangeKind.SETTINGS, moving(robot)
-        hindrance = moves if asked.force else not_resting(robot)
-        if hindrance and (live or not asked.force):
-            return self._stricter(robot, config, new, change, hindrance)
+        blocker = moves if asked.force else not_resting(robot)
+        if blocker and (live or not asked.force):
+            return self._stricter(robot, config, new, change, blocker)
         can, wanted = robot.controller.can, config
         if moves:  # the rebuild stops it; looser settings wait until its standstill is confirmed
-            config = held_back(robot.config, config, limits=can.limits, separation=can.separation)
+            config = merge_stricter(robot.config, config, limits=can.limits, separation=can.separation)
         trouble = take_over(robot, config) if live else await rebuild(self._process, robot, config)
         if trouble:
             return ended(change, Outcome.FAILED, f"{trouble}; {BEFORE}")
         known = {field: getattr(config, field) for field in SETTINGS} if moves else {}
         running = _config_of(new, change.name).model_copy(update=known)
         self._runs_with({change.name: running}, {change.name: new.given[change.name]})
-        if moves and not holds_alike(config, wanted, can.limits, can.separation):
+        if moves and not is_equally_strict(config, wanted, can.limits, can.separation):
             return ended(change, Outcome.PARTLY, LOOSER.format(moves))
         return ended(change, Outcome.DONE)
 

@@ -64,7 +64,7 @@ class CloudClaims:
             self._doubted.pop(robot.name, None)
         self._holders.pop(twin, None)
 
-    def heard(self, twin: str, holder: str) -> None:
+    def handle_claim(self, twin: str, holder: str) -> None:
         """Process a claim, or with an empty ``holder`` its end."""
         robot = self._robots.get(twin)
         if robot is None:  # the edge has just given it up
@@ -77,8 +77,8 @@ class CloudClaims:
             return
         self._holders[twin] = holder
         self._hold(twin, holder)
-        self.tell_workers()
+        self.notify_workers()
 
-    def tell_workers(self) -> None:
+    def notify_workers(self) -> None:
         """Publish the holders to the workers; repeatedly, since one may have been restarted."""
         self._tell(msgspec.json.encode(self._holders))

@@ -19,14 +19,14 @@ class CloudPresence:
         self._bridge = bridge
         self._supervised = supervised
 
-    def leave_words(self) -> None:
+    def register_disconnect_messages(self) -> None:
         """Give the supervisor the messages that it publishes in the cloud when this process dies."""
         self._supervised.leave_notice(msgspec.json.encode(self._bridge.disconnect_plan()))
 
     def hold(self, twin: str, holder: str) -> None:
         """Leave a twin to another edge, which then speaks for it, or take it back."""
         if self._bridge.hold(twin, holder):
-            self.leave_words()
+            self.register_disconnect_messages()
 
     def beat(self, edge: EdgeState, robots: Iterable[RobotState]) -> None:
         """Publish every twin's heartbeat, and the edge's own."""

@@ -53,10 +53,10 @@ def watched_files(loaded: Loaded) -> list[WatchedFile]:
 
 
 class DropInWatch:
-    """Checks the files, and asks their workers; ``hindrance`` returns which of a worker's robots moves."""
+    """Checks the files, and asks their workers; ``blocker`` returns which of a worker's robots moves."""
 
-    def __init__(self, files: Iterable[WatchedFile], ask: Ask, hindrance: Callable[[str], str]) -> None:
-        self._ask, self._hindrance = ask, hindrance
+    def __init__(self, files: Iterable[WatchedFile], ask: Ask, blocker: Callable[[str], str]) -> None:
+        self._ask, self._blocker = ask, blocker
         self._seen = {file: _stamp(file.path) for file in files}
         self._in_use = dict(self._seen)
         self._reported: dict[WatchedFile, str] = {}
@@ -85,7 +85,7 @@ class DropInWatch:
 
     async def _take(self, file: WatchedFile, stamp: tuple[int, int]) -> None:
         """Reload a file; a failure is logged once."""
-        waits = "" if file.simulated else self._hindrance(file.worker)
+        waits = "" if file.simulated else self._blocker(file.worker)
         why = waits or await self._asked(file)
         if not why:
             log.warning("%s: taken into use by worker %s", file.path, file.worker)

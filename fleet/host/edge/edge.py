@@ -47,7 +47,7 @@ from fleet.host.process.component_settings import (
 )
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
-from fleet.host.process.interrupted_commands import tell_interrupted_commands
+from fleet.host.process.interrupted_commands import report_interrupted_commands
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_inputs import TELL, StopInputs
 from fleet.host.process.stop_service import serve_stops, stop_everywhere
@@ -131,7 +131,7 @@ class Edge:
                 {robot.twin: self.missions.plans.port(robot) for robot in self.robots()},
                 put=self.bus.reports.put,
                 alive=self._alive,
-                claimed=self.cloud_claims.heard,
+                claimed=self.cloud_claims.handle_claim,
                 clock=clock,
                 handlers=self.missions.workflows.handlers,
             )
@@ -177,7 +177,7 @@ class Edge:
                 self._pair.configure,
                 self._configure,
             ),
-            hindrance=self.missions.hindrance,
+            blocker=self.missions.blocker,
             members=WorkerMembership(self.process, self._remote_robots, self._workers, workers),
             groups=self._groups,
             followers=RobotRegistrations(
@@ -202,7 +202,7 @@ class Edge:
                 self._metrics_port.serve()
             self._declare(ended)
             cloud = self.bridge.publisher.publish_end if self.bridge else None
-            tell_interrupted_commands(self.process, self.robots(), cloud)
+            report_interrupted_commands(self.process, self.robots(), cloud)
             self._pair.begin()
             self.process.start()
             self._stop_inputs.start(self.process.watchdog.add)
@@ -256,7 +256,7 @@ class Edge:
         async def ask(worker: str, adapter: str, force: bool) -> str:  # noqa: FBT001 - by position
             return await workers.start_again(worker, adapter, force=force)
 
-        self._watches = DropInWatch(watched_files(self._loaded), ask, workers.hindrance)
+        self._watches = DropInWatch(watched_files(self._loaded), ask, workers.blocker)
 
     def robots(self) -> list[LocalRobot | RemoteRobot]:
         """Return every robot of this edge, also those in its workers."""
@@ -286,7 +286,7 @@ class Edge:
             queued=stats.queued if stats else 0,
             queued_bytes=stats.queued_bytes if stats else 0,
             spooled=bridge.client.spool.waiting if bridge else 0,
-            unheard=bridge.client.spool.unheard if bridge else 0,
+            unheard=bridge.client.spool.unsubscribed if bridge else 0,
             waiting=bridge.uplink.waiting if bridge else 0,
             refused=bridge.refusals.total if bridge else 0,
             round_trip=bridge.round_trip.seconds if bridge else None,
@@ -335,28 +335,28 @@ class Edge:
         take_starts(self.process)
         self.process.follow_supervisor(stop, ended)
         if self._presence is not None:
-            self._presence.leave_words()
+            self._presence.register_disconnect_messages()
         if self.bridge is not None:
             self.process.outbox.bridge = self.bridge.uplink
             self.bridge.uplink.own(robot.twin for robot in self.process.robots.values())
-            self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
+            self.bus.reports.gather("cw/*/data/**", self.bridge.handle_samples)
             self.bridge.streams.listen(self.bus.reports.subscribe)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         self.bus.control.answer(keys.history(edge), self._recall.asked)
         self.bus.control.answer(keys.schedules(edge), self.schedules.asked, more=keys.SENDER_SUFFIX)
         self.missions.declare()
         self._changes.declare(self.bus.control)
-        self._notifier.hear(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})
+        self._notifier.subscribe(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})
         health = self.bus.control.publisher(keys.health(edge))
 
-        def tell_health() -> None:
+        def report_health() -> None:
             if health.wanted:
                 health.put(msgspec.json.encode(self.state()))
 
-        self.process.scheduler.every(HEALTH_EVERY, tell_health)
+        self.process.scheduler.every(HEALTH_EVERY, report_health)
         self.summaries.declare(self.bus.control, self.process.scheduler, self._soon)
         if self.bridge is not None:  # repeatedly: a worker may have been restarted
-            self.process.scheduler.every(HEALTH_EVERY, self.cloud_claims.tell_workers)
+            self.process.scheduler.every(HEALTH_EVERY, self.cloud_claims.notify_workers)
         if self._config.stop_inputs:
             held = self.bus.control.publisher(keys.held(edge))
             self.process.scheduler.every(TELL, lambda: held.put(self._stop_inputs.held))

@@ -17,7 +17,7 @@ def unfit(running: Loaded, new: FleetConfig, added: str) -> str:
     return _unfit_to_add(running.config, new, added) if added else ""
 
 
-def groups_hindrance(running: FleetConfig, new: FleetConfig) -> str:
+def groups_blocker(running: FleetConfig, new: FleetConfig) -> str:
     """Return why the groups cannot be changed now: a stop input resolves its robots at the start."""
     before, after = running.members, new.members
     other = {name for name in before.keys() | after.keys() if before.get(name) != after.get(name)}

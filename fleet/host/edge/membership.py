@@ -71,7 +71,7 @@ class RobotRegistrations:
             rules = bridge_rules(self._cloud, [robot.config]).twins[robot.twin]
             self._bridge.join(self._missions.plans.port(robot), rules)
             self._bridge.uplink.own([robot.twin] if isinstance(robot, LocalRobot) else [])
-            self._presence.leave_words()
+            self._presence.register_disconnect_messages()
 
     def leave(self, robot: LocalRobot | RemoteRobot) -> None:
         """Remove a robot whose run has ended; a failure of one part does not stop the others."""
@@ -79,7 +79,7 @@ class RobotRegistrations:
         parts: list[Callable[[], None]] = [partial(self._missions.leave, name)]
         parts += [partial(part.leave, twin) for part in (self._notifier, self._cloud_claims)]
         if self._bridge is not None and self._presence is not None:
-            parts += [partial(self._bridge.leave, twin), self._presence.leave_words]
+            parts += [partial(self._bridge.leave, twin), self._presence.register_disconnect_messages]
         leave_all(name, partial(self._stop_inputs.leave, name), *parts)
 
     def runs_with(self, robot: str) -> list[str]:
@@ -105,10 +105,10 @@ class Membership:
         self._workers = workers
         self._taken_out: dict[str, str] = {}  # twin to name of robots removed earlier
 
-    def hindrance(self, name: str) -> str:
+    def blocker(self, name: str) -> str:
         """Return why a robot of the edge cannot be removed now; empty when it is at rest."""
         here = self._process.robots.get(name)
-        return not_resting(here) if here is not None else self._workers.hindrance(name)
+        return not_resting(here) if here is not None else self._workers.blocker(name)
 
     async def add(self, name: str, running: Loaded, loaded: Loaded) -> str:
         """Add a robot of a loaded file to the running ones."""
@@ -167,7 +167,7 @@ class Membership:
         if elsewhere is not None:
             return await self._removed_elsewhere(elsewhere, running, force=force)
         robot = self._process.robots[name]
-        trouble = await self.leaves_runs(robot) or await ended(self._process, robot)
+        trouble = await self.remove_from_runs(robot) or await ended(self._process, robot)
         if trouble:  # not run again: two adapters would move one robot
             return trouble
         if robot.controller.motion.may_be_moving:
@@ -178,7 +178,7 @@ class Membership:
 
     async def _removed_elsewhere(self, robot: RemoteRobot, running: Loaded, *, force: bool) -> str:
         """Remove a robot from its worker."""
-        trouble = await self.leaves_runs(robot)
+        trouble = await self.remove_from_runs(robot)
         trouble = trouble or await self._workers.remove(robot.name, running, force=force)
         if trouble:
             self._stops.pass_on(robot)
@@ -190,9 +190,9 @@ class Membership:
     async def _keep_stop(self, robot: RemoteRobot) -> None:
         """Record the stop of a removed robot, if its worker has not confirmed it."""
         self._stops.pass_on(robot)
-        if robot.unheard:
+        if robot.unconfirmed_stop:
             journal = await asyncio.to_thread(self._process.journal.robot, robot.name)
-            journal.latch(robot.unheard)
+            journal.latch(robot.unconfirmed_stop)
 
     async def _built(self, name: str, loaded: Loaded) -> LocalRobot:
         """Build a robot of a loaded file; raises the errors of its adapter."""
@@ -216,7 +216,7 @@ class Membership:
         self._taken_out[robot.twin] = robot.name
         leave_all(robot.name, partial(self._registrations.leave, robot), partial(self._workers.forget, robot))
 
-    async def leaves_runs(self, robot: LocalRobot | RemoteRobot) -> str:
+    async def remove_from_runs(self, robot: LocalRobot | RemoteRobot) -> str:
         """Take a robot out of the runs of missions; return which do not release it."""
         for run in self._registrations.runs_with(robot.name):
             message = {"command": LEAVE, "data": {"run": run}, "session_id": "fleet apply"}

@@ -104,7 +104,7 @@ class MissionRoutes:
         """Remove a robot."""
         self._checks.pop(name, None)
 
-    def hindrance(self, robot: str, act: Act) -> str:
+    def blocker(self, robot: str, act: Act) -> str:
         """Return why a robot must not do something; empty when no reason is known."""
         check = self._checks.get(robot)
         for each in (robot, act.value) if act.verb == "follow" else ():

@@ -86,7 +86,7 @@ class Missions:
             candidates=self._candidates,
             allowed=self._refusal,
             site=routes.site,
-            hindrance=routes.hindrance,
+            blocker=routes.blocker,
             elsewhere=self.partners.edge_of,
             store=self.store,
             clock=process.clock,
@@ -148,8 +148,8 @@ class Missions:
             store=self.store,
             soon=self._soon,
         )
-        self._reported = RobotReports(self._event, self.plans.heard, self.results.heard)
-        process.outbox.pictured = self.results.pictured
+        self._reported = RobotReports(self._event, self.plans.record_item, self.results.picture_receiver)
+        process.outbox.on_photo = self.results.store_picture
         process.on_stop = self.stopped
         self._routes = routes
         self.configured = (rules.configure, self._configure, self.rehearsals.configure)
@@ -163,7 +163,7 @@ class Missions:
             self.runs.site = self._routes.site
             self.runs.places.configure(self._routes.site.places)
 
-    def hindrance(self, section: str) -> str:
+    def blocker(self, section: str) -> str:
         """Return why a section of fleet.yaml cannot be applied now; empty if it can."""
         runs = ", ".join(run.id for run in self.runs.all()) if section == "places" else ""
         return f"run {runs} goes by the places: wait for its end" if runs else ""
@@ -195,7 +195,7 @@ class Missions:
         self._hear_events()
         self.partners.declare(self._process.scheduler.every)
         self.coordinators.declare(self._bus_session, self._process.scheduler.every)
-        self.runs.take_up()
+        self.runs.restore_runs()
         self._process.scheduler.every(POLL_INTERVAL, self.runs.poll)
         self._process.scheduler.every(TRACK_EVERY, self.results.record_positions)
 
@@ -236,7 +236,7 @@ class Missions:
     def _event(self, robot: str, event: str) -> None:
         """Pass a robot's event to the runs, if there are any; from any thread."""
         if self.runs.any:
-            self._soon(partial(self.runs.heard, robot, event))
+            self._soon(partial(self.runs.handle_event, robot, event))
 
     # -- capabilities and permissions ------------------------------------------------------------------
 

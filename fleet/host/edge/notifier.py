@@ -76,7 +76,7 @@ class Notifier:
         for target in self._targets:
             target.take(robot, event, heard=heard)
 
-    def hear(self, reports: ZenohSession, robots: Mapping[str, str]) -> None:
+    def subscribe(self, reports: ZenohSession, robots: Mapping[str, str]) -> None:
         """Subscribe to the events of robots in other processes, given by twin and name.
 
         Anyone on the bus can publish them: their senders are unproven, and own events have precedence.

@@ -13,7 +13,7 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.runtime.threads import run_in_thread
-from fleet.runtime.exception_barrier import contained
+from fleet.runtime.exception_barrier import log_exceptions
 from fleet.standby.lease import LeaseEntry
 from fleet.standby.stops import FollowedStops, OwnStop
 
@@ -71,7 +71,7 @@ class PairStops:
 
     def _forward(self, holder: str, robots: Sequence[str]) -> None:
         """Send a stop to the holder; the link to it may be full or gone, and the loop serves other robots."""
-        put = contained(log, f"a stop could not be passed on to edge {holder}; it is tried again")
+        put = log_exceptions(log, f"a stop could not be passed on to edge {holder}; it is tried again")
         payload = msgspec.json.encode(robots)
         run_in_thread(partial(put(self._bus_session.put), keys.stop(holder), payload, urgent=True))
 

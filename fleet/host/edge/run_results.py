@@ -43,23 +43,23 @@ class RunResults:
                 state = self._robots[member.robot].state()
                 self._results.at(run.id, member.robot, state.site or state.position, now)
 
-    def pictured(self, twin: str, report: PhotoReport) -> None:
+    def store_picture(self, twin: str, report: PhotoReport) -> None:
         """Store a picture of a robot that is in a run; from any thread."""
         robot = self._twins.get(twin, "")
         run = self._robots[robot].state().run if robot and self._runs.any else ""
         if run:
             self._results.picture(run, robot, report.image, report.format, self._clock.time())
 
-    def heard(self, twin: str) -> Callable[[bytes], None]:
+    def picture_receiver(self, twin: str) -> Callable[[bytes], None]:
         """Return the receiver for the pictures of a robot in a worker; on the bus's thread."""
 
-        def heard(sample: bytes) -> None:
+        def picture_receiver(sample: bytes) -> None:
             with contextlib.suppress(WireError):
                 report = decode_report(PhotoReport.channel, sample)
                 if isinstance(report, PhotoReport):
-                    self.pictured(twin, report)
+                    self.store_picture(twin, report)
 
-        return heard
+        return picture_receiver
 
     def run_changed(self, state: RunState) -> None:
         """Record that a run has ended; on the event loop."""

@@ -139,7 +139,7 @@ class EdgeSchedules:
     async def _hear(self, schedules: Schedules) -> None:
         """Pass events to the schedules that wait for them."""
         while True:
-            await schedules.heard(*await self._events.get())
+            await schedules.handle_event(*await self._events.get())
 
     async def _replace(self, schedules: Schedules) -> None:
         """Replace the schedules whenever fleet.yaml has changed."""

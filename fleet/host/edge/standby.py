@@ -195,7 +195,7 @@ class Standby:
         for twin in {robot.twin for robot in self._robots}:
             self._on_holder(twin, self._holders.get(twin, ""))
         self._serving = asyncio.ensure_future(self._serve(afresh=afresh))
-        self._process.runs.lift(self._robots)
+        self._process.runs.resume_all(self._robots)
 
     def _fenced(self) -> None:
         """Bring every robot to a standstill, and close its link."""
@@ -224,7 +224,7 @@ class Standby:
     def _bar(self, why: str) -> None:
         """End the runs of all robots, and leave their twins to the other edge."""
         self._barred, self._why = True, why
-        self._process.runs.bar(self._robots, why)
+        self._process.runs.suspend_all(self._robots, why)
         for twin in {robot.twin for robot in self._robots}:
             self._on_holder(twin, self._holders.get(twin, ""))
 

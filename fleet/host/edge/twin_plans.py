@@ -97,7 +97,7 @@ class TwinPlans:
         if run in self._last and report.step is not None:
             self._items[run] = report.step
 
-    def heard(self, sample: bytes) -> None:
+    def record_item(self, sample: bytes) -> None:
         """Record the present item of a robot in a worker; on the bus's thread."""
         with contextlib.suppress(WireError):
             report = decode_report(NavigationReport.channel, sample)

@@ -34,9 +34,9 @@ class WorkerMembership:
         """Return a robot that runs in a worker."""
         return self._remote.by_name.get(name)
 
-    def hindrance(self, name: str) -> str:
+    def blocker(self, name: str) -> str:
         """Return why a robot cannot be removed from its worker now, as far as the edge knows."""
-        return self._changes.hindrance(self._remote.by_name[name].worker)
+        return self._changes.blocker(self._remote.by_name[name].worker)
 
     async def add(self, name: str, running: Loaded, new: Loaded, join: Callable[[RemoteRobot], None]) -> str:
         """Add a robot of a new file; ``join`` adds it to the rest of the edge before it is run."""

@@ -21,7 +21,7 @@ from fleet.host.workers.worker_task import task_of
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.plugins.registry import Plugin
 from fleet.robot_config import AdapterConfig
-from fleet.runtime.exception_barrier import contained
+from fleet.runtime.exception_barrier import log_exceptions
 
 log = logging.getLogger(__name__)
 
@@ -133,7 +133,7 @@ def _worker_is(process: RobotProcess, remote: Mapping[str, RemoteRobot], worker:
     """Pass the problem of a worker to its robots."""
     for robot in list(remote.values()):
         if robot.worker == worker:
-            robot.worker_is(cause)
+            robot.set_worker_problem(cause)
             if cause:
                 lost = EventReport(process.clock.time(), EventKind.LOST, cause, Severity.ERROR)
                 process.history.add(robot.name, lost)
@@ -144,6 +144,6 @@ def _halt_worker(process: RobotProcess, worker: str) -> None:
 
     On a thread of its own: the link to a hanging worker may be full, and the loop serves all other robots.
     """
-    put = contained(log, f"worker {worker}: its robots could not be halted over the bus")
+    put = log_exceptions(log, f"worker {worker}: its robots could not be halted over the bus")
     key = keys.halt(process.edge, worker)
     run_in_thread(partial(put(process.bus.control.put), key, b"", urgent=True), wait=HALT_WAIT)

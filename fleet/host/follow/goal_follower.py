@@ -73,7 +73,7 @@ class GoalFollower:
         """True once the robot has reported its pose."""
         return self._pose is not None
 
-    def see(self, report: Report) -> None:
+    def observe(self, report: Report) -> None:
         """Process a report; only poses count."""
         if isinstance(report, PoseReport):
             self._pose = Pose(report.position, report.rotation)

@@ -24,7 +24,7 @@ from fleet.host.follow.motion_laws import (
     MotionLimits,
     bearing,
     distance,
-    glide,
+    holonomic_velocity,
     pursue,
     ramp,
     turning,
@@ -134,7 +134,7 @@ class LegFollower:
         target, left = self._path.aim(self._travelled, self._look()), self._left(pose)
         if self._holonomic:
             yaw = pose.rotation.yaw if self._leg.yaw is None else self._leg.yaw
-            return glide(pose, target, left, yaw, self._pace)
+            return holonomic_velocity(pose, target, left, yaw, self._pace)
         if abs(self._error(pose)) > TURN_ABOVE:
             return self._enter(FollowPhase.TURN, now)
         return pursue(pose, target, left, self._pace, backwards=self._leg.backwards)

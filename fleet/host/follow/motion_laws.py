@@ -58,7 +58,9 @@ def pursue(pose: Pose, target: Point, remaining: float, pace: MotionLimits, *, b
     return Velocity(Vector3(-speed if backwards else speed), yaw_rate)
 
 
-def glide(pose: Pose, target: Point, remaining: float, yaw: float, pace: MotionLimits) -> Velocity:
+def holonomic_velocity(
+    pose: Pose, target: Point, remaining: float, yaw: float, pace: MotionLimits
+) -> Velocity:
     """Return the velocity of a holonomic robot: straight to a point, turning on the remaining."""
     angle = bearing(pose, target)
     speed = approach(remaining, pace)

@@ -9,7 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from fleet.host.follow.motion_laws import MotionLimits, bearing, distance, glide, pursue, ramp, turning
+from fleet.host.follow.motion_laws import (
+    MotionLimits,
+    bearing,
+    distance,
+    holonomic_velocity,
+    pursue,
+    ramp,
+    turning,
+)
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity
 from fleet.model.navigation import Progress
 
@@ -68,7 +76,7 @@ class RobotFollower:
             return ZERO_VELOCITY
         if self._holonomic:
             ahead = math.atan2(at.y - pose.position.y, at.x - pose.position.x)
-            return glide(pose, target, left, ahead, self._pace)
+            return holonomic_velocity(pose, target, left, ahead, self._pace)
         error = bearing(pose, target)
         if abs(error) > TURN_ABOVE:
             return Velocity(yaw_rate=turning(error, self._pace))

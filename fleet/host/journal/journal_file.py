@@ -44,7 +44,7 @@ _INTERRUPTED = (
     "SELECT robot, identity, name, way FROM begun "
     "WHERE outcome = '' AND way <> '' AND robot = ? AND stamp >= ? ORDER BY stamp"
 )
-_TOLD = "UPDATE begun SET way = '' WHERE outcome = '' AND way <> '' AND robot = ?"
+_MARK_REPORTED = "UPDATE begun SET way = '' WHERE outcome = '' AND way <> '' AND robot = ?"
 _END = "UPDATE begun SET outcome = ? WHERE robot = ? AND identity = ?"
 _LATCH = "INSERT OR REPLACE INTO latch VALUES (?, ?)"
 _RECOVERED = {StartedCommand: _RECOVER, Latched: _LATCH}
@@ -123,7 +123,7 @@ class JournalFile:
     def take_interrupted(self, robot: str, now: float) -> list[InterruptedCommand]:
         """Return the commands of a robot without a known end, and mark them as reported."""
         rows = self._database.execute(_INTERRUPTED, (robot, now - REMEMBERED)).fetchall()
-        self._database.execute(_TOLD, (robot,))
+        self._database.execute(_MARK_REPORTED, (robot,))
         return [InterruptedCommand(*row) for row in rows]
 
     def _recover(self, rows: Iterable[Row]) -> None:

@@ -17,7 +17,7 @@ from fleet.host.logs.rotating_file import RotatingLogFile
 from fleet.host.logs.systemd_journal import STREAM, JournalHandler, is_journal
 
 FORM, FILE = "FLEET_LOG_FORMAT", "FLEET_LOG_FILE"
-TOLD = (FORM, FILE, STREAM)
+PASSED_VARIABLES = (FORM, FILE, STREAM)
 """Environment variables with the log settings for workers."""
 
 

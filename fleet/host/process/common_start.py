@@ -211,7 +211,7 @@ class CommonStarts:
         """Set the instant of a start, unless one of its robots can no longer begin."""
         of_it = [one for one in self._prepared.values() if one.start == asked.id]
         ahead = asked.stamp - self._clock.time()
-        problems = {one.robot.name: self._hindrance(one, ahead) for one in of_it}
+        problems = {one.robot.name: self._blocker(one, ahead) for one in of_it}
         first = next((f"{name}: {why}" for name, why in problems.items() if why), "")
         for one in of_it:
             if first:
@@ -223,7 +223,7 @@ class CommonStarts:
             self._loop.call_later(ahead, self._begin, asked.id)
         self._answer(question, problems)
 
-    def _hindrance(self, one: _PreparedRequest, ahead: float) -> str:
+    def _blocker(self, one: _PreparedRequest, ahead: float) -> str:
         """Return why a prepared robot cannot begin in ``ahead`` seconds; empty when it can."""
         if one.start not in self._alive:
             return "its sender is gone"

@@ -18,7 +18,7 @@ from fleet.plugins.registry import Plugin
 from fleet.robot_config import MAIN, AdapterConfig
 from fleet.spool.spool import SpoolSettings
 from fleet.spool.state_folder import state_folder
-from fleet.wire.rulebook import of_a_twin, of_a_workflow, of_an_environment, of_any_run, rulebook
+from fleet.wire.rulebook import of_a_workflow, of_an_environment, rulebook, run_rules, twin_rules
 from fleet.wire.rules import TrafficClass
 from fleet.wire.topics import Topics, prefix_from
 
@@ -96,14 +96,14 @@ def bridge_rules(
     channels = {name: rule.channel() for name, rule in cloud.channels.items()}
     general = cloud.changes()
     everyone = rulebook(cloud.profile, (general,), channels)
-    usual = of_a_twin(everyone)  # shared by all robots without their own rules: each is 16 kB
+    usual = twin_rules(everyone)  # shared by all robots without their own rules: each is 16 kB
     twins = {
-        str(robot.twin): of_a_twin(rulebook(cloud.profile, (general, robot.changes()), channels))
+        str(robot.twin): twin_rules(rulebook(cloud.profile, (general, robot.changes()), channels))
         if robot.rules or robot.inbound
         else usual
         for robot in robots
     }
-    any_run = of_any_run(everyone)
+    any_run = run_rules(everyone)
     return BridgeRules(
         twins,
         {str(uuid): of_an_environment(everyone) for uuid in cloud.environments},

@@ -17,7 +17,7 @@ from fleet.model.event import EventKind, EventReport, Requester, Severity
 WHY = "the edge was restarted meanwhile; how it ended is unknown"
 
 
-def tell_interrupted_commands(
+def report_interrupted_commands(
     process: RobotProcess,
     robots: Iterable[RobotPort],
     tell_cloud: Callable[[RobotPort, Reply], None] | None = None,

@@ -14,7 +14,7 @@ import msgspec
 
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.robot.local_robot import LocalRobot
-from fleet.host.safety.stricter import as_strict_as_both, holds_alike
+from fleet.host.safety.stricter import as_strict_as_both, is_equally_strict
 from fleet.robot_config import AdapterConfig
 
 log = logging.getLogger(__name__)
@@ -78,8 +78,8 @@ def hold(robot: LocalRobot, config: AdapterConfig, *, whole: bool) -> HeldConfig
     """
     before, can = robot.config, robot.controller.can
     both = as_strict_as_both(before, config, limits=can.limits, separation=can.separation)
-    complete = whole and holds_alike(both, config, can.limits, can.separation)
-    if not complete and holds_alike(both, before, can.limits, can.separation):
+    complete = whole and is_equally_strict(both, config, can.limits, can.separation)
+    if not complete and is_equally_strict(both, before, can.limits, can.separation):
         return HeldConfiguration(before)
     target = config if complete else both
     if trouble := take_over(robot, target):

@@ -33,7 +33,7 @@ from fleet.host.robot.robot_positions import RobotPositions, exchange
 from fleet.host.runtime.cpu_starvation import CpuStarvation
 from fleet.host.runtime.loop_monitor import LoopMonitor
 from fleet.host.runtime.shared_resources import SharedResources
-from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
+from fleet.host.runtime.threads import HALT_WAIT, call_sequentially, run_in_thread
 from fleet.host.runtime.tick_scheduler import PeriodicCall, TickScheduler
 from fleet.host.runtime.watchdog import LoopWatch, Watchdog
 from fleet.link.tap import OPENING
@@ -257,8 +257,10 @@ class RobotProcess:
         for robot in stopped:
             robot.controller.latch.engage(cause.why)
         # A halt that blocks must not keep the next robot moving.
-        run_in_turn((partial(robot.controller.halt, emergency=True) for robot in stopped), wait=HALT_WAIT)
-        run_in_turn((robot.controller.latch.record for robot in stopped), wait=HALT_WAIT)
+        call_sequentially(
+            (partial(robot.controller.halt, emergency=True) for robot in stopped), wait=HALT_WAIT
+        )
+        call_sequentially((robot.controller.latch.record for robot in stopped), wait=HALT_WAIT)
         for robot in stopped:
             robot.requests.follow_emergency(cause)
         self.on_stop(names, cause)
@@ -279,7 +281,7 @@ class RobotProcess:
 
     def halt_robots(self) -> None:
         """Halt all robots of this process at once, from any thread, without setting an emergency stop."""
-        run_in_turn((robot.controller.halt for robot in list(self.robots.values())), wait=HALT_WAIT)
+        call_sequentially((robot.controller.halt for robot in list(self.robots.values())), wait=HALT_WAIT)
 
     def publish_state(self, name: str) -> None:
         """Publish a robot's state now."""

@@ -27,7 +27,7 @@ class RobotRuns:
         """Run a robot, once its earlier run has ended."""
         task = self.tasks.get(robot.name)
         if self._barred:
-            self.keep_out(robot, self._barred)
+            self.suspend(robot, self._barred)
         if self._barred or self.ending or robot.name in self._paused:
             return
         if task is None:
@@ -35,7 +35,7 @@ class RobotRuns:
         elif task.cancelling():
             task.add_done_callback(lambda _: self._again(robot))
 
-    def keep_out(self, robot: LocalRobot, why: str) -> None:
+    def suspend(self, robot: LocalRobot, why: str) -> None:
         """End a robot's run, if there is one, and set the reason."""
         task = self.tasks.get(robot.name)
 
@@ -49,13 +49,13 @@ class RobotRuns:
             task.add_done_callback(ended)
             task.cancel()
 
-    def bar(self, robots: Iterable[LocalRobot], why: str) -> None:
-        """End all runs, and start none until ``lift``."""
+    def suspend_all(self, robots: Iterable[LocalRobot], why: str) -> None:
+        """End all runs, and start none until ``resume_all``."""
         self._barred = why
         for robot in robots:
-            self.keep_out(robot, why)
+            self.suspend(robot, why)
 
-    def lift(self, robots: Iterable[LocalRobot]) -> None:
+    def resume_all(self, robots: Iterable[LocalRobot]) -> None:
         """Run the robots again whose twins are ours."""
         self._barred = ""
         for robot in robots:
@@ -75,7 +75,7 @@ class RobotRuns:
         """End a robot's run until ``resume``; a prepared start is dropped."""
         self._paused.add(robot.name)
         robot.controller.event_reporter.heard(CHANGES)
-        self.keep_out(robot, CHANGES)
+        self.suspend(robot, CHANGES)
 
     def is_paused(self, robot: LocalRobot) -> bool:
         """Return True once the run has ended."""

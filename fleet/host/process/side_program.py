@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Coroutine
 
 from fleet.clock import Clock
-from fleet.host.logs.setup import TOLD
+from fleet.host.logs.setup import PASSED_VARIABLES
 from fleet.link.backoff import backoff
 from fleet.plugins.probe import bare_environment
 
@@ -74,7 +74,8 @@ class SideProgram:
             *(sys.executable, "-P", "-m", self._module),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE if self._heard else None,
-            env=bare_environment() | {name: os.environ[name] for name in TOLD if name in os.environ},
+            env=bare_environment()
+            | {name: os.environ[name] for name in PASSED_VARIABLES if name in os.environ},
             start_new_session=True,
         )
         self.process = process.pid

@@ -97,7 +97,7 @@ class TwinHolders:
             if robot.twin == twin and not first:
                 self._runs.run(robot)
             elif robot.twin == twin:
-                self._runs.keep_out(robot, f"edge {first} has its twin; one of the two must leave it out")
+                self._runs.suspend(robot, f"edge {first} has its twin; one of the two must leave it out")
 
     def _moves(self, twin: str) -> bool:
         """Return True while the robot of a twin is moved by this edge."""

@@ -17,7 +17,7 @@ from fleet.model.command import Command, JointSetpoint, Origin, Setpoint, Transp
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.navigation import Navigate
 from fleet.model.report import Report, TelemetryReport
-from fleet.runtime.exception_barrier import contained
+from fleet.runtime.exception_barrier import log_exceptions
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +70,7 @@ class EventReporter:
         in_motion: Callable[[], bool],
     ) -> None:
         self.log = robot_log(name)
-        self._publish = contained(log, f"an event of {name} could not be reported")(publish)
+        self._publish = log_exceptions(log, f"an event of {name} could not be reported")(publish)
         self._clock = clock
         self._in_motion = in_motion
         self._ask: Ask | None = None  # request for which it moves, or moved last
@@ -79,7 +79,7 @@ class EventReporter:
 
     def _hear(self, why: str) -> None:
         """Pass on that something moves or stops the robot."""
-        contained(log, "motion or a stop of a robot could not be passed on")(self.heard)(why)
+        log_exceptions(log, "motion or a stop of a robot could not be passed on")(self.heard)(why)
 
     def moves(self, ask: Ask) -> None:
         """Record the request for which the robot moves from now on."""

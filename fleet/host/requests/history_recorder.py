@@ -24,7 +24,7 @@ from fleet.host.safety.emergency_stop import RELEASE
 from fleet.model.command import Command, JointSetpoint, Origin, Reply, Setpoint
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.navigation import Navigate
-from fleet.runtime.exception_barrier import contained
+from fleet.runtime.exception_barrier import log_exceptions
 from fleet.wire.stops import EMERGENCY
 
 REFUSALS, WINDOW = 20, 60.0  # recorded refusals of a robot, per so many seconds
@@ -34,7 +34,7 @@ REMEMBERED = 256  # request ids kept for the detection of repeats
 
 log = logging.getLogger(__name__)
 
-never_raises = contained(log, "what happened could not be written into the history")
+never_raises = log_exceptions(log, "what happened could not be written into the history")
 """Decorator: what could not be recorded is logged."""
 
 

@@ -23,7 +23,7 @@ class UnrequestedEvents:
         self._answers = False
         self._failsafe = False
 
-    def level_is(self, health: Health) -> None:
+    def report_level(self, health: Health) -> None:
         """Report a new health level: the robot was found, was lost, or changed."""
         kind, answered = EventKind.HEALTH, self._answers
         if health.level is Level.OFFLINE:
@@ -34,7 +34,7 @@ class UnrequestedEvents:
         data = {"level": health.level.word, "cause": health.cause}
         self._event_reporter.event(kind, text, severity=_SEVERITIES[health.level], data=data, logs=False)
 
-    def see(self, report: Report) -> None:
+    def observe(self, report: Report) -> None:
         """Report that an autopilot's own fail-safe became active."""
         if not isinstance(report, FlightControllerReport) or report.failsafe == self._failsafe:
             return

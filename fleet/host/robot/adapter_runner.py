@@ -25,7 +25,7 @@ from fleet.host.robot.run_health import RunHealth
 from fleet.host.robot.strikes import STRIKE_WINDOW, STRIKES, Strikes
 from fleet.host.runtime.cancellation import result_of, retrieve_exception
 from fleet.model.health import Health, Level
-from fleet.runtime.exception_barrier import call_guarded, contained, failure_of, guarded
+from fleet.runtime.exception_barrier import call_guarded, failure_of, guarded, log_exceptions
 
 SLOW_RETRY = 30.0  # s between retries of a failure that only a person can fix
 NO_FAILSAFE = Health(
@@ -81,7 +81,7 @@ class AdapterRunner:
         self._clock = clock
         self._log = logging.getLogger(f"fleet.robot.{controller.name}")
         self._health = RunHealth(self._log, changed=changed, level_changed=level_changed)
-        self._contained = contained(
+        self._log_exceptions = log_exceptions(
             self._log, "the loss of the robot could not be recorded; it is halted anyway"
         )
         self._crash: asyncio.Future[None] | None = None
@@ -154,7 +154,7 @@ class AdapterRunner:
             self._health.end_start()
             self._crash.cancel()
             retrieve_exception(self._crash)
-            self._contained(self.controller.detach)(end.health.cause)
+            self._log_exceptions(self.controller.detach)(end.health.cause)
             await _uninterrupted(handle.take_halt_back())
         return end
 
@@ -203,7 +203,7 @@ class AdapterRunner:
             finally:
                 await _uninterrupted(self._stand(why, open_still=False))
                 handle.close()  # the adapter gets no calls while its link is being closed
-                self._contained(self.controller.detach)(why)
+                self._log_exceptions(self.controller.detach)(why)
 
     async def _end_attempt(self, work: asyncio.Future[None], why: str) -> None:
         """Stop the robot, if we controlled it, while its link may still be open; then end the attempt."""
@@ -224,7 +224,7 @@ class AdapterRunner:
         self._ending = asyncio.Event()
         motion = self.controller.motion
         in_control = motion.in_control
-        self._contained(self.controller.lost)(why)
+        self._log_exceptions(self.controller.lost)(why)
         if in_control or motion.may_be_moving:
             self.controller.halt()
             await motion.hold_at_end(why, open_still=open_still)

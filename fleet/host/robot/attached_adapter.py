@@ -37,7 +37,7 @@ class AttachedAdapter:
         return None if self.offline else self.adapter
 
     @property
-    def absence(self) -> str:
+    def unreachable_refusal(self) -> str:
         """The refusal of a request while the robot cannot be reached."""
         return f"{self.name} is offline: {self.offline or 'its adapter is being restarted'}"
 

@@ -37,21 +37,21 @@ class BatteryWatch:
         self._ask = ask
         self._free = free
         self._percent: float | None = None
-        self._told_low = self._acted = False
+        self._low_reported = self._acted = False
         self.forced = self._failure = ""
 
-    def see(self, percent: float | None) -> None:
+    def observe(self, percent: float | None) -> None:
         """Report a low battery once and act once the robot is free; again after it was charged."""
         self._percent = percent
         if percent is None:
             return
         if self._reserve.is_charged(percent):
-            self._told_low = self._acted = False
+            self._low_reported = self._acted = False
             self.forced = self._failure = ""
         if not self._reserve.is_low(percent):
             return
-        if not self._told_low:
-            self._told_low = True
+        if not self._low_reported:
+            self._low_reported = True
             text, policy = (
                 f"its battery is low: {percent:.0f} %",
                 {"percent": percent, "action": self._action},

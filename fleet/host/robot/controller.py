@@ -27,7 +27,7 @@ from fleet.host.robot.robot_motion import RobotMotion
 from fleet.host.robot.run_commands import run_commands
 from fleet.host.robot.setpoint_requests import SetpointRequests
 from fleet.host.robot.velocity_control import VelocityControl
-from fleet.host.runtime.threads import HALT_WAIT, run_in_turn
+from fleet.host.runtime.threads import HALT_WAIT, call_sequentially
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.emergency_stop import EmergencyStopLatch
 from fleet.host.safety.verb_speeds import VerbSpeeds
@@ -79,7 +79,11 @@ class RobotController:
             halt=self.halt,
             crashed=crashed,
         )
-        self.deadman, self.joints, self.hold_again = driving.deadman, driving.joints, driving.hold_again
+        self.deadman, self.joints, self.reapply_velocity = (
+            driving.deadman,
+            driving.joints,
+            driving.reapply_velocity,
+        )
         self.motion = motion = RobotMotion(
             attached,
             self.guard,
@@ -90,7 +94,7 @@ class RobotController:
             clock=clock,
             journal=journal,
         )
-        self.doing, self.statuses = motion.navigator.doing, motion.navigator.statuses
+        self.current_task, self.statuses = motion.navigator.current_task, motion.navigator.statuses
         # ``can`` changes with the configuration, and when the adapter reports what this robot lacks.
         self._setpoints = SetpointRequests(attached, motion, admission, can=lambda: self.can, last=self.last)
         self.goals = GoalRequests(
@@ -106,14 +110,15 @@ class RobotController:
             repeats=self._repeats,
             last=self.last,
         )
-        self.unable, self.see = self.goals.unable, self.goals.follower.see  # see: the follower's poses
+        self.task_refusal = self.goals.task_refusal
+        self.observe = self.goals.follower.observe  # its poses
         self.own = own_commands(
             release=self.latch.release,
             restart=restart,
             store=self.speeds.store,
             drives=capabilities.drives,
             follow=self.joints.follow if config.follows and capabilities.moves_joints else None,
-            absence=lambda: attached.absence if attached.reachable is None else "",
+            absence=lambda: attached.unreachable_refusal if attached.reachable is None else "",
         ) | run_commands(admission, self._stop)
         self.configured = (admission, self.speeds, self.guard, driving, self.goals.follower)
 
@@ -207,7 +212,7 @@ class RobotController:
     def emergency(self, why: str) -> None:
         """Latch, write the halt, record; the last two may block. On any thread; ``receive`` follows."""
         self.latch.engage(why)
-        run_in_turn((partial(self.halt, emergency=True), self.latch.record), wait=HALT_WAIT)
+        call_sequentially((partial(self.halt, emergency=True), self.latch.record), wait=HALT_WAIT)
 
     def halt(self, *, emergency: bool = False) -> None:
         """Write the halt at once; from any thread, such as the watchdog; never raises."""
@@ -222,11 +227,11 @@ class RobotController:
         self.event_reporter.stops(ask)
         if self.attached.reachable is None:
             outcome = self.attached.halt_unheard(ask.name, wait=HALT_WAIT)
-            receipt.reject(f"{self.attached.absence}; {outcome}")
+            receipt.reject(f"{self.attached.unreachable_refusal}; {outcome}")
         else:
             self.motion.stand(ask.name, receipt)
         self.last.follow(ask.name, receipt)
-        if ask.name == EMERGENCY and self.latch.is_news():  # last: logging may block
+        if ask.name == EMERGENCY and self.latch.is_first_report():  # last: logging may block
             self.event_reporter.emergency_stop(ask, self.latch.why)
 
     # -- requests ------------------------------------------------------------------------------------
@@ -274,7 +279,7 @@ class RobotController:
         """Hand a command to the adapter."""
         adapter, motion = self.attached.reachable, self.motion
         if adapter is None:
-            receipt.reject(self.attached.absence)
+            receipt.reject(self.attached.unreachable_refusal)
             return
         superseding = spec.moves and motion.under_way
         if spec.moves:

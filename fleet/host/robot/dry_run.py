@@ -41,7 +41,7 @@ def against(controller: RobotController, ask: Command | Navigate, spec: CommandS
     if isinstance(ask, Navigate):
         if isinstance(ask.ask, Control):
             return f"{ask.name} is not started together"
-        return controller.would_refuse(ask, moves=True, safe=False) or controller.unable(ask.ask) or ""
+        return controller.would_refuse(ask, moves=True, safe=False) or controller.task_refusal(ask.ask) or ""
     if spec is None:
         return f"{controller.name} has no {ask.name!r} that could be started together"
     try:

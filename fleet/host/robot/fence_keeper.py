@@ -72,7 +72,7 @@ class FenceKeeper:
         """Return why the robot may not go from a point through others; empty when it may."""
         return self.fence.route_trouble(start, points, self._place.home_point(), around) if self.fence else ""
 
-    def leads_out(self, velocity: Velocity) -> bool:
+    def would_leave(self, velocity: Velocity) -> bool:
         """Return whether a body velocity leads out of the fence, or may, because the pose is too old."""
         if self.fence is None or self._place.pose is None:
             return False

@@ -78,11 +78,11 @@ class FrameAdapterRunner(Adapter[Any]):
         self._slot.send(*frames)
 
     @property
-    def held_back(self) -> int:
+    def superseded(self) -> int:
         """Number of motions that a newer one replaced because the line was busy."""
-        return self._slot.held_back
+        return self._slot.superseded
 
-    def greet(self, address: Address) -> bool:
+    def is_from_robot(self, address: Address) -> bool:
         """Return True for data from the robot; the first sender on the link is the robot."""
         if address is None or address == self._peer:
             return True
@@ -175,7 +175,7 @@ class _OpenLink:
     def _tick(self) -> None:
         """Write keep-alives and polls; log once that the line is too slow."""
         self._framed.write(self._inner.tick())
-        if self._framed.held_back and not self._slow:
+        if self._framed.superseded and not self._slow:
             self._slow = True
             self._robot.log.warning("the line is slow: of several motions only the newest is written")
 
@@ -191,7 +191,7 @@ class _OpenLink:
             self._early.append((data, address))
             return
         try:
-            if not self.failure.done() and self._framed.greet(address):
+            if not self.failure.done() and self._framed.is_from_robot(address):
                 for frame in self._cutter.feed(data):
                     self._decoded(frame)
         except BaseException as error:  # noqa: BLE001 - passed to ``run``, which raises it

@@ -67,10 +67,10 @@ class GoalRequests:
             return
         if statuses.repeated(ask.action_id, receipt):
             return
-        refusal = self._admission.navigate(ask) or self.unable(ask.ask)
+        refusal = self._admission.navigate(ask) or self.task_refusal(ask.ask)
         leader, adapter = self._leader(), self._attached.reachable
         if refusal is not None or adapter is None or leader is None:
-            receipt.reject(refusal := refusal or self._attached.absence)
+            receipt.reject(refusal := refusal or self._attached.unreachable_refusal)
             statuses.refuse(ask, refusal, receipt)
             return
         self._motion.end_driving(adapter)
@@ -80,7 +80,7 @@ class GoalRequests:
         receipt.watch(self._guard.obeyed)
         self._navigator.start(leader, ask, ask.ask, receipt)
 
-    def unable(self, task: AnyTask) -> str | None:
+    def task_refusal(self, task: AnyTask) -> str | None:
         """Return why the robot cannot start a task now, whoever sends it; None if it can."""
         can, moving = self._can(), self._motion.executor.moving
         busy = f"busy with {moving}" if moving else None
@@ -100,7 +100,7 @@ class GoalRequests:
         """Drive for the host's follower; raises Refused when motion is not allowed any more."""
         refusal, adapter = self._admission.motion(), self._attached.reachable
         if refusal is not None or adapter is None:
-            raise Refused(refusal or self._attached.absence)
+            raise Refused(refusal or self._attached.unreachable_refusal)
         self._motion.driving.hold(adapter, velocity, LEASE)
 
     def _control(self, ask: Navigate, control: Control, receipt: Receipt) -> None:
@@ -125,7 +125,7 @@ class GoalRequests:
         refusal = self._admission.navigate(ask) or self._guard.task(self._navigator.ahead)
         leader = self._leader()
         if refusal is not None or leader is None or self._attached.offline:
-            receipt.reject(refusal or self._attached.absence)
+            receipt.reject(refusal or self._attached.unreachable_refusal)
         elif self._navigator.resume(leader):
             self._motion.begin(ask)
             receipt.done()

@@ -118,7 +118,7 @@ class JointControl:
         """Use the adapter of a new run."""
         self._adapter = adapter
 
-    def see(self, report: JointReport) -> None:
+    def observe(self, report: JointReport) -> None:
         """Record measured joint positions, and pass them to the followers."""
         now = self._clock.monotonic()
         if _role(report) != "leader":  # with two arms on one twin, only the follower's positions count

@@ -132,7 +132,7 @@ class LocalRobot:
             waits=backoff,
             clock=clock,
             changed=self._health_changed,
-            level_changed=self.happenings.level_is,
+            level_changed=self.happenings.report_level,
         )
 
     def configure(self, config: AdapterConfig) -> None:
@@ -228,13 +228,13 @@ class LocalRobot:
             self._record(report)
         if type(report) in READ and is_known(report):
             self._seen.take(report)
-            self.happenings.see(report)
-            self.controller.see(report)
-            self.controller.guard.see(report)
+            self.happenings.observe(report)
+            self.controller.observe(report)
+            self.controller.guard.observe(report)
         elif type(report) is NavigationReport:
             self._seen.take(report)
         elif type(report) is JointReport:
-            self.controller.joints.see(report)
+            self.controller.joints.observe(report)
         elif type(report) is MetricsReport:
             report = self._seen.with_remaining_distance(report)
         self._send(report)

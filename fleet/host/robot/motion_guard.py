@@ -24,7 +24,7 @@ from fleet.host.robot.outside_fence import (
     CLIMBS,
     LANDINGS,
     outside_trouble,
-    stays,
+    stays_in_place,
     vertical_motion,
 )
 from fleet.host.robot.robot_place import RobotPlace
@@ -103,21 +103,21 @@ class MotionGuard:
                 ask=self._robot.receive,
                 free=lambda: not self.taken and self._robot.free,
             )
-            self._battery.see(self._percent)
+            self._battery.observe(self._percent)
         if self.apart is not None:
             self.apart.configure(config, limits)
         self._look()
 
     # -- reports of the robot ------------------------------------------------------------------------
 
-    def see(self, report: Report) -> None:
+    def observe(self, report: Report) -> None:
         """Process a report; a pose out of bounds and a low battery have consequences."""
         match report:
             case PoseReport():
                 pose = Pose(report.position, report.rotation)
-                self._place.see(pose)
+                self._place.observe(pose)
                 if self.apart is not None:
-                    self.apart.see(pose)
+                    self.apart.observe(pose)
                 self._look()
             case BatteryReport():
                 self._charged(report.percent)
@@ -139,7 +139,7 @@ class MotionGuard:
         """Place the fence, and the robot among the others, relative to its new home."""
         self.fencing.draw()
         if self.apart is not None:
-            self.apart.world_is(self._place.world())
+            self.apart.set_world_origin(self._place.world())
 
     def _takes_off(self, *, armed: bool) -> None:
         """Record whether the robot may be in the air."""
@@ -151,7 +151,7 @@ class MotionGuard:
         """Record the battery level."""
         self._percent = percent
         if self._battery is not None:
-            self._battery.see(percent)
+            self._battery.observe(percent)
         if self.apart is not None:
             self.apart.battery = percent
 
@@ -159,14 +159,14 @@ class MotionGuard:
         """Enable separation from the other robots."""
         self.apart = self.others.among = apart
         apart.circle, apart.flies = self._circle, self._armed
-        apart.world_is(self._place.world())
+        apart.set_world_origin(self._place.world())
 
     def obeyed(self, reply: Reply) -> None:
         """Process a reply to a moving request; a robot that has obeyed is under our control again."""
         self.taken = self.taken and not reply.done
         begins = reply.ok and reply.done is None
         if begins:
-            self._tell_landing(reply.command)
+            self._report_landing(reply.command)
         if reply.command in LANDINGS and self.apart is not None:
             self.apart.comes_down(self._place.descent_points(reply.command) if begins else ())
 
@@ -177,7 +177,7 @@ class MotionGuard:
             details = {"reason": self.fencing.trouble}
             self._event_reporter.event(EventKind.FENCE, trouble, telemetry="fence_breached", data=details)
             self._robot.end(f"fence: {trouble}")
-        elif self.fencing.leads_out(self.held):
+        elif self.fencing.would_leave(self.held):
             self._robot.end("fence: the velocity leads out of it")
 
     @property
@@ -198,7 +198,7 @@ class MotionGuard:
         if ask.name in BEGINNINGS:
             begins = self._start_trouble()
         else:
-            begins = None if stays(ask, spec) else outside_trouble(self.fencing, self._place, rise)
+            begins = None if stays_in_place(ask, spec) else outside_trouble(self.fencing, self._place, rise)
         apart = self.apart if _drives_home(ask, self._robot.can) else None
         met = (
             apart.trouble_on(self._place.descent_points(ask.name))
@@ -209,7 +209,7 @@ class MotionGuard:
             begins or self._climb_trouble(ask, rise) or (f"its way home is not free: {met}" if met else None)
         )
 
-    def _tell_landing(self, name: str) -> None:
+    def _report_landing(self, name: str) -> None:
         """Report that a landing or return leads past another robot; it is not refused for that."""
         if name not in LANDINGS or self.apart is None:
             return

@@ -58,7 +58,7 @@ class Navigator:
         """True while an action is running or paused."""
         return self.action is not None and not self.action.over
 
-    def doing(self) -> tuple[AnyTask, int] | None:
+    def current_task(self) -> tuple[AnyTask, int] | None:
         """Return the running task and the number of goals already reached; None when there is none."""
         if self.action is None or self.action.over or self.action.paused:
             return None

@@ -24,7 +24,7 @@ ALLOWED_OUTSIDE = "possible are stop, land, return_to_home and motion that leads
 """Ends a refusal of a robot outside its fence: what a person can do."""
 
 
-def stays(ask: Command, spec: CommandSpec | None) -> bool:
+def stays_in_place(ask: Command, spec: CommandSpec | None) -> bool:
     """Return whether a command takes a robot to no other place, or only makes it safer.
 
     ``spec`` is None for a command of the host itself.

@@ -84,7 +84,7 @@ class _RobotQueue:
             self._put_event(report)
             return
         if type(report) is PhotoReport:
-            self._outbox.pictured(self._twin, report)
+            self._outbox.on_photo(self._twin, report)
         channel = self.channel(report)
         channel.newest = report
         if not channel.waits:
@@ -121,7 +121,7 @@ class ReportQueue:
         self.eventful: deque[_RobotQueue] = deque()  # one entry for each queued event
         self.bridge: BridgePort | None = None
         self.navigates: Callable[[NavigationReport], None] = lambda _report: None  # for each action status
-        self.pictured: Callable[[str, PhotoReport], None] = lambda _twin, _report: None  # for each picture
+        self.on_photo: Callable[[str, PhotoReport], None] = lambda _twin, _report: None  # for each picture
         self.dropped = 0
         bus_session.answer(ALL, self._asked)
 

@@ -136,7 +136,7 @@ class RobotHandle:
             return
         self._sent += 1
         kept = partial(self._keeps, self._sent)
-        if self._supervised.keep(self.name, link.fileno(), frames, address, kept=kept):
+        if self._supervised.register(self.name, link.fileno(), frames, address, kept=kept):
             self._kept_by = self.clock.monotonic() + KEPT_WITHIN
             self._watch_halt()
         else:

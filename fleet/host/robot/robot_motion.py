@@ -186,7 +186,7 @@ class RobotMotion:
         """Stop the robot, and answer."""
 
         def absence() -> str:  # evaluated once the robot stands: adapters do not report a lost link
-            return self._attached.absence if self._attached.offline else ""
+            return self._attached.unreachable_refusal if self._attached.offline else ""
 
         await answer_stop(self.hold(why), receipt, absence=absence, crashed=self._crashed)
 

@@ -28,7 +28,7 @@ class RobotPlace:
         self.pose: Pose | None = None
         self._seen = 0.0
 
-    def see(self, pose: Pose) -> None:
+    def observe(self, pose: Pose) -> None:
         """Record the newest pose."""
         self.pose = pose
         self._seen = self._clock.monotonic()

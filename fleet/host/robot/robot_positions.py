@@ -203,7 +203,7 @@ class RobotPositions:
             _PositionsMessage(tuple(robots), self._anchor, self._site is not None, gone)
         )
 
-    def hear(self, payload: bytes, edge: str, process: str = "") -> None:
+    def receive(self, payload: bytes, edge: str, process: str = "") -> None:
         """Process the message of another process of this edge or of a partner; on the event loop.
 
         A partner's robot that is not on Earth is in an unrelated frame and stays unknown. An unknown robot of
@@ -273,7 +273,7 @@ def exchange(traffic: RobotPositions, process: str, control: ZenohSession, sched
     loop, publisher = asyncio.get_running_loop(), control.publisher(keys.places(traffic.edge, process))
 
     def heard(edge: str, key: str, payload: bytes) -> None:
-        loop.call_soon_threadsafe(traffic.hear, payload, edge, key.rpartition("/")[2])
+        loop.call_soon_threadsafe(traffic.receive, payload, edge, key.rpartition("/")[2])
 
     def tell() -> None:
         if publisher.wanted:

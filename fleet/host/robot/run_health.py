@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable
 
 from fleet.model.health import Health, Level
-from fleet.runtime.exception_barrier import contained
+from fleet.runtime.exception_barrier import log_exceptions
 
 COMING_UP = 10.0  # s in which the steps of a start are normal: silent line, set-up
 
@@ -24,7 +24,7 @@ class RunHealth:
     ) -> None:
         self.now = Health(Level.OFFLINE, "starting")
         self._log = log
-        watched = contained(log, "a change of its health could not be reported")
+        watched = log_exceptions(log, "a change of its health could not be reported")
         self._changed = watched(changed)
         self._level_changed = watched(level_changed)
         self._reported: Level | None = None

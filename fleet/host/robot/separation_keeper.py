@@ -19,9 +19,9 @@ from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.safety.separation import (
     Occupant,
     admitted,
+    distance_since,
     free_speed,
     gap,
-    gone_since,
     must_brake,
     route_trouble,
     stopping,
@@ -72,13 +72,13 @@ class MovingRobot(Protocol):
     def in_motion(self) -> bool:
         """True while the robot moves, or may move, because of this edge."""
 
-    def doing(self) -> tuple[AnyTask, int] | None:
+    def current_task(self) -> tuple[AnyTask, int] | None:
         """Return the running task and the number of goals already reached."""
 
     def end(self, why: str) -> None:
         """End motion of this edge that must not go on."""
 
-    def hold_again(self) -> None:
+    def reapply_velocity(self) -> None:
         """Hold the requested velocity as far as the guard admits it now; raises the adapter's errors."""
 
 
@@ -115,7 +115,7 @@ class MeasuredVelocity:
         self._at = Vector3()
         self._time = 0.0
 
-    def see(self, at: Vector3, now: float) -> None:
+    def observe(self, at: Vector3, now: float) -> None:
         """Add a position; the velocity is measured over several of them."""
         elapsed = now - self._time
         if elapsed < MEASURED:
@@ -207,12 +207,12 @@ class SeparationKeeper:
 
     # -- position --------------------------------------------------------------------------------------
 
-    def world_is(self, world: GeoOrigin | None) -> None:
+    def set_world_origin(self, world: GeoOrigin | None) -> None:
         """Place the robot by the geodetic origin of its world; None while that is unknown."""
         if world is not None and self._start is None:
             self.placement, self.on_earth = self.others.place(world), True
 
-    def see(self, pose: Pose) -> None:
+    def observe(self, pose: Pose) -> None:
         """Record the robot's pose in its own world."""
         now = self._clock.monotonic()
         if self.placement is None and self._start is not None and not self.lost:
@@ -223,7 +223,7 @@ class SeparationKeeper:
         if self.at is not None and not self.on_earth and self._has_jumped(at, now):
             return
         self.at, self._seen, self._yaw = at, now, pose.rotation.yaw + self.placement.yaw
-        self._velocity.see(at, now)
+        self._velocity.observe(at, now)
 
     def _has_jumped(self, at: Vector3, now: float) -> bool:
         """Return whether the position is impossible; the robot's placement is then lost."""
@@ -243,7 +243,7 @@ class SeparationKeeper:
         return (
             self._reach
             + 2 * self.circle
-            + gone_since(self._velocity.value.norm(), self._clock.monotonic() - self._seen)
+            + distance_since(self._velocity.value.norm(), self._clock.monotonic() - self._seen)
         )
 
     def occupant(self) -> Occupant | None:
@@ -271,7 +271,7 @@ class SeparationKeeper:
 
     def _ahead(self) -> tuple[Vector3, ...]:
         """Return the remaining path of the present task."""
-        doing = self._mover.doing()
+        doing = self._mover.current_task()
         if self.placement is None:
             return ()
         if doing is None:
@@ -367,10 +367,10 @@ class SeparationKeeper:
         """Slow the velocity that is held; end an autopilot's task that comes too near another robot."""
         if not self._near:
             return
-        doing = self._mover.doing()
+        doing = self._mover.current_task()
         led = doing is not None and (self._led or isinstance(doing[0], FollowRobot))
         if led or not self._held().is_zero:
-            self._mover.hold_again()
+            self._mover.reapply_velocity()
             return
         robot = self.occupant()
         for _, other in self._near:

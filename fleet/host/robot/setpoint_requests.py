@@ -69,6 +69,6 @@ class SetpointRequests:
         if refusal is None and moving:
             refusal = f"busy with {moving}; send stop first"
         if refusal is not None or adapter is None:
-            receipt.reject(refusal or self._attached.absence)
+            receipt.reject(refusal or self._attached.unreachable_refusal)
             return None
         return adapter

@@ -65,7 +65,7 @@ class VelocityControl:
         self._limits, self._lease, self.joints.lease = limits, config.setpoint_lease, config.setpoint_lease
         self._wanted = clamp(self._wanted, limits)
         try:
-            self.hold_again()
+            self.reapply_velocity()
         except Exception as error:  # noqa: BLE001 - the held velocity must not stay beyond the limits
             self._halt()
             self.release()
@@ -132,7 +132,7 @@ class VelocityControl:
             raise Refused(why)
         self._guard.taken = self._guard.taken and velocity.is_zero
 
-    def hold_again(self) -> None:
+    def reapply_velocity(self) -> None:
         """Hold the requested velocity as far as the guard admits it now; the lease is not renewed."""
         velocity = self._guard.within(self._wanted)
         if self.barred() is not None or velocity == self._guard.held:

@@ -25,7 +25,7 @@ def run_in_thread(call: Callable[[], None], *, wait: float = 0.0) -> None:
         thread.join(wait)
 
 
-def run_in_turn(calls: Iterable[Callable[[], None]], *, wait: float) -> None:
+def call_sequentially(calls: Iterable[Callable[[], None]], *, wait: float) -> None:
     """Make calls one after another on another thread; one that blocks delays the next by at most ``wait`` s.
 
     A thread per call would be slower on a busy interpreter: each start waits for it several times.

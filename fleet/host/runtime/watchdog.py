@@ -16,7 +16,7 @@ import msgspec
 
 from fleet.clock import Clock
 from fleet.host.runtime.loop_monitor import LoopSilence
-from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
+from fleet.host.runtime.threads import HALT_WAIT, call_sequentially, run_in_thread
 from fleet.host.safety.deadman import DeadMan
 
 log = logging.getLogger(__name__)
@@ -133,7 +133,7 @@ class Watchdog:
         first = self._first_end()
         if first <= now:
             over = [watched for watched in self._robots.values() if watched.deadman.expire(now)]
-            run_in_turn(map(_expiry, over), wait=HALT_WAIT)
+            call_sequentially(map(_expiry, over), wait=HALT_WAIT)
         _safely(lambda: self._look_at_loop(now))
         return max(SHORTEST, min(first - now, PERIOD))
 
@@ -150,7 +150,7 @@ class Watchdog:
             name = self._named = self._loop.running() or "the host"
             run_in_thread(lambda: _safely(lambda: self._loop.blocked(name, silent)))
         if silent > STUCK:
-            run_in_turn(map(_halting, self._robots.values()), wait=HALT_WAIT)
+            call_sequentially(map(_halting, self._robots.values()), wait=HALT_WAIT)
             self._loop.stuck(self._named or "a process that has no processor")
 
 

@@ -147,14 +147,14 @@ class Admission:
             return refusal
         late = self._setpoint_age(ask)
         if late is not None:
-            self._stick_release.drove(sender, now)
+            self._stick_release.record_velocity(sender, now)
             return late
         # Before the latch: while the stop is set, a held stick would otherwise pass for a released one.
         holds = self._stick_release.refusal(sender, now, zero=zero)
         refusal = self.motion() or holds or self.lease.refusal(ask.origin.session, now)
         if refusal is None:
             self._take(ask.origin)
-            self._stick_release.drove(sender, now)
+            self._stick_release.record_velocity(sender, now)
         return refusal
 
     def is_untimely_zero(self, ask: Setpoint) -> bool:

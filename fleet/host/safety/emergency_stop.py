@@ -23,7 +23,7 @@ class EmergencyStopLatch:
         self._unrecorded = False
         self._reported = bool(why)
 
-    def is_news(self) -> bool:
+    def is_first_report(self) -> bool:
         """Return True once for each stop set in this process, so that each is reported once."""
         was_reported, self._reported = self._reported, self.set
         return self.set and not was_reported

@@ -56,7 +56,7 @@ class _SenderClock:
         """Smallest lag of this window and the previous one as measured, s."""
         return min(self.current, self.previous)
 
-    def learn(self, lag: float, now: float) -> None:
+    def update_lag(self, lag: float, now: float) -> None:
         """Set the smallest lag of this window, or start the next window with it."""
         if now - self.since > WINDOW:
             self.previous, self.since = self.current, now
@@ -123,7 +123,7 @@ class AgeCheck:
             return f"stamped {-lag:.2f} s in the future; {self._advice()}"
         known = self._session(session, now)
         if lag < known.current or now - known.since > WINDOW:
-            known.learn(lag, now)
+            known.update_lag(lag, now)
         late = self._late(known, lag, max_age, ordered=ordered)
         # Beyond this time no message from before the stop is young enough, and changed clocks do not matter.
         since = now - 2 * self._skew - max_age

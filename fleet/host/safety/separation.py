@@ -62,7 +62,7 @@ class Occupant(msgspec.Struct, frozen=True):
     @property
     def uncertainty(self) -> float:
         """Uncertainty of its position since the last report, m."""
-        return gone_since(self.speed, self.age)
+        return distance_since(self.speed, self.age)
 
     @property
     def claim(self) -> tuple[Vector3, ...]:
@@ -122,7 +122,7 @@ class Occupant(msgspec.Struct, frozen=True):
         return (*line, line[-1] + last.scaled(speed / (2 * self.braking)))
 
 
-def gone_since(speed: float, age: float) -> float:
+def distance_since(speed: float, age: float) -> float:
     """Return the metres that a robot may have covered since it reported its speed ``age`` seconds ago."""
     return 0.0 if age <= FRESH or speed <= STILL else speed * min(age, LONGEST)
 

@@ -20,7 +20,7 @@ class StickReleaseInterlock:
         self._last: dict[str, float] = {}  # by driver: arrival of the last velocity, obeyed or not
         self._stopped: set[str] = set()
 
-    def drove(self, driver: str, now: float) -> None:
+    def record_velocity(self, driver: str, now: float) -> None:
         """Record a velocity that was obeyed or refused for its age: in both cases the stick is held."""
         self._last[driver] = now
         if len(self._last) > MOST:

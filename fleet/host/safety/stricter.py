@@ -31,7 +31,7 @@ def as_strict_as_both(
     )
 
 
-def held_back(
+def merge_stricter(
     old: AdapterConfig, new: AdapterConfig, *, limits: Limits, separation: Separation
 ) -> AdapterConfig:
     """Return the new configuration with every setting that is stricter in the old one."""
@@ -49,11 +49,13 @@ def may_loosen(old: AdapterConfig, new: AdapterConfig) -> bool:
         for one, other in ((old.limits, new.limits), (old.separation, new.separation))
         for (_, before), (_, after) in zip(one, other, strict=True)
     )
-    kept = held_back(old, new, limits=Limits(), separation=Separation())
-    return unknown or not holds_alike(kept, new, Limits(), Separation())
+    kept = merge_stricter(old, new, limits=Limits(), separation=Separation())
+    return unknown or not is_equally_strict(kept, new, Limits(), Separation())
 
 
-def holds_alike(config: AdapterConfig, other: AdapterConfig, limits: Limits, separation: Separation) -> bool:
+def is_equally_strict(
+    config: AdapterConfig, other: AdapterConfig, limits: Limits, separation: Separation
+) -> bool:
     """Return whether the host enforces the same rules under both configurations."""
     one, two = _policy(config), _policy(other)
     return (

@@ -65,7 +65,7 @@ class Reload:
         name = question.payload[:_LONGEST_NAME].decode("utf-8", "replace")
         forced = question.parameters.get("force") == "1"
         try:
-            refusal = await (self.refusal(name, forced=forced) if name else self.hindrance(forced=forced))
+            refusal = await (self.refusal(name, forced=forced) if name else self.blocker(forced=forced))
         except Exception as error:  # a bug here must not end the worker, and the sender waits
             log.exception("the reload of %s failed", name)
             refusal = f"the reload failed: {error}"
@@ -76,11 +76,11 @@ class Reload:
             self._end()
         _answer(question, refusal)
 
-    async def hindrance(self, *, forced: bool) -> str:
+    async def blocker(self, *, forced: bool) -> str:
         """Return why the worker cannot be restarted with another configuration; empty when it can."""
         if self._by_hand:
             return f"worker {self._task.worker} was started by hand: end it, and start it with the new file"
-        return "" if forced else self._not_resting()
+        return "" if forced else self._require_rest()
 
     async def refusal(self, adapter: str, *, forced: bool = False) -> str:
         """Return why an adapter's file cannot be reloaded now; empty when it can."""
@@ -89,14 +89,14 @@ class Reload:
             return f"worker {self._task.worker} runs no drop-in file with the adapter {adapter!r}"
         if self._by_hand:
             return f"worker {self._task.worker} was started by hand: end it and start it again"
-        moving = "" if forced else self._not_resting()
+        moving = "" if forced else self._require_rest()
         if moving:
             return moving
         flaw = await asyncio.to_thread(flaw_of, meant, self._task.folder)
         # A robot may have been commanded during the check; no step lies between this and the end.
-        return flaw or ("" if forced else self._not_resting())
+        return flaw or ("" if forced else self._require_rest())
 
-    def _not_resting(self) -> str:
+    def _require_rest(self) -> str:
         """Return which robot of this worker, of any adapter, is not at rest."""
         return next(filter(None, map(not_resting, self._robots())), "")
 

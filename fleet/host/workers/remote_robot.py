@@ -109,7 +109,7 @@ class RemoteRobot:
         return self._clock.monotonic() - self._heard > SILENT_AFTER
 
     @property
-    def unheard(self) -> str:
+    def unconfirmed_stop(self) -> str:
         """Cause of a stop that its worker has not confirmed; else empty."""
         return self._unheard.why if self._unheard is not None else ""
 
@@ -230,7 +230,7 @@ class RemoteRobot:
             cause=lambda: self._cause,
         )
 
-    def worker_is(self, cause: str) -> None:
+    def set_worker_problem(self, cause: str) -> None:
         """Record the worker's problem and report it in its place; empty when it runs."""
         self._cause = cause or "its worker is silent"
         if not cause:

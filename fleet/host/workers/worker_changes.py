@@ -39,7 +39,7 @@ class WorkerChanges:
         self._edge, self._control = edge, control
         self._workers, self._robots = workers, robots
 
-    def hindrance(self, worker: str) -> str:
+    def blocker(self, worker: str) -> str:
         """Return why a worker cannot restart now, as far as the edge knows."""
         if worker not in self._workers:
             return f"worker {worker} was started by hand: end it, and start it with the new file"

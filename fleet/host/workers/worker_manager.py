@@ -18,11 +18,11 @@ from pathlib import Path
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
-from fleet.host.logs.setup import TOLD
+from fleet.host.logs.setup import PASSED_VARIABLES
 from fleet.host.workers.reload import RELOADED
 from fleet.link.backoff import backoff
 from fleet.plugins.probe import bare_environment
-from fleet.runtime.exception_barrier import contained
+from fleet.runtime.exception_barrier import log_exceptions
 from fleet.supervisor.sockets import VARIABLE
 
 log = logging.getLogger(__name__)
@@ -62,9 +62,9 @@ class WorkerManager:
         )
         self._task = task
         self._clock = clock
-        kept = contained(log, f"worker {name}: a problem of it could not be told to all")
+        kept = log_exceptions(log, f"worker {name}: a problem of it could not be told to all")
         self._on_problem = kept(on_problem)
-        self._halt = contained(log, f"worker {name}: its robots could not be halted over the bus")(halt)
+        self._halt = log_exceptions(log, f"worker {name}: its robots could not be halted over the bus")(halt)
         self.started = 0  # number of processes that have come up
         self.given = b""  # task of the last process that was started
         self._beat = 0.0
@@ -189,7 +189,7 @@ class WorkerManager:
 def _environment() -> dict[str, str]:
     """Return the environment of a worker: its supervisor and its log settings, but no secrets."""
     given = bare_environment()
-    given |= {name: os.environ[name] for name in (VARIABLE, *TOLD) if name in os.environ}
+    given |= {name: os.environ[name] for name in (VARIABLE, *PASSED_VARIABLES) if name in os.environ}
     return given
 
 

@@ -28,7 +28,7 @@ from fleet.host.process.common_start import take_starts
 from fleet.host.process.component_settings import settle_time_beside
 from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
-from fleet.host.process.interrupted_commands import tell_interrupted_commands
+from fleet.host.process.interrupted_commands import report_interrupted_commands
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_inputs import TELL, HeldByEdge
 from fleet.host.process.stop_service import serve_stops
@@ -100,7 +100,7 @@ async def run(task: WorkerTask, directory: Path, parent: int | None) -> int:
 
     journal.ends_are_reported = lambda: parent is None or os.getppid() == parent
     process.scheduler.every(BEAT, show_life, failed=lambda _: ended.set())
-    tell_interrupted_commands(process, process.robots.values())
+    report_interrupted_commands(process, process.robots.values())
     process.start()
     process.supervised.running()
     try:

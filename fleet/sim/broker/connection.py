@@ -105,7 +105,7 @@ class BrokerConnection(asyncio.Protocol):
             for identifier in lost:
                 session.forget(identifier)
 
-    def expel(self, reason: mqtt5.DisconnectReasonCode) -> None:
+    def disconnect_client(self, reason: mqtt5.DisconnectReasonCode) -> None:
         """End the connection; send the reason to a client whose protocol allows it."""
         logger.info("the client %r is disconnected: %s", self.client_id, reason.name)
         self._write(self._conversation.end(reason))
@@ -119,7 +119,7 @@ class BrokerConnection(asyncio.Protocol):
         elif self._reading.frozen:
             self.data_received(self._reading.thaw())
         elif self._is_late():
-            self._lose_patience()
+            self._time_out_waiting()
 
     def forget(self) -> None:
         """Go silent and drop the client's state while the socket stays open, as after a power cut."""
@@ -176,12 +176,12 @@ class BrokerConnection(asyncio.Protocol):
         logger.info("the client %r is disconnected: %s", self.client_id, error)
         return self._conversation.end(reason)
 
-    def _lose_patience(self) -> None:
+    def _time_out_waiting(self) -> None:
         """Disconnect a silent client; abort the connection if that was tried already."""
         if self._closing:
             self.drop()
         else:
-            self.expel(_Reason.KEEP_ALIVE_TIMEOUT)
+            self.disconnect_client(_Reason.KEEP_ALIVE_TIMEOUT)
 
     def _close(self) -> None:
         """Close after everything is written; ``watch`` aborts if the client does not read."""

@@ -29,7 +29,7 @@ class BrokerPeer(Protocol):
     def flush(self) -> None:
         """Write the waiting messages of the client's session."""
 
-    def expel(self, reason: mqtt5.DisconnectReasonCode) -> None:
+    def disconnect_client(self, reason: mqtt5.DisconnectReasonCode) -> None:
         """End the connection with a reason."""
 
 
@@ -71,7 +71,7 @@ class BrokerCore:
         """Admit a client, replacing its older connection; return its session and whether it existed."""
         client_id = packet.client_id or f"auto-{uuid.uuid4().hex}"
         if older := self.peers.get(client_id):
-            older.expel(mqtt5.DisconnectReasonCode.SESSION_TAKEN_OVER)
+            older.disconnect_client(mqtt5.DisconnectReasonCode.SESSION_TAKEN_OVER)
         if will := self._wills.pop(client_id, None):
             will.cancel()
         self.expire()
@@ -163,7 +163,7 @@ class BrokerCore:
         if peer:
             self._offer_to(peer, session, copy)
         elif copy.qos:
-            session.offer_at_any_cost(copy)
+            session.offer_dropping_oldest(copy)
 
     def _offer_to(self, peer: BrokerPeer, session: BrokerSession, copy: QueuedCopy) -> None:
         """Queue a message for a connected client; expel the client if it is too slow.
@@ -174,7 +174,7 @@ class BrokerCore:
             peer.flush()
             if not session.offer(copy):
                 logger.warning("the client %s is too slow", session.client_id)
-                peer.expel(mqtt5.DisconnectReasonCode.QUOTA_EXCEEDED)
+                peer.disconnect_client(mqtt5.DisconnectReasonCode.QUOTA_EXCEEDED)
                 return
         if not self._behind:
             asyncio.get_running_loop().call_soon(self._flush)

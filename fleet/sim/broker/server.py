@@ -81,7 +81,7 @@ class Broker:
             if reason is None:
                 connection.drop()
             else:
-                connection.expel(mqtt5.DisconnectReasonCode(int(reason)))
+                connection.disconnect_client(mqtt5.DisconnectReasonCode(int(reason)))
 
     def half_open(self, client_id: str) -> None:
         """Forget a client while its socket stays open, as after a power cut on this side."""

@@ -61,7 +61,7 @@ class BrokerSession:
         self._waiting += size
         return True
 
-    def offer_at_any_cost(self, copy: QueuedCopy) -> None:
+    def offer_dropping_oldest(self, copy: QueuedCopy) -> None:
         """Queue a message; drop the oldest ones if there is no room."""
         while not self.offer(copy) and (oldest := self._held or self._queue):
             self._take(oldest)

@@ -25,7 +25,7 @@ from fleet_mavlink.flavours import kind_of
 from fleet_mavlink.messages import CommandAck, ExtendedSysState, GlobalPositionInt, Heartbeat
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.turns import Superseded
-from fleet_mavlink.vehicle import lacking_of
+from fleet_mavlink.vehicle import missing_commands
 from fleet_mavlink.vocabulary import OF_A_MOVED_VEHICLE
 
 HOLD, GUIDED = 4, 15
@@ -209,13 +209,13 @@ def test_what_is_not_moved_here_is_not_moved_not_even_by_one_setpoint(fly, sky):
 
 @pytest.mark.parametrize("vehicle_type", [10, 11])
 def test_a_rover_on_px4_is_refused_with_what_is_missing_and_what_is_moved(vehicle_type):
-    lacking = lacking_of(VehicleState(Heartbeat(vehicle_type, 12)))
+    lacking = missing_commands(VehicleState(Heartbeat(vehicle_type, 12)))
     assert set(lacking) == set(OF_A_MOVED_VEHICLE)
     assert all(
         why.endswith("how a rover on PX4 holds and stops; one on ArduPilot is moved")
         for why in lacking.values()
     )
-    assert "PX4 holds" not in lacking_of(VehicleState(Heartbeat(SUBMARINE, 12)))["goto"]
+    assert "PX4 holds" not in missing_commands(VehicleState(Heartbeat(SUBMARINE, 12)))["goto"]
 
 
 def first_brake(autopilot, vehicle_type, **state):

@@ -67,7 +67,7 @@ def test_it_is_not_changed_in_flight_and_that_is_reported(fly, sky, flavour):
             await it.do("takeoff", altitude=5.0)
             it.sim.pilot.missions._plans.pop(1)  # as if another station had cleared it
             fence = it.adapter._session.fence
-            keeping = asyncio.ensure_future(fence.keep())
+            keeping = asyncio.ensure_future(fence.run())
             await it.until(lambda: "not changed in flight" in str(fence.troubles), within=20.0)
             assert corners(it) == []
             await it.do("land")
@@ -85,7 +85,7 @@ def test_a_limit_that_a_float_rounds_is_not_taken_for_another_fence(fly, sky, fl
             await it.do("takeoff", altitude=5.0)
             fence = it.adapter._session.fence
             fence.troubles = ()
-            keeping = asyncio.ensure_future(fence.keep())
+            keeping = asyncio.ensure_future(fence.run())
             await asyncio.sleep(10.0)
             assert fence.troubles == ()
             keeping.cancel()

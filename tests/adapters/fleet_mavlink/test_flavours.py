@@ -28,8 +28,8 @@ flavours = pytest.mark.parametrize("flavour", [ARDUPILOT, PX4])
         (2, 12, "Px4"),
         (10, 3, "ArduRover"),
         (11, 3, "ArduBoat"),
-        (1, 3, "UntoldArduPlane"),
-        (20, 3, "UntoldArduPlane"),
+        (1, 3, "UnknownArduPlane"),
+        (20, 3, "UnknownArduPlane"),
         (1, 12, "Px4Plane"),
         (22, 12, "Px4VtolForward"),
         *((kind, 12, None) for kind in (7, 10, 11, 12)),
@@ -85,8 +85,8 @@ def test_a_place_is_above_home_for_ardupilot_and_above_the_sea_for_px4():
 
 def test_speed_goes_with_px4s_command_and_after_ardupilots():
     assert PX4.go_command(PLACE, 488.0, 3.0, 1.0).param1 == 3.0
-    assert PX4.after_go(3.0, VehicleState()) is None
-    assert ARDUPILOT.after_go(3.0, VehicleState()) == CommandLong(
+    assert PX4.command_after_go(3.0, VehicleState()) is None
+    assert ARDUPILOT.command_after_go(3.0, VehicleState()) == CommandLong(
         MavCmd.DO_CHANGE_SPEED, param1=1.0, param2=3.0, param3=-1.0
     )
 

@@ -39,7 +39,7 @@ def causes_of(records):
             if vehicle.kind is None or now - looked < 0.1:
                 continue
             looked = now
-            failsafe.see(vehicle.state, vehicle.kind.mode_of(vehicle.state), vehicle.sentences, now)
+            failsafe.observe(vehicle.state, vehicle.kind.mode_of(vehicle.state), vehicle.sentences, now)
             causes = (failsafe.text, *position_troubles(vehicle.state, now))
             if not found or found[-1][1] != causes:
                 found.append((round(now, 1), causes))

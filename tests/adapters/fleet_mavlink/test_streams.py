@@ -33,7 +33,7 @@ class Vehicle:
 
     async def live(self, seconds):
         """Beat, and show an attitude, for a while."""
-        keeping = asyncio.ensure_future(self.streams.keep())
+        keeping = asyncio.ensure_future(self.streams.run())
         for _ in range(seconds):
             self.harness.beat(mode=0)
             if self.attitude:
@@ -89,7 +89,7 @@ def test_after_a_reboot_everything_is_asked_for_again(fly, harness):
 def test_after_a_silence_everything_is_asked_for_again(fly, harness):
     async def main():
         vehicle = Vehicle(harness, "ardupilot")
-        keeping = asyncio.ensure_future(vehicle.streams.keep())
+        keeping = asyncio.ensure_future(vehicle.streams.run())
         vehicle.harness.beat()
         await asyncio.sleep(8)
         assert len(vehicle.asked(Attitude.message_id)) == 1
@@ -118,7 +118,7 @@ def test_old_firmware_is_asked_the_old_way(fly, harness, flavour, groups):
 def test_nothing_is_asked_of_a_vehicle_that_is_silent(fly, harness):
     async def main():
         vehicle = Vehicle(harness, "px4")
-        keeping = asyncio.ensure_future(vehicle.streams.keep())
+        keeping = asyncio.ensure_future(vehicle.streams.run())
         await asyncio.sleep(10)
         keeping.cancel()
         await asyncio.gather(keeping, return_exceptions=True)

@@ -12,7 +12,7 @@ from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.constants import ARDUPILOT, PX4
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.vehicle import lacking_of
+from fleet_mavlink.vehicle import missing_commands
 from fleet_mavlink.vocabulary import VERBS
 
 SUBMARINE, BOAT = 12, 11
@@ -92,8 +92,8 @@ def test_each_name_is_taken_or_refused_with_the_words_of_the_table(fly, sky, veh
                 it.sim.pilot.vehicle_type = vehicle_type
             await it.until(lambda: it.robot.is_connected and it.state.home is not None)
             await it.until(lambda: it.state.vtol_state == it.sim.pilot.vtol_state())
-            await it.until(lambda: it.robot.lacking == lacking_of(it.state))
-            lacking = lacking_of(it.state)
+            await it.until(lambda: it.robot.lacking == missing_commands(it.state))
+            lacking = missing_commands(it.state)
             it.order.clear()
             refusal = await tried(it, name)
             if name in lacking and name not in MOVING:
@@ -113,7 +113,7 @@ def test_every_vehicle_has_a_reason_for_each_name_that_it_lacks(autopilot):
     for vehicle_type in range(46):
         for vtol_state, guided in itertools.product(range(5), (0.0, 1.0)):
             heartbeat, settings = Heartbeat(vehicle_type, autopilot), {"Q_GUIDED_MODE": guided}
-            lacking = lacking_of(VehicleState(heartbeat, vtol_state=vtol_state, settings=settings))
+            lacking = missing_commands(VehicleState(heartbeat, vtol_state=vtol_state, settings=settings))
             assert set(lacking) <= known
             assert all(lacking.values())
             assert not {"stop", "hover", "emergency_stop"} & set(lacking)

@@ -26,7 +26,7 @@ class Vehicle:
     def __init__(self):
         self.heard = []
 
-    def hear(self, frame):
+    def handle_frame(self, frame):
         self.heard.append(frame)
 
 

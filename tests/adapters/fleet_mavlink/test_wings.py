@@ -39,7 +39,7 @@ def test_the_simulated_vtols_fly_the_list(fly, sky, module_at, flavour):
     assert len(lines) == len(module_at("sitl/vtol_list.py").STEPS)
 
 
-TOLD = VehicleState(settings={"FW_AIRSPD_MIN": 10.0, "FW_AIRSPD_TRIM": 15.0, "FW_AIRSPD_MAX": 20.0})
+CONFIGURED = VehicleState(settings={"FW_AIRSPD_MIN": 10.0, "FW_AIRSPD_TRIM": 15.0, "FW_AIRSPD_MAX": 20.0})
 
 
 @pytest.mark.parametrize(
@@ -47,14 +47,14 @@ TOLD = VehicleState(settings={"FW_AIRSPD_MIN": 10.0, "FW_AIRSPD_TRIM": 15.0, "FW
     [(30.0, None, 15.0), (12.0, None, 12.0), (30.0, 18.0, 18.0), (30.0, 99.0, 20.0), (None, 12.0, 12.0)],
 )
 def test_a_goal_is_flown_at_what_is_asked_for_within_the_limit_and_the_fastest(limit, wanted, airspeed):
-    assert Px4Plane().airspeed(TOLD, limit, wanted) == airspeed
+    assert Px4Plane().airspeed(CONFIGURED, limit, wanted) == airspeed
 
 
 def test_an_airspeed_under_the_slowest_is_refused_with_whose_it_is():
     with pytest.raises(Refused, match="its limit is 5 m/s"):
-        Px4Plane().airspeed(TOLD, 5.0, None)
+        Px4Plane().airspeed(CONFIGURED, 5.0, None)
     with pytest.raises(Refused, match="it was asked for 4 m/s"):
-        Px4Plane().airspeed(TOLD, 30.0, 4.0)
+        Px4Plane().airspeed(CONFIGURED, 30.0, 4.0)
     with pytest.raises(NotReady, match="not known yet"):
         Px4Plane().airspeed(VehicleState(), 30.0, None)
 

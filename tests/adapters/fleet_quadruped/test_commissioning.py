@@ -4,7 +4,7 @@ import pytest
 
 from fleet import Quaternion
 from fleet.model.geometry import quaternion_from_euler
-from fleet_quadruped.body.probing import leaning, leans
+from fleet_quadruped.body.probing import lean_angles, lean_tests
 from fleet_quadruped.commissioning import Observation, at_rest, problems
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.sim.planted import as_built, checked, with_offset, with_sign
@@ -13,8 +13,8 @@ from fleet_quadruped.sim.planted import as_built, checked, with_offset, with_sig
 def seen(dog):
     """Return what is seen of a dog that moves as it is told, exactly."""
     return [
-        Observation(leaning(dog, lean), quaternion_from_euler(lean.roll, lean.pitch, lean.yaw))
-        for lean in leans(dog)
+        Observation(lean_angles(dog, lean), quaternion_from_euler(lean.roll, lean.pitch, lean.yaw))
+        for lean in lean_tests(dog)
     ]
 
 

@@ -17,7 +17,7 @@ from fleet.model.report import TelemetryReport
 from fleet.model.state import EdgeState, RobotState
 from fleet.testing.waiting import wait_until
 from fleet.wire.databus import encode_report
-from fleet.wire.rulebook import of_a_twin, rulebook
+from fleet.wire.rulebook import rulebook, twin_rules
 from fleet.wire.rules import INWARD, NOT_OF_A_TWIN, TrafficClass
 from tests.tools.sdk import end
 
@@ -79,7 +79,7 @@ def make_bridge(background_loop, topics, ports):
             topics,
             ports,
             edge=edge,
-            rules=rules or BridgeRules(dict.fromkeys(ports, of_a_twin(rulebook()))),
+            rules=rules or BridgeRules(dict.fromkeys(ports, twin_rules(rulebook()))),
             put=lambda key, _sample: put.append(key),
             alive=lambda _name: True,
             claimed=lambda twin, holder: claims.append((twin, holder)),
@@ -119,7 +119,7 @@ def test_a_twin_that_joins_is_heard_and_one_that_leaves_is_not(
     bridge = make_bridge(port)
     bridge.uplink.arrived(f"cw/{THIRD}/data/position", pose(1.0))  # a stranger's, until now
     ada = type(rex)("ada", THIRD)
-    background_loop.call(bridge.join, ada, of_a_twin(rulebook()))
+    background_loop.call(bridge.join, ada, twin_rules(rulebook()))
     bridge.uplink.arrived(f"cw/{THIRD}/data/position", pose(5.0))
     list(bridge.tick())
     topic = f"cyberwave/twin/{THIRD}/"
@@ -145,7 +145,7 @@ def test_a_twin_that_joins_is_heard_and_one_that_leaves_is_not(
 
 def test_another_robot_of_a_twin_takes_its_place(bridge, background_loop, port, rex):
     ada = type(rex)("ada", TWIN)
-    background_loop.call(bridge.join, ada, of_a_twin(rulebook()))
+    background_loop.call(bridge.join, ada, twin_rules(rulebook()))
     stop = json.dumps({"command": "emergency_stop"})
     paho.mqtt.publish.single(f"{T}command", stop, 1, hostname="127.0.0.1", port=port)
     wait_until("it is told", lambda: ada.emergencies)
@@ -159,7 +159,9 @@ def test_an_event_on_the_bus_crosses_without_a_turn_and_many_are_written_togethe
     report = TelemetryReport(1.0, "authority_lost")
     wake, woken = bridge.client._schedule, []
     monkeypatch.setattr(bridge.client, "_schedule", lambda call: woken.append(call) or wake(call))
-    bridge.heard([(f"cw/{TWIN}/data/telemetry", encode_report(report, number)) for number in range(50)])
+    bridge.handle_samples(
+        [(f"cw/{TWIN}/data/telemetry", encode_report(report, number)) for number in range(50)]
+    )
     wait_until("all are heard", lambda: listener.telemetry(TWIN).count("authority_lost") == 50)
     assert sum(isinstance(call, partial) for call in woken) == 1  # others: the spool's
 

@@ -9,7 +9,7 @@ from fleet.cloud.values import CloudMessage
 from fleet.errors import WireError
 from fleet.model.command import Reply, ReplyStatus
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
-from fleet.wire.rulebook import RuleChange, RuleChanges, of_a_twin, of_an_environment, of_any_run, rulebook
+from fleet.wire.rulebook import RuleChange, RuleChanges, of_an_environment, rulebook, run_rules, twin_rules
 from fleet.wire.samples import json_payload
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
@@ -34,8 +34,8 @@ class Bench:
         self.downlink = Downlink(
             topics,
             ports,
-            books={**dict.fromkeys(ports, of_a_twin(book)), PLACE: of_an_environment(book)},
-            any_run=of_any_run(book),
+            books={**dict.fromkeys(ports, twin_rules(book)), PLACE: of_an_environment(book)},
+            any_run=run_rules(book),
             session="fleet_us",
             send=self._send,
             put=lambda key, sample: self.put.append((key, json.loads(json_payload(sample)))),

@@ -13,7 +13,7 @@ from fleet.model.report import NavigationReport
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.waiting import wait_until
 from fleet.wire.databus import encode_report
-from fleet.wire.rulebook import of_a_twin, rulebook
+from fleet.wire.rulebook import rulebook, twin_rules
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 POSITION = f"cw/{TWIN}/data/position"
@@ -61,7 +61,7 @@ def make_bridge(background_loop, broker, topics, ports):
             topics,
             ports,
             edge="yard-1",
-            rules=BridgeRules(dict.fromkeys(ports, of_a_twin(rulebook()))),
+            rules=BridgeRules(dict.fromkeys(ports, twin_rules(rulebook()))),
             put=lambda _key, _sample: None,
             claimed=lambda _twin, _holder: None,
             alive=lambda _name: True,

@@ -32,11 +32,11 @@ from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import (
     RuleChange,
     RuleChanges,
-    of_a_twin,
     of_a_workflow,
     of_an_environment,
-    of_any_run,
     rulebook,
+    run_rules,
+    twin_rules,
 )
 from fleet.wire.rules import (
     CHANNEL_SUFFIXES,
@@ -132,9 +132,9 @@ class World:
             {TWIN: port},
             edge="yard-1",
             rules=BridgeRules(
-                {TWIN: of_a_twin(book)},
+                {TWIN: twin_rules(book)},
                 {PLACE: of_an_environment(book)},
-                of_any_run(book),
+                run_rules(book),
                 workflows={WORKFLOW: of_a_workflow(book)},
             ),
             handlers=dict.fromkeys(("workflow:run", "workflow:cancel"), self._asked),

@@ -35,7 +35,7 @@ from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import DEADLINE
 from fleet.wire.databus import encode_report
-from fleet.wire.rulebook import ExtraChannel, RuleChange, RuleChanges, of_a_twin, of_an_environment, rulebook
+from fleet.wire.rulebook import ExtraChannel, RuleChange, RuleChanges, of_an_environment, rulebook, twin_rules
 from fleet.wire.rules import CHANNEL_SUFFIXES, KIB, RULES, TrafficClass
 from fleet.wire.topics import Topics
 
@@ -59,7 +59,7 @@ class Bench:
         self.queued_bytes = 0
         self.full = False
         self.clock = ManualClock()
-        twins = {TWIN: TwinInfo("rex", "edge", of_a_twin(book or rulebook()))}
+        twins = {TWIN: TwinInfo("rex", "edge", twin_rules(book or rulebook()))}
         twins |= {uuid: TwinInfo("", "edge", of_an_environment(rulebook())) for uuid in environments}
         self.sent: list[tuple[float, str, dict, int]] = []
         self.uplink = Uplink(

@@ -21,7 +21,7 @@ NOW = time.time()
 ANNA = Requester(Transport.CLOUD, "anna", "tele")
 ROOT = Requester(Transport.LOCAL, "root", proven=True)
 DATED = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[+-]\d\d:\d\d")
-TOLD = [
+RECORDS = [
     Record(NOW - 7200, "rex", EventKind.COMMAND, "takeoff accepted", asker=ANNA, command="takeoff"),
     Record(
         NOW - 60,
@@ -37,7 +37,7 @@ TOLD = [
 
 @pytest.fixture
 def yard(play_edge):
-    """Play an edge with two robots, one of them stopped; it has ``TOLD`` of rex."""
+    """Play an edge with two robots, one of them stopped; it has ``RECORDS`` of rex."""
     robots = {"rex": {"health": "ok", "emergency_stop": True, "stop_cause": "asked by root"}, "max": {}}
     played = play_edge("yard-1", robots=robots, groups={"all": ["rex", "max"]})
     played.questions = []
@@ -45,7 +45,7 @@ def yard(play_edge):
     def answer(question):
         wanted = msgspec.json.decode(question.payload, type=EventFilter)
         played.questions.append(wanted)
-        question.reply(msgspec.json.encode([record for record in TOLD if wanted.has(record)]))
+        question.reply(msgspec.json.encode([record for record in RECORDS if wanted.has(record)]))
         question.close()
 
     played._control.answer(keys.history("yard-1"), answer)

@@ -22,16 +22,16 @@ def file(environ, tmp_path):
 
 
 def test_what_was_seen_is_known_to_the_next_and_each_bus_has_its_own(environ):
-    SeenEdges(None, environ).keep([YARD])
-    SeenEdges(None, environ).keep([BARN])
-    SeenEdges("site.yaml", environ).keep([BARN])
+    SeenEdges(None, environ).save([YARD])
+    SeenEdges(None, environ).save([BARN])
+    SeenEdges("site.yaml", environ).save([BARN])
     assert SeenEdges(None, environ).read() == {"yard-1": YARD, "barn": BARN}
     assert SeenEdges("site.yaml", environ).read() == {"barn": BARN}
 
 
 def test_an_edge_is_forgotten_once(environ):
     edges = SeenEdges(None, environ)
-    edges.keep([YARD, BARN])
+    edges.save([YARD, BARN])
     assert edges.forget("barn")
     assert not edges.forget("barn")
     assert list(edges.read()) == ["yard-1"]
@@ -42,7 +42,7 @@ def test_a_file_that_cannot_be_read_is_reported_and_not_written_over(environ, fi
     file.parent.mkdir(parents=True)
     file.write_bytes(broken)
     edges = SeenEdges(None, environ)
-    for use in (edges.read, lambda: edges.keep([YARD])):
+    for use in (edges.read, lambda: edges.save([YARD])):
         with pytest.raises(StateError, match=f"{FILE} cannot be read .*; remove it"):
             use()
     assert file.read_bytes() == broken

@@ -69,7 +69,7 @@ def test_a_way_is_shown_until_it_ends(view):
 
 def test_an_edge_that_goes_is_shown_as_gone_with_its_last_words(view):
     view.take_edge(EdgeState("yard", "1.0", 1.0, 5.0), 10.0)
-    view.edge_is("yard", alive=False, problem="it has gone", now=11.0)
+    view.set_edge_state("yard", alive=False, problem="it has gone", now=11.0)
     shown = view.get("edges", "yard")
     assert (shown["alive"], shown["problem"], shown["version"]) == (False, "it has gone", "1.0")
 

@@ -21,7 +21,7 @@ class RecordedLogins:
     def __init__(self):
         self.events = []
 
-    def came_in(self, name, address):
+    def logged_in(self, name, address):
         self.events.append((name, address))
 
     def failed(self, name, address, wait):

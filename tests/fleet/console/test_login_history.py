@@ -26,12 +26,16 @@ def waiting(history):
 
 
 def test_who_came_in_is_proven_and_who_failed_is_not(history):
-    history.came_in("anna", "10.0.0.9")
+    history.logged_in("anna", "10.0.0.9")
     history.failed("anna", "10.0.0.8", 4.0)
     history.failed("", "10.0.0.8", 0.0)
-    came_in, failed, unknown = waiting(history)
-    assert came_in.text == "anna logged in at the console, from 10.0.0.9"
-    assert (came_in.kind, came_in.severity, came_in.asker.proven) == (EventKind.LOGIN, Severity.INFO, True)
+    logged_in, failed, unknown = waiting(history)
+    assert logged_in.text == "anna logged in at the console, from 10.0.0.9"
+    assert (logged_in.kind, logged_in.severity, logged_in.asker.proven) == (
+        EventKind.LOGIN,
+        Severity.INFO,
+        True,
+    )
     assert failed.text == "a login at the console as anna failed, from 10.0.0.8; the next try waits 4 s"
     assert (failed.severity, failed.asker.name, failed.asker.proven) == (Severity.WARNING, "anna", False)
     assert unknown.text == "a login at the console with an unknown name failed, from 10.0.0.8"
@@ -49,7 +53,7 @@ def test_failures_are_bounded_by_the_minute_and_their_number_is_reported(history
 async def test_it_is_in_the_file_that_the_edge_reads(history, tmp_path):
     running = asyncio.create_task(history.run())
     await asyncio.sleep(0)
-    history.came_in("anna", "10.0.0.9")
+    history.logged_in("anna", "10.0.0.9")
     running.cancel()
     await asyncio.gather(running, return_exceptions=True)
     (written,) = read(tmp_path, EventFilter())

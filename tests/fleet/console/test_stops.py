@@ -113,7 +113,7 @@ def test_who_was_not_seen_to_stand_is_reported_at_the_end():
     record.acknowledge("a/rex", 10.004, "bus")
     record.acknowledge("a/rex", 10.2, "supervisor")
     assert record.pending() == ["a/rex"]
-    record.see("a/rex", "under way", 10.5)
+    record.observe("a/rex", "under way", 10.5)
     record.close()
     rex, beast = record.shown()["robots"].values()
     assert (rex["acknowledged"], rex["way"], rex["outcome"]) == (4, "bus", NOT_SEEN)

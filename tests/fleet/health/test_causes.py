@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.health.causes import CauseParts, Onsets, folded, parted, troubles_of
+from fleet.health.causes import CauseParts, Onsets, folded, split_cause, troubles_of
 from fleet.model.health import Health, Level
 from fleet.model.state import RobotState
 from fleet.model.summary import LISTED, Summary, decode, encode
@@ -31,7 +31,7 @@ def troubles(states, services=(), links=None, onsets=None, now=100.0):
     ],
 )
 def test_a_cause_is_taken_apart_into_the_way_and_the_rest(cause, link, why):
-    assert parted(cause) == CauseParts(link, why)
+    assert split_cause(cause) == CauseParts(link, why)
 
 
 def test_robots_that_hang_on_one_hub_are_one_trouble():

@@ -158,12 +158,12 @@ class Bench:
     def stands(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, rotation: Any = None) -> None:
         """Let the robot say where it is."""
         report = PoseReport(self.clock.time(), Vector3(x, y, z), rotation or Quaternion())
-        self.controller.see(report)
-        self.controller.guard.see(report)
+        self.controller.observe(report)
+        self.controller.guard.observe(report)
 
     def has(self, percent: float) -> None:
         """Let the robot say how full its battery is."""
-        self.controller.guard.see(BatteryReport(0.0, percent))
+        self.controller.guard.observe(BatteryReport(0.0, percent))
 
 
 def a_command(name: str, source: str | None = "tele", session: str = "anna", **fields: Any) -> Command:

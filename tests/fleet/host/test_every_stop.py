@@ -27,7 +27,7 @@ from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.testing.clock import ManualClock
 from fleet.testing.robot import RecordingRobot
 from fleet.testing.waiting import wait_until
-from fleet.wire.rulebook import of_a_twin, rulebook
+from fleet.wire.rulebook import rulebook, twin_rules
 from fleet.wire.topics import Topics
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
@@ -149,7 +149,7 @@ class Rig:
         self.downlink = downlink.Downlink(
             Topics(""),
             {TWIN: port},
-            books={TWIN: of_a_twin(rulebook())},
+            books={TWIN: twin_rules(rulebook())},
             session=US,
             send=lambda *_, **__: None,
             put=lambda *_: None,

@@ -99,12 +99,12 @@ class World:
         self.x += velocity.linear.x * math.cos(self.yaw) * seconds
         self.y += velocity.linear.x * math.sin(self.yaw) * seconds
         self.yaw += velocity.yaw_rate * seconds
-        self.see()
+        self.observe()
 
-    def see(self):
+    def observe(self):
         if self.tells:
             stamp = self.clock.time()
-            self.controller.see(PoseReport(stamp, Vector3(self.x, self.y), quaternion_from_yaw(self.yaw)))
+            self.controller.observe(PoseReport(stamp, Vector3(self.x, self.y), quaternion_from_yaw(self.yaw)))
 
     def ask(self, what):
         answers = []
@@ -132,7 +132,7 @@ def goal(x, y, yaw=None, action="a1", **more):
 
 
 async def test_it_goes_to_a_goal_and_says_so_once(world):
-    world.see()
+    world.observe()
     (first,) = world.ask(goal(1.0, 1.0, yaw=0.0))
     assert first.ok
     await world.until(lambda: world.states()[-1] == "completed")
@@ -150,7 +150,7 @@ async def test_it_goes_to_a_goal_and_says_so_once(world):
 
 @pytest.mark.parametrize(("verb", "x"), [("move_forward", 1.0), ("move_backward", -1.0)])
 async def test_a_verb_with_a_distance_ends_there_and_its_repeat_moves_nothing(world, verb, x):
-    world.see()
+    world.observe()
     can = capabilities(Cart)
     move = goal_of(Command(verb, {"distance": 1.0}, TELE, id="q1"), can, VerbSpeeds(can.limits).of)
     (first,) = world.ask(move)
@@ -172,7 +172,7 @@ async def test_without_a_pose_it_is_not_led_and_the_reason_is_reported(world):
 
 
 async def test_what_the_follower_asks_is_clamped_and_has_a_lease(world):
-    world.see()
+    world.observe()
     world.ask(goal(3.0, 0.0, constraints=Constraints(max_speed=9.0)))
     await world.until(lambda: world.states()[-1] == "completed")
     assert max(velocity.linear.x for velocity in world.cart.velocities) == pytest.approx(0.5)
@@ -180,14 +180,14 @@ async def test_what_the_follower_asks_is_clamped_and_has_a_lease(world):
 
 
 async def test_an_asker_may_slow_it_down(world):
-    world.see()
+    world.observe()
     world.ask(goal(2.0, 0.0, constraints=Constraints(max_speed=0.2)))
     await world.until(lambda: world.states()[-1] == "completed")
     assert max(velocity.linear.x for velocity in world.cart.velocities) <= 0.2 + 1e-9
 
 
 async def test_a_robot_that_tells_no_pose_any_more_is_stopped_and_the_action_fails(world):
-    world.see()
+    world.observe()
     world.ask(goal(3.0, 0.0))
     await world.until(lambda: world.x > 0.5)
     world.tells = False
@@ -198,7 +198,7 @@ async def test_a_robot_that_tells_no_pose_any_more_is_stopped_and_the_action_fai
 
 
 async def test_teleoperation_takes_over(world):
-    world.see()
+    world.observe()
     world.ask(goal(3.0, 0.0))
     await world.until(lambda: world.x > 0.5)
     world.ask(Setpoint(Velocity(yaw_rate=0.5), origin=TELE))
@@ -218,7 +218,7 @@ async def test_once_a_lease_has_run_out_all_keys_are_up(world):
 
 
 async def test_an_emergency_stop_ends_it_and_nothing_drives_after(world):
-    world.see()
+    world.observe()
     world.ask(goal(3.0, 0.0))
     await world.until(lambda: world.x > 0.5)
     world.controller.emergency("test")
@@ -229,7 +229,7 @@ async def test_an_emergency_stop_ends_it_and_nothing_drives_after(world):
 
 
 async def test_a_newer_goal_takes_the_place_of_the_older(world):
-    world.see()
+    world.observe()
     world.ask(goal(3.0, 0.0, action="a1"))
     await world.until(lambda: world.x > 0.5)
     world.ask(goal(0.0, 0.0, action="a2"))
@@ -239,7 +239,7 @@ async def test_a_newer_goal_takes_the_place_of_the_older(world):
 
 
 async def test_a_paused_path_goes_on_with_what_is_left_of_it(world):
-    world.see()
+    world.observe()
     path = FollowPath((Goal(Vector3(1.0)), Goal(Vector3(1.0, 1.0)), Goal(Vector3(0.0, 1.0))), loops=1)
     world.ask(Navigate(path, "p1", TELE))
     await world.until(lambda: world.y > 0.5)

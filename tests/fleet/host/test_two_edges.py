@@ -110,10 +110,10 @@ async def test_a_robot_that_nobody_uses_is_let_go_when_the_cloud_shows_an_edge_t
     async with run_edge(edge):
         await asks.until(lambda: place.words("rex") == ["run"])
         twin = edge.process.robots["rex"].twin
-        edge.cloud_claims.heard(twin, "yard-0")
+        edge.cloud_claims.handle_claim(twin, "yard-0")
         await asks.until(lambda: "yard-0" in state_of(edge, "rex").cause)
         assert place.words("max") == ["run"]
-        edge.cloud_claims.heard(twin, "")
+        edge.cloud_claims.handle_claim(twin, "")
         await asks.until(lambda: place.words("rex").count("run") == 2)
 
 
@@ -125,7 +125,7 @@ async def test_a_robot_that_somebody_moves_is_not_let_go_for_what_the_cloud_show
         rex = edge.process.robots["rex"]
         ask = b'{"command": "move_forward", "source_type": "tele"}'
         rex.read("command", ask, transport=Transport.BUS)(lambda _: None)
-        edge.cloud_claims.heard(rex.twin, "yard-0")
+        edge.cloud_claims.handle_claim(rex.twin, "yard-0")
         await asks.until(lambda: "yard-0" in edge.state().cause)  # once nothing is worse
         assert "yard-0" not in state_of(edge, "rex").cause
         assert "halt" not in place.words("rex")

@@ -61,7 +61,7 @@ def test_only_the_newest_motion_is_written_when_the_line_is_free_again(slot, wir
     slot.flush()
     slot.flush()
     assert wire.said == [SLOW]
-    assert slot.held_back == 1
+    assert slot.superseded == 1
 
 
 def test_a_stop_overtakes_what_waits_and_what_was_decided_before_it(slot, wire):
@@ -139,6 +139,6 @@ async def test_a_robot_that_does_not_read_finds_one_frame_and_not_the_past(clock
     for _ in range(1000):
         slot.put((FAST,), slot.turn)
     assert 0 < bytes_in(robot) <= 2 * len(FAST)
-    assert slot.held_back > 900
+    assert slot.superseded > 900
     await link.close()
     robot.close()

@@ -281,7 +281,7 @@ def test_computer_power_cut(yard, tmp_path_factory):
     yard.begin()
     for robot in yard.robots.values():
         robot.be(run="")
-    yard.runs.take_up()
+    yard.runs.restore_runs()
     yard.turn()
     assert [part.identity for part in kept.parts] == ["3f2a/up.1/kestrel/1"]
     assert yard.robots["kestrel"].names == ["takeoff", "stop"], "a begun step is never begun again"
@@ -295,7 +295,7 @@ def test_the_record_of_runs_is_unreadable(yard):
         file.write_bytes(b"no database" * 1000)
     before = len(yard.robots["kestrel"].requests)
     yard.begin()
-    yard.runs.take_up()
+    yard.runs.restore_runs()
     yard.turn()
     assert "set aside" in yard.store.lost, "a person is told"
     assert (yard.runs.states(), len(yard.robots["kestrel"].requests)) == ([], before)
@@ -318,7 +318,7 @@ def test_mission_is_edited_or_a_robot_is_removed(yard):
     yard.begin()
     del yard.robots["beast"]
     yard.robots["kestrel"].be(run="")
-    yard.runs.take_up()
+    yard.runs.restore_runs()
     yard.turn()
     robots = {each.robot: (each.outcome, each.reason) for each in yard.last.robots}
     assert robots["beast"] == ("lost", "fleet.yaml has it no more")

@@ -10,8 +10,8 @@ from fleet.errors import WireError
 from fleet.missions.plan import (
     MADE_FOR,
     items_of,
-    lacking_words,
     made_for,
+    missing_text,
     plan_in,
     plan_needs,
     plans_taken,
@@ -176,6 +176,6 @@ def test_a_robot_flies_plans_of_its_own_kind_and_one_that_does_not_say_any_that_
     assert plan_needs({MADE_FOR: ["px4", "multirotor"]}) <= copter
     assert plan_needs({}) <= copter
     missing = plan_needs({MADE_FOR: ["ardupilot", "plane"]}) - copter
-    assert lacking_words({*missing, "land"}) == "has no land and flies no plan made for ardupilot, plane"
+    assert missing_text({*missing, "land"}) == "has no land and flies no plan made for ardupilot, plane"
     assert plan_needs({MADE_FOR: ["ardupilot", "plane"]}) <= plans_taken(())
     assert not plan_needs({MADE_FOR: ["autopilot 5"]}) <= plans_taken(())

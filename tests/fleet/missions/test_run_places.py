@@ -81,7 +81,7 @@ def restart(yard):
     yard.begin()
     for robot in yard.robots.values():
         robot.be(run="")
-    yard.runs.take_up()
+    yard.runs.restore_runs()
 
 
 def test_after_a_restart_nobody_takes_a_place_of_a_run_that_is_not_back_yet(yard):

@@ -162,7 +162,7 @@ def test_a_killed_edge_begins_nothing_twice_and_asks(yard):
     yard.start()
     yard.begin()
     yard.robots["kestrel"].be(run="", reachable=False)
-    yard.runs.take_up()
+    yard.runs.restore_runs()
     yard.turn()
     assert yard.runs.states() == [], "its robots are not back yet"
     yard.robots["kestrel"].be(reachable=True)
@@ -187,7 +187,7 @@ def test_a_robot_that_does_not_come_back_is_lost(yard):
     for robot in yard.robots.values():
         robot.be(run="")
     yard.robots["kestrel"].be(reachable=False)
-    yard.runs.take_up()
+    yard.runs.restore_runs()
     yard.turn(BACK_WITHIN + 1)
     assert {robot.robot: robot.outcome for robot in yard.last.robots}["kestrel"] == "lost"
 
@@ -196,10 +196,10 @@ def test_a_run_waits_for_an_event_of_its_robots(yard):
     seen = {"role": "eye", "event": "person_seen", "timeout": "1 min"}
     steps = [{"id": "look", "wait_for": seen}, {"id": "up", "do": {"eye": "takeoff"}}]
     yard.start({**MISSION, "steps": steps})
-    yard.runs.heard("beast", "person_seen")
+    yard.runs.handle_event("beast", "person_seen")
     yard.turn()
     assert yard.robots["kestrel"].names == []
-    yard.runs.heard("kestrel", "person_seen")
+    yard.runs.handle_event("kestrel", "person_seen")
     yard.turn()
     assert yard.robots["kestrel"].names == ["takeoff"]
 
@@ -228,7 +228,7 @@ def test_a_robot_of_a_run_that_is_taken_up_again_is_given_to_no_other_run(yard):
     yard.begin()
     for robot in yard.robots.values():
         robot.be(run="", reachable=False)
-    yard.runs.take_up()
+    yard.runs.restore_runs()
     other = mission_of("other", {**MISSION, "steps": MISSION["steps"][:1]})
     began, ask = [], StartAsk(run="77")
     yard.runs.start(other, other.program({}), ask, Transport.MISSION, lambda *given: began.append(given))

@@ -133,6 +133,6 @@ def test_a_robot_that_fleet_yaml_has_no_more_is_no_spare(yard):
     yard.begin()
     del yard.robots["kestrel"]
     yard.robots["beast"].be(run="")
-    yard.runs.take_up()
+    yard.runs.restore_runs()
     yard.turn()
     assert yard.last.question is not None

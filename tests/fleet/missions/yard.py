@@ -165,7 +165,7 @@ class Yard:
             clock=self.clock,
             soon=self.soon.append,
             elsewhere=lambda robot: self.elsewhere.get(robot, ""),
-            hindrance=lambda robot, act: self.hindered.get((robot, act.words), ""),
+            blocker=lambda robot, act: self.hindered.get((robot, act.words), ""),
             together=lambda: Start(self),
             stop=lambda robots, why: self.stopped.append(robots),
             on_change=self.states.append,

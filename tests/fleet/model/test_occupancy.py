@@ -21,7 +21,7 @@ def test_a_place_is_had_by_as_many_as_fit_and_the_next_waits_until_one_gives_it_
     assert places.ask("b", {"dock": 1}, now=0.0, within=10.0) == granted("b")
     assert places.ask("c", {"dock": 1}, now=0.0, within=10.0) == []
     assert places.held("dock") == {"a": 1, "b": 1}
-    assert places.give_back("a", now=1.0) == granted("c")
+    assert places.release_places("a", now=1.0) == granted("c")
     assert places.held("dock") == {"b": 1, "c": 1}
 
 
@@ -41,15 +41,15 @@ def test_who_asked_first_for_a_place_has_it_first_though_less_would_do_for_anoth
     places.ask("a", {"yard": 1}, now=0.0, within=9.0)
     assert places.ask("both", {"yard": 2}, now=0.0, within=9.0) == []
     assert places.ask("one", {"yard": 1}, now=0.0, within=9.0) == []
-    assert places.give_back("a", now=1.0) == granted("both")
-    assert places.give_back("both", now=2.0) == granted("one")
+    assert places.release_places("a", now=1.0) == granted("both")
+    assert places.release_places("both", now=2.0) == granted("one")
 
 
 def test_two_that_want_the_same_places_the_other_way_round_do_not_wait_for_each_other():
     places = Occupancy({"dock": 1, "pad": 1})
     assert places.ask("a", {"pad": 1, "dock": 1}, now=0.0, within=9.0) == granted("a")
     assert places.ask("b", {"dock": 1, "pad": 1}, now=0.0, within=9.0) == []
-    assert places.give_back("a", now=1.0) == granted("b")
+    assert places.release_places("a", now=1.0) == granted("b")
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_it_goes_on_from_what_was_kept_of_it():
     kept = [Claim("a", (("dock", 1),), 5.0, taken=1), Claim("b", (("dock", 1),), 50.0)]
     places = Occupancy({"dock": 1}, kept)
     assert places.held("dock") == {"a": 1}
-    assert places.give_back("a", now=9.0) == granted("b")
+    assert places.release_places("a", now=9.0) == granted("b")
 
 
 class Runs(RuleBasedStateMachine):
@@ -110,14 +110,14 @@ class Runs(RuleBasedStateMachine):
     def end(self, data):
         holder = data.draw(st.sampled_from(sorted(self.having)))
         del self.having[holder]
-        self.take(self.places.give_back(holder, now=self.now))
+        self.take(self.places.release_places(holder, now=self.now))
 
     @precondition(lambda self: self.waiting)
     @rule(data=st.data())
     def give_up(self, data):
         holder = data.draw(st.sampled_from(sorted(self.waiting)))
         del self.waiting[holder]
-        self.take(self.places.give_back(holder, now=self.now))
+        self.take(self.places.release_places(holder, now=self.now))
 
     @rule(seconds=st.floats(0.0, 5.0))
     def wait(self, seconds):
@@ -155,7 +155,7 @@ class Runs(RuleBasedStateMachine):
 
     def end_one(self, holder):
         del self.having[holder]
-        self.take(self.places.give_back(holder, now=self.now))
+        self.take(self.places.release_places(holder, now=self.now))
 
 
 TestRuns = Runs.TestCase

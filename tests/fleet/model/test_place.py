@@ -3,7 +3,7 @@
 import pytest
 
 from fleet.model.geometry import Vector3
-from fleet.model.place import Place, may_be, point_of
+from fleet.model.place import Place, is_allowed_point, point_of
 from fleet.model.polygon import centroid, polygon_contains
 
 SQUARE = ((10.0, 0.0), (14.0, 0.0), (14.0, 4.0), (10.0, 4.0))
@@ -50,7 +50,7 @@ def test_a_polygon_on_earth_is_metres_too():
 
 
 def test_a_fence_lets_a_robot_be_in_any_inclusion_and_in_no_exclusion():
-    assert may_be((0.0, 0.0), (), ())
-    assert may_be((11.0, 1.0), (BEND, SQUARE), ())
-    assert not may_be((5.0, 5.0), (BEND, SQUARE), ())
-    assert not may_be((11.0, 1.0), (SQUARE,), (SQUARE,))
+    assert is_allowed_point((0.0, 0.0), (), ())
+    assert is_allowed_point((11.0, 1.0), (BEND, SQUARE), ())
+    assert not is_allowed_point((5.0, 5.0), (BEND, SQUARE), ())
+    assert not is_allowed_point((11.0, 1.0), (SQUARE,), (SQUARE,))

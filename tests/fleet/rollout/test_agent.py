@@ -176,7 +176,7 @@ async def test_an_unexpected_error_does_not_end_the_agent(yard, caplog):
     check, yard.here.check = yard.here.check, breaks
     address, data, desired = desired_of(KEY, 2)
     yard.store.bundles[address] = data
-    await yard.store.desire("yard-1", desired)
+    await yard.store.put_desired("yard-1", desired)
     yard.agent._sleep = two_looks
     with pytest.raises(asyncio.CancelledError):
         await yard.agent.run(5.0)
@@ -293,25 +293,25 @@ async def live(yard, story):
     last, number = yard.first, 0
     for what, value, outcomes in story:
         left = [value if what == "kill" else -1]
-        keep, activate = yard.installation.keep, yard.installation.activate
-        yard.installation.keep, yard.installation.activate = dying(keep, left), dying(activate, left)
+        keep, activate = yard.installation.save_record, yard.installation.activate
+        yard.installation.save_record, yard.installation.activate = dying(keep, left), dying(activate, left)
         try:
             if what == "want":
                 number, yard.here.outcomes = number + 1, list(outcomes)
                 silent, yard.store.silent = yard.store.silent, False
                 address, data, desired = desired_of(KEY, value, rollout=f"r{number}")
                 last, yard.store.bundles[address] = address, data
-                await yard.store.desire("yard-1", desired)
+                await yard.store.put_desired("yard-1", desired)
                 yard.store.silent = silent
             elif what == "withdraw" and not yard.store.silent:
-                await yard.store.desire("yard-1", DesiredState(f"r{number}", last, 1, withdrawn=True))
+                await yard.store.put_desired("yard-1", DesiredState(f"r{number}", last, 1, withdrawn=True))
             elif what == "silent":
                 yard.store.silent = value
             await yard.agent.turn()
         except Killed:
             yard.start()
         finally:
-            yard.installation.keep, yard.installation.activate = keep, activate
+            yard.installation.save_record, yard.installation.activate = keep, activate
     yard.store.silent, yard.here.outcomes = False, []
     yard.start()
     for _ in range(4):

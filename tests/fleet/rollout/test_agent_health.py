@@ -83,7 +83,7 @@ async def test_a_restarted_agent_compares_with_the_faults_before_the_bundle(yard
 async def test_with_the_record_of_an_older_version_the_health_of_the_whole_edge_is_compared(yard):
     yard.here.outcomes = [Applied(waits="rex: it is armed")]
     await yard.want(2)
-    yard.installation.keep(msgspec.structs.replace(yard.installation.record(), faults=None))
+    yard.installation.save_record(msgspec.structs.replace(yard.installation.record(), faults=None))
     yard.start()
     yard.here.state = Running("fault", "rex: motor 3", 0.0, (MOTOR,))
     await yard.agent.turn()

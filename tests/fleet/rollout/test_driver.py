@@ -40,7 +40,7 @@ class Fleet:
             installation = Installation(folder / name)
             installation.folder.mkdir()
             installation.stage(bundle_of(1, edges), self.old)
-            installation.keep(AgentRecord(self.old, 1, self.old))
+            installation.save_record(AgentRecord(self.old, 1, self.old))
             installation.activate(self.old)
             here = PuppetEdge(installation)
             agent = Agent(
@@ -182,15 +182,15 @@ async def test_withdrawals_are_written_again_after_an_interrupted_end(fleet, how
     await fleet.begin(waves="10,100%")
     await fleet.driver.turn()
     await fleet.sleep(1.0)
-    desire = fleet.store.desire
+    put_desired = fleet.store.put_desired
 
     async def cut_off(edge, desired):
         raise Detached
 
-    fleet.store.desire = cut_off
+    fleet.store.put_desired = cut_off
     with pytest.raises(Detached):
         await fleet.driven().abort("bob")
-    fleet.store.desire = desire
+    fleet.store.put_desired = put_desired
     if how == "it is aborted again":
         assert (await fleet.driven().abort("eve")).progress.why == "aborted by bob"
     else:
@@ -208,7 +208,7 @@ class Detached(Exception):
 async def test_after_a_driver_detaches_another_one_drives_to_the_end(fleet, after):
     await fleet.begin(parallel=5)
     calls = 0
-    keep = fleet.store.keep
+    keep = fleet.store.replace_rollout
 
     async def cut_off(rollout, revision):
         nonlocal calls
@@ -218,10 +218,10 @@ async def test_after_a_driver_detaches_another_one_drives_to_the_end(fleet, afte
             raise Detached  # after the step was stored, before the desired states were written
         return kept
 
-    fleet.store.keep = cut_off
+    fleet.store.replace_rollout = cut_off
     with contextlib.suppress(Detached):
         await fleet.driver.drive()
-    fleet.store.keep = keep
+    fleet.store.replace_rollout = keep
     before = len((await fleet.store.rollout())[0].progress.statuses)
     await fleet.settle()
     assert len((await fleet.store.rollout())[0].progress.statuses) == before, "nobody else is told meanwhile"
@@ -261,15 +261,15 @@ async def test_only_one_roll_out_and_one_driver_at_a_time(fleet):
 
 async def test_one_lost_answer_of_the_store_does_not_end_the_driver(fleet):
     await fleet.begin()
-    desire, lost = fleet.store.desire, []
+    put_desired, lost = fleet.store.put_desired, []
 
     async def loses_the_first(edge, desired):
         if not lost:
             lost.append(edge)
             raise StoreError("the store of roll-outs does not answer")
-        await desire(edge, desired)
+        await put_desired(edge, desired)
 
-    fleet.store.desire = loses_the_first
+    fleet.store.put_desired = loses_the_first
     assert (await fleet.driver.drive()).progress.phase is RolloutPhase.COMPLETED
     assert set(fleet.running().values()) == {"new"}
 

@@ -60,7 +60,7 @@ def test_a_disk_that_fails_while_files_are_written_leaves_the_bundle_in_use(inst
     assert installation.current == first
     names = [path.name for path in (installation.folder / "versions").iterdir()]
     assert first in names
-    installation.tidy()
+    installation.remove_unused()
     assert [path.name for path in (installation.folder / "versions").iterdir()] == [first]
 
 
@@ -74,19 +74,19 @@ def test_a_bundle_in_use_is_never_overwritten(installation):
 
 def test_the_previous_bundle_is_kept_while_a_new_one_waits(installation):
     first, second = staged(installation, 1), staged(installation, 2)
-    installation.keep(AgentRecord(running=first, bundle=second, stage=BundleStage.WAITING))
+    installation.save_record(AgentRecord(running=first, bundle=second, stage=BundleStage.WAITING))
     installation.activate(second)
     (installation.folder_of(first) / "fleet.yaml").write_text("changed by hand")
     staged(installation, 1)
     staged(installation, 3)
-    installation.tidy()
+    installation.remove_unused()
     assert (installation.folder_of(first) / "fleet.yaml").read_text() == "changed by hand"
     assert {path.name for path in (installation.folder / "versions").iterdir()} == {first, second}
 
 
 def test_the_record_is_the_same_after_a_restart(installation):
     record = AgentRecord("a", 3, "b", "r1", "b", "alice", BundleStage.WAITING, files=("rex.yaml",))
-    installation.keep(record)
+    installation.save_record(record)
     assert Installation(installation.folder).record() == record
 
 
@@ -98,7 +98,9 @@ def test_the_previous_version_reads_the_record_and_vice_versa(installation):
         health: str = ""
         format: int = 1
 
-    installation.keep(AgentRecord(bundle="b", health="ok", faults=(PartFault("rex", "fault", "motor 3"),)))
+    installation.save_record(
+        AgentRecord(bundle="b", health="ok", faults=(PartFault("rex", "fault", "motor 3"),))
+    )
     data = (installation.folder / STATE).read_bytes()
     assert msgspec.json.decode(data, type=Before) == Before("b", "ok", 1)
     (installation.folder / STATE).write_bytes(msgspec.json.encode(Before("b", "ok")))

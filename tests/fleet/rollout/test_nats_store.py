@@ -103,7 +103,7 @@ async def edge(server, fleet):
 async def test_an_edge_reads_its_desired_state_and_writes_its_report(fleet, edge):
     desired = DesiredState("r1", ADDRESS, 1)
     assert await edge.desired() is None
-    await fleet.desire("yard-1", desired)
+    await fleet.put_desired("yard-1", desired)
     assert await edge.desired() == desired
     observed = ObservedState("yard-1", "r1", ADDRESS, BundleStage.DONE)
     await edge.report(observed)
@@ -129,10 +129,10 @@ async def test_a_bundle_that_is_too_large_incomplete_or_has_no_address_is_not_fe
 async def test_a_roll_out_replaces_only_the_revision_that_was_read(fleet):
     rollout = rollout_of({"yard-1": ADDRESS})
     _, revision = await fleet.rollout()
-    revision = await fleet.keep(rollout, revision)
+    revision = await fleet.replace_rollout(rollout, revision)
     assert await fleet.rollout() == (rollout, revision)
     with pytest.raises(StoreError, match="changed meanwhile"):
-        await fleet.keep(rollout, revision - 1)
+        await fleet.replace_rollout(rollout, revision - 1)
 
 
 async def test_an_invalid_entry_is_reported_with_its_place(server, fleet, edge):
@@ -202,11 +202,11 @@ LED_AWAY = {
 async def test_a_reply_to_an_edge_cannot_be_directed_to_a_forbidden_subject(server, fleet, edge, how):
     request, reply = LED_AWAY[how]
     mine, others = DesiredState("r1", ADDRESS, 1), DesiredState("r1", "b" * 64, 1)
-    await fleet.desire("yard-1", mine)
-    await fleet.desire("yard-2", others)
+    await fleet.put_desired("yard-1", mine)
+    await fleet.put_desired("yard-2", others)
     _, revision = await fleet.rollout()
     rollout = rollout_of({"yard-1": ADDRESS})
-    revision = await fleet.keep(rollout, revision)
+    revision = await fleet.replace_rollout(rollout, revision)
     connection = Connection(server.settings("yard-1"), "yard-1")
     stream = await connection.ready()
     await stream._nc.publish(request, b"{}", reply=reply)
@@ -282,7 +282,7 @@ async def test_a_roll_out_to_a_hundred_fake_edges_on_one_server_stops_in_time(tm
             installation = Installation(tmp_path / name)
             installation.folder.mkdir()
             installation.stage(bundle_of(1, names), old)
-            installation.keep(AgentRecord(old, 1, old))
+            installation.save_record(AgentRecord(old, 1, old))
             installation.activate(old)
             here = PuppetEdge(installation)
             here.outcomes = [Applied(failed="rex: it does not answer")] * (name in failing)

@@ -334,8 +334,8 @@ async def test_an_event_fires_what_waits_for_it_once(yard):
     event = EventReport(START + 1.0, EventKind.BATTERY, "18 %")
     yard.clock.advance(1.5)
     for robot in ("max", "rex", "rex"):
-        await schedules.heard(robot, event)
-    await schedules.heard("rex", EventReport(START + 2.0, EventKind.FOUND, "ok"))
+        await schedules.handle_event(robot, event)
+    await schedules.handle_event("rex", EventReport(START + 2.0, EventKind.FOUND, "ok"))
     assert [wanted.key for wanted in yard.runs.wanted] == [f"low@{START + 1:.3f}"]
     assert "fired: rex: 18 %" in yard.texts()[0]
 

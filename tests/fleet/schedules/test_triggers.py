@@ -9,7 +9,7 @@ from apscheduler.triggers.cron import CronTrigger
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.schedules.triggers import Trigger, cron_fields, firings, instant_of, once_at, zone_of
+from fleet.schedules.triggers import Trigger, cron_fields, firings, instant_of, unix_time_of, zone_of
 
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC).timestamp()
 END = datetime(2027, 1, 1, tzinfo=UTC).timestamp()
@@ -154,7 +154,7 @@ def test_every_is_counted_from_one_instant_whatever_the_clocks_do():
     ],
 )
 def test_once_is_in_its_zone_unless_it_names_one(text, zone, at):
-    assert once_at(text, zone) == utc(at)
+    assert unix_time_of(text, zone) == utc(at)
     trigger = Trigger(once=text, zone=zone)
     assert fired(trigger) == [utc(at)]
     assert fired(trigger, utc(at)) == []

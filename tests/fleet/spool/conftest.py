@@ -145,7 +145,7 @@ class Bench:
     def look(self, *, there):
         """Read the disk for the first time, or find that it cannot be read."""
         if not there:
-            self.queue.disk.no_disk()
+            self.queue.disk.disk_missing()
             return
         for topic in dict.fromkeys(row.topic for row in self.rows.values()):
             rows = [row for row in self.rows.values() if row.topic == topic]

@@ -63,12 +63,12 @@ def test_what_waits_for_somebody_to_hear_it_is_counted_apart(make_bench):
         bench.put(topic)
     deaf, heard = bench.take()
     bench.queue.settle(deaf, DeliveryOutcome.HELD, bench.now, bench.wall)
-    assert (bench.queue.waiting, bench.queue.unheard) == (3, 3)
+    assert (bench.queue.waiting, bench.queue.unsubscribed) == (3, 3)
     bench.queue.settle(heard, DeliveryOutcome.ACKED, bench.now, bench.wall)
     bench.now += 60.0
     bench.queue.tick(bench.now, bench.wall)
     bench.queue.settle(bench.take()[0], DeliveryOutcome.ACKED, bench.now, bench.wall)
-    assert (bench.queue.waiting, bench.queue.unheard) == (2, 0)
+    assert (bench.queue.waiting, bench.queue.unsubscribed) == (2, 0)
 
 
 def test_somebody_who_comes_back_hears_all_topics_at_once(make_bench):
@@ -211,7 +211,7 @@ def test_what_came_back_and_was_pushed_out_is_not_kept_in_memory(make_bench):
     for _ in range(5):
         bench.put()
     bench.send()
-    bench.queue.put_back(bench.take())
+    bench.queue.requeue(bench.take())
     for _ in range(4):
         bench.put()
     assert [message.payload for message in bench.queue._queues["t"].back] == [b"4"]

@@ -135,7 +135,7 @@ def test_what_was_cold_when_the_disk_went_away_is_sent_in_order_and_more_follows
     bench = make_bench(messages=5)
     for _ in range(8):
         bench.put()
-    bench.online().queue.disk.no_disk()
+    bench.online().queue.disk.disk_missing()
     assert bench.queue.on_disk == 0
     bench.put()
     sent = bench.drain()

@@ -113,7 +113,7 @@ class Life(RuleBasedStateMachine):
     @rule()
     def come_and_go(self):
         if self.bench.queue.online:
-            self.bench.queue.put_back(self.flying)
+            self.bench.queue.requeue(self.flying)
             self.bench.queue.go_offline()
             self.flying = []
         else:

@@ -51,7 +51,7 @@ def test_behind_a_disk_that_hangs_only_what_somebody_waits_for_is_kept(unwritten
 def test_what_could_not_be_written_is_written_first_the_next_time(unwritten):
     first, later = add(unwritten, 4), add(unwritten, 2)
     rows = unwritten.take(0.0, at_once=True)
-    unwritten.put_back(rows[:4])
+    unwritten.requeue(rows[:4])
     assert not any(message.stored for message in first)
     tombstone(unwritten, first[:1])
     assert unwritten.take(0.0, at_once=True) == first[1:]

@@ -17,8 +17,8 @@ PATIENCE = 0.7  # s for which a node waits for an answer
 
 def holder(lease, now=100.0, revision=7):
     """Let a lease be taken."""
-    lease.see(None, 0, now - TERMS.length)
-    assert lease.wish(now) is Wish.TAKE
+    lease.observe(None, 0, now - TERMS.length)
+    assert lease.next_write(now) is Wish.TAKE
     lease.written(lease.begin(Wish.TAKE, {}, now), revision, now + 0.01)
     assert lease.state is LeaseState.HOLDER
     return lease
@@ -41,13 +41,13 @@ def test_no_way_leads_from_fenced_back_to_holder():
 
 
 def test_an_edge_waits_for_the_length_of_the_lease_where_there_is_no_entry(a):
-    a.see(None, 0, 10.0)
-    assert a.wish(12.9) is None
-    assert a.wish(13.0) is Wish.TAKE
+    a.observe(None, 0, 10.0)
+    assert a.next_write(12.9) is None
+    assert a.next_write(13.0) is Wish.TAKE
 
 
 def test_an_edge_that_has_read_nothing_takes_nothing(a):
-    assert a.wish(1e9) is None
+    assert a.next_write(1e9) is None
 
 
 def test_the_epoch_is_the_revision_with_which_the_lease_was_taken(a):
@@ -73,7 +73,7 @@ def test_motion_ends_before_the_lease_does_and_nothing_is_written_at_its_end(a):
 
 
 def test_a_lease_that_was_taken_too_late_is_not_held(a):
-    a.see(None, 0, 0.0)
+    a.observe(None, 0, 0.0)
     entry = a.begin(Wish.TAKE, {}, 3.0)
     a.written(entry, 1, 5.5)
     assert a.state is LeaseState.STANDBY
@@ -83,9 +83,9 @@ def test_a_renewal_whose_answer_was_lost_is_found_in_the_store(a):
     holder(a, now=100.0)
     entry = a.begin(Wish.RENEW, {}, 100.5)
     a.unanswered()
-    assert a.wish(100.9) is None
-    a.see(entry, 8, 101.0)
-    assert (a.state, a.wish(101.0), a.revision) == (LeaseState.HOLDER, Wish.RENEW, 8)
+    assert a.next_write(100.9) is None
+    a.observe(entry, 8, 101.0)
+    assert (a.state, a.next_write(101.0), a.revision) == (LeaseState.HOLDER, Wish.RENEW, 8)
 
 
 @pytest.mark.parametrize("entry", [None, LeaseEntry("b", "b-1", 9)])
@@ -93,26 +93,26 @@ def test_a_holder_that_does_not_find_its_entry_is_fenced(a, entry):
     holder(a)
     a.begin(Wish.RENEW, {}, 100.5)
     a.refused()
-    a.see(entry, 9 if entry else 0, 100.6)
+    a.observe(entry, 9 if entry else 0, 100.6)
     assert a.state is LeaseState.FENCED
 
 
 def test_a_standby_takes_a_lease_that_was_handed_to_it_at_once(b):
-    b.see(LeaseEntry("a", "a-1", 7, released=True, to="b"), 9, 50.0)
-    assert b.wish(50.0) is Wish.TAKE
+    b.observe(LeaseEntry("a", "a-1", 7, released=True, to="b"), 9, 50.0)
+    assert b.next_write(50.0) is Wish.TAKE
 
 
 def test_an_edge_with_another_file_does_not_take_over_until_that_is_accepted(b):
     b.config = "mine"
     entry = LeaseEntry("a", "a-1", 7, released=True, config="other")
-    b.see(entry, 9, 50.0)
-    assert (b.wish(60.0), b.differs) == (None, True)
+    b.observe(entry, 9, 50.0)
+    assert (b.next_write(60.0), b.differs) == (None, True)
     b.accept()
-    assert (b.wish(60.0), b.differs) == (Wish.TAKE, False)
-    b.see(LeaseEntry("a", "a-1", 7, config="yet another"), 10, 61.0)
-    assert b.wish(70.0) is None, "only that file was accepted"
+    assert (b.next_write(60.0), b.differs) == (Wish.TAKE, False)
+    b.observe(LeaseEntry("a", "a-1", 7, config="yet another"), 10, 61.0)
+    assert b.next_write(70.0) is None, "only that file was accepted"
     b.config = "yet another"
-    assert b.wish(70.0) is Wish.TAKE
+    assert b.next_write(70.0) is Wish.TAKE
 
 
 @pytest.mark.parametrize(
@@ -126,46 +126,46 @@ def test_an_edge_with_another_file_does_not_take_over_until_that_is_accepted(b):
 def test_a_file_that_is_unknown_or_our_own_keeps_no_edge_from_taking_over(b, entry):
     """An older edge tells none, and an edge that starts again has changed its own."""
     b.config = "mine"
-    b.see(entry, 9, 50.0)
-    assert b.wish(60.0) is Wish.TAKE
+    b.observe(entry, 9, 50.0)
+    assert b.next_write(60.0) is Wish.TAKE
     assert b.begin(Wish.TAKE, {}, 60.0).config == "mine"
 
 
 def test_nobody_else_takes_a_lease_that_was_handed_to_an_edge_before_its_length_has_passed(a):
-    a.see(LeaseEntry("c", "c-1", 7, released=True, to="b"), 9, 50.0)
-    assert a.wish(52.9) is None
-    assert a.wish(53.0) is Wish.TAKE
+    a.observe(LeaseEntry("c", "c-1", 7, released=True, to="b"), 9, 50.0)
+    assert a.next_write(52.9) is None
+    assert a.next_write(53.0) is Wish.TAKE
 
 
 def test_an_edge_that_gave_the_lease_away_does_not_take_it_back_at_once(a):
     holder(a)
     a.hand_over("b")
-    assert a.wish(100.2) is None
+    assert a.next_write(100.2) is None
     a.robots_released()
-    assert a.wish(100.3) is Wish.RELEASE
+    assert a.next_write(100.3) is Wish.RELEASE
     entry = a.begin(Wish.RELEASE, {"rover": "asked"}, 100.3)
     assert (entry.released, entry.to, entry.stops) == (True, "b", {"rover": "asked"})
     a.written(entry, 8, 100.4)
-    assert a.wish(103.3) is None
-    assert a.wish(103.5) is Wish.TAKE
+    assert a.next_write(103.3) is None
+    assert a.next_write(103.5) is Wish.TAKE
 
 
 def test_an_edge_whose_lease_lapsed_releases_it_once_its_robots_are_let_go_of(a):
     holder(a, now=100.0)
     a.tick(102.5)
-    assert a.wish(102.6) is None
+    assert a.next_write(102.6) is None
     a.robots_released()
-    assert a.wish(102.7) is Wish.RELEASE
+    assert a.next_write(102.7) is Wish.RELEASE
 
 
 def test_news_of_a_stop_is_written_at_once(a):
     holder(a)
-    assert a.wish(100.1) is None
-    assert a.wish(100.1, news=True) is Wish.RENEW
+    assert a.next_write(100.1) is None
+    assert a.next_write(100.1, news=True) is Wish.RENEW
 
 
 def test_a_takeover_knows_whether_the_robots_were_let_go_of(a, b):
-    b.see(LeaseEntry("a", "a-1", 7, released=True), 9, 50.0)
+    b.observe(LeaseEntry("a", "a-1", 7, released=True), 9, 50.0)
     b.written(b.begin(Wish.TAKE, {}, 50.1), 10, 50.2)
     assert (b.takeover.orderly, b.takeover.since) == (True, 50.0)
     holder(a)
@@ -228,11 +228,11 @@ class World:
         lease.tick(now)
         if lease.state is LeaseState.FENCED:
             lease.robots_released()
-        wish = lease.wish(now)
+        wish = lease.next_write(now)
         if wish is not None:
             entry = lease.begin(wish, {}, now)
             self.send(node, entry, lease.revision)
-        elif lease.must_look and not node.looking:
+        elif lease.needs_read and not node.looking:
             node.looking = True
             self.later(next(self.delays), lambda: self.answer_look(node))
 
@@ -289,7 +289,7 @@ class World:
                 return
             node.looking = False
             if not lost:
-                node.lease.see(*found, node.now(self.real))
+                node.lease.observe(*found, node.now(self.real))
 
         self.later(next(self.delays), arrive)
 

@@ -27,8 +27,8 @@ def left():
 def test_what_was_left_last_is_given_to_the_program_that_tells_it_once(left, tmp_path):
     file = tmp_path / "told"
     notice = DisconnectNotice([sys.executable, "-c", WRITES, str(file)], lambda _line: None)
-    notice.keep([left(b"old")])
-    notice.keep([left(b"new")])
+    notice.store([left(b"old")])
+    notice.store([left(b"new")])
     notice.send()
     wait_until(
         "it is told", lambda: (tmp_path / "told").exists() and (tmp_path / "told").read_text() == "new"
@@ -41,7 +41,7 @@ def test_what_was_left_last_is_given_to_the_program_that_tells_it_once(left, tmp
 
 def test_the_next_edge_ends_what_is_still_being_reported(left):
     notice = DisconnectNotice([sys.executable, "-c", HANGS], lambda _line: None)
-    notice.keep([left(b"x")])
+    notice.store([left(b"x")])
     notice.send()
     process = notice._process
     notice.abort()
@@ -51,6 +51,6 @@ def test_the_next_edge_ends_what_is_still_being_reported(left):
 def test_a_program_that_cannot_be_started_is_reported(left):
     lines = []
     notice = DisconnectNotice(["/nowhere/at/all"], lines.append)
-    notice.keep([left(b"x")])
+    notice.store([left(b"x")])
     notice.send()
     assert lines == ["cannot report the death of the edge to the cloud: No such file or directory"]

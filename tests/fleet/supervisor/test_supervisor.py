@@ -24,7 +24,7 @@ from fleet.supervisor.stop_request import stop_all
 from fleet.supervisor.supervisor import Supervisor
 from fleet.testing.waiting import DEADLINE, wait_until
 
-ENDS_WHEN_TOLD = """
+ENDS_ON_REQUEST = """
 import socket, sys
 with socket.socket(socket.AF_UNIX) as told:
     told.connect(sys.argv[1])
@@ -45,7 +45,7 @@ class Field:
         self.ending.bind(str(folder / "end"))
         self.ending.listen()
         self.lines, self.code = [], None
-        command = [sys.executable, "-c", ENDS_WHEN_TOLD, str(folder / "end")]
+        command = [sys.executable, "-c", ENDS_ON_REQUEST, str(folder / "end")]
         self.supervisor = Supervisor(
             command, paths=[self.path, self.other], report=self.lines.append, clock=SystemClock()
         )
@@ -156,7 +156,7 @@ def test_a_supervisor_that_is_dead_is_passed_over(tmp_path):
 async def test_without_a_supervisor_nothing_is_kept_and_nothing_fails():
     alone = SupervisorClient()
     alone.begin("yard", stop=lambda _names: [], end=lambda _why: None)
-    assert not alone.keep("rex", 0, [b"halt"], kept=lambda: None)
+    assert not alone.register("rex", 0, [b"halt"], kept=lambda: None)
     await alone.drop("rex")
     alone.running()
     alone.ending()
@@ -244,7 +244,7 @@ def test_a_halt_that_is_kept_is_answered_and_one_that_is_refused_is_not(field):
     wait_until("it is told", lambda: any("the link of rex did not come" in line for line in field.lines))
     ours, robot = socket.socketpair()
     with contextlib.closing(ours), contextlib.closing(robot):
-        worker.keep("max", ours.fileno(), [b"halt"], kept=lambda: kept.append("another"))
+        worker.register("max", ours.fileno(), [b"halt"], kept=lambda: kept.append("another"))
         wait_until("the next answer", lambda: bool(kept))
     assert kept == ["another"]
     worker.close()

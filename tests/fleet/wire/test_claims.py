@@ -18,15 +18,15 @@ def test_our_own_heartbeat_is_read():
 
 @given(BEATS, BEATS)
 def test_of_two_edges_both_say_the_same_one_was_first(one, other):
-    assert one.comes_before(other) != other.comes_before(one) or (one.edge, one.session) == (
+    assert one.is_older_than(other) != other.is_older_than(one) or (one.edge, one.session) == (
         other.edge,
         other.session,
     )
 
 
 def test_who_runs_longer_was_first():
-    assert EdgeHeartbeat("b", "", 100.0).comes_before(EdgeHeartbeat("a", "", 50.0))
-    assert EdgeHeartbeat("a", "", 50.4).comes_before(EdgeHeartbeat("b", "", 50.9))
+    assert EdgeHeartbeat("b", "", 100.0).is_older_than(EdgeHeartbeat("a", "", 50.0))
+    assert EdgeHeartbeat("a", "", 50.4).is_older_than(EdgeHeartbeat("b", "", 50.9))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.wire.databus import decode_report, encode_report
-from fleet.wire.events import CLOUD_EVENTS, is_of_the_fleet
+from fleet.wire.events import CLOUD_EVENTS, is_fleet_event
 from fleet.wire.reports import sender, to_mqtt
 from fleet.wire.samples import json_payload
 
@@ -78,4 +78,4 @@ def test_an_event_on_the_bus_has_the_names_of_its_topic_and_comes_back_whole():
     ],
 )
 def test_the_fleets_own_events_are_distinguished_from_those_of_other_programs(sample, channel, ours):
-    assert is_of_the_fleet(sample, channel) is ours
+    assert is_fleet_event(sample, channel) is ours

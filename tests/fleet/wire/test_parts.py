@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from fleet.model.report import BatteryReport, MetricsReport, TelemetryReport
-from fleet.wire.parts import PARTED, TELEMETRY, ends_every_stream, part_of, rule_of_part
+from fleet.wire.parts import PARTED, TELEMETRY, is_telemetry_end, part_of, rule_of_part
 from fleet.wire.rules import RULES, TrafficClass
 
 ROW = RULES["telemetry"]
@@ -56,7 +56,7 @@ def test_only_channels_with_several_states_are_looked_into():
 
 
 def test_an_end_that_names_a_stream_ends_that_one_alone():
-    assert ends_every_stream(TelemetryReport(1.0, "telemetry_end"))
+    assert is_telemetry_end(TelemetryReport(1.0, "telemetry_end"))
     for field in ("sensor", "stream_source", "stream_instance_id"):
-        assert not ends_every_stream(TelemetryReport(1.0, "telemetry_end", {field: "front"}))
-    assert not ends_every_stream(TelemetryReport(1.0, "telemetry_start"))
+        assert not is_telemetry_end(TelemetryReport(1.0, "telemetry_end", {field: "front"}))
+    assert not is_telemetry_end(TelemetryReport(1.0, "telemetry_start"))

@@ -9,11 +9,11 @@ from fleet.wire.rulebook import (
     ExtraChannel,
     RuleChange,
     RuleChanges,
-    of_a_twin,
     of_a_workflow,
     of_an_environment,
-    of_any_run,
     rulebook,
+    run_rules,
+    twin_rules,
 )
 from fleet.wire.rules import CHANNEL_SUFFIXES, ENVIRONMENT, INWARD, RULES, TopicForm, TrafficClass
 
@@ -106,7 +106,7 @@ def test_an_added_channel_is_a_document_of_its_own():
 
 def test_twins_environments_and_runs_have_each_their_own_part():
     book = rulebook("lan", [RuleChanges(inward={"workflow-run:status": RuleChange(on=True)})])
-    twin, place, run = of_a_twin(book), of_an_environment(book), of_any_run(book)
+    twin, place, run = twin_rules(book), of_an_environment(book), run_rules(book)
     assert set(place.outward) == {"environment"}
     assert (set(place.inward), set(run.inward)) == ({ENVIRONMENT}, {"workflow-run:status"})
     workflow = of_a_workflow(book)

@@ -68,7 +68,7 @@ class Cia402Node(ReportingDrive):
         if self.restarted:
             return f"id {number} has restarted (boot-up, 700h); it is configured again after a reset"
         if self.answers.doubled:
-            return self.two_with_its_id
+            return self.duplicate_id_fault
         return f"no heartbeat (700h) from id {number} for {now - self.heartbeat_at:.2f} s"
 
     def take_status(self, data: bytes, now: float) -> None:

@@ -65,7 +65,7 @@ class MitMotor(DampingDrive):
         if self.profile.error_at is not None and status:
             return f"error {status} of the motor"
         if self.answers.doubled:
-            return self.two_with_its_id
+            return self.duplicate_id_fault
         return self.torque_off_fault("status 0h") if self.restarted else ""
 
     def enable(self) -> None:

@@ -68,7 +68,7 @@ class MoteusServo(DampingDrive):
         if mode == wire.FAILED:
             return f"{wire.FAULTS.get(self.code, 'fault')} (register 00Fh is {self.code})"
         if self.answers.doubled:
-            return self.two_with_its_id
+            return self.duplicate_id_fault
         if self.restarted:
             return self.torque_off_fault("mode 0")
         known = mode == wire.OBEYS or mode in _POWERS

@@ -46,7 +46,7 @@ class OdriveAxis(DampingDrive):
     def _fault(self, now: float) -> str:
         """Return the fault of the drive, empty without one."""
         if len(self.serials) > 1:
-            return self.two_with_its_id
+            return self.duplicate_id_fault
         if self.errors:
             return f"{wire.words(self.errors)} (active errors {self.errors:X}h)"
         if self.restarted:
@@ -124,6 +124,6 @@ _TAKES: Mapping[int, Callable[[OdriveAxis, bytes, float], None]] = MappingProxyT
         OdriveCommand.SUPPLY: OdriveAxis.take_supply,
         OdriveCommand.VERSION: OdriveAxis.take_version,
         OdriveCommand.ADDRESS: OdriveAxis.take_address,
-        OdriveCommand.TOLD: OdriveAxis.take_parameter,
+        OdriveCommand.TX_SDO: OdriveAxis.take_parameter,
     }
 )

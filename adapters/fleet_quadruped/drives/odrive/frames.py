@@ -29,7 +29,7 @@ class OdriveCommand(enum.IntEnum):
     VERSION = 0x00
     HEARTBEAT = 0x01
     PARAMETER = 0x04  # RxSdo: reads or writes a parameter
-    TOLD = 0x05  # TxSdo: the parameter that was read
+    TX_SDO = 0x05  # TxSdo: the parameter that was read
     ADDRESS = 0x06
     STATE = 0x07
     ESTIMATES = 0x09

@@ -60,15 +60,15 @@ def test_an_update_counts_only_after_the_whole(known):
 
 
 def test_the_transmitter_says_what_it_misses(known):
-    assert known.wanting(1.0, located=False) == "missing LOC ID SELF_ID OP_ID SYS zero OP_LOC"
+    assert known.missing_data(1.0, located=False) == "missing LOC ID SELF_ID OP_ID SYS zero OP_LOC"
     known.take(basic(), 1.0)
     known.take(system(), 1.0)
     known.take(mav.MAVLink_open_drone_id_self_id_message(1, 1, NOBODY, 0, b"survey"), 1.0)
-    assert known.wanting(1.0, located=True) == "missing OP_ID"
+    assert known.missing_data(1.0, located=True) == "missing OP_ID"
     known.take(mav.MAVLink_open_drone_id_operator_id_message(1, 1, NOBODY, 0, b"FIN87"), 1.0)
-    assert known.wanting(1.0, located=True) == ""
-    assert known.wanting(4.5, located=True) == "missing SYS"
-    assert known.wanting(24.0, located=True) == "missing SELF_ID OP_ID SYS"
+    assert known.missing_data(1.0, located=True) == ""
+    assert known.missing_data(4.5, located=True) == "missing SYS"
+    assert known.missing_data(24.0, located=True) == "missing SELF_ID OP_ID SYS"
 
 
 def test_only_ardupilot_is_simulated_with_it():

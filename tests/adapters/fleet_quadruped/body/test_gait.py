@@ -115,7 +115,7 @@ def test_walking_it_presses_amid_the_feet_that_stand_however_velocities_change(g
     gait.choose(slow(DOG.gait, DOG.legs))
     for wanted, seconds in given:
         for _ in range(round(seconds / 0.01)):
-            now = ramped(now, gait.bearable(limited(wanted, DOG.gait.walk)), DOG.gait.walk, 0.01)
+            now = ramped(now, gait.feasible_velocity(limited(wanted, DOG.gait.walk)), DOG.gait.walk, 0.01)
             gait.step(0.01, now, Twist(), 0.27, tilt=LEVEL)
             x, y = gait.balance.place
             pairs = zip(gait.feet, gait.stance, strict=True)
@@ -135,9 +135,9 @@ def test_a_foot_that_was_put_down_for_another_velocity_slows_the_walk_down():
     gait = trot()
     gait.choose(slow(DOG.gait, DOG.legs))
     walk(gait, Twist(0.15), 3.0)
-    assert gait.bearable(Twist(0.15)) == Twist(0.15)
-    assert -0.1 < gait.bearable(Twist(-0.15)).x < 0.0
-    assert gait.bearable(Twist()) == Twist()
+    assert gait.feasible_velocity(Twist(0.15)) == Twist(0.15)
+    assert -0.1 < gait.feasible_velocity(Twist(-0.15)).x < 0.0
+    assert gait.feasible_velocity(Twist()) == Twist()
 
 
 def test_it_stops_only_where_all_feet_come_down():

@@ -106,13 +106,13 @@ async def main(folder, began, trigger, kill):
             store=store,
             clock=clock,
             soon=loop.call_soon_threadsafe,
-            hindrance=lambda *_: "",
+            blocker=lambda *_: "",
             elsewhere=lambda _: "",
             together=None,
             stop=lambda *_: None,
             on_change=lambda _: None,
         )
-        runs.take_up()
+        runs.restore_runs()
         KilledIn.when = kill
         starter = KilledIn if kill else MissionStarter
         begins = starter({"patrol": mission_of("patrol", PATROL)}.get, runs, lambda then: then(), clock)

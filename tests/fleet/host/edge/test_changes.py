@@ -14,7 +14,7 @@ import pytest
 from fleet.bus import keys
 from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
-from fleet.cli.changes import _told_to_wait
+from fleet.cli.changes import _report_waiting
 from fleet.client import Fleet
 from fleet.host.edge import changes
 from fleet.host.process import rebuild
@@ -387,7 +387,7 @@ async def test_a_worker_that_says_nothing_is_not_asked_and_not_waited_for():
 def test_who_waits_for_an_edge_sees_that(monkeypatch):
     monkeypatch.setattr("fleet.cli.changes.SOON", 0.01)
     notes = queue.Queue()
-    with _told_to_wait(SimpleNamespace(note=notes.put), "yard-1"):
+    with _report_waiting(SimpleNamespace(note=notes.put), "yard-1"):
         assert notes.get(timeout=20).startswith("waiting for edge yard-1: one robot after the other")
 
 

@@ -30,8 +30,8 @@ def bench(robot):
 
 
 def test_a_robot_that_nobody_uses_is_kept_out_until_the_claim_ends(bench):
-    bench.claims.heard(TWIN, "yard-0")
-    bench.claims.heard(TWIN, "")
+    bench.claims.handle_claim(TWIN, "yard-0")
+    bench.claims.handle_claim(TWIN, "")
     assert bench.held == [(TWIN, "yard-0"), (TWIN, "")]
     assert [json.loads(message) for message in bench.messages] == [{TWIN: "yard-0"}, {TWIN: ""}]
     assert bench.claims.problem == ""
@@ -39,11 +39,11 @@ def test_a_robot_that_nobody_uses_is_kept_out_until_the_claim_ends(bench):
 
 def test_a_robot_in_use_is_kept_and_the_claim_reported(bench, robot, caplog):
     robot.in_use = True
-    bench.claims.heard(TWIN, "yard-0")
+    bench.claims.handle_claim(TWIN, "yard-0")
     assert (bench.held, bench.messages) == ([], [])
     assert "edge yard-0 says in the cloud that it has rex (not believed" in bench.claims.problem
     assert "not believed" in caplog.text
-    bench.claims.heard(TWIN, "")
+    bench.claims.handle_claim(TWIN, "")
     assert bench.claims.problem == ""
 
 

@@ -6,7 +6,7 @@ import uuid
 import pytest
 
 from fleet.config.load import load
-from fleet.host.edge.member_rules import groups_hindrance, unfit
+from fleet.host.edge.member_rules import groups_blocker, unfit
 
 WALL = {"name": "wall", "kind": "serial", "device": "/dev/ttyS9"}
 TWINS = {name: str(uuid.uuid4()) for name in ("rex", "ada")}
@@ -55,6 +55,6 @@ def test_groups_that_a_stop_input_names_wait_for_the_next_start(loaded):
     """It knows the latches that it holds from its start."""
     inputs = {"stop_inputs": [WALL | {"robots": ["crew"]}]}
     running = loaded("rex", "ada", **inputs).config
-    assert groups_hindrance(running, running) == ""
+    assert groups_blocker(running, running) == ""
     new = loaded("rex", "ada", crew=("rex", "ada"), **inputs).config
-    assert "stop input wall names one" in groups_hindrance(running, new)
+    assert "stop input wall names one" in groups_blocker(running, new)

@@ -218,7 +218,7 @@ async def test_nobody_may_start_a_mission_with_a_robot_that_is_not_known_or_does
     def asked_meanwhile(process, robot):
         for name in ("ada", "nobody"):
             refusals[name] = missions._refusal(name, asker, True, True)
-        refusals["follow"] = missions._routes.hindrance("rex", Act("follow", "ada"))
+        refusals["follow"] = missions._routes.blocker("rex", Act("follow", "ada"))
         return serve(process, robot)
 
     monkeypatch.setattr(RobotProcess, "serve", asked_meanwhile)

@@ -14,7 +14,7 @@ from fleet.model.command import Reply, ReplyStatus, Request
 from fleet.model.state import EdgeState, RobotState
 from fleet.model.summary import Summary, Trouble
 from fleet.spool.message import Outgoing
-from fleet.wire.rulebook import of_a_twin, rulebook
+from fleet.wire.rulebook import rulebook, twin_rules
 from fleet.wire.rules import TrafficClass
 from fleet.wire.topics import Topics
 
@@ -47,7 +47,7 @@ class FakeEdge:
             Topics(""),
             {TWIN: Rex()},
             edge="yard-1",
-            rules=BridgeRules({TWIN: of_a_twin(rulebook())}),
+            rules=BridgeRules({TWIN: twin_rules(rulebook())}),
             put=lambda *_: None,
             alive=lambda _name: True,
             claimed=lambda *_: None,

@@ -94,6 +94,6 @@ def test_one_robot_follows_another_of_its_own_edge_only(tmp_path, robot, ahead, 
     (tmp_path / "fleet.yaml").write_text(json.dumps(config))
     state = RobotState("r", TWIN, "mavlink", "yard", 0.0)
     routes = MissionRoutes(load(tmp_path / "fleet.yaml", {}), lambda _: state)
-    why = routes.hindrance(robot, Act("follow", ahead, {"distance_m": 3.0}))
+    why = routes.blocker(robot, Act("follow", ahead, {"distance_m": 3.0}))
     wanted = f"{stranger} is a robot of another edge: one follows another of its own edge only"
     assert why == (wanted if stranger else "")

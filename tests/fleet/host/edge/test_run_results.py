@@ -38,8 +38,8 @@ async def test_a_run_leaves_the_tracks_and_pictures_of_its_robots(watched, asks)
         picture = PhotoReport(1.0, b"jpeg", "jpeg", 1, 1)
         rex.publish(picture)
         other.publish(picture)  # in no run
-        edge.missions.results.heard(rex.twin)(encode_report(picture, 1))  # as from a worker
-        edge.missions.results.heard(rex.twin)(b"no picture")
+        edge.missions.results.picture_receiver(rex.twin)(encode_report(picture, 1))  # as from a worker
+        edge.missions.results.picture_receiver(rex.twin)(b"no picture")
         edge.missions.results.record_positions()
         await asyncio.to_thread(run.abort)
         await asks.until(lambda: edge.missions.runs.find(run.id) is None)

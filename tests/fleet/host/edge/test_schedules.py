@@ -109,7 +109,7 @@ async def test_schedules_that_fail_are_reported_by_the_edge_and_by_the_command_l
     async def fails(_schedules, *_event):
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr(Schedules, "heard", fails)
+    monkeypatch.setattr(Schedules, "handle_event", fails)
     async with run_edge(edge):
         await fleet("schedule", "ls")  # it is served by now
         edge.process.history.add("rex", EventReport(time.time(), EventKind.BATTERY, "17 %"))

@@ -4,7 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.host.follow.motion_laws import MotionLimits, approach, bearing, glide, pursue, ramp, turning
+from fleet.host.follow.motion_laws import (
+    MotionLimits,
+    approach,
+    bearing,
+    holonomic_velocity,
+    pursue,
+    ramp,
+    turning,
+)
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, quaternion_from_yaw
 
 PACE = MotionLimits(speed=0.5, yaw_rate=1.0)
@@ -19,7 +27,7 @@ def pose(x=0.0, y=0.0, yaw=0.0):
 def test_no_law_asks_for_more_than_the_pace(here, target, distance, backwards):
     for velocity in (
         pursue(here, target, distance, PACE, backwards=backwards),
-        glide(here, target, distance, 0.0, PACE),
+        holonomic_velocity(here, target, distance, 0.0, PACE),
     ):
         assert velocity.linear.horizontal() <= 0.5 + 1e-9
         assert abs(velocity.yaw_rate) <= 1.0 + 1e-9

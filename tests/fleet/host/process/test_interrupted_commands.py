@@ -8,7 +8,7 @@ from fleet.history.event_filter import EventFilter
 from fleet.history.reader import read
 from fleet.history.store import History
 from fleet.host.journal.journal import Journal
-from fleet.host.process.interrupted_commands import WHY, tell_interrupted_commands
+from fleet.host.process.interrupted_commands import WHY, report_interrupted_commands
 from fleet.testing.clock import ManualClock
 
 REX = SimpleNamespace(name="rex")
@@ -31,7 +31,7 @@ def start(tmp_path):
         opened.extend((journal, history))
         replies = []
         process = SimpleNamespace(journal=journal, history=history, clock=clock)
-        tell_interrupted_commands(process, [REX], lambda robot, reply: replies.append((robot.name, reply)))
+        report_interrupted_commands(process, [REX], lambda robot, reply: replies.append((robot.name, reply)))
         return journal, replies
 
     yield start

@@ -28,7 +28,7 @@ def test_a_robot_is_found_changes_its_health_is_lost_and_is_found_again(happenin
         (Level.FAULT, "a leg is loose"),
         (Level.OK, ""),
     ):
-        happenings.level_is(Health(level, cause))
+        happenings.report_level(Health(level, cause))
     assert [(event.kind.value, event.text, event.severity.value) for event in events] == [
         ("found", "ok", "info"),
         ("health", "degraded: its battery is low", "warning"),
@@ -44,7 +44,7 @@ def test_a_robot_is_found_changes_its_health_is_lost_and_is_found_again(happenin
 def test_a_fail_safe_is_reported_when_it_begins_with_the_autopilots_own_words(happenings, events):
     texts = (StatusText("Radio Failsafe", 4),)
     for failsafe in (False, True, True, False, True):
-        happenings.see(FlightControllerReport(1.0, True, "RTL", failsafe, status_texts=texts))
+        happenings.observe(FlightControllerReport(1.0, True, "RTL", failsafe, status_texts=texts))
     assert [event.kind for event in events] == [EventKind.FAILSAFE] * 2
     assert events[0].text == "the autopilot's fail-safe is active, mode RTL: Radio Failsafe"
     assert events[0].data == {"mode": "RTL", "status_texts": ["Radio Failsafe"]}

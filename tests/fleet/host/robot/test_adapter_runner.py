@@ -656,7 +656,7 @@ async def test_a_fault_during_the_start_is_reported_at_once(stage, asks, caplog)
 class Kept(SupervisorClient):
     """A supervisor that keeps every halt."""
 
-    def keep(self, robot, descriptor, frames, address=None, *, kept):
+    def register(self, robot, descriptor, frames, address=None, *, kept):
         kept()
         return True
 
@@ -694,7 +694,7 @@ async def test_a_robot_that_nothing_stops_when_its_process_dies_is_degraded(  # 
 class Refusing(SupervisorClient):
     """A supervisor that never answers for a halt."""
 
-    def keep(self, robot, descriptor, frames, address=None, *, kept):
+    def register(self, robot, descriptor, frames, address=None, *, kept):
         return True
 
 

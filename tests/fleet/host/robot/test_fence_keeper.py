@@ -29,7 +29,7 @@ def place(clock):
 
 
 def stands(place, x):
-    place.see(Pose(Vector3(x, 0.0, 0.0), Quaternion()))
+    place.observe(Pose(Vector3(x, 0.0, 0.0), Quaternion()))
 
 
 def test_a_breach_is_reported_once_and_again_after_the_robot_was_inside(place):
@@ -47,7 +47,7 @@ def test_corners_on_earth_are_placed_once_home_is_known(place):
     stands(place, 0.0)
     assert fencing.fence is None
     assert not fencing.check()
-    assert not fencing.leads_out(EAST)
+    assert not fencing.would_leave(EAST)
     with pytest.raises(Refused, match="the robot's position is unknown"):
         fencing.inside(EAST)
     place.home = GeoPoint(47.0, 8.0, 0.0)
@@ -68,7 +68,7 @@ def test_limits_alone_do_not_hold_a_robot_whose_place_is_unknown(place):
     fencing = FenceKeeper(place, None, Limits(altitude=10.0, distance=None))
     climb = Velocity(Vector3(0.0, 0.0, 1.0))
     assert fencing.inside(climb) == climb
-    place.see(Pose(Vector3(0.0, 0.0, 9.9), Quaternion()))
+    place.observe(Pose(Vector3(0.0, 0.0, 9.9), Quaternion()))
     assert fencing.inside(climb).linear.z == 0.0
     assert fencing.inside(EAST) == EAST
 
@@ -76,8 +76,8 @@ def test_limits_alone_do_not_hold_a_robot_whose_place_is_unknown(place):
 def test_a_velocity_out_of_the_fence_is_seen_as_one(place):
     fencing = FenceKeeper(place, YARD, NO_LIMITS)
     stands(place, 18.0)
-    assert fencing.leads_out(EAST)
-    assert not fencing.leads_out(Velocity(Vector3(-2.0, 0.0, 0.0)))
+    assert fencing.would_leave(EAST)
+    assert not fencing.would_leave(Velocity(Vector3(-2.0, 0.0, 0.0)))
 
 
 def test_a_robot_is_out_of_no_fence_once_that_is_taken_away(place):
@@ -92,7 +92,7 @@ def test_a_robot_is_out_of_no_fence_once_that_is_taken_away(place):
 def test_a_velocity_that_is_held_while_the_pose_is_too_old_may_lead_out(place, clock):
     fencing = FenceKeeper(place, YARD, NO_LIMITS)
     stands(place, 0.0)
-    assert not fencing.leads_out(EAST)
+    assert not fencing.would_leave(EAST)
     clock.advance(STALE + 0.1)
-    assert fencing.leads_out(EAST)
-    assert not fencing.leads_out(Velocity())
+    assert fencing.would_leave(EAST)
+    assert not fencing.would_leave(Velocity())

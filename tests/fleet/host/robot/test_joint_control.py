@@ -85,7 +85,7 @@ class Bench:
             self.measure()
 
     def measure(self, hip=0.0, knee=-1.0):
-        self.controller.joints.see(JointReport(self.clock.time(), {"hip": hip, "knee": knee}))
+        self.controller.joints.observe(JointReport(self.clock.time(), {"hip": hip, "knee": knee}))
 
     def lead(self, positions, *, age=0.0, session="ada", source="tele", **more):
         origin = Origin(Transport.CLOUD, source, session)
@@ -306,7 +306,7 @@ def desk_without_joints():
 
 def test_where_the_leader_of_two_arms_of_one_twin_is_is_no_place_of_the_follower(bench):
     tags = JointTags(role="leader")
-    bench.controller.joints.see(JointReport(bench.clock.time(), {"hip": 0.9}, tags=tags))
+    bench.controller.joints.observe(JointReport(bench.clock.time(), {"hip": 0.9}, tags=tags))
     bench.lead({"hip": 0.0})
     assert bench.at["hip"] == pytest.approx(0.0)
 

@@ -55,7 +55,9 @@ async def test_without_an_origin_the_corners_are_placed_once_home_is_known(make_
     bench.stands()
     assert "cannot be placed" in bench.ask(goal(asks, GoTo(Goal(Vector3(5, 0, 0)))))[0].reason
     home = GeoPoint(47.0, 8.0, 400.0)
-    bench.controller.guard.see(FlightControllerReport(0.0, armed=False, mode="", failsafe=False, home=home))
+    bench.controller.guard.observe(
+        FlightControllerReport(0.0, armed=False, mode="", failsafe=False, home=home)
+    )
     assert bench.ask(goal(asks, GoTo(Goal(Vector3(5, 0, 0)))))[0].ok
 
 
@@ -222,7 +224,7 @@ async def test_a_goal_of_what_circles_must_lie_so_far_within_the_fence(make_benc
 async def test_the_reserve_counts_a_circle_over_home(make_bench, asks):
     bench = make_bench(battery_policy=POLICY, limits={"speed": 1.0})
     bench.stands()
-    bench.controller.guard.see(BatteryReport(0.0, percent=60.0))
+    bench.controller.guard.observe(BatteryReport(0.0, percent=60.0))
     far = goal(asks, GoTo(Goal(Vector3(15, 0, 0))))
     bench.controller.guard.circles(5.0)
     refused = bench.ask(far)[0]

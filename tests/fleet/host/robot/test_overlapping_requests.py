@@ -78,7 +78,7 @@ async def test_a_velocity_that_an_emergency_stop_of_another_thread_overtakes_is_
     else:
         bench.controller.emergency("by a thread")
         monkeypatch.setattr(bench.controller.guard, "within", lambda _velocity: Velocity(Vector3(0.3)))
-        bench.controller.hold_again()
+        bench.controller.reapply_velocity()
     assert bench.puppet.calls[-1] == "halt"
 
 

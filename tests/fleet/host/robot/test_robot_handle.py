@@ -129,7 +129,7 @@ class Supervisor(SupervisorClient):
         self.dropped = []
         self.takes = True
 
-    def keep(self, robot, descriptor, frames, address=None, *, kept):
+    def register(self, robot, descriptor, frames, address=None, *, kept):
         self.answers.append(kept)
         return self.takes
 

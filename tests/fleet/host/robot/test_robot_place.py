@@ -24,7 +24,7 @@ def clock():
 def place(clock):
     """Return the place of a robot that is 1 m east and 2 m up, and looks north."""
     place = RobotPlace(None, clock)
-    place.see(Pose(Vector3(1.0, 0.0, 2.0), LEFT))
+    place.observe(Pose(Vector3(1.0, 0.0, 2.0), LEFT))
     return place
 
 

@@ -25,7 +25,7 @@ class Still:
 
     in_motion = False
 
-    def doing(self):
+    def current_task(self):
         return None
 
 
@@ -55,11 +55,11 @@ def clock():
 def test_what_one_process_tells_another_knows_in_its_own_frame(clock):
     here, there = RobotPositions(None, NAMES, clock), RobotPositions(None, NAMES, clock)
     mine, theirs = joined(here, clock, "rex"), joined(there, clock, "drone")
-    mine.world_is(SITE)
-    theirs.world_is(_beside(SITE, 30.0, 40.0))
-    mine.see(Pose())
-    theirs.see(Pose(Vector3(0.0, 0.0, 7.0)))
-    here.hear(there.sheet(), "")
+    mine.set_world_origin(SITE)
+    theirs.set_world_origin(_beside(SITE, 30.0, 40.0))
+    mine.observe(Pose())
+    theirs.observe(Pose(Vector3(0.0, 0.0, 7.0)))
+    here.receive(there.sheet(), "")
     (other,) = here.others("rex")
     assert (other.name, other.at.x, other.at.y, other.at.z) == (
         "drone",
@@ -76,23 +76,23 @@ def _beside(origin, east, north):
 
 def test_a_process_that_falls_silent_leaves_its_robots_where_they_were_and_older(clock):
     here, there = RobotPositions(SITE, NAMES, clock), RobotPositions(SITE, NAMES, clock)
-    joined(here, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
-    joined(there, clock, "ugv", (3.0, 0.0, 0.0)).see(Pose())
-    here.hear(there.sheet(), "")
+    joined(here, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
+    joined(there, clock, "ugv", (3.0, 0.0, 0.0)).observe(Pose())
+    here.receive(there.sheet(), "")
     clock.advance(60.0)
     (other,) = here.others("rex")
     assert (other.at.x, other.age) == (3.0, 60.0)
-    here.hear(RobotPositions(SITE, NAMES, clock).sheet(), "")  # it was started anew and knows nothing yet
+    here.receive(RobotPositions(SITE, NAMES, clock).sheet(), "")  # it was started anew and knows nothing yet
     assert [robot.name for robot in here.others("rex")] == ["ugv"]
 
 
 def test_without_a_site_robots_on_earth_and_on_the_ground_are_unknown_to_each_other(clock):
     for site, unknown in ((None, "unknown to drone"), (SITE, "")):
         traffic = RobotPositions(site, ("ugv", "drone"), clock)
-        joined(traffic, clock, "ugv", (1.0, 0.0, 0.0)).see(Pose())
+        joined(traffic, clock, "ugv", (1.0, 0.0, 0.0)).observe(Pose())
         drone = joined(traffic, clock, "drone")
-        drone.world_is(SITE)
-        drone.see(Pose())
+        drone.set_world_origin(SITE)
+        drone.observe(Pose())
         assert traffic.unknown("ugv") == unknown
         assert len(traffic.others("ugv")) == (0 if unknown else 1)
 
@@ -102,11 +102,11 @@ def test_why_nobody_knows_how_far_a_robot_is_from_others_is_said(clock):
     rex = joined(traffic, clock, "rex")
     ugv = joined(traffic, clock, "ugv", (1.0, 0.0, 0.0))
     assert traffic.unknown("rex") == "unknown: it is not placed"
-    rex.world_is(SITE)
+    rex.set_world_origin(SITE)
     assert traffic.unknown("rex") == "unknown: it has not reported its position"
-    rex.see(Pose())
+    rex.observe(Pose())
     assert traffic.unknown("rex") == "unknown to ugv"
-    ugv.see(Pose())
+    ugv.observe(Pose())
     assert traffic.unknown("rex") == ""
 
 
@@ -119,17 +119,17 @@ def test_a_robot_that_is_alone_on_its_edge_is_unknown_to_nobody(clock):
 @pytest.mark.parametrize("payload", [b"", b"{", b'{"robots": [{"robot": {"name": 5}}]}', b'{"robots": 7}'])
 def test_what_cannot_be_read_is_reported_and_changes_nothing(clock, caplog, payload):
     traffic = RobotPositions(SITE, NAMES, clock)
-    joined(traffic, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
-    traffic.hear(payload, "")
+    joined(traffic, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
+    traffic.receive(payload, "")
     assert traffic.others("rex") == []
     assert "cannot be read" in caplog.text
 
 
 def test_nobody_else_can_tell_where_a_robot_of_this_process_is(clock):
     traffic, liar = RobotPositions(SITE, NAMES, clock), RobotPositions(SITE, NAMES, clock)
-    joined(traffic, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
-    joined(liar, clock, "rex", (50.0, 0.0, 0.0)).see(Pose())
-    traffic.hear(liar.sheet(), "")
+    joined(traffic, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
+    joined(liar, clock, "rex", (50.0, 0.0, 0.0)).observe(Pose())
+    traffic.receive(liar.sheet(), "")
     assert traffic.one("rex").at == Vector3()
 
 
@@ -142,10 +142,10 @@ def two_edges(clock, yard_site, barn_site):
 
 def test_a_partner_s_robot_is_known_in_the_frame_of_the_own_site(clock):
     yard, barn = two_edges(clock, SITE, _beside(SITE, 30.0, 40.0))
-    joined(yard, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
-    joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).see(Pose())
+    joined(yard, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
+    joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).observe(Pose())
     assert yard.unknown("rex") == "unknown to ugv"
-    yard.hear(barn.sheet(), "barn")
+    yard.receive(barn.sheet(), "barn")
     (other,) = yard.others("rex")
     assert (other.at.x, other.at.y) == (pytest.approx(31.0, abs=0.01), pytest.approx(42.0, abs=0.01))
     assert not yard.alone
@@ -155,11 +155,11 @@ def test_a_partner_s_robot_is_known_in_the_frame_of_the_own_site(clock):
 def test_a_partner_s_robot_on_earth_is_known_without_any_site(clock):
     yard, barn = two_edges(clock, None, None)
     mine, theirs = joined(yard, clock, "rex"), joined(barn, clock, "ugv")
-    mine.world_is(SITE)
-    theirs.world_is(_beside(SITE, 3.0, 4.0))
-    mine.see(Pose())
-    theirs.see(Pose())
-    yard.hear(barn.sheet(), "barn")
+    mine.set_world_origin(SITE)
+    theirs.set_world_origin(_beside(SITE, 3.0, 4.0))
+    mine.observe(Pose())
+    theirs.observe(Pose())
+    yard.receive(barn.sheet(), "barn")
     (other,) = yard.others("rex")
     assert (other.at.x, other.at.y) == (pytest.approx(3.0, abs=0.01), pytest.approx(4.0, abs=0.01))
 
@@ -167,18 +167,18 @@ def test_a_partner_s_robot_on_earth_is_known_without_any_site(clock):
 @pytest.mark.parametrize(("yard_site", "barn_site"), [(SITE, None), (None, None)])
 def test_a_partner_s_robot_that_only_its_edge_can_place_is_unknown(clock, yard_site, barn_site):
     yard, barn = two_edges(clock, yard_site, barn_site)
-    joined(yard, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
-    joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).see(Pose())
-    yard.hear(barn.sheet(), "barn")
+    joined(yard, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
+    joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).observe(Pose())
+    yard.receive(barn.sheet(), "barn")
     assert yard.others("rex") == []
     assert yard.unknown("rex") == "unknown to ugv"
 
 
 def test_an_edge_tells_only_where_its_own_robots_are(clock):
     yard, barn = two_edges(clock, SITE, SITE)
-    joined(yard, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
-    joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).see(Pose())
-    yard.hear(barn.sheet(), "shed")
+    joined(yard, clock, "rex", (0.0, 0.0, 0.0)).observe(Pose())
+    joined(barn, clock, "ugv", (1.0, 2.0, 0.0)).observe(Pose())
+    yard.receive(barn.sheet(), "shed")
     assert yard.others("rex") == []
 
 
@@ -220,17 +220,17 @@ async def test_robots_in_workers_are_judged_against_each_other_too(yard, run_edg
 
 def test_a_robot_that_another_process_has_no_more_is_forgotten_and_one_that_is_new_is_known(clock):
     here, there = (RobotPositions(SITE, ("rex",), clock, edge="yard") for _ in range(2))
-    joined(there, clock, "ada", (3.0, 0.0, 0.0)).see(Pose())
+    joined(there, clock, "ada", (3.0, 0.0, 0.0)).observe(Pose())
     sheet = there.sheet()
-    here.hear(sheet, "yard", "limbs")
+    here.receive(sheet, "yard", "limbs")
     assert here.one("ada").at.x == 3.0
     there.leave("ada")
-    here.hear(there.sheet(), "yard", "legs")
+    here.receive(there.sheet(), "yard", "legs")
     assert here.one("ada") is not None, "only who told of it, or the edge's own process, takes it back"
-    here.hear(there.sheet(), "yard", "main")
+    here.receive(there.sheet(), "yard", "main")
     assert here.one("ada") is None
     assert here.alone
-    here.hear(sheet, "yard", "limbs")
+    here.receive(sheet, "yard", "limbs")
     assert here.one("ada") is not None, "it was added again"
-    here.hear(there.sheet(), "yard", "limbs")
+    here.receive(there.sheet(), "yard", "limbs")
     assert here.one("ada") is None

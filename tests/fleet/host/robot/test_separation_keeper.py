@@ -388,7 +388,7 @@ def test_what_circles_takes_up_its_circle_and_on_the_ground_nothing_of_it():
         guard.circles(20.0)
         parked = field.send("drone-1", 0, 30, 5)
         await asyncio.sleep(20)
-        guard.see(FlightControllerReport(0.0, armed=True, mode="", failsafe=False))
+        guard.observe(FlightControllerReport(0.0, armed=True, mode="", failsafe=False))
         near = field.send("drone-1", 0, 40, 5)
         goal = field.send("drone-2", 0, 50, 5)
         return parked, near, goal

@@ -2,7 +2,7 @@
 
 import threading
 
-from fleet.host.runtime.threads import NAME, run_in_turn
+from fleet.host.runtime.threads import NAME, call_sequentially
 
 
 def join_aside():
@@ -14,7 +14,7 @@ def join_aside():
 def test_calls_are_made_in_their_order_on_one_thread():
     made = []
     calls = [lambda n=n: made.append((n, threading.get_ident())) for n in range(5)]
-    run_in_turn(calls, wait=20)
+    call_sequentially(calls, wait=20)
     assert [number for number, _ in made] == list(range(5))
     assert len({thread for _, thread in made}) == 1
     assert threading.get_ident() not in {thread for _, thread in made}
@@ -27,7 +27,7 @@ def test_calls_that_are_held_up_keep_the_others_from_nothing_and_are_made_once()
         made.append("held up")
         free.wait(20)
 
-    run_in_turn([held_up, held_up, held_up, lambda: made.append("good")], wait=0.01)
+    call_sequentially([held_up, held_up, held_up, lambda: made.append("good")], wait=0.01)
     assert made == ["held up"] * 3 + ["good"]
     free.set()
     join_aside()
@@ -36,4 +36,4 @@ def test_calls_that_are_held_up_keep_the_others_from_nothing_and_are_made_once()
 
 def test_no_calls_need_no_thread(monkeypatch):
     monkeypatch.setattr(threading, "Thread", None)
-    run_in_turn([], wait=1)
+    call_sequentially([], wait=1)

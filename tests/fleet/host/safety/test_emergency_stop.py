@@ -41,10 +41,10 @@ def test_a_stop_that_comes_while_its_release_is_recorded_is_what_is_remembered()
 
 def test_a_stop_is_news_once_and_one_of_an_earlier_process_is_none():
     latch = EmergencyStopLatch("of the process before")
-    assert not latch.is_news()
+    assert not latch.is_first_report()
     latch.release()
     latch.engage("the cloud")
-    assert [latch.is_news(), latch.is_news()] == [True, False]
+    assert [latch.is_first_report(), latch.is_first_report()] == [True, False]
 
 
 def test_what_holds_a_robot_is_reported_though_no_stop_is_set():

@@ -11,7 +11,7 @@ PAUSE = 0.5
 def driving(*drivers, at=0.0):
     rule = StickReleaseInterlock(PAUSE)
     for driver in drivers:
-        rule.drove(driver, at)
+        rule.record_velocity(driver, at)
     return rule
 
 
@@ -67,11 +67,11 @@ def test_between_somebody_else_s_stop_and_his_next_motion_a_driver_has_always_le
         assert (refusal is not None) == (who in held)
         came[who] = now
         if refusal is None:
-            rule.drove(who, now)
+            rule.record_velocity(who, now)
 
 
 def test_many_drivers_are_not_remembered_for_ever():
     rule = StickReleaseInterlock(PAUSE)
     for number in range(1000):
-        rule.drove(str(number), number * 0.1)
+        rule.record_velocity(str(number), number * 0.1)
     assert len(rule._last) <= MOST

@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.host.safety.source_policy import SourcePolicy
-from fleet.host.safety.stricter import as_strict_as_both, held_back, holds_alike, is_within, may_loosen
+from fleet.host.safety.stricter import (
+    as_strict_as_both,
+    is_equally_strict,
+    is_within,
+    may_loosen,
+    merge_stricter,
+)
 from fleet.model.polygon import polygon_contains
 from fleet.robot_config import Accepts, AdapterConfig, BatteryPolicy, FenceConfig, Limits, Separation
 
@@ -56,11 +62,11 @@ def test_it_is_as_strict_as_the_old_and_nowhere_looser(old, new):
 
 @given(configs, configs)
 def test_a_new_configuration_that_is_held_back_is_nowhere_looser_than_either(old, new):
-    kept = held_back(old, new, **OWN)
+    kept = merge_stricter(old, new, **OWN)
     for one in (old, new):
         assert no_looser(kept, one)
     if not may_loosen(old, new):
-        assert holds_alike(kept, new, **OWN)
+        assert is_equally_strict(kept, new, **OWN)
 
 
 def no_looser(both, one):
@@ -80,7 +86,7 @@ def no_looser(both, one):
 
 @given(configs)
 def test_of_two_that_are_alike_nothing_is_changed(config):
-    assert holds_alike(as_strict_as_both(config, config, **OWN), config, *OWN.values())
+    assert is_equally_strict(as_strict_as_both(config, config, **OWN), config, *OWN.values())
 
 
 @given(fences, fences, st.tuples(st.floats(-30, 50), st.floats(-30, 50)))

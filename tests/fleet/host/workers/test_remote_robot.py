@@ -122,7 +122,7 @@ def test_only_the_first_answer_counts(bench):
 )
 def test_who_waits_hears_how_it_ended_also_from_a_worker_that_died_over_it(bench, given, heard):
     asked = bench.works(*given)
-    bench.robot.worker_is("killed by SIGKILL")
+    bench.robot.set_worker_problem("killed by SIGKILL")
     answers = bench.ask({"command": "takeoff"}, waits=True)
     for _ in heard:
         bench.later.get(timeout=DEADLINE)()
@@ -133,7 +133,7 @@ def test_who_waits_hears_how_it_ended_also_from_a_worker_that_died_over_it(bench
 
 
 def test_a_worker_that_is_not_there_is_reported_with_the_cause(bench):
-    bench.robot.worker_is("worker w: ended with exit code 1")
+    bench.robot.set_worker_problem("worker w: ended with exit code 1")
     answer = bench.answered(bench.ask({"command": "takeoff"}))
     assert (answer.command, answer.status) == ("takeoff", ReplyStatus.TIMEOUT)
     assert answer.reason == "worker w did not answer: worker w: ended with exit code 1"
@@ -256,7 +256,7 @@ def test_before_the_worker_speaks_the_robot_is_offline(bench):
 def test_the_worker_s_word_counts_for_as_long_as_it_speaks(bench):
     bench.says(health="ok", mode="GUIDED")
     assert (bench.robot.state().health, bench.robot.state().mode) == ("ok", "GUIDED")
-    bench.robot.worker_is("")
+    bench.robot.set_worker_problem("")
     bench.clock.advance(SILENT_AFTER + 0.1)
     state = bench.robot.state()
     assert (state.health, state.cause) == ("offline", "its worker is silent")
@@ -267,7 +267,7 @@ def test_a_robot_whose_worker_died_is_reported_as_lost_once_by_the_edge(bench, c
     bench.says(health="ok", reachable=True)
     wait_until("its state is heard", lambda: bench.robot.state().reachable)
     for _ in range(2):
-        bench.robot.worker_is("worker w: killed by SIGKILL")
+        bench.robot.set_worker_problem("worker w: killed by SIGKILL")
     lost, gone = bench.reports
     assert (lost.kind, lost.text) == ("lost", "offline: worker w: killed by SIGKILL")
     assert (gone.type, gone.fields) == ("disconnected", {"reason": "worker w: killed by SIGKILL"})
@@ -278,14 +278,14 @@ def test_the_age_of_what_is_shown_grows_while_the_worker_is_silent(bench):
     bench.says(health="ok", age=0.5, speed=1.0)
     bench.clock.advance(2.0)
     assert (bench.robot.state().age, bench.robot.state().speed) == (2.5, 1.0)
-    bench.robot.worker_is("worker w: hangs")
+    bench.robot.set_worker_problem("worker w: hangs")
     bench.clock.advance(SILENT_AFTER)
     assert (bench.robot.state().age, bench.robot.state().speed) == (2.5 + SILENT_AFTER, None)
 
 
 def test_a_worker_that_ended_takes_its_word_with_it(bench):
     bench.says(health="ok")
-    bench.robot.worker_is("worker w: hangs")
+    bench.robot.set_worker_problem("worker w: hangs")
     assert (bench.robot.state().health, bench.robot.state().cause) == ("offline", "worker w: hangs")
 
 
@@ -304,7 +304,7 @@ def test_a_health_that_nobody_knows_changes_nothing(bench, caplog):
 
 
 def test_whoever_asks_for_the_robot_hears_that_its_worker_is_gone(bench):
-    bench.robot.worker_is("worker w: ended with exit code 1")
+    bench.robot.set_worker_problem("worker w: ended with exit code 1")
     ((key, answer),) = bench.bus_session.ask(keys.state("*", "*"), b"", timeout=60.0)
     state = msgspec.json.decode(answer, type=RobotState)
     assert (key, state.health) == (keys.state("yard", "rex"), "offline")
@@ -313,7 +313,7 @@ def test_whoever_asks_for_the_robot_hears_that_its_worker_is_gone(bench):
 
 def test_an_emergency_stop_outlives_its_worker(bench):
     bench.says(health="ok", emergency_stop=True)
-    bench.robot.worker_is("worker w: ended with exit code 1")
+    bench.robot.set_worker_problem("worker w: ended with exit code 1")
     bench.bus_session.token(keys.robot("yard", "rex"))
     assert bench.stopped() == [["rex"]]
 

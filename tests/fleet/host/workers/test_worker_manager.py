@@ -135,10 +135,10 @@ async def test_the_stop_of_a_stop_input_stands_at_a_robot_in_a_worker_in_its_wor
 
 async def test_a_robot_in_a_worker_that_nobody_uses_is_left_to_the_edge_that_the_cloud_shows(field, asks):
     twin = field.edge.remote["arm"].twin
-    field.edge.cloud_claims.heard(twin, "yard-0")
+    field.edge.cloud_claims.handle_claim(twin, "yard-0")
     await asks.until(lambda: "edge yard-0 has its twin" in state_of(field.edge, "arm").cause)
     assert state_of(field.edge, "rex").health == "ok"
-    field.edge.cloud_claims.heard(twin, "")
+    field.edge.cloud_claims.handle_claim(twin, "")
     await asks.until(lambda: field.place.words("arm") == ["run", "run"])
 
 
@@ -148,9 +148,9 @@ async def test_a_worker_keeps_a_robot_that_somebody_moves_whatever_the_cloud_sho
     assert reply.ok
     # As when the worker's word that the robot is used has not come yet.
     field.edge.cloud_claims._holders[twin] = "yard-0"
-    field.edge.cloud_claims.tell_workers()
+    field.edge.cloud_claims.notify_workers()
     await asks.until(lambda: state_of(field.edge, "arm").in_use)
-    field.edge.cloud_claims.heard(twin, "yard-0")
+    field.edge.cloud_claims.handle_claim(twin, "yard-0")
     assert "yard-0" in field.edge.state().cause
     assert field.place.words("arm") == ["run", "navigate"]
 

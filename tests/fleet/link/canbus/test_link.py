@@ -222,7 +222,7 @@ async def test_while_the_queue_is_full_only_the_newest_motion_waits_and_a_stop_o
     framed.drive(speed(0.1))  # lost: the queue is full
     for number in range(2, 50):
         framed.drive(speed(number / 100))
-    assert framed.held_back >= 40
+    assert framed.superseded >= 40
     bus._bus.send = right
     bus._full_at = 0.0
     framed._motion.look()
