@@ -246,8 +246,8 @@ def repeats(dog: DogDescription, times: int = 20) -> None:
 
 
 def recoveries(dog: DogDescription, count: int = 60) -> None:
-    chance = random.Random(99)
-    tries = [tries_needed(dog, random_turn(chance), most=5) for _ in range(count)]
+    rng = random.Random(99)
+    tries = [tries_needed(dog, random_turn(rng), most=5) for _ in range(count)]
     up = sum(one is not None for one in tries)
     rolls = {number: tries.count(number) for number in range(6) if number in tries}
     line(

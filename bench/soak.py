@@ -32,16 +32,16 @@ SEED = 1
 ROUND = 2.0  # s, the longest pause between rounds of commands
 
 
-def fault(chance, proxy):
+def fault(rng, proxy):
     """Inject a random network fault, or none."""
-    what = chance.choice(("nothing", "nothing", "reset", "cut", "delay", "blackhole"))
+    what = rng.choice(("nothing", "nothing", "reset", "cut", "delay", "blackhole"))
     if what in ("reset", "cut"):
         getattr(proxy, what)()
     elif what == "delay":
-        proxy.delay = chance.choice((0.0, 0.05, 0.3))
+        proxy.delay = rng.choice((0.0, 0.05, 0.3))
     elif what == "blackhole":
         proxy.blackhole = True
-        time.sleep(chance.uniform(0.1, 3.0))
+        time.sleep(rng.uniform(0.1, 3.0))
         proxy.blackhole = False
         proxy.reset()
 
@@ -49,19 +49,19 @@ def fault(chance, proxy):
 class Churn:
     """Churn around an edge: programs that join its bus and leave, and workers that are killed."""
 
-    def __init__(self, bus, edge, chance):
+    def __init__(self, bus, edge, rng):
         self.joins = self.kills = 0
         self._endpoint = f"tcp/127.0.0.1:{bus}"
         self._edge = edge
-        self._chance = chance
+        self._rng = rng
         self._next = time.monotonic() + CHURN
 
     def turn(self):
         """Join or kill once the random interval has passed."""
         if time.monotonic() < self._next:
             return
-        self._next = time.monotonic() + self._chance.uniform(0.5, 1.5) * CHURN
-        if self._chance.random() < 0.5:
+        self._next = time.monotonic() + self._rng.uniform(0.5, 1.5) * CHURN
+        if self._rng.random() < 0.5:
             self._join()
         else:
             self._kill()
@@ -81,7 +81,7 @@ class Churn:
             each for each in self._edge.children() if "fleet.host.workers.worker_process" in each.cmdline()
         ]
         if workers:
-            self._chance.choice(workers).kill()
+            self._rng.choice(workers).kill()
             self.kills += 1
 
 
@@ -96,7 +96,7 @@ def _client(endpoint):
 
 def soak(minutes):
     """Soak our bridge and print the findings."""
-    chance = random.Random(SEED)
+    rng = random.Random(SEED)
     with contextlib.ExitStack() as stack:
         port = stack.enter_context(mosquitto())
         proxy = stack.enter_context(TcpProxy(port))
@@ -106,17 +106,17 @@ def soak(minutes):
         names = {robot["name"]: robot["twin"] for robot in puppets(ROBOTS)}
         client = stack.enter_context(contextlib.closing(CommandClient(port, names)))
         edge, began = psutil.Process(running.pid), time.monotonic()
-        churn = Churn(running.bus, edge, chance)
+        churn = Churn(running.bus, edge, rng)
         memory = files = 0
         while time.monotonic() < began + minutes * 60:
             if not memory and time.monotonic() > began + SETTLED * minutes * 60:
                 memory, files = edge.memory_info().rss, edge.num_fds()
             for name in names:
-                client.ask(name, chance.choice(("poke", "poke", "lunge")))
-                client.drive(chance.choice(list(names)))
-            fault(chance, proxy)
+                client.ask(name, rng.choice(("poke", "poke", "lunge")))
+                client.drive(rng.choice(list(names)))
+            fault(rng, proxy)
             churn.turn()
-            time.sleep(chance.uniform(0.1, ROUND))
+            time.sleep(rng.uniform(0.1, ROUND))
             client.insist()
         proxy.delay = 0.0
         settle(client)

@@ -34,7 +34,7 @@ _MAGICS = b"\xfd\xfe"
 _MAGIC = re.compile(b"[\xfd\xfe]")
 _HEADER_1 = 6
 _HEADER_2 = 10
-_UNTOLD = -1  # length not known yet
+_UNKNOWN_LENGTH = -1  # length not known yet
 _SIGNED = 0x01  # the only incompatibility flag in the specification
 _LAST_OF_1 = 255  # the largest message id in MAVLink 1
 _SIZES = {
@@ -265,7 +265,7 @@ class Parser:
                 continue
             size, number = _head(buffer, at, length)
             end = at + size
-            if size == _UNTOLD or end > length:
+            if size == _UNKNOWN_LENGTH or end > length:
                 break
             if size and not every and _is_unwanted(buffer, at, end, number):
                 at = end
@@ -289,14 +289,14 @@ def _head(buffer: bytes, at: int, length: int) -> tuple[int, int]:
     """
     left = length - at
     if left < _HEADER_1:
-        return _UNTOLD, 0
+        return _UNKNOWN_LENGTH, 0
     if buffer[at] == _MAGIC_1:
         return _HEADER_1 + buffer[at + 1] + 2, buffer[at + 5]
     flags = buffer[at + 2]
     if flags & ~_SIGNED:
         return 0, 0
     if left < _HEADER_2:
-        return _UNTOLD, 0
+        return _UNKNOWN_LENGTH, 0
     number = buffer[at + 7] | buffer[at + 8] << 8 | buffer[at + 9] << 16
     if number not in _CRC_EXTRA:
         return 0, 0

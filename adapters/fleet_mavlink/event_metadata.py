@@ -48,19 +48,19 @@ class EventKeeper:
         for attempt in range(_TRIES):
             await self._vehicle.until(lambda state: not state.armed, _FOREVER)
             try:
-                self._vehicle.dictionary = EventDictionary(await self._packed(anew=attempt > 0))
+                self._vehicle.dictionary = EventDictionary(await self._packed(refetch=attempt > 0))
             except (CommandError, ValueError) as error:
                 self._vehicle.log.info("its events are not explained: %s", error)
                 await asyncio.sleep(_AGAIN)
             else:
                 return
 
-    async def _packed(self, *, anew: bool) -> bytes:
-        """Return the file: from the cache by its checksum, or from the vehicle (always if ``anew``)."""
+    async def _packed(self, *, refetch: bool) -> bytes:
+        """Return the file: from the cache by its checksum, or from the vehicle (always if ``refetch``)."""
         checksum = await self._files.checksum(PATH)
         kept = cache() / f"{checksum:08x}.json.xz"
         with contextlib.suppress(OSError):
-            data = b"" if anew else await asyncio.to_thread(kept.read_bytes)
+            data = b"" if refetch else await asyncio.to_thread(kept.read_bytes)
             if data:
                 return data
         data = await self._files.read(PATH)

@@ -140,7 +140,7 @@ def rules_for(table: str, link_loss: LinkLoss, station: int, *, receiver: bool) 
 class Failsafes:
     """Fail-safes of one vehicle; ``troubles`` lists the problems, empty without any.
 
-    ``lasting``: written parameters outlive this edge, so they are logged as a warning. A simulated vehicle
+    ``persistent``: written parameters outlive this edge, so they are logged as a warning. A simulated vehicle
     starts with the autopilot's defaults each time.
     """
 
@@ -152,7 +152,7 @@ class Failsafes:
         keeping: Keeping,
         link_loss: LinkLoss,
         station: int,
-        lasting: bool,
+        persistent: bool,
         changed: Callable[[], None],
     ) -> None:
         self.troubles: tuple[str, ...] = ()
@@ -161,7 +161,7 @@ class Failsafes:
         self._keeping = keeping
         self._link_loss = link_loss
         self._station = station
-        self._aloud = logging.WARNING if lasting else logging.INFO
+        self._log_level = logging.WARNING if persistent else logging.INFO
         self._changed = changed
 
     async def run(self) -> None:
@@ -202,7 +202,7 @@ class Failsafes:
             if value not in rule.good:
                 await self._parameters.write(name, rule.wanted)
                 said = "fail-safe %s was %g (%s) and is %g now"
-                self._vehicle.log.log(self._aloud, said, name, value, rule.danger, rule.wanted)
+                self._vehicle.log.log(self._log_level, said, name, value, rule.danger, rule.wanted)
         await self.verify()
 
     async def _set_on_the_ground(self) -> None:

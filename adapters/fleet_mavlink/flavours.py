@@ -20,7 +20,7 @@ from fleet_mavlink.vehicle_kind import VehicleKind
 
 _COPTER, _PX4 = ArduCopter(), Px4()
 _UNKNOWN, _PX4_OTHER = UnknownKind(), Px4Kind()
-_UNTOLD = VehicleState()
+_NO_STATE = VehicleState()
 _WINGED = (1, *VTOLS)  # MAV_TYPE: planes
 _BY_TYPE: Mapping[int, Mapping[int, VehicleKind]] = {
     ARDUPILOT: {
@@ -35,7 +35,7 @@ _BY_TYPE: Mapping[int, Mapping[int, VehicleKind]] = {
 }
 
 
-def kind_of(heartbeat: Heartbeat, state: VehicleState = _UNTOLD) -> VehicleKind:
+def kind_of(heartbeat: Heartbeat, state: VehicleState = _NO_STATE) -> VehicleKind:
     """Return the present kind of a vehicle; the unknown kind if its modes are not known here."""
     if heartbeat.type in _WINGED and heartbeat.autopilot == ARDUPILOT:
         return arduplane_of(state)
@@ -45,7 +45,7 @@ def kind_of(heartbeat: Heartbeat, state: VehicleState = _UNTOLD) -> VehicleKind:
     return _BY_TYPE.get(heartbeat.autopilot, {}).get(heartbeat.type, otherwise)
 
 
-def flavour_of(heartbeat: Heartbeat, state: VehicleState = _UNTOLD) -> Flavour | None:
+def flavour_of(heartbeat: Heartbeat, state: VehicleState = _NO_STATE) -> Flavour | None:
     """Return the present flavour of a vehicle that is moved here; None for another."""
     kind = kind_of(heartbeat, state)
     return kind if isinstance(kind, Flavour) else None

@@ -55,7 +55,7 @@ def checks(
     percent = state.battery.percent
     sentences = [said for said in sentences if said.severity <= WARNING]  # of what is switched off, too
     standing = _standing(sentences, asked, now)
-    against = tuple(each for each in standing if not _is_put_right(each, mode, flavour))
+    against = tuple(each for each in standing if not _is_solved_by_takeoff(each, mode, flavour))
     is_reported = any(each.lower().startswith(_FOUND) for each in standing)  # all that it found
     passed = (is_reported or state.prearm_ok) and not against
     return [
@@ -85,7 +85,7 @@ def _satellites(state: VehicleState, fix: Fix | None, troubles: tuple[str, ...])
     return ReadinessCheck("satellites", True, (f"{fix.kind} fix{count}",))
 
 
-def _is_put_right(words: str, mode: str, flavour: Flavour) -> bool:
+def _is_solved_by_takeoff(words: str, mode: str, flavour: Flavour) -> bool:
     """Return whether what is said against arming is put right by each take-off: the mode, an old landing."""
     if words.endswith(_OF_THE_MODE):
         return mode != flavour.arming

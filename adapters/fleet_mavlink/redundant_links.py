@@ -40,7 +40,7 @@ class RedundantLinks:
         self.url = " + ".join(urls)
         self._receiver = receiver
         self._open: dict[int, Link] = {}
-        self._news = asyncio.Event()
+        self._wakeup = asyncio.Event()
         self._keeping = [
             asyncio.create_task(self._keep(index, url), name=f"way {url}") for index, url in enumerate(urls)
         ]
@@ -53,7 +53,7 @@ class RedundantLinks:
                 link = await open_link(url, partial(self._received, index))
                 waits = backoff(longest=_LONGEST)
                 self._open[index] = link
-                self._news.set()
+                self._wakeup.set()
                 try:
                     await link.lost()
                 finally:
@@ -71,7 +71,7 @@ class RedundantLinks:
         """Wait until one of them is open; raises LinkLost."""
         try:
             async with asyncio.timeout(_FIRST_WITHIN):
-                await self._news.wait()
+                await self._wakeup.wait()
         except TimeoutError:
             raise LinkLost(f"{self.url}: none of them could be opened") from None
 

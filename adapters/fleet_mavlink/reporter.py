@@ -146,8 +146,8 @@ class Reporter:
         now = self._vehicle.now()
         report = reports.vehicle_state_report(self._vehicle.state, kind, now, self._robot.clock.time())
         known = self._state.fields if self._state else {}
-        news = {name for name, value in report.fields.items() if known.get(name) != value}
-        if news <= {"altitude_m"} and now - self._state_at < _REPEAT:
+        changed = {name for name, value in report.fields.items() if known.get(name) != value}
+        if changed <= {"altitude_m"} and now - self._state_at < _REPEAT:
             return
         self._state, self._state_at = report, now
         self._robot.report(report)

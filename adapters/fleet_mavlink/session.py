@@ -117,7 +117,7 @@ class VehicleSession:
             keeping=config.keeping,
             link_loss=config.link_loss,
             station=config.own_system,
-            lasting=not config.simulated,
+            persistent=not config.simulated,
             changed=self.health.check,
         )
         self.logs = LogReader(vehicle)

@@ -212,17 +212,17 @@ class VehicleState(msgspec.Struct, frozen=True):
 def reduce(state: VehicleState, message: MavlinkMessage, now: float) -> VehicleState:
     """Return the state after ``message``, which arrived at monotonic ``now``."""
     kind = type(message)
-    news: dict[str, object] = {}
+    changes: dict[str, object] = {}
     boot_ms: int | None = getattr(message, "time_boot_ms", None)
     if boot_ms is not None:
         if _has_rebooted(state.boot_ms, boot_ms):
             state = _rebooted(state, boot_ms)
-        news["boot_ms"] = boot_ms
+        changes["boot_ms"] = boot_ms
     if kind in CARRIED:
-        news["sensors"] = reduce_sensors(state.sensors, message, now)
+        changes["sensors"] = reduce_sensors(state.sensors, message, now)
     elif change := _CHANGES.get(kind):
-        news |= change(state, message, now)
-    return msgspec.structs.replace(state, **news) if news else state
+        changes |= change(state, message, now)
+    return msgspec.structs.replace(state, **changes) if changes else state
 
 
 def _has_rebooted(before: int | None, boot_ms: int) -> bool:
@@ -246,32 +246,32 @@ def _heartbeat(state: VehicleState, message: Heartbeat, now: float) -> dict[str,
     beats = state.beats + 1 if now - state.heartbeat_at <= SILENCE else 1
     if state.heartbeat is None:
         beats = _BEATS_TO_RETURN  # the first contact counts at once; only a return needs a second heartbeat
-    news: dict[str, object] = {"heartbeat": message, "heartbeat_at": now, "beats": beats}
+    changes: dict[str, object] = {"heartbeat": message, "heartbeat_at": now, "beats": beats}
     if now - state.heartbeat_at > SILENCE:
-        news["vtol_state"] = None  # its flight state may have changed by now
+        changes["vtol_state"] = None  # its flight state may have changed by now
     was_up = state.heartbeat is not None and state.heartbeat.system_status > Status.CALIBRATING
     # PX4 reports UNINIT also while it is up and cannot arm; ArduPilot reports BOOT at boot only.
     if was_up and message.system_status == Status.BOOT:
-        news |= msgspec.structs.asdict(_rebooted(state, None)) | news
-    return news
+        changes |= msgspec.structs.asdict(_rebooted(state, None)) | changes
+    return changes
 
 
 def _sys_status(state: VehicleState, message: SysStatus, _now: float) -> dict[str, object]:
     """Apply the arming check, the remote control, and the battery unless it has its own message."""
     healthy = message.onboard_control_sensors_health
     receives = bool(message.onboard_control_sensors_present & RC_RECEIVER)
-    news: dict[str, object] = {
+    changes: dict[str, object] = {
         "prearm_ok": bool(healthy & PREARM_OK),
         "remote_control": bool(healthy & RC_RECEIVER) if receives else None,
     }
     if not state.battery_has_own_message:
         millivolts = message.voltage_battery
-        news["battery"] = BatteryReading(
+        changes["battery"] = BatteryReading(
             percent=_percent(message.battery_remaining),
             voltage=None if millivolts in {0, _UNKNOWN_16} else millivolts / 1000,
             current=_amperes(message.current_battery),
         )
-    return news
+    return changes
 
 
 def _battery_status(_state: VehicleState, message: BatteryStatus, _now: float) -> dict[str, object]:

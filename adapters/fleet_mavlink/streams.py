@@ -76,16 +76,16 @@ class Streams:
         self._pose = pose
         self._sensors = {"imu": imu, "motors": motors}
         self._asked_at: dict[int, float] = {}
-        self._in_vain = 0
+        self._unanswered = 0
         self._refused: set[int] = set()
 
     async def run(self) -> None:
         """Request and check periodically, until cancelled."""
         agreed = (0, 0)
         while True:
-            begun = (self._vehicle.state.reboots, self._vehicle.switches)
-            if not self._vehicle.connected or begun != agreed:
-                agreed = begun
+            generation = (self._vehicle.state.reboots, self._vehicle.switches)
+            if not self._vehicle.connected or generation != agreed:
+                agreed = generation
                 self._forget()
             kind = self._vehicle.kind
             if self._vehicle.connected and not self._vehicle.clashing and kind is not None:
@@ -104,7 +104,7 @@ class Streams:
         """Start over: the vehicle has lost its rates."""
         self._asked_at.clear()
         self._refused.clear()
-        self._in_vain = 0
+        self._unanswered = 0
 
     async def _ask_for_missing(self, kind: VehicleKind) -> None:
         """Request each message once, and again if it does not arrive."""
@@ -112,7 +112,7 @@ class Streams:
         for message_id, rate in {**shown, **wanted_rates(self._pose, kind, **self._sensors)}.items():
             if message_id not in self._refused and self._is_due(message_id, rate):
                 await self._ask(message_id, rate)
-        if self._in_vain > _LEGACY_AFTER:
+        if self._unanswered > _LEGACY_AFTER:
             self._request_data_streams(kind)
 
     def _is_due(self, message_id: int, rate: float) -> bool:
@@ -134,7 +134,7 @@ class Streams:
     async def _ask(self, message_id: int, rate: float) -> None:
         """Request one message; a refusal stands until the vehicle reboots."""
         if message_id == Attitude.message_id and message_id in self._asked_at:
-            self._in_vain += 1
+            self._unanswered += 1
         self._asked_at[message_id] = self._vehicle.now()
         interval = 1e6 / rate
         ask = CommandLong(MavCmd.SET_MESSAGE_INTERVAL, param1=float(message_id), param2=interval)
@@ -147,7 +147,7 @@ class Streams:
 
     def _request_data_streams(self, kind: VehicleKind) -> None:
         """Request groups of messages, for old firmware; this is never acknowledged."""
-        self._in_vain = 0
+        self._unanswered = 0
         for stream in kind.data_streams:
             self._vehicle.send(
                 RequestDataStream(

@@ -74,11 +74,11 @@ async def transition(flight: Flight, to: To) -> AsyncIterator[Progress]:
         fresh = vehicle.seen_at.get(ExtendedSysState, -math.inf) > asked
         return fresh and state.vtol_state == _FLIES[to]
 
-    begun = False
+    started = False
     while not await vehicle.until(flies, _POLL):
         flight.check(mode)
-        begun = begun or vehicle.state.vtol_state == _GOES[to]
-        if begun and vehicle.state.vtol_state not in {_GOES[to], _FLIES[to]}:
+        started = started or vehicle.state.vtol_state == _GOES[to]
+        if started and vehicle.state.vtol_state not in {_GOES[to], _FLIES[to]}:
             raise Refused("the transition was broken off")
         if vehicle.now() > asked + _WITHIN:
             raise TimedOut(f"it was not seen to fly {to} in {_WITHIN:g} s")

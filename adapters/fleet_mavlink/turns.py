@@ -33,7 +33,7 @@ class CommandTurn:
         self.refusal: CommandAck | None = None
         self.refused_at = 0.0
         self.superseded = ""
-        self._news: asyncio.Future[None] | None = None  # while a task waits
+        self._wakeup: asyncio.Future[None] | None = None  # while a task waits
         self._turns = turns
 
     async def __aenter__(self) -> Self:
@@ -70,14 +70,14 @@ class CommandTurn:
 
     def wake(self) -> None:
         """Wake the waiting task."""
-        if self._news is not None and not self._news.done():
-            self._news.set_result(None)
+        if self._wakeup is not None and not self._wakeup.done():
+            self._wakeup.set_result(None)
 
     async def next(self) -> CommandAck:
         """Wait for an acknowledgement; raises Refused if something more urgent took over."""
         while not self.acks and not self.superseded:
-            self._news = asyncio.get_running_loop().create_future()
-            await self._news
+            self._wakeup = asyncio.get_running_loop().create_future()
+            await self._wakeup
         self.require_wanted()
         return self.acks.popleft()
 

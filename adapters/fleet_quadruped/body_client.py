@@ -30,7 +30,7 @@ class BodyClient:
         self._recorded: Callable[[], bool] = lambda: False
         self._dt = 0.0  # s: cycle time
         self._heard = 0.0  # monotonic s of the newest state, or of the start
-        self._news = asyncio.Event()
+        self._wakeup = asyncio.Event()
         self._one_request = asyncio.Lock()
 
     def begin(self, process: BodyProcess, dt: float, *, recorded: Callable[[], bool] = lambda: False) -> None:
@@ -69,7 +69,7 @@ class BodyClient:
         self.state = self.process.states.get()
         self._check_alive()
         if self.state is not before and self.state.stamp:  # a stamp of 0: no state yet
-            self._news.set()
+            self._wakeup.set()
             health = health_of(self.state, 1.0 / self._dt)
             if before.stamp == 0.0 or health != health_of(before, 1.0 / self._dt):
                 self._robot.health(health)
@@ -103,7 +103,7 @@ class BodyClient:
         try:
             async with asyncio.timeout(within):
                 while not condition():
-                    self._news.clear()
-                    await self._news.wait()
+                    self._wakeup.clear()
+                    await self._wakeup.wait()
         except TimeoutError:
             raise TimedOut(f"{what}: the dog is {self.state.mode} after {within:g} s") from None

@@ -29,7 +29,7 @@ class CheckMoves:
         self._times = look_times(dog)
         self._clock = clock
         self._interrupted = interrupted
-        self._begun = clock.monotonic()
+        self._began_at = clock.monotonic()
         self._moving: float | None = None  # monotonic s of the first state in the check
         self._stop = 0
         self._leave = False
@@ -39,7 +39,7 @@ class CheckMoves:
         now = self._clock.monotonic()
         if self._interrupted():
             self._stop = 1
-        activity = _ASKED if now - self._begun > _HEARD else Activity()
+        activity = _ASKED if now - self._began_at > _HEARD else Activity()
         return Order(alive=now, activity=activity, stop=self._stop, leave=self._leave)
 
     def put(self, state: DogState) -> None:

@@ -67,7 +67,7 @@ def explain(
     values, cost = first, 0.0
     for _ in range(_ROUNDS):
         residuals = _residuals(dog, looks, values)
-        priors = [(value - begun) / error for value, begun, error in zip(values, first, errors, strict=True)]
+        priors = [(value - start) / error for value, start, error in zip(values, first, errors, strict=True)]
         cost = sum(each * each for each in residuals) + sum(each * each for each in priors)
         slopes = []
         for number in range(_COUNT):
@@ -112,12 +112,12 @@ def _feet(dog: DogDescription, look: Observation, values: Sequence[float]) -> li
 
 def _unrolled(dog: DogDescription, looks: Sequence[Observation], feet: Feet) -> Feet:
     """Return the feet minus the distance that they have rolled on the floor since the first observation."""
-    radius, begun = dog.geometry.foot_radius, _leans(looks[0])
+    radius, start = dog.geometry.foot_radius, _leans(looks[0])
     return [
         [
             (x - radius * (pitch - first_pitch), y + radius * (roll - first_roll), z)
             for (x, y, z), (roll, pitch), (first_roll, first_pitch) in zip(
-                stands, _leans(look), begun, strict=True
+                stands, _leans(look), start, strict=True
             )
         ]
         for look, stands in zip(looks, feet, strict=True)

@@ -98,10 +98,10 @@ class WheelOdometry:
         """
         last, elapsed = self._last, now - self._last_at
         if last is None or elapsed > GAP:
-            return self._begin(feedback, now, restarted=last is not None and _began_anew(last, feedback))
+            return self._begin(feedback, now, restarted=last is not None and _is_reset(last, feedback))
         sides = self._sides(last, feedback, elapsed) if elapsed > 0.0 else None
         if sides is None:
-            return self._begin(feedback, now, restarted=True) if _began_anew(last, feedback) else None
+            return self._begin(feedback, now, restarted=True) if _is_reset(last, feedback) else None
         self._last, self._last_at = feedback, now
         if sides != (0.0, 0.0):
             self._stepped_at = now
@@ -181,7 +181,7 @@ def _still(feedback: Feedback) -> bool:
     return feedback.speeds is None or max(map(abs, feedback.speeds)) < 0.005
 
 
-def _began_anew(last: Feedback, now: Feedback) -> bool:
+def _is_reset(last: Feedback, now: Feedback) -> bool:
     """Return True when both counters fell back to about zero."""
     if last.distances is None or now.distances is None:
         return False

@@ -39,7 +39,7 @@ def settle(client, within=60.0):
 
 def kills(name, number):
     """Kill the broker ``number`` times; return the durable messages published, lost, and out of order."""
-    chance, port = random.Random(SEED), free_port()
+    rng, port = random.Random(SEED), free_port()
     with contextlib.ExitStack() as stack:
         broker = stack.enter_context(contextlib.ExitStack())
         broker.enter_context(mosquitto(port))
@@ -50,7 +50,7 @@ def kills(name, number):
                 for _ in range(number):
                     listener(port).kill()
                     broker.close()
-                    time.sleep(chance.uniform(*AWAY))
+                    time.sleep(rng.uniform(*AWAY))
                     broker.enter_context(mosquitto(port))
                     receiver.reconnect()
                     time.sleep(BACK)

@@ -296,8 +296,8 @@ class Bridge:
     def _state_changed(self, state: CloudState, cause: str) -> None:
         """Log the new connection state; after a reconnect, publish the current state of everything."""
         fallen = state in (CloudState.DISCONNECTED, CloudState.REFUSED)
-        deaf = state is CloudState.CONNECTED and cause
-        level = logging.WARNING if fallen or deaf else logging.INFO
+        unsubscribed = state is CloudState.CONNECTED and cause
+        level = logging.WARNING if fallen or unsubscribed else logging.INFO
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
         if state is CloudState.CONNECTED:
             self.uplink.publish_newest()

@@ -60,8 +60,8 @@ def login_problems(loaded: Loaded) -> tuple[Problem, ...]:
     except ConsoleError as error:
         found.append(Problem(str(loaded.file), 1, 1, "console.tls", str(error)))
     try:
-        nobody = f"nobody could log in: there is nobody in {task.people}"
-        why = "" if read_people(Path(task.people)) else nobody
+        problem = f"nobody could log in: there is nobody in {task.people}"
+        why = "" if read_people(Path(task.people)) else problem
     except PeopleError as error:
         why = str(error)
     if why:

@@ -188,7 +188,7 @@ def demo(  # noqa: PLR0917 - click's options
 
         def started(_edge: Edge) -> None:
             there = {config.name for config, _ in loaded.robots}
-            _welcome(out, host, port, [one for one in TRIES if one.robot in there], edge_id)
+            _write_examples(out, host, port, [one for one in TRIES if one.robot in there], edge_id)
 
         wanted = logs_to(logs["verbose"], logs["log_file"], logs["log_format"])
         link = LinkAsked(local_user(), Permission.ADMIN)
@@ -207,7 +207,9 @@ def _require_free(edge: str) -> None:
         )
 
 
-def _welcome(out: Output, host: str, port: int, tries: Sequence[DemoExample], edge: str = EDGE) -> None:
+def _write_examples(
+    out: Output, host: str, port: int, tries: Sequence[DemoExample], edge: str = EDGE
+) -> None:
     """Print addresses and examples for a robot that is present."""
     out.note(f"MQTT broker       {host}:{port}")
     for robot, command, data, goal in tries[:1]:

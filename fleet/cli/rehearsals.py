@@ -28,12 +28,12 @@ def follow_rehearsal(  # noqa: PLR0917 - all of one call
     Raises Refused if it is not possible, TimedOut if the edge does not answer. Ctrl-C ends it.
     """
     key = keys.mission(edge, name)
-    begun = edges.one(key, RehearsalState, ask, {"do": "rehearse"})
-    if begun.refusal:
-        raise Refused(begun.refusal)
-    for role, robots in begun.roles.items():
+    started = edges.one(key, RehearsalState, ask, {"do": "rehearse"})
+    if started.refusal:
+        raise Refused(started.refusal)
+    for role, robots in started.roles.items():
         out.note(f"{role}: {', '.join(robots)}")
-    result = _followed(out, edges, key, begun)
+    result = _followed(out, edges, key, started)
     out.data({"passed": result.passed, **msgspec.to_builtins(result)})
     for line in page(result, again):
         out.say(line)
@@ -43,11 +43,11 @@ def follow_rehearsal(  # noqa: PLR0917 - all of one call
     return ExitCode.ENDED if code is ExitCode.OK else code
 
 
-def _followed(out: Output, edges: Edges, key: str, begun: RehearsalState) -> RehearsalResult:
+def _followed(out: Output, edges: Edges, key: str, started: RehearsalState) -> RehearsalResult:
     """Show notes until there is a result; raises Refused if the rehearsal fails."""
     known, shown_at = 0, time.monotonic()
     while True:
-        state = edges.one(key, RehearsalState, RehearsalAsk(begun.id, known), {"do": "rehearsal"})
+        state = edges.one(key, RehearsalState, RehearsalAsk(started.id, known), {"do": "rehearsal"})
         known += len(state.notes)
         for note in state.notes:
             out.note(note_line(note))

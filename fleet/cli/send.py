@@ -145,7 +145,7 @@ def ask_each(
         else:
             questions = [(robot, one["command"], one) for robot, one in zip(robots, made, strict=True)]
             start = stack.enter_context(CommonStartRequest(edges, questions, kind=kind, at=at))
-            asked = _begun(out, start, wait=wait, within=within)
+            asked = _start_all(out, start, wait=wait, within=within)
         with around(out, edges, robots) if wait else contextlib.nullcontext():
             last = [
                 (robot, last_reply(out, robot, replies, command, within)) for robot, command, replies in asked
@@ -156,7 +156,7 @@ def ask_each(
     return together(out, [(robot.name, code_of(reply)) for robot, reply in last])
 
 
-def _begun(out: Output, start: CommonStartRequest, *, wait: bool, within: float) -> list[Answers]:
+def _start_all(out: Output, start: CommonStartRequest, *, wait: bool, within: float) -> list[Answers]:
     """Start robots at one instant, or none; return the pending answers."""
     start.check_clocks()
     answers, problems = start.run(wait=wait, within=within)

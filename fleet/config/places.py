@@ -49,7 +49,7 @@ class PlaceConfig(Model):
     capacity: int = Field(1, ge=1, le=1000, description="How many robots, or missions, may have it at once.")
 
     @model_validator(mode="after")
-    def _somewhere(self) -> Self:
+    def _checked_position(self) -> Self:
         """Refuse a place without a position, and one with two definitions of its extent."""
         if self.at is None and self.polygon is None:
             raise wrong("at", "where is it? at: [x, y], or a polygon")

@@ -17,7 +17,7 @@ from fleet.console.edge_connections import EdgeConnections
 from fleet.console.exports import Exports
 from fleet.console.fleet_view import FleetView
 from fleet.console.foxglove.feed import Feed
-from fleet.console.past import Pasts
+from fleet.console.past import RecordingReader
 from fleet.console.sessions import ConsoleUser
 from fleet.console.stops import StopTarget, StopTracker
 from fleet.console.tab import Tab
@@ -39,7 +39,7 @@ class Hub:
         self.clock = clock
         self.view = FleetView()
         self.edges = EdgeConnections(task, directory, self.view, clock)
-        self.pasts = Pasts(task.recordings_now)
+        self.recordings = RecordingReader(task.recordings_now)
         self.tiles = MapTiles(task.basemap, clock) if task.basemap is not None else None
         self.exports = Exports(task.recordings_now)
         self.foxglove = Feed(self.edges.joined, clock)
@@ -47,7 +47,8 @@ class Hub:
         self._stops = StopTracker(self.view, self.edges.bus_sessions, _directories(directory), clock)
         self._tick = asyncio.Event()
         self._count = 0
-        self._news: dict[int, tuple[bytes, int]] = {}  # for this tick, by the version from which they start
+        # for this tick, by the version from which they start
+        self._updates: dict[int, tuple[bytes, int]] = {}
 
     async def run(self) -> None:
         """Join the edges and update periodically until cancelled."""
@@ -65,7 +66,7 @@ class Hub:
         """Update the view, and wake the pages."""
         self._count += 1
         self.edges.take()
-        self._news.clear()
+        self._updates.clear()
         watched = {tab.watched for tab in self.tabs} - {""}
         self.edges.watched.watch(watched)
         if self._count % DESCRIBE == 0:
@@ -80,7 +81,7 @@ class Hub:
         """Wait for the next tick."""
         await self._tick.wait()
 
-    def news_since(self, version: int) -> tuple[bytes, int]:
+    def updates_since(self, version: int) -> tuple[bytes, int]:
         """Return a message with the changes after a version, and the new version.
 
         Pages with the same version get the same bytes. Without changes it is a periodic sign of life, else
@@ -89,10 +90,14 @@ class Hub:
         current = self.view.version
         if version == current and self._count % round(QUIET / TICK):
             return b"", version
-        if version not in self._news:
-            news: dict[str, Any] = {"type": "news", "now": self.clock.monotonic(), "time": self.clock.time()}
-            self._news[version] = msgspec.json.encode(news | self.view.since(version)), current
-        return self._news[version]
+        if version not in self._updates:
+            update: dict[str, Any] = {
+                "type": "news",
+                "now": self.clock.monotonic(),
+                "time": self.clock.time(),
+            }
+            self._updates[version] = msgspec.json.encode(update | self.view.since(version)), current
+        return self._updates[version]
 
     def stop(
         self, target: StopTarget, operator: ConsoleUser, why: str, request: str

@@ -49,7 +49,7 @@ class LoginServer:
             )
         serving = asyncio.create_task(self._server.serve(sockets=[]), name="login server")
         try:
-            await self._server.begun.wait()
+            await self._server.ready.wait()
             log.info("the console serves %s", self.base)
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._history.run(), name="login history")

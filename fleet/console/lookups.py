@@ -63,17 +63,17 @@ class Lookups:
 
     async def _extent(self, _asked: ExtentAsked) -> dict[str, object]:
         """Return the time range of the recordings."""
-        return {"extent": await self._hub.pasts.extent()}
+        return {"extent": await self._hub.recordings.extent()}
 
     async def _moment(self, asked: MomentAsked) -> dict[str, object]:
         """Return the fleet at a past moment."""
         with self._one("moment"):
-            return {"moment": await self._hub.pasts.moment(asked.at)}
+            return {"moment": await self._hub.recordings.moment(asked.at)}
 
     async def _series(self, asked: SeriesAsked) -> dict[str, object]:
         """Return recorded numbers of a robot."""
         with self._one("window"):
-            return {"series": await self._hub.pasts.series(asked)}
+            return {"series": await self._hub.recordings.series(asked)}
 
     @contextlib.contextmanager
     def _one(self, what: str) -> Iterator[None]:

@@ -35,14 +35,14 @@ def verify_password(kept: str | None, password: str) -> bool:
     Without a hash (unknown name) it returns False, after the same work.
     """
     try:
-        right = _hasher.verify(kept or _nobodys(), _same_on_all_keyboards(password))
+        right = _hasher.verify(kept or _dummy_hash(), _same_on_all_keyboards(password))
     except (VerificationError, InvalidHashError):
         return False
     return right and kept is not None
 
 
 @cache
-def _nobodys() -> str:
+def _dummy_hash() -> str:
     """Return a hash that belongs to no one."""
     return _hasher.hash("nobody has this password")
 

@@ -24,7 +24,7 @@ NOTHING = "nothing is recorded"
 HOW = "record: in fleet.yaml records; fleet console --recordings FOLDER shows another recording"
 
 
-class Pasts:
+class RecordingReader:
     """The recordings in ``folders``; one moment or window at a time is read, on a thread of its own.
 
     ``spent`` is the processor time of the calling thread, s.
@@ -58,30 +58,32 @@ class Pasts:
 
     def _extent(self) -> dict[str, float]:
         """Return the time range; blocks."""
-        found = [extent for past in self._pasts() if (extent := past.extent()) is not None]
+        found = [extent for past in self._open_recordings() if (extent := past.extent()) is not None]
         if not found:
             raise Refused(NOTHING, hint=HOW)
         return {"since": min(since for since, _ in found), "until": max(until for _, until in found)}
 
     def _moment(self, at: float) -> dict[str, Any]:
         """Return the fleet at a moment; blocks."""
-        pasts = self._pasts()
-        found = [message for past in pasts for message in past.at(at)]
+        recordings = self._open_recordings()
+        found = [message for past in recordings for message in past.at(at)]
         if not found:
             raise Refused(f"{NOTHING} of that time", hint=HOW)
-        return moment(at, found, [each for past in pasts for each in past.track(at, TRACK, TRACK_POINTS)])
+        return moment(
+            at, found, [each for past in recordings for each in past.track(at, TRACK, TRACK_POINTS)]
+        )
 
     def _series(self, asked: SeriesAsked) -> dict[str, Any]:
         """Return numbers of a robot in a window; blocks."""
-        pasts = self._pasts()
+        recordings = self._open_recordings()
         from fleet.record.window import Window  # noqa: PLC0415 - its packages are an extra
 
         window = Window(f"/{asked.robot}/", asked.since, asked.until)
-        for past in pasts:
+        for past in recordings:
             past.find(window)
         return read_series(asked, window, self._spent)
 
-    def _pasts(self) -> list[Past]:
+    def _open_recordings(self) -> list[Past]:
         """Return the existing folders of recordings; raises Refused without the extra."""
         if not is_installed():
             raise Refused(EXTRA)

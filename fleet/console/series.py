@@ -70,9 +70,9 @@ def read_series(asked: SeriesAsked, window: Window, spent: Callable[[], float]) 
     ``share`` is the share of the window that was read, ``problems`` what of it cannot be read.
     """
     found = _FoundNumbers(asked)
-    parts, begun, count = window.parts, spent(), 0
+    parts, started, count = window.parts, spent(), 0
     for part in parts:
-        if spent() - begun > MOST_SPENT:
+        if spent() - started > MOST_SPENT:
             break
         found.take(window.read(part, found.wants))
         count += 1

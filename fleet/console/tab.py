@@ -96,7 +96,7 @@ class Tab:
         seen = 0
         await self._send(_hello(self._operator))
         while True:
-            message, seen = self._hub.news_since(seen)
+            message, seen = self._hub.updates_since(seen)
             if message:
                 await self._send(message)
             await self._hub.next_tick()

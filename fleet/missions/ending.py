@@ -104,8 +104,8 @@ class Ending:
             self.close(self._head.target or RunOutcome.UNKNOWN, self._head.reason)
             return
         self._enter(Phase.UNDOING)
-        while self._head.begun and not self._robots.active():
-            self._undo(self._head.begun.pop(), now)
+        while self._head.undoable and not self._robots.active():
+            self._undo(self._head.undoable.pop(), now)
         if not self._robots.active():
             self.close(RunOutcome.UNDONE, self._head.reason)
 
@@ -133,16 +133,16 @@ class Ending:
         )
         self._robots.effects.append(Ended(outcome, reason))
 
-    def _undo(self, begun: UndoableStep, now: float) -> None:
+    def _undo(self, undoable: UndoableStep, now: float) -> None:
         """Undo one step for the robots that are still ours and had begun it."""
-        step = self._program.steps[begun.at]
+        step = self._program.steps[undoable.at]
         if not isinstance(step, Do) or not step.undo:
             return
-        had_begun = {part.robot for part in self._robots.parts_of(begun.step)}
+        started = {part.robot for part in self._robots.parts_of(undoable.step)}
         for member in self._robots.ours():
             act = self._robots.act_of(member, step.undo)
-            if act is not None and member.robot in had_begun:
-                self._robots.begin(begun.step, member.robot, act, "undo", now)
+            if act is not None and member.robot in started:
+                self._robots.begin(undoable.step, member.robot, act, "undo", now)
 
     def _leave_off(self, target: RunOutcome, reason: str, now: float) -> None:
         """End the parts of the mission."""

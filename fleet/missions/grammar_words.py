@@ -20,10 +20,10 @@ def role_words(role: RoleConfig) -> str:
 def step_words(step: StepConfig) -> str:
     """Describe a step."""
     condition = f" if {_condition(step.if_)}" if step.if_ is not None else ""
-    return f"{step.id}: {_deed(step)}{condition}"
+    return f"{step.id}: {_action_words(step)}{condition}"
 
 
-def _deed(step: StepConfig) -> str:
+def _action_words(step: StepConfig) -> str:
     """Describe a step without its name and condition."""
     if step.wait is not None:
         return f"wait {step.wait:g} s"

@@ -9,13 +9,13 @@ from fleet.missions.program import Condition, Loop, Program, WaitFor
 from fleet.missions.run_robots import RunRobots
 from fleet.model.state import RobotState
 
-Elsewhere = Callable[[str], str]
+EdgeOf = Callable[[str], str]
 """Returns the other edge that has a robot; empty for a robot of this edge."""
 
 
-def require_reach(program: Program, robots: RunRobots, edge: str, elsewhere: Elsewhere) -> None:
+def require_reach(program: Program, robots: RunRobots, edge: str, edge_of: EdgeOf) -> None:
     """Raise Refused for places and events that cannot work with robots of other edges."""
-    others = {name: there for name in robots.members if (there := elsewhere(name))}
+    others = {name: there for name in robots.members if (there := edge_of(name))}
     if others and program.occupies:
         name, there = min(others.items())
         raise Refused(
@@ -33,10 +33,10 @@ def require_reach(program: Program, robots: RunRobots, edge: str, elsewhere: Els
             )
 
 
-def not_kept_apart(states: Iterable[RobotState], elsewhere: Elsewhere) -> str:
+def not_kept_apart(states: Iterable[RobotState], edge_of: EdgeOf) -> str:
     """Describe the robots in a run of several edges whose separation from others is unknown."""
     states = tuple(states)
-    if len({elsewhere(state.name) for state in states}) < 2:
+    if len({edge_of(state.name) for state in states}) < 2:
         return ""
     hidden = [f"{state.name}: separation {state.separation}" for state in states if state.separation]
     return f"Not kept apart from each other: {'; '.join(hidden)}" if hidden else ""

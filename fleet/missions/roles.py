@@ -45,11 +45,11 @@ def filled(
 
     ``needs`` are the needs of the steps by role; ``given`` are robots chosen by a person.
     """
-    everybody = sorted(candidates, key=_fullest)
+    all_robots = sorted(candidates, key=_fullest)
     lacking = {
         role: {
             each.name: _lacks(each, wanted, needs.get(role, frozenset()), require, given.get(role))
-            for each in everybody
+            for each in all_robots
         }
         for role, wanted in roles.items()
     }
@@ -65,7 +65,7 @@ def filled(
             found[role] += more
             taken |= set(more)
             if least and len(found[role]) < count.min:
-                raise Refused(_nobody(role, count.min, found[role], lacking[role], taken))
+                raise Refused(_unfilled_reason(role, count.min, found[role], lacking[role], taken))
     return found
 
 
@@ -82,13 +82,13 @@ def spares(
 
     ``given`` are robots chosen by a person. Fewer than the role asks for are no error.
     """
-    everybody, used = sorted(candidates, key=_fullest), set(taken)
+    all_robots, used = sorted(candidates, key=_fullest), set(taken)
     found: dict[str, list[str]] = {}
     for role, wanted in roles.items():
         if wanted.spares:
             name, need = spare_of(role), needs.get(role, frozenset())
             able = [
-                each.name for each in everybody if not _lacks(each, wanted, need, require, given.get(name))
+                each.name for each in all_robots if not _lacks(each, wanted, need, require, given.get(name))
             ]
             found[name] = [each for each in able if each not in used][: wanted.spares]
             used |= set(found[name])
@@ -111,13 +111,13 @@ def conflicting_runs(
 
     Raises Refused if they cannot be filled even then.
     """
-    everybody = list(candidates)
+    all_robots = list(candidates)
 
     def fill_without(ended: set[str]) -> None:
-        free = [msgspec.structs.replace(each, run="") if each.run in ended else each for each in everybody]
+        free = [msgspec.structs.replace(each, run="") if each.run in ended else each for each in all_robots]
         filled(roles, needs, free, require, given)
 
-    ended = {each.run for each in everybody if each.run}
+    ended = {each.run for each in all_robots if each.run}
     fill_without(ended)
     for run in sorted(ended):
         with contextlib.suppress(Refused):
@@ -160,7 +160,9 @@ def _lacks(
     return seen.lacks(candidate.name, require)
 
 
-def _nobody(role: str, least: int, found: list[str], lacking: Mapping[str, str], taken: set[str]) -> str:
+def _unfilled_reason(
+    role: str, least: int, found: list[str], lacking: Mapping[str, str], taken: set[str]
+) -> str:
     """Describe why a role cannot be filled, with the reason for each candidate."""
     words = [
         f"{name}: {why or 'fills another role'}"

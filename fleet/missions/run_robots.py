@@ -121,9 +121,9 @@ class RunRobots:
         before = len(self.effects)
         for robot, act in acts:
             self.begin(step, robot, act, "do", now)
-        begun = [each for each in self.effects[before:] if isinstance(each, Begin)]
-        self.effects = [each for each in self.effects if each not in begun]
-        self.effects.append(BeginTogether(step, tuple(each.part for each in begun)))
+        begins = [each for each in self.effects[before:] if isinstance(each, Begin)]
+        self.effects = [each for each in self.effects if each not in begins]
+        self.effects.append(BeginTogether(step, tuple(each.part for each in begins)))
 
     def begin(self, step: str, robot: str, act: Act, kind: Kind, now: float, *, attempt: int = 1) -> None:
         """Begin a part of a robot, if it is ours."""

@@ -23,7 +23,7 @@ from fleet.errors import Refused
 from fleet.missions.engine import Engine
 from fleet.missions.filling import Filling, members_of, needs_of
 from fleet.missions.holding import RefusalCallback
-from fleet.missions.other_edges import Elsewhere, not_kept_apart, require_reach
+from fleet.missions.other_edges import EdgeOf, not_kept_apart, require_reach
 from fleet.missions.pausing import PAUSABLE
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act, Do, Program
@@ -66,7 +66,7 @@ Began = Callable[[str, Mapping[str, Sequence[str]], str], None]
 class Runs:
     """Every run of an edge. ``candidates`` returns the present capabilities and facts of the robots.
 
-    ``blocker`` returns why a robot must never execute an act, else empty. ``elsewhere`` returns the other
+    ``blocker`` returns why a robot must never execute an act, else empty. ``edge_of`` returns the other
     edge that has a robot, empty for a robot of this edge.
     """
 
@@ -78,7 +78,7 @@ class Runs:
         candidates: Callable[[], list[RoleCandidate]],
         allowed: Allowed,
         blocker: Callable[[str, Act], str],
-        elsewhere: Elsewhere,
+        edge_of: EdgeOf,
         site: SiteMap,
         store: RunStore,
         clock: Clock,
@@ -96,7 +96,7 @@ class Runs:
         self.stop = stop
         self.together = together
         self._allowed = allowed
-        self._blocker, self._elsewhere = blocker, elsewhere
+        self._blocker, self._edge_of = blocker, edge_of
         self._on_change = on_change
         self._runs: dict[str, Run] = {}
         self.places = RunPlaces(site.places, self._runs.get, clock)
@@ -169,7 +169,7 @@ class Runs:
                 self._require_authority(program, roles, Origin(transport, ask.source_type, ask.session_id))
             engine = Engine(run, program, members_of(program, roles))
             self._require_routes(engine)
-            require_reach(program, engine.robots, self.edge, self._elsewhere)
+            require_reach(program, engine.robots, self.edge, self._edge_of)
         except Refused as error:
             began("", {}, str(error))
             return
@@ -254,7 +254,7 @@ class Runs:
         self._runs[run.id] = run
         run.observe(list(run.engine.robots.members))
         states = (self.robots[name].state() for name in run.engine.robots.members)
-        danger = not_kept_apart(states, self._elsewhere)
+        danger = not_kept_apart(states, self._edge_of)
         if danger:
             run.engine.robots.note(danger)
         run.take(Start(), new=True)

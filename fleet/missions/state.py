@@ -174,7 +174,8 @@ class Head(msgspec.Struct):
     questions: int = 0
     paused_from: Phase = Phase.NEW
     paused_at: float = 0.0
-    begun: list[UndoableStep] = []  # to be undone in reverse order
+    # undone in reverse order
+    undoable: list[UndoableStep] = msgspec.field(name="begun", default_factory=list)
     target: RunOutcome | None = None  # its outcome once its robots are held
     outcome: RunOutcome | None = None
     reason: str = ""

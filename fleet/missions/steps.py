@@ -150,7 +150,7 @@ class StepRunner:
             return
         for part in self.robots.parts_of(self.name):
             self.robots.end(part, PartOutcome.SKIPPED, "no robot was started", self.losses.now)
-        self.head.begun.pop()
+        self.head.undoable.pop()
         self.losses.fail(f"step {self.name}: {event.reason}; no robot moved")
 
     def time_passes(self) -> None:
@@ -250,8 +250,8 @@ class StepRunner:
         """Begin a step of robots, if all requirements are met."""
         self.head.phase = Phase.STEP
         for robot, act in self.robots.acts_of(step.acts):
-            nobody = "there is no robot left to follow" if act.verb == "follow" and not act.value else ""
-            lacking = nobody or self.seen.lacks(robot, required(self.program, self.head))
+            no_leader = "there is no robot left to follow" if act.verb == "follow" and not act.value else ""
+            lacking = no_leader or self.seen.lacks(robot, required(self.program, self.head))
             if lacking:
                 self.losses.lose(robot, PartOutcome.REFUSED, lacking)
             if self.head.phase is not Phase.STEP or instruction_of(self.program, self.head) is not step:
@@ -270,7 +270,7 @@ class StepRunner:
     def _begin_all(self, step: Do) -> None:
         """Begin the part of each robot."""
         self.head.phase = Phase.STEP
-        self.head.begun.append(UndoableStep(self.head.at, self.name))
+        self.head.undoable.append(UndoableStep(self.head.at, self.name))
         if step.together:
             self.robots.begin_together(self.name, self.robots.acts_of(step.acts), self.losses.now)
         for robot, act in () if step.together else self.robots.acts_of(step.acts):

@@ -143,8 +143,8 @@ class Occupancy:
                 free[place] = free.get(place, 0) - number
         awaited: set[str] = set()
         for claim in self.claims:
-            while (wish := claim.next) and wish[0] not in awaited and free.get(wish[0], 0) >= wish[1]:
-                free[wish[0]] -= wish[1]
+            while (wanted := claim.next) and wanted[0] not in awaited and free.get(wanted[0], 0) >= wanted[1]:
+                free[wanted[0]] -= wanted[1]
                 claim.taken += 1
             if claim.next is not None:
                 awaited.add(claim.next[0])

@@ -71,7 +71,7 @@ class Rehearsal:
             allowed=self._refusal,
             site=SiteMap(task.places, task.site),
             blocker=lambda *_: "",  # the robots refuse it themselves, and the result shows that
-            elsewhere=lambda _: "",
+            edge_of=lambda _: "",
             together=lambda: SimulatedStart(self._robots.robots, self._soon),
             store=self._store,
             clock=self._clock,

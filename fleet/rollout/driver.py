@@ -152,10 +152,10 @@ class Driver:
             await self._store.replace_rollout(rollout, revision)
         over = progress.phase is not RolloutPhase.RUNNING
         for edge, state in progress.statuses.items():
-            news = state is not before.progress.statuses.get(edge) or not self._all_written
-            if state is EdgeStatus.OPEN and news and not over:
+            changed = state is not before.progress.statuses.get(edge) or not self._all_written
+            if state is EdgeStatus.OPEN and changed and not over:
                 await self._store.put_desired(edge, self._desired(rollout, edge, withdrawn=False))
-            elif state is EdgeStatus.OVERDUE and news and not over:
+            elif state is EdgeStatus.OVERDUE and changed and not over:
                 await self._withdraw(rollout, [edge])
         if over:
             await self._withdraw(rollout, progress.not_done())

@@ -66,7 +66,7 @@ class ScheduleConfig(Model):
         return self
 
     @model_validator(mode="after")
-    def _sound(self) -> Self:
+    def _checked_times(self) -> Self:
         """Refuse an invalid time zone, cron expression or date."""
         checks = (
             ("timezone", lambda: self.timezone is None or zone_of(self.timezone)),

@@ -99,24 +99,24 @@ class Schedules:
             await self.poll()
             await asyncio.sleep(EVERY)
 
-    async def begin(self, *, afresh: bool = False) -> None:
+    async def begin(self, *, after_takeover: bool = False) -> None:
         """Resume the open firings of an earlier process; call it before any start.
 
-        ``afresh``: another edge has fired the schedules meanwhile, so missed firings are not made up for.
+        ``after_takeover``: another edge has fired the schedules meanwhile, so nothing is made up for.
         """
         async with self._lock:
             if self._store.set_aside is not None:
                 self._event("", "what schedules fired before is lost: its file was damaged", Severity.ERROR)
             if not await self._kept(self._read):
                 return
-            if afresh:
+            if after_takeover:
                 self._seen = dict.fromkeys(self._configs, self._clock.time())
             for firing in await asyncio.to_thread(self._store.open):
                 config = self._configs.get(firing.schedule)
                 run = await self._starter.known(firing.key)
                 if run:
                     await self._started(firing, run, "it was started before the edge ended")
-                elif config is None or afresh:
+                elif config is None or after_takeover:
                     gone = "the schedule is gone"
                     await self._skipped(firing, "another edge had the robots" if config else gone)
                 else:  # a made-up start counts as due from now
@@ -269,14 +269,14 @@ class Schedules:
         wanted = StartRequest(
             firing.schedule, config.mission, config.inputs, firing.key, config.busy == "replace", without
         )
-        begun = await self._begun(wanted)
-        if begun.run:
-            left_out = "; ".join(f"{robot} left out: {why}" for robot, why in begun.left_out.items())
-            await self._started(firing, begun.run, left_out)
-        elif begun.refusal or config.busy != "queue":
-            await self._skipped(firing, begun.refusal or f"{begun.busy or 'another run'} is in its way")
+        result = await self._request_start(wanted)
+        if result.run:
+            left_out = "; ".join(f"{robot} left out: {why}" for robot, why in result.left_out.items())
+            await self._started(firing, result.run, left_out)
+        elif result.refusal or config.busy != "queue":
+            await self._skipped(firing, result.refusal or f"{result.busy or 'another run'} is in its way")
 
-    async def _begun(self, wanted: StartRequest) -> StartResult:
+    async def _request_start(self, wanted: StartRequest) -> StartResult:
         """Start a mission; after an exception the key shows whether it was started nevertheless."""
         try:
             async with asyncio.timeout(START_WITHIN):

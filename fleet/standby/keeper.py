@@ -13,7 +13,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any, Protocol
 
 from fleet.runtime.exception_barrier import log_exceptions
-from fleet.standby.lease import Lease, LeaseEntry, LeaseState, Wish
+from fleet.standby.lease import Lease, LeaseAction, LeaseEntry, LeaseState
 from fleet.standby.store import ANSWER_WITHIN, LeaseStore
 
 log = logging.getLogger(__name__)
@@ -104,8 +104,10 @@ class LeaseKeeper:
             await asyncio.wait({self._asking}, timeout=2 * ANSWER_WITHIN)
         self.lease.hand_over("")
         self.lease.robots_released()
-        if self.lease.next_write(self._clock()) is Wish.RELEASE:
-            await asyncio.wait({asyncio.ensure_future(self._write(Wish.RELEASE))}, timeout=RELEASED_WITHIN)
+        if self.lease.next_write(self._clock()) is LeaseAction.RELEASE:
+            await asyncio.wait(
+                {asyncio.ensure_future(self._write(LeaseAction.RELEASE))}, timeout=RELEASED_WITHIN
+            )
         await self._store.close()
 
     def _poll(self) -> None:
@@ -115,9 +117,9 @@ class LeaseKeeper:
         self._tell()
         if self._asking is not None and not self._asking.done():
             return
-        wish = self.lease.next_write(now, news=self._user.stops() != self._stops)
-        if wish is not None:
-            self._ask(self._write(wish))
+        action = self.lease.next_write(now, stops_changed=self._user.stops() != self._stops)
+        if action is not None:
+            self._ask(self._write(action))
         elif self.lease.needs_read and now >= self._look_at:
             self._look_at = now + POLL_INTERVAL
             self._ask(self._read())
@@ -140,10 +142,10 @@ class LeaseKeeper:
         if self.lease.state is not LeaseState.HOLDER:
             self._user.saw(entry)
 
-    async def _write(self, wish: Wish) -> None:
+    async def _write(self, action: LeaseAction) -> None:
         """Write the wished entry."""
         stops = self._user.stops()
-        entry = self.lease.begin(wish, stops, self._clock())
+        entry = self.lease.begin(action, stops, self._clock())
         try:
             async with asyncio.timeout(ANSWER_WITHIN):
                 revision = await self._store.write(entry, self.lease.revision)

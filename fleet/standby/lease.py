@@ -76,7 +76,7 @@ class LeaseEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     config: str = ""
 
 
-class Wish(StrEnum):
+class LeaseAction(StrEnum):
     """The next write of an edge."""
 
     TAKE = "take"
@@ -96,10 +96,10 @@ class Takeover(msgspec.Struct, frozen=True):
 
 
 class _Write(msgspec.Struct, frozen=True):
-    """A pending write since ``begun``, and the takeover that it would complete."""
+    """A pending write since ``began_at``, and the takeover that it would complete."""
 
-    wish: Wish
-    begun: float
+    action: LeaseAction
+    began_at: float
     after: Takeover
 
 
@@ -160,17 +160,21 @@ class Lease:
         """True if the store must be read before anything is written."""
         return self.state is not LeaseState.HOLDER or self._unanswered
 
-    def next_write(self, now: float, *, news: bool = False) -> Wish | None:
-        """Return the next write, if any; ``news``: the stops differ from those in the entry."""
+    def next_write(self, now: float, *, stops_changed: bool = False) -> LeaseAction | None:
+        """Return the next write, if any; ``stops_changed``: the stops differ from those in the entry."""
         if self._write is not None or self._unanswered or self.seen_since == math.inf:
             return None
         if self.state is LeaseState.HOLDER:
-            return Wish.RENEW if news or now >= self.renewed_at + self.terms.renewed_every else None
+            return (
+                LeaseAction.RENEW
+                if stops_changed or now >= self.renewed_at + self.terms.renewed_every
+                else None
+            )
         if self.state is LeaseState.FENCED:
             return None
         if self._to is not None:
-            return Wish.RELEASE
-        return Wish.TAKE if self._is_free(now) and not self.differs else None
+            return LeaseAction.RELEASE
+        return LeaseAction.TAKE if self._is_free(now) and not self.differs else None
 
     @property
     def differs(self) -> bool:
@@ -195,13 +199,13 @@ class Lease:
 
     # -- writes --------------------------------------------------------------------------------------
 
-    def begin(self, next_write: Wish, stops: dict[str, str], now: float) -> LeaseEntry:
+    def begin(self, next_write: LeaseAction, stops: dict[str, str], now: float) -> LeaseEntry:
         """Return the entry to write in place of ``revision``; pass the result to one of the next methods."""
         orderly = self._is_ours() or (self.seen is not None and self.seen.released)
         self._write = _Write(next_write, now, Takeover(self.seen, self.seen_since, orderly))
-        if next_write is Wish.TAKE:
+        if next_write is LeaseAction.TAKE:
             return LeaseEntry(self.edge, self.process, stops=stops, config=self.config)
-        released = next_write is Wish.RELEASE
+        released = next_write is LeaseAction.RELEASE
         return LeaseEntry(self.edge, self.process, self.epoch, released, self._to or "", stops, self.config)
 
     def written(self, entry: LeaseEntry, revision: int, now: float) -> None:
@@ -209,12 +213,15 @@ class Lease:
         write, self._write = self._write, None
         assert write is not None
         self.seen, self.revision, self.seen_since = entry, revision, now
-        if write.wish is Wish.RELEASE:
+        if write.action is LeaseAction.RELEASE:
             self._to = None
-        elif write.wish is Wish.RENEW and self.state is LeaseState.HOLDER:
-            self.renewed_at = write.begun
-        elif write.wish is Wish.TAKE and now < write.begun + self.terms.length - self.terms.standstill:
-            self.renewed_at, self.epoch = write.begun, revision
+        elif write.action is LeaseAction.RENEW and self.state is LeaseState.HOLDER:
+            self.renewed_at = write.began_at
+        elif (
+            write.action is LeaseAction.TAKE
+            and now < write.began_at + self.terms.length - self.terms.standstill
+        ):
+            self.renewed_at, self.epoch = write.began_at, revision
             self.takeover = write.after
             self._happens(LeaseEvent.TAKEN)
 

@@ -72,8 +72,8 @@ def is_reply(message: Mapping[str, object]) -> bool:
     if "status" not in message:
         return False
     sender = message.get("source_type")
-    anybodys = sender is None or (isinstance(sender, str) and sender in _EDGES)
-    return anybodys or not stop_named(message)
+    accepts_any_sender = sender is None or (isinstance(sender, str) and sender in _EDGES)
+    return accepts_any_sender or not stop_named(message)
 
 
 def stop_in(payload: bytes, kind: Kind = "command") -> str:

@@ -223,11 +223,11 @@ def test_a_run_ends_truly_whenever_the_edge_is_killed_and_begins_nothing_twice(y
     yard = yard_with_a_dog
     kills = SOAK_KILLS if pytestconfig.getoption("--soak") else KILLS
     seed = random.randrange(1 << 30) if pytestconfig.getoption("--soak") else SEED
-    chance = random.Random(seed)
+    rng = random.Random(seed)
     policies = itertools.cycle(["hold_and_ask", "continue", "fail"])
     for kill, policy in zip(range(kills), policies, strict=False):
         run = start(yard, policy)
-        time.sleep(chance.uniform(0.0, 12.0))  # anywhere in it: nothing is awaited
+        time.sleep(rng.uniform(0.0, 12.0))  # anywhere in it: nothing is awaited
         before = run_of(yard, run)
         (edge,) = psutil.Process(yard.process.pid).children()
         os.kill(edge.pid, signal.SIGKILL)

@@ -42,8 +42,8 @@ class Component:
         said = self.messages(now)
         if now >= self._due:
             self._due = now + 1.0
-            state, nobody = mav.MAV_STATE_ACTIVE, mav.MAV_AUTOPILOT_INVALID
-            said.append(mav.MAVLink_heartbeat_message(self.kind, nobody, 0, 0, state, 3))
+            state, invalid = mav.MAV_STATE_ACTIVE, mav.MAV_AUTOPILOT_INVALID
+            said.append(mav.MAVLink_heartbeat_message(self.kind, invalid, 0, 0, state, 3))
         return self.framed(said)
 
     def messages(self, now: float) -> list[object]:  # noqa: ARG002 - for subclasses

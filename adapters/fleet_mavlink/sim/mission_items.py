@@ -30,7 +30,7 @@ class Item(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Habits:
+class MissionBehaviour:
     """One autopilot's variant of the mission protocol."""
 
     request: Callable[[int, int, int, int], Any]
@@ -43,7 +43,7 @@ class Habits:
     flies: frozenset[int] = _FLOWN
 
 
-ARDUPILOT_HABITS = Habits(
+ARDUPILOT_BEHAVIOUR = MissionBehaviour(
     mav.MAVLink_mission_request_message,
     1.0,
     home_is_first=True,
@@ -52,7 +52,7 @@ ARDUPILOT_HABITS = Habits(
     frames_reported={5: 0, 6: 3},
     flies=_FLOWN | {LOITER_TURNS},
 )
-PX4_HABITS = Habits(
+PX4_BEHAVIOUR = MissionBehaviour(
     mav.MAVLink_mission_request_int_message,
     0.25,
     home_is_first=False,

@@ -11,7 +11,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.mission_items import MISSION, Habits, Item, item_of
+from fleet_mavlink.sim.mission_items import MISSION, Item, MissionBehaviour, item_of
 
 _GIVE_UP = 8.0  # s without an item that end an upload
 _FIRST_DO = 80  # commands from here on are not navigation
@@ -34,8 +34,8 @@ class _Upload:
 class MissionUpload:
     """The upload in progress, if any; ``store`` receives kind and items of a complete one."""
 
-    def __init__(self, habits: Habits, store: Callable[[int, list[Item]], None]) -> None:
-        self._habits = habits
+    def __init__(self, behaviour: MissionBehaviour, store: Callable[[int, list[Item]], None]) -> None:
+        self._behaviour = behaviour
         self._store = store
         self._under_way: _Upload | None = None
 
@@ -56,7 +56,7 @@ class MissionUpload:
         if now - upload.heard_at > _GIVE_UP:
             self._under_way = None
             return [self._ack(upload, mav.MAV_MISSION_OPERATION_CANCELLED)]
-        if now - upload.asked_at < self._habits.repeat:
+        if now - upload.asked_at < self._behaviour.repeat:
             return ()
         upload.asked_at = now
         return [self._request(upload)]
@@ -86,10 +86,10 @@ class MissionUpload:
             return ()
         upload.heard_at = now
         if message.seq != len(upload.items):
-            answered = self._habits.tells_duplicates
+            answered = self._behaviour.tells_duplicates
             return [self._ack(upload, mav.MAV_MISSION_INVALID_SEQUENCE)] if answered else ()
         item = item_of(message)
-        if upload.kind == MISSION and item.command < _FIRST_DO and item.command not in self._habits.flies:
+        if upload.kind == MISSION and item.command < _FIRST_DO and item.command not in self._behaviour.flies:
             self._under_way = None
             return [self._ack(upload, mav.MAV_MISSION_UNSUPPORTED)]
         upload.items.append(item)
@@ -105,7 +105,7 @@ class MissionUpload:
         return [self._ack(upload, mav.MAV_MISSION_ACCEPTED)]
 
     def _request(self, upload: _Upload) -> object:
-        return self._habits.request(upload.system, upload.component, len(upload.items), upload.kind)
+        return self._behaviour.request(upload.system, upload.component, len(upload.items), upload.kind)
 
     def _ack(self, upload: _Upload, result: int) -> object:
         return mav.MAVLink_mission_ack_message(upload.system, upload.component, result, upload.kind)

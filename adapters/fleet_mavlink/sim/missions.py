@@ -10,7 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.mission_items import MISSION, Habits, Item
+from fleet_mavlink.sim.mission_items import MISSION, Item, MissionBehaviour
 from fleet_mavlink.sim.mission_upload import MissionUpload
 
 NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = 1, 2, 3, 4, 5  # MISSION_STATE
@@ -20,17 +20,17 @@ _REPEATED_AFTER = 1.0  # s
 class SimMissions:
     """Stored plans of one vehicle, by MAV_MISSION_TYPE (they survive a reboot)."""
 
-    def __init__(self, habits: Habits) -> None:
-        self.habits = habits
+    def __init__(self, behaviour: MissionBehaviour) -> None:
+        self.behaviour = behaviour
         self._plans: dict[int, list[Item]] = {}
-        self.upload = MissionUpload(habits, self._store)
+        self.upload = MissionUpload(behaviour, self._store)
         self.current = 0
         self.state = NO_MISSION
         self._reached: tuple[int, int, float] | None = None  # item, remaining reports, time of the next
 
     def reached(self, now: float) -> object:
         """Return the message that the current item is reached; PX4 repeats it."""
-        self._reached = (self.current, self.habits.reached_times - 1, now + _REPEATED_AFTER)
+        self._reached = (self.current, self.behaviour.reached_times - 1, now + _REPEATED_AFTER)
         return mav.MAVLink_mission_item_reached_message(self.current)
 
     def _repeated_reports(self, now: float) -> Iterable[object]:
@@ -53,7 +53,7 @@ class SimMissions:
     @property
     def first(self) -> int:
         """Number of the first item that is flown."""
-        return 1 if self.habits.home_is_first else 0
+        return 1 if self.behaviour.home_is_first else 0
 
     @property
     def total(self) -> int:
@@ -73,7 +73,7 @@ class SimMissions:
 
     def disarmed(self) -> None:
         """Restart the mission, if its current item was kept."""
-        if self.habits.keeps_place and self.state in {ACTIVE, PAUSED}:
+        if self.behaviour.keeps_place and self.state in {ACTIVE, PAUSED}:
             self._rewind()
 
     def _rewind(self) -> None:
@@ -87,8 +87,8 @@ class SimMissions:
     def _store(self, kind: int, items: list[Item]) -> None:
         """Replace a plan by an uploaded one."""
         self._plans[kind] = items
-        begun = self.state in {ACTIVE, PAUSED} and self.current < len(self.items)
-        if kind == MISSION and not (self.habits.keeps_place and begun):
+        in_progress = self.state in {ACTIVE, PAUSED} and self.current < len(self.items)
+        if kind == MISSION and not (self.behaviour.keeps_place and in_progress):
             self._rewind()
 
     def request_list(self, message: Any) -> Iterable[object]:
@@ -109,10 +109,10 @@ class SimMissions:
             failed = mav.MAV_MISSION_INVALID_SEQUENCE
             return [mav.MAVLink_mission_ack_message(system, component, failed, kind)]
         item = plan[seq]
-        if seq == 0 and self.habits.home_is_first and kind == MISSION and home is not None:
+        if seq == 0 and self.behaviour.home_is_first and kind == MISSION and home is not None:
             item = Item(0, 16, 1, 0.0, 0.0, 0.0, 0.0, int(home[0] * 1e7), int(home[1] * 1e7), home[2])
         now_flown = int(kind == MISSION and seq == self.current)
-        frame = self.habits.frames_reported.get(item.frame, item.frame)
+        frame = self.behaviour.frames_reported.get(item.frame, item.frame)
         numbers = (seq, frame, item.command, now_flown, item.autocontinue)
         params = (item.p1, item.p2, item.p3, item.p4)
         if message.get_type() == "MISSION_REQUEST":
@@ -125,7 +125,7 @@ class SimMissions:
         """Delete a plan, or all of them (MISSION_CLEAR_ALL); ArduPilot refuses while it flies it."""
         system, component = message.get_srcSystem(), message.get_srcComponent()
         result = mav.MAV_MISSION_ACCEPTED
-        if self.state == ACTIVE and self.habits.home_is_first:
+        if self.state == ACTIVE and self.behaviour.home_is_first:
             result = mav.MAV_MISSION_ERROR
         elif message.mission_type == mav.MAV_MISSION_TYPE_ALL:
             self._plans.clear()

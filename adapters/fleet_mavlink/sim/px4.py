@@ -228,8 +228,8 @@ class SimPx4(Autopilot):
     @property
     def landed(self) -> bool:
         """True on the ground until a take-off is detected."""
-        begun = isinstance(self.manoeuvre, Px4Takeoff) and self.manoeuvre.detected
-        return self.body.grounded and not begun
+        taking_off = isinstance(self.manoeuvre, Px4Takeoff) and self.manoeuvre.detected
+        return self.body.grounded and not taking_off
 
     def arm(self) -> None:
         """Start the motors and the manoeuvre of the current mode."""

@@ -22,8 +22,8 @@ class Speaker:
     ack_delay: ClassVar[float] = 0.0
     ack_queue: ClassVar[int] = 1000
 
-    def __init__(self, chance: random.Random, faults: Mapping[str, float], now: float) -> None:
-        self.random = chance
+    def __init__(self, rng: random.Random, faults: Mapping[str, float], now: float) -> None:
+        self.random = rng
         self.faults = faults
         self.time = now
         self.out: list[object] = []

@@ -17,7 +17,7 @@ from fleet_mavlink.sim.command_request import ask_of
 from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.faults import FAULTS
 from fleet_mavlink.sim.files import FILES, answer
-from fleet_mavlink.sim.mission_items import ARDUPILOT_HABITS, PX4_HABITS
+from fleet_mavlink.sim.mission_items import ARDUPILOT_BEHAVIOUR, PX4_BEHAVIOUR
 from fleet_mavlink.sim.missions import SimMissions
 from fleet_mavlink.sim.params import (
     Params,
@@ -106,7 +106,7 @@ class SimVehicle:
         self._battery = SimBattery(12.6, 9.6, int) if ardupilot else SimBattery(16.2, 13.2, math.ceil)
         values = _PARAMS[flavour, vehicle](system_id)
         self._params = Params(values, "cast" if ardupilot else "bytewise")
-        self._missions = SimMissions(ARDUPILOT_HABITS if ardupilot else PX4_HABITS)
+        self._missions = SimMissions(ARDUPILOT_BEHAVIOUR if ardupilot else PX4_BEHAVIOUR)
         self.equipment = Equipment(ardupilot=ardupilot)
         self._gust = 0.0
         self._dark_until = now

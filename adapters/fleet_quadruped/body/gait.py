@@ -154,12 +154,12 @@ class GaitSteps:
         pattern, place, goal = self._pattern, _MIDDLE, _MIDDLE
         if self.walking and pattern.sway:
             side = 1 if self._phase < 0.5 else 0
-            place = self._amid(side, rear=self._phase % 0.5 < 0.25) if self._lifts else _MIDDLE
-            goal = _MIDDLE if self._last else self._amid(1 - side, rear=True)
+            place = self._support_centre(side, rear=self._phase % 0.5 < 0.25) if self._lifts else _MIDDLE
+            goal = _MIDDLE if self._last else self._support_centre(1 - side, rear=True)
         left = (0.5 - self._phase % 0.5) * pattern.period
         self.balance.step(dt, height, place, goal, left=left, pull=pull)
 
-    def _amid(self, side: int, *, rear: bool) -> Place:
+    def _support_centre(self, side: int, *, rear: bool) -> Place:
         """Return the centre of pressure for standing on both feet of a side (0 left) and one of the other.
 
         ``rear``: the other side's rear foot is lifted, else its front foot.

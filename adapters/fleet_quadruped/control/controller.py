@@ -46,7 +46,7 @@ class Controller:
         self._loads = dog.loads
         self._joints = JointsFeedback.of([JointFeedback()] * 12)
         self._looked = 0.0  # monotonic s of the last feedback evaluation
-        self._begun: float | None = None
+        self._began_at: float | None = None
         self._feedback_complete = False  # False until all drives have reported whether they hold the robot
         self._trip: Trip | None = None
 
@@ -227,7 +227,7 @@ class Controller:
         While it moves, the monitor handles silent drives; a latched fault waits for its reset first. While it
         is being lowered, only a bus with all drives silent ends the link.
         """
-        self._begun = now if self._begun is None else self._begun
+        self._began_at = now if self._began_at is None else self._began_at
         reported = self._joints
         if self.body.mode is BodyMode.DAMPED:
             bus = silent_bus(self.dog.all_joints, reported.ages, _GONE)
@@ -238,7 +238,7 @@ class Controller:
         for number, joint in enumerate(self.dog.all_joints):
             if reported.restarted[number]:
                 raise LinkLost(f"{joint.name}: {reported.faults[number]}")
-            if min(reported.ages[number], now - self._begun) > _GONE:
+            if min(reported.ages[number], now - self._began_at) > _GONE:
                 raise LinkLost(f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check its power")
 
     def _warning(self, now: float) -> str:
@@ -248,4 +248,4 @@ class Controller:
         share = self.body.walker.speed_share
         if share < 1.0:
             return f"joints are warm: speed is held to {share:.0%}"
-        return "" if self._begun is None else self._sensors.battery_warning(now, self._begun)
+        return "" if self._began_at is None else self._sensors.battery_warning(now, self._began_at)

@@ -116,12 +116,12 @@ class BodySensors:
         reported, described = self._battery, self._described
         return reported.values if reported and described and reported.age(now) < described.timeout else {}
 
-    def battery_warning(self, now: float, begun: float) -> str:
-        """Return the battery warning for the operator, or ""; ``begun``: monotonic time (s) of the start."""
+    def battery_warning(self, now: float, began_at: float) -> str:
+        """Return the battery warning for the operator, or ""; ``began_at``: start (monotonic s)."""
         reported, described = self._battery, self._described
         if reported is None or described is None:
             return ""
-        if min(reported.age(now), now - begun) > described.timeout:
+        if min(reported.age(now), now - began_at) > described.timeout:
             return f"battery: silent on bus {described.bus}; it may run empty unnoticed: check its frames"
         percent = reported.values.get("percent")
         if percent is not None and percent <= described.warn:

@@ -63,7 +63,7 @@ class Frames(Section):
     slow: tuple[FrameMap, ...] = Field((), description="Values sent at a lower rate: percent, voltage.")
 
     @model_validator(mode="after")
-    def _alike(self) -> Frames:
+    def _same_protection(self) -> Frames:
         """Refuse frames of one identifier with different counters or checksums."""
         protected: dict[int, tuple[object, object]] = {}
         for frame in self.outgoing:

@@ -69,14 +69,14 @@ def main(arguments: list[str]) -> int:
 
 def _serve(sim: SimulatedMachine, buses: Mapping[str, OpenCanBus], clock: Clock, sense_every: float) -> None:
     """Keep the simulation in step with real time."""
-    begun, sensed = clock.monotonic() - sim.time, sim.time
+    began_at, sensed = clock.monotonic() - sim.time, sim.time
     while True:
         for name, bus in buses.items():
             for frame in bus.receive(0.0005):
                 sim.take(name, frame)
-        behind = clock.monotonic() - begun - sim.time
+        behind = clock.monotonic() - began_at - sim.time
         if behind > _LATEST:
-            begun += behind
+            began_at += behind
             log.warning("the simulated dog is %.2f s late and lets them go", behind)
         while behind >= _STEP:
             due = sim.time + _STEP - sensed >= sense_every - 1e-9

@@ -55,13 +55,13 @@ class SimDrive:
         self.sdo = Cia402Dictionary(joint, drive, send)
         self.power = PowerStage(motor, self.sdo.objects)
         self.nmt = wire.PRE_OPERATIONAL
-        self._muted = self._terse = self._deaf = False
+        self._muted = self._terse = self._ignores_commands = False
         self.voltage = FULL
         self._code = 0
         self._waiting: tuple[int, float, float] | None = None  # control word, angle, torque
         self._from = self._to = motor.angle
         self._feed = 0.0
-        self._begun = 0.0  # start of the interpolation from _from to _to, s
+        self._move_began = 0.0  # start of the interpolation from _from to _to, s
         self._time = 0.0
         self._look_at = 0.0
         self._next_beat = math.inf
@@ -106,7 +106,7 @@ class SimDrive:
 
     def ignore(self) -> None:
         """Ignore targets; bit 12 of the status word shows it."""
-        self._deaf = True
+        self._ignores_commands = True
 
     def warm(self) -> None:
         """Heat up without end."""
@@ -128,7 +128,7 @@ class SimDrive:
         """Set the motor for the next ``dt`` seconds; serve watchdog and heartbeat."""
         if self._time >= self._look_at or self.sdo.changed:
             self._look()
-        left = self._begun + self._config.cycle - self._time  # s of interpolation
+        left = self._move_began + self._config.cycle - self._time  # s of interpolation
         self._time += dt
         motor = self.motor
         self.encoder.follow()
@@ -200,7 +200,7 @@ class SimDrive:
             self._obey(self._waiting)
             self._waiting = None
         motor, status = self.motor, _STATUS[self.state]
-        if self._deaf:
+        if self._ignores_commands:
             status &= ~FOLLOWS
         torque = None if self.sdo.unmappable else motor.torque
         self._say(wire.TPDO1, self._units.pack(status, self.encoder.angle, torque))
@@ -221,11 +221,11 @@ class SimDrive:
         if was is DriveState.FAULT is not self.state:
             self._code = 0
             self._say(wire.EMERGENCY, bytes(8))
-        if self.state is DriveState.ENABLED and not self._deaf:
+        if self.state is DriveState.ENABLED and not self._ignores_commands:
             self._from = self._to
             self._to = angle - self.encoder.off
             self._feed = torque
-            self._begun = self._time
+            self._move_began = self._time
 
     def _say(self, base: int, data: bytes) -> None:
         """Send a frame."""

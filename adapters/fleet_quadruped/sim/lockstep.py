@@ -28,7 +28,7 @@ class SimBus:
         self.sent: deque[CanFrame] = deque(maxlen=64)
         self._dog: FrameSink | None = None
         self._arrived: deque[CanFrame] = deque()
-        self._news: threading.Event | None = None  # while a receiver waits
+        self._wakeup: threading.Event | None = None  # while a receiver waits
 
     def connect(self, dog: FrameSink) -> None:
         """Connect the robot."""
@@ -38,9 +38,9 @@ class SimBus:
         """Receive a frame from the robot."""
         if not self.cut:
             self._arrived.append(frame)
-            news = self._news
-            if news is not None:
-                news.set()
+            wakeup = self._wakeup
+            if wakeup is not None:
+                wakeup.set()
 
     def send(self, frame: CanFrame) -> None:
         """Deliver a frame to the robot."""
@@ -62,10 +62,10 @@ class SimBus:
 
     def _wait(self, seconds: float) -> None:
         """Wait for a frame that answers another thread's request."""
-        self._news = news = threading.Event()
+        self._wakeup = wakeup = threading.Event()
         if not self._arrived:
-            news.wait(seconds)
-        self._news = None
+            wakeup.wait(seconds)
+        self._wakeup = None
 
     def close(self) -> None:
         """Disconnect the robot."""

@@ -35,22 +35,22 @@ class BuiltWorld(MujocoWorld):
 
 def as_built(dog: DogDescription, seed: int) -> tuple[DogDescription, BuiltWorld]:
     """Return a robot with small manufacturing errors, and its world with a random friction."""
-    chance = random.Random(seed)  # noqa: S311 - reproducible
+    rng = random.Random(seed)  # noqa: S311 - reproducible
     joints = {
-        name: wiring.model_copy(update={"offset": wiring.offset + chance.uniform(-_OFFSET, _OFFSET)})
+        name: wiring.model_copy(update={"offset": wiring.offset + rng.uniform(-_OFFSET, _OFFSET)})
         for name, wiring in dog.joints.items()
     }
     lengths = ("hip_x", "hip_y", "abad_offset", "thigh", "calf", "foot_radius")
-    shape = {name: getattr(dog.geometry, name) * (1 + chance.uniform(-_LENGTH, _LENGTH)) for name in lengths}
-    mass = dog.robot.mass * (1 + chance.uniform(-_MASS, _MASS))
+    shape = {name: getattr(dog.geometry, name) * (1 + rng.uniform(-_LENGTH, _LENGTH)) for name in lengths}
+    mass = dog.robot.mass * (1 + rng.uniform(-_MASS, _MASS))
     built = _changed(
         dog,
         joints=joints,
         geometry=dog.geometry.model_copy(update=shape),
         robot=dog.robot.model_copy(update={"mass": mass}),
     )
-    world = BuiltWorld(built, friction=chance.uniform(*_FRICTION))
-    world.mount = quaternion_from_euler(chance.uniform(-_MOUNT, _MOUNT), chance.uniform(-_MOUNT, _MOUNT), 0.0)
+    world = BuiltWorld(built, friction=rng.uniform(*_FRICTION))
+    world.mount = quaternion_from_euler(rng.uniform(-_MOUNT, _MOUNT), rng.uniform(-_MOUNT, _MOUNT), 0.0)
     return built, world
 
 

@@ -38,7 +38,7 @@ class Sensors:
         self._next_battery = 0.0
         self._imu_frames, self._battery_frames = _encoders(dog.imu), _encoders(dog.battery)
         self._frozen: MeasuredImu | None = None
-        self._chance = random.Random(1)  # noqa: S311 - reproducible
+        self._rng = random.Random(1)  # noqa: S311 - reproducible
 
     def frames(self, now: float) -> Iterator[tuple[str, CanFrame]]:
         """Yield (bus, frame) for the values due at ``now``."""
@@ -61,7 +61,7 @@ class Sensors:
         turn, gyro, accel = imu.rotation, imu.gyro, imu.accel
         if "upside" in self.faults:
             turn = Quaternion(-turn.x, turn.w, turn.z, -turn.y)  # half a turn about its own x
-        noise = 0.0 if "frozen" in self.faults else _NOISE * (self._chance.random() - 0.5)
+        noise = 0.0 if "frozen" in self.faults else _NOISE * (self._rng.random() - 0.5)
         return {
             "qw": turn.w,
             "qx": turn.x,

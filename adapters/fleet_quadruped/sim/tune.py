@@ -27,9 +27,9 @@ _HEARD = 0.1  # s until all drives have sent feedback
 _STANDING_UP = frozenset({BodyMode.ENABLING, BodyMode.RECOVERING, BodyMode.RISING})
 
 
-def random_turn(chance: random.Random) -> Quaternion:
+def random_turn(rng: random.Random) -> Quaternion:
     """Return a uniformly distributed random orientation."""
-    return Quaternion(*(chance.gauss(0, 1) for _ in range(4))).normalized()
+    return Quaternion(*(rng.gauss(0, 1) for _ in range(4))).normalized()
 
 
 def drop(world: MujocoWorld, turn: Quaternion, seconds: float = 1.0) -> None:
@@ -64,21 +64,21 @@ def with_roll(dog: DogDescription, near: LegPose, far: LegPose) -> DogDescriptio
     return dog.model_copy(update={"poses": dog.poses.model_copy(update={"roll_near": near, "roll_far": far})})
 
 
-def _random_pose(dog: DogDescription, chance: random.Random) -> LegPose:
+def _random_pose(dog: DogDescription, rng: random.Random) -> LegPose:
     margin = dog.safety.margin
     ranges = (dog.actuators[part].limits for part in ("abad", "hip", "knee"))
-    angles = [round(chance.uniform(low + margin, high - margin), 3) for low, high in ranges]
+    angles = [round(rng.uniform(low + margin, high - margin), 3) for low, high in ranges]
     return LegPose(abad=angles[0], hip=angles[1], knee=angles[2])
 
 
 def search(dog: DogDescription, rounds: int, seed: int = 1) -> tuple[LegPose, LegPose, int]:
     """Return the best roll poses of ``rounds`` tries, and the number of trial orientations they master."""
-    chance = random.Random(seed)  # noqa: S311 - reproducible
+    rng = random.Random(seed)  # noqa: S311 - reproducible
     trials = [quaternion_from_euler(roll, 0.0, 0.0) for roll in (math.pi, 1.6, -1.6, 2.5, -2.6)]
-    trials += [random_turn(chance) for _ in range(7)]
+    trials += [random_turn(rng) for _ in range(7)]
     best: tuple[LegPose, LegPose, int] | None = None
     for _ in range(rounds):
-        near, far = _random_pose(dog, chance), _random_pose(dog, chance)
+        near, far = _random_pose(dog, rng), _random_pose(dog, rng)
         score = _score(with_roll(dog, near, far), trials, best[2] if best else 0)
         if best is None or score > best[2]:
             best = near, far, score

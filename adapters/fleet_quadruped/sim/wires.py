@@ -17,10 +17,10 @@ class BadBuses:
 
     def __init__(self, buses: Iterable[str], seed: int) -> None:
         self.faults: dict[str, float] = {}
-        chance = random.Random(seed)  # noqa: S311 - reproducible
+        rng = random.Random(seed)  # noqa: S311 - reproducible
         names = list(buses)
-        self._in = {bus: BadWire(self.faults, chance) for bus in names}
-        self._out = {bus: BadWire(self.faults, chance) for bus in names}
+        self._in = {bus: BadWire(self.faults, rng) for bus in names}
+        self._out = {bus: BadWire(self.faults, rng) for bus in names}
 
     def to_dog(self, bus: str, frames: Sequence[CanFrame], now: float) -> Sequence[CanFrame]:
         """Return the frames that arrive at the robot now."""

@@ -40,7 +40,7 @@ class Viewer:
         self._changed = changed
         self._subscriptions: dict[int, int] = {}  # of the client, by channel
         self._backlog = Backlog()
-        self._news = asyncio.Event()
+        self._wakeup = asyncio.Event()
         self._offered = 0
         self._warned_at = float("-inf")
 
@@ -56,7 +56,7 @@ class Viewer:
             if sample.channel in self._subscriptions:
                 self._backlog.add(sample, now)
         if self._backlog or self._offered < len(self._channels.all):
-            self._news.set()
+            self._wakeup.set()
 
     async def run(self, session: str) -> None:
         """Serve until either side closes."""
@@ -74,8 +74,8 @@ class Viewer:
         await self._socket.send_text(server_info(session))
         await self._socket.send_text(advertisement(self._new_channels()))
         while True:
-            await self._news.wait()
-            self._news.clear()
+            await self._wakeup.wait()
+            self._wakeup.clear()
             if self._offered < len(self._channels.all):
                 await self._socket.send_text(advertisement(self._new_channels()))
             for sample in self._backlog.take():
@@ -135,4 +135,4 @@ class Viewer:
         newest = self._channels.newest.get(asked.channel_id)
         if newest is not None:
             self._backlog.add(newest, self._clock.monotonic())
-            self._news.set()
+            self._wakeup.set()

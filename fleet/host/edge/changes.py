@@ -22,7 +22,7 @@ from fleet.config.load import Loaded, load
 from fleet.config.loaded_robots import with_configs, with_robot, without_robot
 from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError, StateError
-from fleet.host.edge.changes_elsewhere import ChangesElsewhere, ended, waits
+from fleet.host.edge.changes_elsewhere import WorkerFileChanges, ended, waits
 from fleet.host.edge.last_configuration import keep
 from fleet.host.edge.member_rules import groups_blocker, unfit
 from fleet.host.edge.membership import Membership, RobotRegistrations
@@ -87,7 +87,7 @@ class ConfigurationChanges:
         self._membership = Membership(process, followers, self._stops, members)
         self._registrations, self._groups = followers, groups
         self._wider: Mapping[str, Iterable[str]] = {}  # groups of a new file that is not applied yet
-        self._elsewhere = ChangesElsewhere(workers, remote)
+        self._worker_changes = WorkerFileChanges(workers, remote)
         self._clock: Clock = process.clock
         self._under_way: asyncio.Task[None] | None = None
 
@@ -201,7 +201,7 @@ class ConfigurationChanges:
         found = sorted(found, key=lambda change: change.kind is not ChangeKind.REMOVED)  # twins become free
         done: list[Change] = []
         sections: list[Change] = []
-        elsewhere: dict[str, list[Change]] = {}
+        by_worker: dict[str, list[Change]] = {}
         for change in found:
             await asyncio.sleep(0)  # a thousand robots must not delay a stop
             if change.kind in MEMBERS:
@@ -213,9 +213,9 @@ class ConfigurationChanges:
             elif change.name in self._process.robots:
                 done.append(await self._changed(change, new, asked))
             else:
-                elsewhere.setdefault(self._remote[change.name].worker, []).append(change)
-        for worker, changes in elsewhere.items():
-            after, ends = await self._elsewhere.carry_out(
+                by_worker.setdefault(self._remote[change.name].worker, []).append(change)
+        for worker, changes in by_worker.items():
+            after, ends = await self._worker_changes.carry_out(
                 worker, changes, self._running, new, force=asked.force
             )
             done += ends

@@ -14,7 +14,7 @@ from fleet.host.workers.worker_changes import WorkerChanges
 from fleet.model.change import Change, ChangeKind, HeldRobot, HoldRobot, Outcome
 
 
-class ChangesElsewhere:
+class WorkerFileChanges:
     """Changes of one edge's robots in workers; on the event loop."""
 
     def __init__(self, workers: WorkerChanges, remote: Mapping[str, RemoteRobot]) -> None:

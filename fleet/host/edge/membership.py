@@ -90,7 +90,7 @@ class RobotRegistrations:
 class Membership:
     """Robots of one edge; on the event loop.
 
-    All methods return why nothing was changed, empty on success. The stops recorded by ``meanwhile`` are set
+    All methods return why nothing was changed, empty on success. The stops recorded by ``stops`` are set
     in each new robot before anything can move it.
     """
 
@@ -98,10 +98,10 @@ class Membership:
         self,
         process: RobotProcess,
         followers: RobotRegistrations,
-        meanwhile: StopsDuringChange,
+        stops: StopsDuringChange,
         workers: WorkerMembership,
     ) -> None:
-        self._process, self._registrations, self._stops = process, followers, meanwhile
+        self._process, self._registrations, self._stops = process, followers, stops
         self._workers = workers
         self._taken_out: dict[str, str] = {}  # twin to name of robots removed earlier
 
@@ -113,7 +113,7 @@ class Membership:
     async def add(self, name: str, running: Loaded, loaded: Loaded) -> str:
         """Add a robot of a loaded file to the running ones."""
         if runs_in(loaded, name):
-            return await self._added_elsewhere(name, running, loaded)
+            return await self._added_to_worker(name, running, loaded)
         try:
             robot = await self._built(name, loaded)
         except Exception as error:  # its adapter is foreign code
@@ -132,7 +132,7 @@ class Membership:
             return f"it cannot be added: {type(error).__name__}: {error}"
         return ""
 
-    async def _added_elsewhere(self, name: str, running: Loaded, loaded: Loaded) -> str:
+    async def _added_to_worker(self, name: str, running: Loaded, loaded: Loaded) -> str:
         """Add a robot that runs in a worker."""
         twin = next(str(config.twin) for config, _ in loaded.robots if config.name == name)
         why = await self._stop_before(name, twin)
@@ -146,7 +146,7 @@ class Membership:
         trouble = await self._workers.add(name, running, loaded, join)
         robot = self._workers.robot(name)
         if trouble and robot is not None:
-            self._released_elsewhere(robot)
+            self._released_from_worker(robot)
         elif robot is not None:
             self._stops.pass_on(robot)
         return trouble
@@ -163,9 +163,9 @@ class Membership:
 
     async def remove(self, name: str, running: Loaded, *, force: bool) -> str:
         """Bring a robot to a standstill and remove it."""
-        elsewhere = self._workers.robot(name)
-        if elsewhere is not None:
-            return await self._removed_elsewhere(elsewhere, running, force=force)
+        remote = self._workers.robot(name)
+        if remote is not None:
+            return await self._removed_from_worker(remote, running, force=force)
         robot = self._process.robots[name]
         trouble = await self.remove_from_runs(robot) or await ended(self._process, robot)
         if trouble:  # not run again: two adapters would move one robot
@@ -176,14 +176,14 @@ class Membership:
         self._released(robot)
         return ""
 
-    async def _removed_elsewhere(self, robot: RemoteRobot, running: Loaded, *, force: bool) -> str:
+    async def _removed_from_worker(self, robot: RemoteRobot, running: Loaded, *, force: bool) -> str:
         """Remove a robot from its worker."""
         trouble = await self.remove_from_runs(robot)
         trouble = trouble or await self._workers.remove(robot.name, running, force=force)
         if trouble:
             self._stops.pass_on(robot)
         else:
-            self._released_elsewhere(robot)
+            self._released_from_worker(robot)
             await self._keep_stop(robot)
         return trouble
 
@@ -211,7 +211,7 @@ class Membership:
         drop, give_up = partial(self._process.drop, robot), partial(self._process.holders.give_up, robot.twin)
         leave_all(robot.name, partial(self._registrations.leave, robot), drop, give_up)
 
-    def _released_elsewhere(self, robot: RemoteRobot) -> None:
+    def _released_from_worker(self, robot: RemoteRobot) -> None:
         """Remove a robot of a worker everywhere, like one of the edge's process."""
         self._taken_out[robot.twin] = robot.name
         leave_all(robot.name, partial(self._registrations.leave, robot), partial(self._workers.forget, robot))

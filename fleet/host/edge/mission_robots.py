@@ -88,7 +88,7 @@ class RobotElsewhere:
 class MissionRobots:
     """Robots that runs of an edge may use, by name: of this edge, and of its partners.
 
-    ``ours`` are those of this edge, ``here`` and ``elsewhere`` (in workers); ``edges`` maps robots that other
+    ``ours`` are those of this edge, ``here`` and ``remote`` (in workers); ``edges`` maps robots that other
     processes describe to their edges, ``names`` twins to names, ``senders`` robots to their report senders.
     """
 
@@ -101,7 +101,7 @@ class MissionRobots:
     ) -> None:
         self._edge, self._sender = edge, sender
         self.here: dict[str, RobotHere] = {}
-        self.elsewhere: dict[str, RobotElsewhere] = {}
+        self.remote: dict[str, RobotElsewhere] = {}
         self.ours: dict[str, RunPort] = {}
         self.everyones: dict[str, RunPort] = dict(partners)
         self.edges = {name: robot.edge for name, robot in partners.items()}
@@ -117,7 +117,7 @@ class MissionRobots:
         if isinstance(robot, LocalRobot):
             ours = self.here[name] = RobotHere(robot)
         else:
-            ours = self.elsewhere[name] = RobotElsewhere(robot)
+            ours = self.remote[name] = RobotElsewhere(robot)
             self.edges[name] = self._edge
         self.everyones[name] = self.ours[name] = ours
         self.names[robot.twin] = name
@@ -125,7 +125,7 @@ class MissionRobots:
 
     def leave(self, name: str) -> str:
         """Remove a robot; return its twin, empty if another robot has that by now."""
-        tables: tuple[dict[str, Any], ...] = (self.here, self.elsewhere, self.ours)
+        tables: tuple[dict[str, Any], ...] = (self.here, self.remote, self.ours)
         for table in (*tables, self.everyones, self.edges, self.senders):
             table.pop(name, None)
         twin = next((twin for twin, named in self.names.items() if named == name), "")

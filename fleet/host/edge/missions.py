@@ -47,7 +47,7 @@ class Missions:
         self,
         loaded: Loaded,
         process: RobotProcess,
-        elsewhere: Mapping[str, RemoteRobot],
+        remote: Mapping[str, RemoteRobot],
         folder: Path,
         stop: Callable[[tuple[str, ...], str], None],
     ) -> None:
@@ -73,7 +73,7 @@ class Missions:
         )
         self._robots = robots = MissionRobots(
             self._edge,
-            [*process.robots.values(), *elsewhere.values()],
+            [*process.robots.values(), *remote.values()],
             self.partners.robots,
             process.outbox.sender,
         )
@@ -87,7 +87,7 @@ class Missions:
             allowed=self._refusal,
             site=routes.site,
             blocker=routes.blocker,
-            elsewhere=self.partners.edge_of,
+            edge_of=self.partners.edge_of,
             store=self.store,
             clock=process.clock,
             soon=self._soon,
@@ -213,7 +213,7 @@ class Missions:
 
         self._process.history.on_event = on_event
         for twin, name in self._robots.names.items():
-            self._reported.join(name, twin, elsewhere=name in self._robots.elsewhere)
+            self._reported.join(name, twin, remote=name in self._robots.remote)
         self._reported.listen(self._process.bus.reports)
 
     # -- robots that come and go -----------------------------------------------------------------------
@@ -223,7 +223,7 @@ class Missions:
         self._rules.join(robot.config)
         self._routes.join(robot.config)
         self._robots.join(robot)
-        self._reported.join(robot.name, robot.twin, elsewhere=robot.name in self._robots.elsewhere)
+        self._reported.join(robot.name, robot.twin, remote=robot.name in self._robots.remote)
 
     def leave(self, name: str) -> None:
         """Remove a robot that is in no run; on the loop."""
@@ -243,9 +243,9 @@ class Missions:
     def _candidates(self) -> list[RoleCandidate]:
         """Return state and capabilities of each robot."""
         here = [(robot.state(), robot.describe()) for robot in self._robots.here.values()]
-        others: dict[str, RunPort] = {**self._robots.elsewhere, **self.partners.robots}
-        elsewhere = [(robot.state(), self._descriptions.of(name)) for name, robot in others.items()]
-        return [candidate(*each, self._groups) for each in (*here, *elsewhere)]
+        others: dict[str, RunPort] = {**self._robots.remote, **self.partners.robots}
+        remote = [(robot.state(), self._descriptions.of(name)) for name, robot in others.items()]
+        return [candidate(*each, self._groups) for each in (*here, *remote)]
 
     def _refusal(self, robot: str, origin: Origin, commands: bool, navigates: bool) -> str | None:  # noqa: FBT001 - by position
         """Return why a requester may not start a mission with a robot; None if permitted."""

@@ -103,13 +103,13 @@ class Rehearsals:
     def begin(self, question: Query, mission: Mission, program: Program, ask: StartAsk) -> None:
         """Start a rehearsal, and answer; on the event loop."""
         try:
-            state = self._begun(mission, program, ask)
+            state = self._start_rehearsal(mission, program, ask)
         except Refused as error:
             state = RehearsalState(refusal=str(error))
         question.reply(_encode(state))
         question.close()
 
-    def _begun(self, mission: Mission, program: Program, ask: StartAsk) -> RehearsalState:
+    def _start_rehearsal(self, mission: Mission, program: Program, ask: StartAsk) -> RehearsalState:
         """Start a rehearsal; raises Refused."""
         if self._now is not None and not self._now.task.done():
             raise Refused("another rehearsal is under way", hint="wait for its end")

@@ -38,11 +38,11 @@ class RobotReports:
         for channel, calls in self._calls.items():
             reports.subscribe_many(f"cw/*/data/{channel}", calls)
 
-    def join(self, robot: str, twin: str, *, elsewhere: bool) -> None:
+    def join(self, robot: str, twin: str, *, remote: bool) -> None:
         """Receive the events about a robot; for one in a worker, also its other reports."""
         self.leave(twin)
         self._take(twin, EventReport.channel, partial(self._published, robot))
-        if elsewhere:
+        if remote:
             self._take(twin, NavigationReport.channel, self._goal)
             self._take(twin, PhotoReport.channel, self._pictures(twin))
 

@@ -74,9 +74,9 @@ class EdgeSchedules:
         """Why no schedule can fire; empty while they can."""
         return self._problem or (self._schedules.problem if self._schedules else "")
 
-    async def run(self, *, afresh: bool = False) -> None:
-        """Fire due schedules until cancelled; ``afresh``: another edge did so until now."""
-        if afresh:  # it has acted on these events
+    async def run(self, *, after_takeover: bool = False) -> None:
+        """Fire due schedules until cancelled; ``after_takeover``: another edge did so until now."""
+        if after_takeover:  # it has acted on these events
             self._events = asyncio.Queue(WAITING)
         await self._needed.wait()
         try:
@@ -95,7 +95,7 @@ class EdgeSchedules:
             stopped=self._stopped,
         )
         try:
-            await self._schedules.begin(afresh=afresh)
+            await self._schedules.begin(after_takeover=after_takeover)
             self._served.set()
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._schedules.run())

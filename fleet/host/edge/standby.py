@@ -53,8 +53,8 @@ def open_gate(config: FleetConfig) -> LinkGate | None:
 class Serve(Protocol):
     """Service that runs only while the robots are this edge's."""
 
-    def __call__(self, *, afresh: bool) -> Coroutine[object, object, None]:
-        """Serve until cancelled; ``afresh``: another edge had the robots until now."""
+    def __call__(self, *, after_takeover: bool) -> Coroutine[object, object, None]:
+        """Serve until cancelled; ``after_takeover``: another edge had the robots until now."""
 
 
 class Standby:
@@ -185,8 +185,8 @@ class Standby:
             own = _EpochPermit(begins, holds=holds, reached=partial(_is_reached, robot))
             robot.controller.permit.refusal = own.refusal
             robot.controller.permit.stopped = own.stopped
-        afresh = takeover.entry is not None and takeover.entry.edge == self._other
-        for robot in self._robots if afresh else ():
+        after_takeover = takeover.entry is not None and takeover.entry.edge == self._other
+        for robot in self._robots if after_takeover else ():
             apart = robot.controller.guard.apart
             if apart is not None and robot.config.start is not None:  # it may be far from there by now
                 apart.placement, apart.at = None, None
@@ -194,7 +194,7 @@ class Standby:
         self._barred, self._why = False, ""
         for twin in {robot.twin for robot in self._robots}:
             self._on_holder(twin, self._holders.get(twin, ""))
-        self._serving = asyncio.ensure_future(self._serve(afresh=afresh))
+        self._serving = asyncio.ensure_future(self._serve(after_takeover=after_takeover))
         self._process.runs.resume_all(self._robots)
 
     def _fenced(self) -> None:
@@ -278,7 +278,7 @@ class Unpaired:
 
     def begin(self) -> None:
         """Start serving."""
-        self._serving = asyncio.create_task(self._serve(afresh=False), name="schedules")
+        self._serving = asyncio.create_task(self._serve(after_takeover=False), name="schedules")
 
     def ending(self) -> None:
         """Stop serving: this edge ends."""

@@ -32,12 +32,12 @@ class NetChanges:
     """
 
     def __init__(self) -> None:
-        self.begun: dict[tuple[str, str], tuple[StartedCommand, str]] = {}
+        self.commands: dict[tuple[str, str], tuple[StartedCommand, str]] = {}
         self.ended: dict[tuple[str, str], CommandEnd] = {}
         self.latches: dict[str, str] = {}
 
     def __bool__(self) -> bool:
-        return bool(self.begun or self.ended or self.latches)
+        return bool(self.commands or self.ended or self.latches)
 
     @property
     def stops(self) -> bool:
@@ -47,7 +47,7 @@ class NetChanges:
     @property
     def started(self) -> Iterator[StartedCommand]:
         """The new commands, oldest first."""
-        return (started for started, _ in self.begun.values())
+        return (started for started, _ in self.commands.values())
 
     def add(self, changes: Iterable[Change]) -> None:
         """Add changes that were made later."""
@@ -57,10 +57,10 @@ class NetChanges:
                 continue
             key = change.robot, change.identity
             if isinstance(change, StartedCommand):
-                self.begun.pop(key, None)  # the newest is last
-                self.begun[key] = change, ""
-            elif key in self.begun:
-                self.begun[key] = self.begun[key][0], change.outcome
+                self.commands.pop(key, None)  # the newest is last
+                self.commands[key] = change, ""
+            elif key in self.commands:
+                self.commands[key] = self.commands[key][0], change.outcome
             else:
                 self.ended[key] = change
 
@@ -70,9 +70,9 @@ class NetChanges:
             key = robot, past.identity
             if key in self.ended:
                 yield msgspec.structs.replace(past, outcome=self.ended[key].outcome)
-            elif key not in self.begun:
+            elif key not in self.commands:
                 yield past
-        for started, outcome in self.begun.values():
+        for started, outcome in self.commands.values():
             if started.robot == robot:
                 yield PastCommand(started.identity, started.name, started.action, outcome)
 
@@ -84,7 +84,7 @@ class NetChanges:
         ]
         total = sum(sizes)
         over = sum(1 for before in itertools.accumulate(sizes, initial=0) if total - before > size)
-        for key in list(itertools.islice(self.begun, over)):
-            del self.begun[key]
+        for key in list(itertools.islice(self.commands, over)):
+            del self.commands[key]
         for key in list(itertools.islice(self.ended, max(len(self.ended) - size // ROW, 0))):
             del self.ended[key]

@@ -136,7 +136,7 @@ class Journal:
     """
 
     def __init__(
-        self, folder: Path, clock: Clock, begun: Path, also: Callable[[], None] = lambda: None
+        self, folder: Path, clock: Clock, path: Path, also: Callable[[], None] = lambda: None
     ) -> None:
         self.problem = ""
         self.ends_are_reported: Callable[[], bool] = lambda: True
@@ -145,10 +145,10 @@ class Journal:
         self._clock = clock
         self._adding = threading.Lock()  # covers adding to both the queue and the execution journal
         self._set: dict[str, str] = {}  # robot to cause: the emergency stops that are set
-        self._execution_journal = self._open_begun(begun)
+        self._execution_journal = self._open_execution_journal(path)
         self._waiting: deque[Change] = deque()
         self._unwritten = NetChanges()  # changes that the database does not have yet
-        self._mark = UnwrittenMark(folder, begun.name)
+        self._mark = UnwrittenMark(folder, path.name)
         self._closing = threading.Event()
         self._using = threading.Lock()  # one thread at a time: a reader would delay a writer
         self._try_again_at = 0.0  # monotonic s; the disk is left alone until then
@@ -160,7 +160,7 @@ class Journal:
         self._thread = threading.Thread(target=self._write, name="fleet-journal", daemon=True)
         self._thread.start()
 
-    def _open_begun(self, path: Path) -> ExecutionJournal | None:
+    def _open_execution_journal(self, path: Path) -> ExecutionJournal | None:
         """Open the execution journal; None, with ``problem`` set, if that fails."""
         try:
             return ExecutionJournal(path)
@@ -267,9 +267,9 @@ class Journal:
         with self._adding:
             if not (self.problem or self._waiting or self._unwritten):
                 self._clear()
-            begun, self._execution_journal = self._execution_journal, None
-            if begun is not None:
-                begun.close()
+            journal, self._execution_journal = self._execution_journal, None
+            if journal is not None:
+                journal.close()
 
     def _put(self, change: Change) -> None:
         """Add a change; from here on, a started command or a stop survives the process."""

@@ -93,9 +93,11 @@ class JournalFile:
         """
         with transaction(self._database):
             self._database.executemany(_END, map(msgspec.structs.astuple, changes.ended.values()))
-            begun = [(*msgspec.structs.astuple(started), how) for started, how in changes.begun.values()]
-            for start in range(0, len(begun), _AT_ONCE):
-                rows = begun[start : start + _AT_ONCE]
+            every_row = [
+                (*msgspec.structs.astuple(started), how) for started, how in changes.commands.values()
+            ]
+            for start in range(0, len(every_row), _AT_ONCE):
+                rows = every_row[start : start + _AT_ONCE]
                 values = itertools.chain.from_iterable(rows)
                 self._database.execute(_BEGIN + ", ".join([_ROW] * len(rows)), tuple(values))
             self._database.executemany(_LATCH, changes.latches.items())

@@ -178,7 +178,7 @@ class StopInputs:
     """All stop inputs of an edge.
 
     ``stop`` and ``renew`` get the names of robots, empty for all, and the reason. ``here`` are the latches of
-    this process's robots by name, which are held while a stop cannot be released; ``elsewhere`` are the names
+    this process's robots by name, which are held while a stop cannot be released; ``remote`` are the names
     of robots in workers.
     """
 
@@ -187,14 +187,14 @@ class StopInputs:
         inputs: Iterable[StopInputConfig],
         groups: Mapping[str, Iterable[str]],
         here: dict[str, EmergencyStopLatch],
-        elsewhere: Iterable[str],
+        remote: Iterable[str],
         *,
         stop: Callable[[tuple[str, ...], str], None],
         renew: Callable[[tuple[str, ...], str], None],
         clock: Clock,
     ) -> None:
         self._here = here
-        self._elsewhere = elsewhere
+        self._remote = remote
         self._holding = threading.Lock()  # a thread must not overwrite a newer hold with an older one
         self._inputs: list[tuple[StopInput, tuple[str, ...]]] = []  # groups are resolved once
         for config in inputs:
@@ -237,7 +237,7 @@ class StopInputs:
     @property
     def held(self) -> bytes:
         """Message to the workers: which of their robots are held, and why."""
-        why = {robot: self._why(robot) for robot in list(self._elsewhere)}
+        why = {robot: self._why(robot) for robot in list(self._remote)}
         return msgspec.json.encode({robot: words for robot, words in why.items() if words})
 
     def _hold_all(self) -> None:

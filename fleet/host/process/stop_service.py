@@ -40,20 +40,20 @@ def serve_stops(
     process: RobotProcess,
     bus: Bus,
     groups: Mapping[str, list[str]],
-    elsewhere: Iterable[RemoteStopTarget] = (),
+    remote: Iterable[RemoteStopTarget] = (),
 ) -> Callable[[bytes, StopCause], list[str]]:
     """Stop this process's robots when the stop key is published or queried; on the bus's threads.
 
     Returns a function that does the same for other callers, from any thread, with the payload of the key and
-    the cause. The processes of the robots ``elsewhere`` do not see those calls, so it also publishes the stop
-    for them. ``groups`` and ``elsewhere`` may change meanwhile.
+    the cause. The processes of the robots ``remote`` do not see those calls, so it also publishes the stop
+    for them. ``groups`` and ``remote`` may change meanwhile.
     """
     key = keys.stop(process.edge)
 
     def stop(payload: bytes, cause: StopCause) -> list[str]:
         names = names_in(payload, groups)
         stopped = _stop_here(process, names, cause)
-        for robot in list(elsewhere):
+        for robot in list(remote):
             if not names or robot.name in names:
                 _keep(robot, cause)
         return stopped
@@ -69,7 +69,7 @@ def serve_stops(
     for bus_session in (bus.control, bus.reports):
         bus_session.subscribe_noted(key, published)
     bus.control.answer(key, asked)
-    return lambda payload, cause: stop_everywhere(process, elsewhere, names_in(payload, groups), cause)
+    return lambda payload, cause: stop_everywhere(process, remote, names_in(payload, groups), cause)
 
 
 def _stop_here(process: RobotProcess, names: tuple[str, ...], cause: StopCause) -> list[str]:
@@ -90,7 +90,7 @@ def _keep(robot: RemoteStopTarget, cause: StopCause) -> None:
 
 
 def stop_everywhere(
-    process: RobotProcess, elsewhere: Iterable[RemoteStopTarget], names: tuple[str, ...], cause: StopCause
+    process: RobotProcess, remote: Iterable[RemoteStopTarget], names: tuple[str, ...], cause: StopCause
 ) -> list[str]:
     """Stop robots of this process and those elsewhere, from any thread; no name means all.
 
@@ -98,7 +98,7 @@ def stop_everywhere(
     stop.
     """
     stopped = _stop_here(process, names, cause)
-    for robot in list(elsewhere):
+    for robot in list(remote):
         if not names or robot.name in names:
             robot.emergency(cause)
     return stopped

@@ -101,7 +101,7 @@ class LocalRobot:
             owner=config.name,
             failed=lambda error: self.runner.crashed(error),  # noqa: PLW0108 - it is made below
         )
-        self.happenings = UnrequestedEvents(self.controller.event_reporter)
+        self.unrequested_events = UnrequestedEvents(self.controller.event_reporter)
         self.requests = RequestIntake(
             config,
             self.controller,
@@ -132,7 +132,7 @@ class LocalRobot:
             waits=backoff,
             clock=clock,
             changed=self._health_changed,
-            level_changed=self.happenings.report_level,
+            level_changed=self.unrequested_events.report_level,
         )
 
     def configure(self, config: AdapterConfig) -> None:
@@ -228,7 +228,7 @@ class LocalRobot:
             self._record(report)
         if type(report) in READ and is_known(report):
             self._seen.take(report)
-            self.happenings.observe(report)
+            self.unrequested_events.observe(report)
             self.controller.observe(report)
             self.controller.guard.observe(report)
         elif type(report) is NavigationReport:

@@ -327,7 +327,7 @@ class SeparationKeeper:
             self._look_around()
         if self._free == math.inf or velocity.linear.norm() <= self._free:
             return velocity
-        if now > self._judged_by or not _alike(velocity, self._judged):
+        if now > self._judged_by or not _is_close(velocity, self._judged):
             self._judge(velocity)
             self._judged, self._judged_by = velocity, now + JUDGED
         if self._share == 1.0:
@@ -391,6 +391,6 @@ class SeparationKeeper:
             self._free = free_speed(least, self._braking, STALE)
 
 
-def _alike(one: Velocity, other: Velocity) -> bool:
+def _is_close(one: Velocity, other: Velocity) -> bool:
     """Return whether two velocities are similar enough to share a judgement."""
     return abs(one.yaw_rate - other.yaw_rate) <= ALIKE and (one.linear - other.linear).norm() <= ALIKE

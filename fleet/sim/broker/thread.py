@@ -20,7 +20,7 @@ class BrokerThread:
     def __init__(self, **arguments: Any) -> None:
         self.broker = Broker(**arguments)
         self._loop = BackgroundLoop("fleet-broker", asyncio.new_event_loop)
-        self._begun = contextlib.ExitStack()
+        self._stack = contextlib.ExitStack()
 
     @property
     def port(self) -> int:
@@ -28,17 +28,17 @@ class BrokerThread:
         return self.broker.port
 
     def __enter__(self) -> Self:
-        with contextlib.ExitStack() as begun:
-            begun.enter_context(self._loop)
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(self._loop)
             self._loop.complete(self.broker.__aenter__())
-            begun.callback(lambda: self._loop.complete(self.broker.__aexit__(None, None, None)))
-            self._begun = begun.pop_all()
+            stack.callback(lambda: self._loop.complete(self.broker.__aexit__(None, None, None)))
+            self._stack = stack.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._begun.close()
+        self._stack.close()
 
     def call(self, function: Callable[..., T], *arguments: object) -> T:
         """Run a function on the broker's thread and return its result: ``call(broker.half_open, "a")``."""

@@ -80,46 +80,46 @@ def framed(number, payload, *, system=1, component=1):
     return b"\xfd" + body + codec._checksum(body, codec._CRC_EXTRA[number])
 
 
-def noise(chance):
-    return chance.randbytes(chance.randrange(1, 120))
+def noise(rng):
+    return rng.randbytes(rng.randrange(1, 120))
 
 
-def flipped(chance):
-    spoiled = bytearray(chance.choice(FRAMES))
-    for _ in range(chance.randrange(1, 4)):
-        bit = chance.randrange(8 * len(spoiled))
+def flipped(rng):
+    spoiled = bytearray(rng.choice(FRAMES))
+    for _ in range(rng.randrange(1, 4)):
+        bit = rng.randrange(8 * len(spoiled))
         spoiled[bit // 8] ^= 1 << bit % 8
     return bytes(spoiled)
 
 
-def other_head(chance):
-    spoiled = bytearray(chance.choice(FRAMES))
-    spoiled[chance.randrange(10)] = chance.randrange(256)
+def other_head(rng):
+    spoiled = bytearray(rng.choice(FRAMES))
+    spoiled[rng.randrange(10)] = rng.randrange(256)
     return bytes(spoiled)
 
 
-def cut(chance):
-    frame = chance.choice(FRAMES)
-    at = chance.randrange(1, len(frame))
-    return chance.choice((frame[:at], frame[at:]))
+def cut(rng):
+    frame = rng.choice(FRAMES)
+    at = rng.randrange(1, len(frame))
+    return rng.choice((frame[:at], frame[at:]))
 
 
-def version_1(chance):
-    body = chance.randbytes(chance.randrange(8, 40))
+def version_1(rng):
+    body = rng.randbytes(rng.randrange(8, 40))
     return b"\xfe" + bytes([len(body) - 7]) + body
 
 
-def saying_anything(chance):
-    return framed(chance.choice(WANTED), chance.randbytes(chance.randrange(60)))
+def saying_anything(rng):
+    return framed(rng.choice(WANTED), rng.randbytes(rng.randrange(60)))
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_hundred_thousand_buffers_raise_nothing_and_make_no_vehicle(seed):
-    chance = random.Random(seed)
+    rng = random.Random(seed)
     makers = (noise, flipped, other_head, cut, version_1, saying_anything)
     it, vehicle = heard_of()
     for number in range(25_000):
-        it.receive(makers[number % len(makers)](chance), None)
+        it.receive(makers[number % len(makers)](rng), None)
         if number % 250 == 0:
             send_all_reports(vehicle)
     assert set(it.heard) <= {1, 2}, "the recording's own"

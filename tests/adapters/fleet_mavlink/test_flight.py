@@ -244,13 +244,13 @@ def test_a_command_while_the_vehicle_is_silent_says_so(fly, sky, flavour):
 
 
 @both
-@pytest.mark.parametrize("way", ["land", "return_to_home"])
-def test_a_way_down_goes_on_when_the_host_lets_go_and_ends_when_somebody_asks(fly, sky, flavour, way):
+@pytest.mark.parametrize("command", ["land", "return_to_home"])
+def test_a_way_down_goes_on_when_the_host_lets_go_and_ends_when_somebody_asks(fly, sky, flavour, command):
     async def main():
         async with sky(flavour) as it:
             await it.met()
             await it.do("takeoff", altitude=20.0)
-            coming = asyncio.ensure_future(it.do(way))
+            coming = asyncio.ensure_future(it.do(command))
             await asyncio.sleep(3.0)
             mode = it.mode
             it.adapter.halt()

@@ -73,13 +73,13 @@ class Drive:
 
 
 def test_it_arrives_at_200_random_goals_by_its_own_reckoning():
-    chance = random.Random(4)
+    rng = random.Random(4)
     drive = Drive()
     misses = []
     for _ in range(200):
         here = drive.pose.position
-        goal = (here.x + chance.uniform(-2, 2), here.y + chance.uniform(-2, 2))
-        yaw = chance.uniform(-math.pi, math.pi)
+        goal = (here.x + rng.uniform(-2, 2), here.y + rng.uniform(-2, 2))
+        yaw = rng.uniform(-math.pi, math.pi)
         drive.go(Leg((goal,), yaw))
         off = math.dist((drive.pose.position.x, drive.pose.position.y), goal)
         turned = math.degrees(abs(wrap_angle(drive.pose.rotation.yaw - yaw)))
@@ -89,11 +89,11 @@ def test_it_arrives_at_200_random_goals_by_its_own_reckoning():
 
 
 def test_it_truly_arrives_at_200_random_goals_that_it_starts_for_afresh():
-    chance = random.Random(5)
+    rng = random.Random(5)
     misses = []
     for seed in range(200):
         drive = Drive(seed=seed)
-        goal, yaw = (chance.uniform(-2, 2), chance.uniform(-2, 2)), chance.uniform(-math.pi, math.pi)
+        goal, yaw = (rng.uniform(-2, 2), rng.uniform(-2, 2)), rng.uniform(-math.pi, math.pi)
         drive.go(Leg((goal,), yaw))
         misses.append(drive.true_error(goal, yaw))
     assert max(off for off, _ in misses) < 0.15

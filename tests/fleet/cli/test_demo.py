@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fleet.cli.demo import TRIES, _welcome, demo_file, twin_of
+from fleet.cli.demo import TRIES, _write_examples, demo_file, twin_of
 from fleet.config.load import load
 
 
@@ -21,7 +21,7 @@ class Notes:
 @pytest.mark.parametrize("one", TRIES, ids=lambda one: one.robot)
 def test_what_to_try_is_said_of_the_robot_that_is_there(one):
     notes = Notes()
-    _welcome(notes, "127.0.0.1", 1883, [one])
+    _write_examples(notes, "127.0.0.1", 1883, [one])
     text = "\n".join(notes.lines)
     assert f"send {one.robot} {one.command}" in text
     assert f"cyberwave/twin/{twin_of(one.robot)}/command" in text
@@ -49,7 +49,7 @@ def test_every_kind_of_robot_can_be_tried():
 
 def test_another_edges_robots_are_other_twins_and_are_named_with_their_edge():
     notes = Notes()
-    _welcome(notes, "127.0.0.1", 1883, TRIES[:1], "demo-2")
+    _write_examples(notes, "127.0.0.1", 1883, TRIES[:1], "demo-2")
     text = "\n".join(notes.lines)
     assert "send demo-2/drone-1 takeoff" in text
     assert "goto demo-2/drone-1" in text
@@ -81,7 +81,7 @@ def test_the_mission_of_the_demo_is_valid_for_the_robots_that_are_there(tmp_path
 
 def test_the_demo_offers_its_mission():
     notes = Notes()
-    _welcome(notes, "127.0.0.1", 1883, TRIES[:1])
+    _write_examples(notes, "127.0.0.1", 1883, TRIES[:1])
     assert any(line.endswith("mission rehearse patrol") for line in notes.lines)
     assert any(line.endswith("mission run patrol") for line in notes.lines)
 

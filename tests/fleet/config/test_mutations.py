@@ -15,19 +15,19 @@ FREE_KEYS = ("yard",)  # a group may have any name
 REQUIRED = ("name", "twin", "adapter", "link")
 
 
-def misspelt(lines, number, chance):
+def misspelt(lines, number, rng):
     """Change one letter of the key; the problem is on the same line."""
     match = PAIR.fullmatch(lines[number])
-    at = chance.randrange(len(match["key"]))
-    wrong = match["key"][:at] + chance.choice("qxz") + match["key"][at + 1 :]
+    at = rng.randrange(len(match["key"]))
+    wrong = match["key"][:at] + rng.choice("qxz") + match["key"][at + 1 :]
     changed = f"{match['before']}{wrong}:{match['value'] or ''}"
     return [*lines[:number], changed, *lines[number + 1 :]], number
 
 
-def mistyped(lines, number, chance):
+def mistyped(lines, number, rng):
     """Put a value of a wrong kind; the problem is on the same line."""
     match = PAIR.fullmatch(lines[number])
-    wrong = chance.choice(("{a: {b: 1}}", "[[1, 2]]"))
+    wrong = rng.choice(("{a: {b: 1}}", "[[1, 2]]"))
     changed = f"{match['before']}{match['key']}: {wrong}"
     return [*lines[:number], changed, *lines[number + 1 :]], number
 
@@ -60,9 +60,9 @@ def registry(yard):
 
 def test_one_mistake_is_reported_at_its_own_line(yard, fleet_text, registry):
     lines = fleet_text.splitlines()
-    chance = random.Random(20261121)
-    for mutate, number in chance.choices(mutations(lines), k=MUTATIONS):
-        mutated, expected = mutate(lines, number, chance)
+    rng = random.Random(20261121)
+    for mutate, number in rng.choices(mutations(lines), k=MUTATIONS):
+        mutated, expected = mutate(lines, number, rng)
         yard.write("\n".join(mutated) + "\n")
         with pytest.raises(InvalidConfig) as caught:
             load(yard.file, {}, registry=registry)
@@ -75,9 +75,9 @@ def test_one_mistake_is_reported_at_its_own_line(yard, fleet_text, registry):
 
 def test_in_a_partial_load_each_robot_runs_or_is_reported(yard, fleet_text, registry):
     lines = fleet_text.splitlines()
-    chance = random.Random(20261122)
-    for mutate, number in chance.choices(mutations(lines), k=MUTATIONS // 4):
-        yard.write("\n".join(mutate(lines, number, chance)[0]) + "\n")
+    rng = random.Random(20261122)
+    for mutate, number in rng.choices(mutations(lines), k=MUTATIONS // 4):
+        yard.write("\n".join(mutate(lines, number, rng)[0]) + "\n")
         try:
             loaded = load(yard.file, {}, registry=registry, partial=True)
         except InvalidConfig:
@@ -88,20 +88,20 @@ def test_in_a_partial_load_each_robot_runs_or_is_reported(yard, fleet_text, regi
 
 def test_a_token_in_the_file_is_never_shown(yard, fleet_text, registry):
     lines = fleet_text.splitlines()
-    chance = random.Random(20261123)
-    for mutate, number in chance.choices(mutations(lines), k=MUTATIONS // 4):
-        yard.write("\n".join(mutate(lines, number, chance)[0]) + "\n")
+    rng = random.Random(20261123)
+    for mutate, number in rng.choices(mutations(lines), k=MUTATIONS // 4):
+        yard.write("\n".join(mutate(lines, number, rng)[0]) + "\n")
         with pytest.raises(InvalidConfig) as caught:
             load(yard.file, {}, registry=registry)
         assert "cw_canary" not in "\n".join([problem.shown() for problem in caught.value.problems])
 
 
 def test_noise_is_refused_and_never_crashes(yard, fleet_text, registry):
-    chance = random.Random(20261124)
+    rng = random.Random(20261124)
     for _ in range(MUTATIONS):
         data = bytearray(fleet_text.encode())
-        for _ in range(chance.randint(1, 8)):
-            data[chance.randrange(len(data))] = chance.choice(b"{}[]:-!&*?|>%@`\"'#,\t\n\x00\x1b\xff abc109$")
+        for _ in range(rng.randint(1, 8)):
+            data[rng.randrange(len(data))] = rng.choice(b"{}[]:-!&*?|>%@`\"'#,\t\n\x00\x1b\xff abc109$")
         yard.file.write_bytes(bytes(data))
         try:
             load(yard.file, {}, registry=registry)

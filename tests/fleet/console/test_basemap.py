@@ -87,13 +87,13 @@ def test_a_console_without_a_map_has_none(console):
 
 def test_a_damaged_archive_costs_the_picture_and_nothing_else(archive, tmp_path):
     whole = archive.read_bytes()
-    chance = random.Random(1)
+    rng = random.Random(1)
     damaged = tmp_path / "damaged.pmtiles"
     for _ in range(300):
-        data = bytearray(whole[: chance.randrange(len(whole) + 1)] if chance.random() < 0.3 else whole)
-        for _ in range(chance.randrange(4)):
+        data = bytearray(whole[: rng.randrange(len(whole) + 1)] if rng.random() < 0.3 else whole)
+        for _ in range(rng.randrange(4)):
             if data:
-                data[chance.randrange(min(len(data), 400))] = chance.randrange(256)
+                data[rng.randrange(min(len(data), 400))] = rng.randrange(256)
         damaged.write_bytes(data)
         tiles = MapTiles(Basemap(str(damaged), ORIGIN), ManualClock())
         assert tiles.description["origin"] == ORIGIN

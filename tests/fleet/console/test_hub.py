@@ -18,11 +18,11 @@ async def hub(tmp_path):
 
 
 async def test_a_page_that_reads_slowly_gets_the_newest_and_no_queue(hub):
-    _, seen = hub.news_since(0)
+    _, seen = hub.updates_since(0)
     for number in range(1000):
         hub.view.take_state(state(number), 10.0)
         hub.update()
-    message, seen = hub.news_since(seen)
+    message, seen = hub.updates_since(seen)
     assert (message.count(b"mode-"), b"mode-999" in message) == (1, True)
     assert hub.view.version == seen
 
@@ -30,17 +30,17 @@ async def test_a_page_that_reads_slowly_gets_the_newest_and_no_queue(hub):
 async def test_pages_that_have_seen_the_same_share_one_message(hub):
     hub.view.take_state(state(1), 10.0)
     hub.update()
-    assert hub.news_since(0)[0] is hub.news_since(0)[0]
+    assert hub.updates_since(0)[0] is hub.updates_since(0)[0]
 
 
 async def test_a_change_within_a_tick_is_not_lost(hub):
     hub.view.take_state(state(1), 10.0)
-    _, seen = hub.news_since(0)
+    _, seen = hub.updates_since(0)
     hub.view.take_state(state(2), 10.0)
-    first, again = hub.news_since(0)
+    first, again = hub.updates_since(0)
     assert (b"mode-1" in first, again) == (True, seen)
     hub.update()
-    message, _ = hub.news_since(again)
+    message, _ = hub.updates_since(again)
     assert b"mode-2" in message
 
 
@@ -48,5 +48,5 @@ async def test_without_news_a_page_hears_something_now_and_then(hub):
     lengths = []
     for _ in range(10):
         hub.update()
-        lengths.append(len(hub.news_since(hub.view.version)[0]))
+        lengths.append(len(hub.updates_since(hub.view.version)[0]))
     assert 2 <= sum(length > 0 for length in lengths) <= 5

@@ -21,7 +21,7 @@ from fleet.errors import Refused
 from fleet.model.permission import Permission
 
 
-class Pasts:
+class RecordingReader:
     """Recordings that take as long as they are told to."""
 
     def __init__(self):
@@ -41,7 +41,7 @@ class Pasts:
 
 @pytest.fixture
 async def lookups():
-    return Lookups(SimpleNamespace(pasts=Pasts()))
+    return Lookups(SimpleNamespace(recordings=RecordingReader()))
 
 
 async def test_the_extent_of_the_recordings_is_reported(lookups):
@@ -55,7 +55,7 @@ async def test_a_page_has_one_moment_read_at_a_time(lookups):
     await asyncio.sleep(0)
     with pytest.raises(Refused, match="still being read"):
         await call(MomentAsked("two", 2.0))
-    lookups._hub.pasts.read.set()
+    lookups._hub.recordings.read.set()
     assert await first == {"moment": {"at": 1.0}}
     assert await call(MomentAsked("three", 3.0)) == {"moment": {"at": 3.0}}
 
@@ -67,7 +67,7 @@ async def test_a_page_has_one_window_read_at_a_time_beside_a_moment(lookups):
     await asyncio.sleep(0)
     with pytest.raises(Refused, match="another window is still being read"):
         await call(SeriesAsked("three", "e/x", 1.0, 2.0))
-    lookups._hub.pasts.read.set()
+    lookups._hub.recordings.read.set()
     assert await first == {"series": {"robot": "e/x"}}
     await moment
 

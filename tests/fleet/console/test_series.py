@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.console.past import Pasts
+from fleet.console.past import RecordingReader
 from fleet.console.requests import SeriesAsked
 from fleet.console.series import MOST_SPENT, MOST_WINDOW, Thinned, read_series, require_bounds
 from fleet.errors import Refused
@@ -144,9 +144,9 @@ async def test_a_file_that_is_cut_off_is_reported_with_the_series(tmp_path):
     write_recording(tmp_path, BEGINS, 10)
     (path,) = tmp_path.glob("*.mcap")
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 4])
-    pasts = Pasts(lambda: [tmp_path])
-    found = await pasts.series(SeriesAsked("r", "yard-1/rex", BEGINS, BEGINS + 10, ("position.x",)))
+    recordings = RecordingReader(lambda: [tmp_path])
+    found = await recordings.series(SeriesAsked("r", "yard-1/rex", BEGINS, BEGINS + 10, ("position.x",)))
     assert found["values"]["position.x"][1][0] == 0.0
     assert path.name in found["problems"][0]
     with pytest.raises(Refused, match="begins before it ends"):
-        await pasts.series(SeriesAsked("r", "yard-1/rex", BEGINS, BEGINS))
+        await recordings.series(SeriesAsked("r", "yard-1/rex", BEGINS, BEGINS))

@@ -314,7 +314,7 @@ class Life(RuleBasedStateMachine):
 
     @precondition(lambda self: self.occupying)
     @rule(event=st.sampled_from([Occupied(), Occupied(), Occupied("gate"), Occupied(late="no")]))
-    def it_is_told_of_its_places(self, event):
+    def it_hears_of_its_places(self, event):
         self.occupying = self.occupying and bool(event.waits_for)
         self.send(event)
 

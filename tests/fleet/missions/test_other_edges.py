@@ -22,7 +22,7 @@ def first_line(yard):
 @pytest.fixture
 def two(yard):
     """Return an edge whose robot beast belongs to another edge."""
-    yard.elsewhere = {"beast": "barn"}
+    yard.edge_of = {"beast": "barn"}
     return yard
 
 

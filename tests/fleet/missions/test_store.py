@@ -41,7 +41,7 @@ def save(store, head, touched=(), notes=(), *, new=False, run="r1"):
 
 def test_a_run_is_found_as_it_was_by_the_next_process(store):
     first = store()
-    head = Head(Phase.STEP, at=1, begun=[UndoableStep(0, "up.1")], loops={"0": 2})
+    head = Head(Phase.STEP, at=1, undoable=[UndoableStep(0, "up.1")], loops={"0": 2})
     member = Member("kestrel", "eye", 0)
     assert save(first, head, [member, PART], [LogNote("takeoff begun", "kestrel", "up.1")], new=True)
     (kept,) = store().unfinished()

@@ -134,7 +134,7 @@ class Yard:
         self.soon = []
         self.starts = []
         self.hindered = {}
-        self.elsewhere = {}
+        self.edge_of = {}
         self.can = {"takeoff", "land", "goto"}
         self.store = None
         self.begin()
@@ -164,7 +164,7 @@ class Yard:
             store=self.store,
             clock=self.clock,
             soon=self.soon.append,
-            elsewhere=lambda robot: self.elsewhere.get(robot, ""),
+            edge_of=lambda robot: self.edge_of.get(robot, ""),
             blocker=lambda robot, act: self.hindered.get((robot, act.words), ""),
             together=lambda: Start(self),
             stop=lambda robots, why: self.stopped.append(robots),

@@ -134,7 +134,7 @@ class Runs(RuleBasedStateMachine):
             assert sum(self.places.held(name).values()) <= capacity
 
     @invariant()
-    def who_was_told_so_has_all_it_wants(self):
+    def who_was_granted_has_all_it_wants(self):
         for holder, wanted in self.having.items():
             assert all(self.places.held(name).get(holder) == number for name, number in wanted.items())
 

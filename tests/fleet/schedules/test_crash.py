@@ -17,7 +17,7 @@ SCRIPT = Path(__file__).with_name("scheduled.py")
 
 
 def test_firings_are_neither_lost_nor_doubled_by_kills_at_random_instants(tmp_path):
-    began, chance = time.time(), random.Random(7)
+    began, rng = time.time(), random.Random(7)
     runs = tmp_path / "runs"
 
     def started():
@@ -28,7 +28,7 @@ def test_firings_are_neither_lost_nor_doubled_by_kills_at_random_instants(tmp_pa
         with subprocess.Popen(command) as process:
             before = len(started())
             wait_until("it starts something", lambda before=before: len(started()) > before + 2)
-            time.sleep(chance.random() * 0.15)
+            time.sleep(rng.random() * 0.15)
             process.send_signal(signal.SIGKILL if kill < KILLS else signal.SIGINT)
     keys = started()
     assert len(keys) == len(set(keys)), "a firing was started twice"

@@ -48,7 +48,7 @@ class Yard:
         self.configs = {}
         self.schedules = None
 
-    async def serve(self, *, afresh=False, **configs):
+    async def serve(self, *, after_takeover=False, **configs):
         """Begin a process with these schedules."""
         self.configs = {name: ScheduleConfig(mission="patrol", **each) for name, each in configs.items()}
         self.store = FiringStore(self.folder)
@@ -60,7 +60,7 @@ class Yard:
             tell=self.events.append,
             stopped=lambda: self.stopped,
         )
-        await self.schedules.begin(afresh=afresh)
+        await self.schedules.begin(after_takeover=after_takeover)
         return self.schedules
 
     async def after(self, seconds):
@@ -198,7 +198,7 @@ async def test_what_another_edge_has_fired_meanwhile_is_not_made_up_for(yard):
     yard.store.record("dawn", [Firing("dawn", START + 3600.0, recorded=START + 3600.0)], START + 3600.0)
     yard.store.close()
     yard.clock.advance(5 * 3600.0 + 60.0)
-    await yard.serve(afresh=True, dawn=once)
+    await yard.serve(after_takeover=True, dawn=once)
     await yard.after(10.0)
     assert yard.runs.wanted == []
     assert "schedule dawn: skipped: another edge had the robots" in yard.texts()

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fleet.standby.lease import TRANSITIONS, Lease, LeaseEntry, LeaseEvent, LeaseState, Terms, Wish
+from fleet.standby.lease import TRANSITIONS, Lease, LeaseAction, LeaseEntry, LeaseEvent, LeaseState, Terms
 
 TERMS = Terms()
 STEP = 0.1  # s between two turns of a node
@@ -18,8 +18,8 @@ PATIENCE = 0.7  # s for which a node waits for an answer
 def holder(lease, now=100.0, revision=7):
     """Let a lease be taken."""
     lease.observe(None, 0, now - TERMS.length)
-    assert lease.next_write(now) is Wish.TAKE
-    lease.written(lease.begin(Wish.TAKE, {}, now), revision, now + 0.01)
+    assert lease.next_write(now) is LeaseAction.TAKE
+    lease.written(lease.begin(LeaseAction.TAKE, {}, now), revision, now + 0.01)
     assert lease.state is LeaseState.HOLDER
     return lease
 
@@ -43,7 +43,7 @@ def test_no_way_leads_from_fenced_back_to_holder():
 def test_an_edge_waits_for_the_length_of_the_lease_where_there_is_no_entry(a):
     a.observe(None, 0, 10.0)
     assert a.next_write(12.9) is None
-    assert a.next_write(13.0) is Wish.TAKE
+    assert a.next_write(13.0) is LeaseAction.TAKE
 
 
 def test_an_edge_that_has_read_nothing_takes_nothing(a):
@@ -52,14 +52,14 @@ def test_an_edge_that_has_read_nothing_takes_nothing(a):
 
 def test_the_epoch_is_the_revision_with_which_the_lease_was_taken(a):
     holder(a, revision=41)
-    entry = a.begin(Wish.RENEW, {}, 101.0)
+    entry = a.begin(LeaseAction.RENEW, {}, 101.0)
     a.written(entry, 42, 101.1)
     assert (a.epoch, entry.epoch) == (41, 41)
 
 
 def test_a_renewal_counts_from_the_moment_it_was_begun(a):
     holder(a, now=100.0)
-    a.written(a.begin(Wish.RENEW, {}, 100.5), 8, 101.4)
+    a.written(a.begin(LeaseAction.RENEW, {}, 100.5), 8, 101.4)
     assert a.motion_until == 100.5 + TERMS.length - TERMS.standstill
     assert a.writes_until == 100.5 + TERMS.length - TERMS.margin
 
@@ -74,24 +74,24 @@ def test_motion_ends_before_the_lease_does_and_nothing_is_written_at_its_end(a):
 
 def test_a_lease_that_was_taken_too_late_is_not_held(a):
     a.observe(None, 0, 0.0)
-    entry = a.begin(Wish.TAKE, {}, 3.0)
+    entry = a.begin(LeaseAction.TAKE, {}, 3.0)
     a.written(entry, 1, 5.5)
     assert a.state is LeaseState.STANDBY
 
 
 def test_a_renewal_whose_answer_was_lost_is_found_in_the_store(a):
     holder(a, now=100.0)
-    entry = a.begin(Wish.RENEW, {}, 100.5)
+    entry = a.begin(LeaseAction.RENEW, {}, 100.5)
     a.unanswered()
     assert a.next_write(100.9) is None
     a.observe(entry, 8, 101.0)
-    assert (a.state, a.next_write(101.0), a.revision) == (LeaseState.HOLDER, Wish.RENEW, 8)
+    assert (a.state, a.next_write(101.0), a.revision) == (LeaseState.HOLDER, LeaseAction.RENEW, 8)
 
 
 @pytest.mark.parametrize("entry", [None, LeaseEntry("b", "b-1", 9)])
 def test_a_holder_that_does_not_find_its_entry_is_fenced(a, entry):
     holder(a)
-    a.begin(Wish.RENEW, {}, 100.5)
+    a.begin(LeaseAction.RENEW, {}, 100.5)
     a.refused()
     a.observe(entry, 9 if entry else 0, 100.6)
     assert a.state is LeaseState.FENCED
@@ -99,7 +99,7 @@ def test_a_holder_that_does_not_find_its_entry_is_fenced(a, entry):
 
 def test_a_standby_takes_a_lease_that_was_handed_to_it_at_once(b):
     b.observe(LeaseEntry("a", "a-1", 7, released=True, to="b"), 9, 50.0)
-    assert b.next_write(50.0) is Wish.TAKE
+    assert b.next_write(50.0) is LeaseAction.TAKE
 
 
 def test_an_edge_with_another_file_does_not_take_over_until_that_is_accepted(b):
@@ -108,11 +108,11 @@ def test_an_edge_with_another_file_does_not_take_over_until_that_is_accepted(b):
     b.observe(entry, 9, 50.0)
     assert (b.next_write(60.0), b.differs) == (None, True)
     b.accept()
-    assert (b.next_write(60.0), b.differs) == (Wish.TAKE, False)
+    assert (b.next_write(60.0), b.differs) == (LeaseAction.TAKE, False)
     b.observe(LeaseEntry("a", "a-1", 7, config="yet another"), 10, 61.0)
     assert b.next_write(70.0) is None, "only that file was accepted"
     b.config = "yet another"
-    assert b.next_write(70.0) is Wish.TAKE
+    assert b.next_write(70.0) is LeaseAction.TAKE
 
 
 @pytest.mark.parametrize(
@@ -127,14 +127,14 @@ def test_a_file_that_is_unknown_or_our_own_keeps_no_edge_from_taking_over(b, ent
     """An older edge tells none, and an edge that starts again has changed its own."""
     b.config = "mine"
     b.observe(entry, 9, 50.0)
-    assert b.next_write(60.0) is Wish.TAKE
-    assert b.begin(Wish.TAKE, {}, 60.0).config == "mine"
+    assert b.next_write(60.0) is LeaseAction.TAKE
+    assert b.begin(LeaseAction.TAKE, {}, 60.0).config == "mine"
 
 
 def test_nobody_else_takes_a_lease_that_was_handed_to_an_edge_before_its_length_has_passed(a):
     a.observe(LeaseEntry("c", "c-1", 7, released=True, to="b"), 9, 50.0)
     assert a.next_write(52.9) is None
-    assert a.next_write(53.0) is Wish.TAKE
+    assert a.next_write(53.0) is LeaseAction.TAKE
 
 
 def test_an_edge_that_gave_the_lease_away_does_not_take_it_back_at_once(a):
@@ -142,12 +142,12 @@ def test_an_edge_that_gave_the_lease_away_does_not_take_it_back_at_once(a):
     a.hand_over("b")
     assert a.next_write(100.2) is None
     a.robots_released()
-    assert a.next_write(100.3) is Wish.RELEASE
-    entry = a.begin(Wish.RELEASE, {"rover": "asked"}, 100.3)
+    assert a.next_write(100.3) is LeaseAction.RELEASE
+    entry = a.begin(LeaseAction.RELEASE, {"rover": "asked"}, 100.3)
     assert (entry.released, entry.to, entry.stops) == (True, "b", {"rover": "asked"})
     a.written(entry, 8, 100.4)
     assert a.next_write(103.3) is None
-    assert a.next_write(103.5) is Wish.TAKE
+    assert a.next_write(103.5) is LeaseAction.TAKE
 
 
 def test_an_edge_whose_lease_lapsed_releases_it_once_its_robots_are_let_go_of(a):
@@ -155,18 +155,18 @@ def test_an_edge_whose_lease_lapsed_releases_it_once_its_robots_are_let_go_of(a)
     a.tick(102.5)
     assert a.next_write(102.6) is None
     a.robots_released()
-    assert a.next_write(102.7) is Wish.RELEASE
+    assert a.next_write(102.7) is LeaseAction.RELEASE
 
 
 def test_news_of_a_stop_is_written_at_once(a):
     holder(a)
     assert a.next_write(100.1) is None
-    assert a.next_write(100.1, news=True) is Wish.RENEW
+    assert a.next_write(100.1, stops_changed=True) is LeaseAction.RENEW
 
 
 def test_a_takeover_knows_whether_the_robots_were_let_go_of(a, b):
     b.observe(LeaseEntry("a", "a-1", 7, released=True), 9, 50.0)
-    b.written(b.begin(Wish.TAKE, {}, 50.1), 10, 50.2)
+    b.written(b.begin(LeaseAction.TAKE, {}, 50.1), 10, 50.2)
     assert (b.takeover.orderly, b.takeover.since) == (True, 50.0)
     holder(a)
     assert not a.takeover.orderly
@@ -228,9 +228,9 @@ class World:
         lease.tick(now)
         if lease.state is LeaseState.FENCED:
             lease.robots_released()
-        wish = lease.next_write(now)
-        if wish is not None:
-            entry = lease.begin(wish, {}, now)
+        action = lease.next_write(now)
+        if action is not None:
+            entry = lease.begin(action, {}, now)
             self.send(node, entry, lease.revision)
         elif lease.needs_read and not node.looking:
             node.looking = True

@@ -40,14 +40,14 @@ def twin() -> str:
     return TWIN
 
 
-def _mutated(source: bytes, chance: random.Random) -> bytes:
+def _mutated(source: bytes, rng: random.Random) -> bytes:
     """Return ``source`` with a few bytes changed, lost, doubled or swapped for a dangerous word."""
     words = [b"NaN", b"1e999", b'"5"', b"true", b"null", b"[", b"{}", b"-Infinity", b"\\ud800", b"\xff"]
     data = bytearray(source)
-    for _ in range(chance.randint(1, 6)):
-        at = chance.randrange(len(data) + 1)
-        until = min(len(data), at + chance.randint(0, 8))
-        data[at:until] = chance.choice([b"", chance.randbytes(3), chance.choice(words), data[at:until] * 2])
+    for _ in range(rng.randint(1, 6)):
+        at = rng.randrange(len(data) + 1)
+        until = min(len(data), at + rng.randint(0, 8))
+        data[at:until] = rng.choice([b"", rng.randbytes(3), rng.choice(words), data[at:until] * 2])
     return bytes(data)
 
 
@@ -56,10 +56,10 @@ def hostile() -> Callable[[Iterable[bytes]], Iterator[bytes]]:
     """Return a maker of 12 000 byte strings near the given ones; the same ones in every run."""
 
     def make(sources: Iterable[bytes]) -> Iterator[bytes]:
-        chance = random.Random(20)
+        rng = random.Random(20)
         pool = list(sources)
         for _ in range(12_000):
-            yield _mutated(chance.choice(pool), chance)
+            yield _mutated(rng.choice(pool), rng)
 
     return make
 

@@ -3,16 +3,16 @@
 import pytest
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.mission_items import ARDUPILOT_HABITS, FENCE, LOITER_TURNS, MISSION, PX4_HABITS
+from fleet_mavlink.sim.mission_items import ARDUPILOT_BEHAVIOUR, FENCE, LOITER_TURNS, MISSION, PX4_BEHAVIOUR
 from fleet_mavlink.sim.mission_upload import MissionUpload
 
 
 class Uploading:
     """An upload with what it has stored."""
 
-    def __init__(self, habits):
+    def __init__(self, behaviour):
         self.stored = []
-        self.upload = MissionUpload(habits, lambda kind, items: self.stored.append((kind, len(items))))
+        self.upload = MissionUpload(behaviour, lambda kind, items: self.stored.append((kind, len(items))))
 
     def count(self, number, kind=MISSION):
         return self.said(self.upload.count(mav.MAVLink_mission_count_message(1, 1, number, kind), 0.0))
@@ -32,12 +32,12 @@ class Uploading:
 
 @pytest.fixture
 def ardupilot(asked_by):
-    return asked_by(ARDUPILOT_HABITS)
+    return asked_by(ARDUPILOT_BEHAVIOUR)
 
 
 @pytest.fixture
 def px4(asked_by):
-    return asked_by(PX4_HABITS)
+    return asked_by(PX4_BEHAVIOUR)
 
 
 @pytest.fixture

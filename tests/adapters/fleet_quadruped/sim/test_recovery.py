@@ -37,8 +37,8 @@ def test_it_gets_up_from_whatever_it_lies_on(any_dog, turn):
 
 
 def orientations(count):
-    chance = random.Random(99)
-    return [random_turn(chance) for _ in range(count)]
+    rng = random.Random(99)
+    return [random_turn(rng) for _ in range(count)]
 
 
 def test_a_dog_with_soft_joints_frees_a_leg_that_lies_under_its_body(mit_dog):

@@ -107,7 +107,7 @@ async def main(folder, began, trigger, kill):
             clock=clock,
             soon=loop.call_soon_threadsafe,
             blocker=lambda *_: "",
-            elsewhere=lambda _: "",
+            edge_of=lambda _: "",
             together=None,
             stop=lambda *_: None,
             on_change=lambda _: None,

@@ -87,12 +87,12 @@ def test_a_kill_between_recording_and_starting_neither_loses_nor_doubles(edge, k
 
 
 def test_firings_and_runs_are_one_to_one_after_kills_at_random_instants(edge):
-    chance = random.Random(7)
+    rng = random.Random(7)
     for _ in range(KILLS):
         with edge.process():
             before = len(edge.walked())
             wait_until("missions are started", lambda before=before: len(edge.walked()) > before + 4)
-            time.sleep(chance.random() * 0.15)
+            time.sleep(rng.random() * 0.15)
     _is_sound(edge)
 
 

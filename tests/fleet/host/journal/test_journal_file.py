@@ -131,7 +131,7 @@ def test_a_full_disk_is_tried_again_now_and_then_and_not_with_each_command(edge,
     tried = []
     monkeypatch.setattr(edge.journal._file, "commit", lambda *_: tried.append(1))
     rex.note("r2", "land")
-    wait_until("it is gathered", lambda: ("rex", "r2") in edge.journal._unwritten.begun)
+    wait_until("it is gathered", lambda: ("rex", "r2") in edge.journal._unwritten.commands)
     assert not tried
     edge.clock.advance(RETRY)
     wait_until("it is tried", lambda: tried)

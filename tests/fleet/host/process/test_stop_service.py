@@ -122,24 +122,24 @@ class Elsewhere:
 
 ANNA = local_cause("anna", "smoke", "r1")
 WHOM = pytest.mark.parametrize(
-    ("payload", "told"), [(b"", True), (b'["yard"]', True), (b'["kestrel"]', False)]
+    ("payload", "expected"), [(b"", True), (b'["yard"]', True), (b'["kestrel"]', False)]
 )
 
 
 @WHOM
-def test_a_robot_in_a_worker_that_may_not_hear_it_is_stopped_later(bus, payload, told):
+def test_a_robot_in_a_worker_that_may_not_hear_it_is_stopped_later(bus, payload, expected):
     robot = Elsewhere()
     serve_stops(Process("yard-1"), bus, GROUPS, [robot])
     bus.control.put("fleet/*/stop", payload)
-    assert robot.calls[:1] == [("later", STOP_KEY_CAUSE)] * told
+    assert robot.calls[:1] == [("later", STOP_KEY_CAUSE)] * expected
 
 
 @WHOM
-def test_a_stop_that_comes_by_the_supervisor_is_put_on_for_a_robot_in_a_worker(bus, payload, told):
+def test_a_stop_that_comes_by_the_supervisor_is_put_on_for_a_robot_in_a_worker(bus, payload, expected):
     robot = Elsewhere()
     stop = serve_stops(Process("yard-1", "beast"), bus, GROUPS, [robot])
-    assert stop(payload, ANNA) == ["beast"] * told
-    assert robot.calls == [("now", ANNA)] * told
+    assert stop(payload, ANNA) == ["beast"] * expected
+    assert robot.calls == [("now", ANNA)] * expected
 
 
 def test_robots_are_stopped_though_the_stop_of_one_in_a_worker_cannot_be_kept(bus, caplog):

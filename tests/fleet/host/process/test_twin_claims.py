@@ -146,12 +146,12 @@ class Yard:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_no_two_edges_ever_run_one_robot_and_one_of_them_does(monkeypatch, seed):
-    chance = random.Random(seed)
+    rng = random.Random(seed)
     for _ in range(50):
-        yard = Yard(monkeypatch, lambda: chance.uniform(0.0, 0.999 * SEEN_WITHIN))
-        edges = chance.choice([2, 2, 3])
+        yard = Yard(monkeypatch, lambda: rng.uniform(0.0, 0.999 * SEEN_WITHIN))
+        edges = rng.choice([2, 2, 3])
         for number in range(edges):
-            at, skew = chance.uniform(0, 3 * SETTLE), chance.uniform(-5, 5)
+            at, skew = rng.uniform(0, 3 * SETTLE), rng.uniform(-5, 5)
             yard.loop.call_later(at, yard.edge, f"yard-{number}", skew)
         yard.loop.run(12 * SETTLE)
         assert yard.both == 0

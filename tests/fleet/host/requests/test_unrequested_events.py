@@ -14,11 +14,11 @@ def events():
 
 
 @pytest.fixture
-def happenings(events):
+def unrequested_events(events):
     return UnrequestedEvents(EventReporter("rex", events.append, ManualClock(), in_motion=lambda: False))
 
 
-def test_a_robot_is_found_changes_its_health_is_lost_and_is_found_again(happenings, events):
+def test_a_robot_is_found_changes_its_health_is_lost_and_is_found_again(unrequested_events, events):
     for level, cause in (
         (Level.OK, ""),
         (Level.DEGRADED, "its battery is low"),
@@ -28,7 +28,7 @@ def test_a_robot_is_found_changes_its_health_is_lost_and_is_found_again(happenin
         (Level.FAULT, "a leg is loose"),
         (Level.OK, ""),
     ):
-        happenings.report_level(Health(level, cause))
+        unrequested_events.report_level(Health(level, cause))
     assert [(event.kind.value, event.text, event.severity.value) for event in events] == [
         ("found", "ok", "info"),
         ("health", "degraded: its battery is low", "warning"),
@@ -41,10 +41,10 @@ def test_a_robot_is_found_changes_its_health_is_lost_and_is_found_again(happenin
     assert events[2].data == {"level": "offline", "cause": "unplugged"}
 
 
-def test_a_fail_safe_is_reported_when_it_begins_with_the_autopilots_own_words(happenings, events):
+def test_a_fail_safe_is_reported_when_it_begins_with_the_autopilots_own_words(unrequested_events, events):
     texts = (StatusText("Radio Failsafe", 4),)
     for failsafe in (False, True, True, False, True):
-        happenings.observe(FlightControllerReport(1.0, True, "RTL", failsafe, status_texts=texts))
+        unrequested_events.observe(FlightControllerReport(1.0, True, "RTL", failsafe, status_texts=texts))
     assert [event.kind for event in events] == [EventKind.FAILSAFE] * 2
     assert events[0].text == "the autopilot's fail-safe is active, mode RTL: Radio Failsafe"
     assert events[0].data == {"mode": "RTL", "status_texts": ["Radio Failsafe"]}

@@ -237,24 +237,24 @@ RADII = {Walker: 0.4, Flyer: 1.5}
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 11])  # in 11 one accelerates while it turns
 def test_whatever_is_asked_of_many_no_two_come_nearer_than_their_radii(seed):
-    chance = random.Random(seed)
+    rng = random.Random(seed)
     driven = {}
 
     def anything(field):
-        name = chance.choice(list(field.robots))
-        x, y = chance.uniform(-8, 12), chance.uniform(-8, 12)
+        name = rng.choice(list(field.robots))
+        x, y = rng.uniform(-8, 12), rng.uniform(-8, 12)
         driven.pop(name, None)
-        match chance.randrange(8):
+        match rng.randrange(8):
             case 0 | 1 | 2 | 3:
                 field.send(name, x, y)
             case 4 | 5 | 6:
-                driven[name] = chance.uniform(-3, 3), chance.uniform(-1, 1), chance.uniform(-1, 1)
+                driven[name] = rng.uniform(-3, 3), rng.uniform(-1, 1), rng.uniform(-1, 1)
             case _:
                 field.command(name, "stop")
 
     async def work(field):
         def each():
-            if chance.random() < 0.12:
+            if rng.random() < 0.12:
                 anything(field)
             for name, velocity in driven.items():
                 field.drive(name, *velocity)
