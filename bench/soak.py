@@ -117,7 +117,7 @@ def soak(minutes):
             fault(rng, proxy)
             churn.turn()
             time.sleep(rng.uniform(0.1, ROUND))
-            client.insist()
+            client.retry_until_accepted()
         proxy.delay = 0.0
         settle(client)
         events = [*client.events(), *executed(running.journal, client.asks)]

@@ -78,14 +78,14 @@ async def many():
         await until(lambda: all(is_well(robot) for robot in robots))
         me, began = psutil.Process(), time.monotonic()
         before = sum(me.cpu_times()[:2])
-        heard = sum(robot.count for robot in robots)
+        received = sum(robot.count for robot in robots)
         while time.monotonic() - began < SECONDS:
             for adapter in adapters:
                 adapter.drive(Velocity(Vector3(random.uniform(0.1, 0.3))))
             await asyncio.sleep(0.05)
         spent = time.monotonic() - began
         cpu = (sum(me.cpu_times()[:2]) - before) / spent * 100
-        rate = (sum(robot.count for robot in robots) - heard) / spent / BASES
+        rate = (sum(robot.count for robot in robots) - received) / spent / BASES
         print(
             f"  {BASES} bases, setpoints and feedback at 20 Hz: "
             f"{cpu / BASES:.2f} % of a core each, {rate:.0f} reports/s"
@@ -101,7 +101,7 @@ FEEDBACK = b'{"T":1001,"L":0,"R":0,"gx":0,"gy":0,"gz":0,"ax":0,"ay":0,"az":8192,
 
 def tap(masters, write_fd):
     """Act as the boards in a separate process: record when each line arrives; finally write all records."""
-    heard, rests, spoken, parent = [], dict.fromkeys(masters, b""), 0.0, os.getppid()
+    received, rests, spoken, parent = [], dict.fromkeys(masters, b""), 0.0, os.getppid()
     while os.getppid() == parent:
         for master in select.select(masters, [], [], 0.01)[0]:
             *lines, rests[master] = (rests[master] + os.read(master, 4096)).split(b"\n")
@@ -109,9 +109,9 @@ def tap(masters, write_fd):
             for line in lines:
                 if b'"T":136' in line:
                     os.write(master, line + b"\n")
-                heard.append((masters.index(master), line.decode(), now))
+                received.append((masters.index(master), line.decode(), now))
                 if b"%.4f" % LAST in line:
-                    os.write(write_fd, json.dumps(heard).encode())
+                    os.write(write_fd, json.dumps(received).encode())
                     return
         if time.monotonic() - spoken > 0.05:
             spoken = time.monotonic()
@@ -162,9 +162,9 @@ async def latency():
 def waits_of(read_fd, sent):
     """Return the latency of each setpoint in ms, sorted."""
     with os.fdopen(read_fd, "rb") as pipe:
-        heard = json.loads(pipe.read())
+        received = json.loads(pipe.read())
     waits = []
-    for number, line, at in heard:
+    for number, line, at in received:
         asked = sent.pop((number, line), None)
         if asked is not None:
             waits.append((at - asked) * 1000)

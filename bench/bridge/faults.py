@@ -34,7 +34,7 @@ def settle(client, within=60.0):
     end = time.monotonic() + within
     while client.unanswered() and time.monotonic() < end:
         time.sleep(0.5)
-        client.insist()
+        client.retry_until_accepted()
 
 
 def kills(name, number):
@@ -77,7 +77,7 @@ def storm(name, commands):
                 if number % RESET_EVERY == RESET_EVERY - 1:
                     proxy.reset()
                 if number % RESET_EVERY == RESET_EVERY // 2 and name == "fleet":
-                    client.insist()
+                    client.retry_until_accepted()
                 time.sleep(PAUSE)
         if name == "fleet":
             settle(client)

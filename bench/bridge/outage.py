@@ -50,13 +50,13 @@ class ReceivedNumbers:
 
 
 def run(seconds=SECONDS):
-    port, heard = free_port(), ReceivedNumbers()
+    port, received = free_port(), ReceivedNumbers()
     robots = puppets(ROBOTS, rate=10, events=RATE)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))
         with (
             mosquitto(port),
-            Mqtt(port, "ears", topics=[STATUS], took=heard.took),
+            Mqtt(port, "subscriber", topics=[STATUS], took=received.took),
             fleet(robots, port, folder) as edge,
         ):
             edge.all_healthy(ROBOTS)
@@ -71,19 +71,19 @@ def run(seconds=SECONDS):
         time.sleep(seconds / 2)
         stack.enter_context(mosquitto(port))
         began = time.monotonic()
-        stack.enter_context(Mqtt(port, "ears", topics=[STATUS, POSITION], took=heard.took))
-        wait_for(lambda: heard.first)
+        stack.enter_context(Mqtt(port, "subscriber", topics=[STATUS, POSITION], took=received.took))
+        wait_for(lambda: received.first)
         time.sleep(max(SECONDS, seconds / 2))
-        report(heard, began, grown, seconds)
+        report(received, began, grown, seconds)
 
 
-def report(heard, began, grown, seconds):
-    missing, unordered = heard.lost()
-    came = sum(map(len, heard.numbers.values()))
+def report(received, began, grown, seconds):
+    missing, unordered = received.lost()
+    came = sum(map(len, received.numbers.values()))
     what = f"broker away for {seconds:g} s, edge killed inside"
     line(f"{what}: durable messages lost", f"{missing} ({came} came)", "aim: 0")
     line("out of order within a topic", str(unordered), "aim: 0")
-    at, age = heard.first
+    at, age = received.first
     line("first state after the broker's return", f"{at - began:.2f} s", "aim: at most 1")
     line("and its age", f"{age:.2f} s", "aim: at most 1")
     line("memory that the outage took", f"{grown / 2**20:+.1f} MiB", "aim: at most +20")

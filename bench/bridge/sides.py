@@ -132,7 +132,7 @@ class DurableReceiver:
 
     def _opened(self):
         topics = [f"cyberwave/twin/+/{suffix}" for suffix in ("navigate/status", "navigate_status")]
-        return Mqtt(self._port, "ears", topics=topics, took=self._took)
+        return Mqtt(self._port, "subscriber", topics=topics, took=self._took)
 
     def _took(self, packet, now):
         number, at = json.loads(packet.payload)["message"].split()[:2]

@@ -29,19 +29,19 @@ class MessageCount:
 
 def measure(pid, port, twins):
     """Return percent of a core, the rate received per topic (Hz), memory (MiB) and threads."""
-    heard = MessageCount()
+    received = MessageCount()
     leaves = ("position", "rotation", "joint_states", "imu")
     topics = [f"cyberwave/twin/{twin}/{suffix}" for twin in twins[:LOOKED_AT] for suffix in leaves]
     topics += [f"cyberwave/joint/{twin}/update" for twin in twins[:LOOKED_AT]]
-    with Mqtt(port, "ears", topics=topics, took=heard.took, qos=0):
-        wait_for(lambda: heard.count > 4 * LOOKED_AT)
+    with Mqtt(port, "subscriber", topics=topics, took=received.took, qos=0):
+        wait_for(lambda: received.count > 4 * LOOKED_AT)
         time.sleep(2)
-        before, began, count = cpu_seconds(pid), time.monotonic(), heard.count
+        before, began, count = cpu_seconds(pid), time.monotonic(), received.count
         time.sleep(SECONDS)
         spent = time.monotonic() - began
         percent = 100 * (cpu_seconds(pid) - before) / spent
         process_info = psutil.Process(pid)
-        rate = (heard.count - count) / spent / 4 / LOOKED_AT
+        rate = (received.count - count) / spent / 4 / LOOKED_AT
         return percent, rate, process_info.memory_info().rss / 2**20, process_info.num_threads()
 
 

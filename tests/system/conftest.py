@@ -141,12 +141,12 @@ class Running:
         return self.process.returncode
 
 
-class Ears:
+class Subscriber:
     """A plain MQTT client that hears everything below a topic and can speak."""
 
     def __init__(self, host: str, port: int, topic: str) -> None:
         self.messages: queue.Queue[tuple[str, dict[str, Any]]] = queue.Queue()
-        self.heard: list[tuple[str, dict[str, Any]]] = []
+        self.received: list[tuple[str, dict[str, Any]]] = []
         self.on_topic: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
         self.address = (host, port)
         self.client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2, protocol=mqtt.MQTTv5)
@@ -161,15 +161,15 @@ class Ears:
     def _take(self, _client: Any, _data: Any, message: mqtt.MQTTMessage) -> None:
         payload = json.loads(message.payload)
         self.on_topic[message.topic].append(payload)
-        self.heard.append((message.topic, payload))
+        self.received.append((message.topic, payload))
 
-    def say(self, topic: str, payload: dict[str, Any]) -> None:
+    def publish(self, topic: str, payload: dict[str, Any]) -> None:
         """Publish, QoS 1."""
         self.client.publish(topic, json.dumps(payload), qos=1)
 
     def of(self, leaf: str) -> list[dict[str, Any]]:
         """Return the payloads heard on topics that end so."""
-        return [payload for topic, payload in list(self.heard) if topic.endswith("/" + leaf)]
+        return [payload for topic, payload in list(self.received) if topic.endswith("/" + leaf)]
 
     def pilot(self, twin: str) -> "Pilot":
         """Make a pilot for a twin that is heard."""
@@ -185,8 +185,8 @@ class Ears:
 class Pilot:
     """One twin, flown with plain MQTT messages."""
 
-    def __init__(self, ears: Ears, twin: str) -> None:
-        self.ears = ears
+    def __init__(self, subscriber: Subscriber, twin: str) -> None:
+        self.subscriber = subscriber
         self.twin = twin
 
     def topic(self, leaf: str) -> str:
@@ -194,13 +194,15 @@ class Pilot:
 
     def of(self, leaf: str) -> list[dict[str, Any]]:
         """Return what was heard on one of the twin's topics."""
-        return list(self.ears.on_topic[self.topic(leaf)])
+        return list(self.subscriber.on_topic[self.topic(leaf)])
 
-    def say(self, leaf: str, **message: Any) -> None:
+    def publish(self, leaf: str, **message: Any) -> None:
         """Publish as a person at a remote control would."""
-        self.ears.say(self.topic(leaf), {"source_type": "tele", "timestamp": time.time(), **message})
+        self.subscriber.publish(
+            self.topic(leaf), {"source_type": "tele", "timestamp": time.time(), **message}
+        )
 
-    def heard(self, leaf: str, what: str, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    def wait_for(self, leaf: str, what: str, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
         """Wait for a message, from the first one on."""
 
         def look() -> dict[str, Any] | None:
@@ -224,10 +226,10 @@ class Pilot:
     def command(self, name: str, **data: Any) -> dict[str, Any]:
         """Send a command and return its answer."""
         before = len(self._receipts(name))
-        self.say("command", command=name, data=data)
+        self.publish("command", command=name, data=data)
         return wait_until(f"an answer to {name}", lambda: self._receipts(name)[before:])[-1]
 
-    def insist(self, name: str, **data: Any) -> None:
+    def retry_until_accepted(self, name: str, **data: Any) -> None:
         """Send a command until it is taken, as a person does with a drone that is not ready yet."""
         wait_until(f"{name} to be taken", lambda: self.command(name, **data)["status"] == "ok", within=90)
 
@@ -245,7 +247,7 @@ class Pilot:
         """Hold a verb, many times a second, until something is seen."""
 
         def again() -> Any:
-            self.say("command", command=verb, data=data)
+            self.publish("command", command=verb, data=data)
             return until()
 
         wait_until(f"{verb} to be seen", again)
@@ -253,7 +255,7 @@ class Pilot:
     def drive(self, verb: str, *, until: Callable[[], Any], **data: Any) -> None:
         """Hold a verb until something is seen, then stop."""
         self.hold(verb, until=until, **data)
-        self.say("command", command="stop", data={})
+        self.publish("command", command="stop", data={})
 
 
 class BasesThread:
@@ -319,12 +321,12 @@ def fleets(runtime: str) -> Iterator[Callable[..., Running]]:
 
 
 @contextlib.contextmanager
-def all_ears() -> Iterator[Callable[..., Ears]]:
+def subscribers() -> Iterator[Callable[..., Subscriber]]:
     """Make MQTT clients that are closed with the block."""
-    made: list[Ears] = []
+    made: list[Subscriber] = []
 
-    def make(host: str, port: int, topic: str) -> Ears:
-        made.append(Ears(host, port, topic))
+    def make(host: str, port: int, topic: str) -> Subscriber:
+        made.append(Subscriber(host, port, topic))
         return made[-1]
 
     yield make
@@ -347,9 +349,9 @@ def fleet(runtime: str) -> Iterator[Callable[..., Running]]:
 
 
 @pytest.fixture
-def ears() -> Iterator[Callable[..., Ears]]:
+def subscriber() -> Iterator[Callable[..., Subscriber]]:
     """Make MQTT clients that are closed after the test."""
-    with all_ears() as make:
+    with subscribers() as make:
         yield make
 
 
@@ -387,10 +389,10 @@ def flying(request: Any) -> Iterator[tuple[str, int]]:
 
 
 @pytest.fixture
-def pilot(request: Any, flying: tuple[str, int], ears: Any) -> Pilot:
+def pilot(request: Any, flying: tuple[str, int], subscriber: Any) -> Pilot:
     """Make a pilot for the drone of the pair's flavour, which is where the test before has left it."""
     name = {PX4: "drone-1", ARDUPILOT: "drone-2"}[request.node.callspec.params["flying"]]
     twin = twin_of(name)
-    pilot: Pilot = ears(*flying, f"cyberwave/twin/{twin}/#").pilot(twin)
-    pilot.heard("position", "the drone is there", bool)
+    pilot: Pilot = subscriber(*flying, f"cyberwave/twin/{twin}/#").pilot(twin)
+    pilot.wait_for("position", "the drone is there", bool)
     return pilot

@@ -33,10 +33,10 @@ OWN = ("edges/", "cyberwave/ping/", "cyberwave/pong/")
 class Outside:
     """The cloud's side and the bus's side of one twin, both by the published SDK."""
 
-    def __init__(self, edge, ears, broker, folder):
+    def __init__(self, edge, subscriber, broker, folder):
         self.edge = edge
-        self.ears = ears
-        self.cloud = ears.pilot(TWIN)
+        self.subscriber = subscriber
+        self.cloud = subscriber.pilot(TWIN)
         self.sdk = CyberwaveMQTTClient("127.0.0.1", broker.port, api_key="cw_test", source_type="tele")
         self.sdk.connect()
         self.backend = get_backend()
@@ -58,7 +58,7 @@ class Outside:
 
 
 @pytest.fixture
-def outside(fleet, ears, foreign_broker, tmp_path, monkeypatch):
+def outside(fleet, subscriber, foreign_broker, tmp_path, monkeypatch):
     """Run an edge with one robot that does what it is told, and stand on both sides of it."""
     robot = {"name": "rex", "twin": TWIN, "adapter": "puppet", "worker": "main", "rate": 20}
     config = {
@@ -74,14 +74,14 @@ def outside(fleet, ears, foreign_broker, tmp_path, monkeypatch):
         "robots": [{**robot, "journal": str(tmp_path / "journal")}],
     }
     (tmp_path / "fleet.yaml").write_text(json.dumps(config))
-    listener = ears("127.0.0.1", foreign_broker.port, "#")
+    listener = subscriber("127.0.0.1", foreign_broker.port, "#")
     running = fleet("run", "--json", folder=tmp_path)
     running.robot("rex", "is well", lambda state: state["health"] == "ok")
     runtime = running.environment["FLEET_RUNTIME_DIR"]
     monkeypatch.setenv("ZENOH_CONNECT", f"unixsock-stream/{runtime}/yard.reports.sock")
     monkeypatch.setenv("ZENOH_MODE", "client")
     outside = Outside(running, listener, foreign_broker, tmp_path)
-    outside.cloud.heard("position", "the bridge is in", bool)
+    outside.cloud.wait_for("position", "the bridge is in", bool)
     yield outside
     outside.close()
 
@@ -90,7 +90,9 @@ def test_the_sdk_asks_a_robot_with_one_answer_and_every_message_keeps_the_contra
     outside.sdk.ping(TWIN)
     wait_until(
         "the pong",
-        lambda: [at for at, _ in list(outside.ears.heard) if at.endswith("pong/" + TWIN + "/response")],
+        lambda: [
+            at for at, _ in list(outside.subscriber.received) if at.endswith("pong/" + TWIN + "/response")
+        ],
     )
     answer = outside.sdk.request_command(TWIN, "poke", {"number": 1}, source_type="tele", timeout_s=30.0)
     MODELS_BY_CONTRACT_ID["twin.command_response.v1"].model_validate(answer)
@@ -100,12 +102,12 @@ def test_the_sdk_asks_a_robot_with_one_answer_and_every_message_keeps_the_contra
     assert (answer["status"], "tele" in answer["reason"]) == ("rejected", True)
     assert outside.done().count("poke") == 1
     for leaf in ("position", "rotation", "joint:update", "telemetry", "edge_health"):
-        outside.cloud.heard(leaf, "it is sent", bool)
+        outside.cloud.wait_for(leaf, "it is sent", bool)
     types = [each["type"] for each in outside.cloud.of("telemetry")]
     assert types[:2] == ["connected", "telemetry_start"]
-    heard = [each for each in outside.ears.heard if not each[0].startswith(OWN)]
-    assert heard
-    for topic, message in heard:
+    received = [each for each in outside.subscriber.received if not each[0].startswith(OWN)]
+    assert received
+    for topic, message in received:
         if topic.endswith("/command") and "status" not in message:
             continue  # ours
         if not topic.endswith(UNTAGGED):
@@ -115,7 +117,7 @@ def test_the_sdk_asks_a_robot_with_one_answer_and_every_message_keeps_the_contra
             MODELS_BY_CONTRACT_ID[contract].model_validate(message)
     session = outside.cloud.of("position")[-1]["session_id"]
     assert session.startswith("fleet_live_")
-    ours = [message for _, message in heard if message.get("session_id") == session]
+    ours = [message for _, message in received if message.get("session_id") == session]
     assert {message["source_type"] for message in ours if "source_type" in message} == {"edge"}
 
 
@@ -129,18 +131,20 @@ def test_what_is_for_somebody_else_or_is_no_request_moves_nothing_and_is_reporte
     ]
     for more in wrong:
         before = len(outside.cloud.answers("poke"))
-        outside.cloud.say("command", command="poke", **{"data": {"number": 1}, **more})
+        outside.cloud.publish("command", command="poke", **{"data": {"number": 1}, **more})
         answer = wait_until(f"{more} is answered", lambda seen=before: outside.cloud.answers("poke")[seen:])[
             0
         ]
         assert answer["status"] == "error", more
     goal = '{"command": "goto", "action_id": "a1", "source_type": "tele", "position": [NaN, 0, 0]}'
-    outside.ears.client.publish(outside.cloud.topic("navigate/command"), goal, qos=1)
-    failed = outside.cloud.heard("navigate/status", "the goal failed", lambda each: each["action_id"] == "a1")
+    outside.subscriber.client.publish(outside.cloud.topic("navigate/command"), goal, qos=1)
+    failed = outside.cloud.wait_for(
+        "navigate/status", "the goal failed", lambda each: each["action_id"] == "a1"
+    )
     assert failed["status"] == "failed"
     assert "poke" not in outside.done()
     session = outside.cloud.of("position")[-1]["session_id"]
-    outside.cloud.say("command", command="emergency_stop", data={"copy": {"session_id": session}})
+    outside.cloud.publish("command", command="emergency_stop", data={"copy": {"session_id": session}})
     outside.edge.robot("rex", "is stopped", lambda state: state.get("emergency_stop"))
 
 
@@ -183,7 +187,7 @@ def test_what_programs_on_the_bus_say_in_the_published_forms_reaches_the_cloud_w
 
 
 def test_what_the_cloud_says_to_programs_reaches_them_on_the_bus(outside):
-    heard = {}
+    received = {}
     said = {
         "webrtc-candidate": {"candidate": "candidate:2 1 udp 1 10.0.0.2 5000 typ host", "sdpMid": "0"},
         "alert": {"name": "low battery", "severity": "warning", "state": "active"},
@@ -193,25 +197,25 @@ def test_what_the_cloud_says_to_programs_reaches_them_on_the_bus(outside):
     channels = {"webrtc-candidate": "cloud/webrtc_candidate", "alert": "alert"}
     for leaf in said:
         channel = channels.get(leaf, f"cloud/{leaf}")
-        outside.bus.subscribe(channel, lambda message, leaf=leaf: heard.update({leaf: message}))
+        outside.bus.subscribe(channel, lambda message, leaf=leaf: received.update({leaf: message}))
     removed, topic = "cloud/twin_removed", f"cyberwave/environment/{PLACE}/twin_removed"
-    outside.bus.subscribe(removed, lambda message: heard.update({removed: message}), twin_uuid=PLACE)
+    outside.bus.subscribe(removed, lambda message: received.update({removed: message}), twin_uuid=PLACE)
 
     def all_heard():
         for leaf, message in said.items():
-            outside.cloud.say(leaf, **message)
-        outside.ears.say(topic, {"twin_uuid": OTHER, "timestamp": 1.0})
-        return heard.keys() >= said.keys() | {removed}
+            outside.cloud.publish(leaf, **message)
+        outside.subscriber.publish(topic, {"twin_uuid": OTHER, "timestamp": 1.0})
+        return received.keys() >= said.keys() | {removed}
 
     wait_until("all of it crossed", all_heard)
-    assert {leaf: heard[leaf] | message for leaf, message in said.items()} == {
-        leaf: heard[leaf] for leaf in said
+    assert {leaf: received[leaf] | message for leaf, message in said.items()} == {
+        leaf: received[leaf] for leaf in said
     }
-    assert heard[removed]["twin_uuid"] == OTHER
+    assert received[removed]["twin_uuid"] == OTHER
 
 
 def test_an_edge_is_configured_by_the_environment_of_the_sdk_and_keeps_to_its_prefix(
-    fleet, ears, foreign_broker, tmp_path, monkeypatch
+    fleet, subscriber, foreign_broker, tmp_path, monkeypatch
 ):
     monkeypatch.setenv("CYBERWAVE_MQTT_HOST", "127.0.0.1")
     monkeypatch.setenv("CYBERWAVE_MQTT_PORT", str(foreign_broker.port))
@@ -221,20 +225,22 @@ def test_an_edge_is_configured_by_the_environment_of_the_sdk_and_keeps_to_its_pr
     robot = {"name": "rex", "twin": TWIN, "adapter": "puppet", "worker": "main", "rate": 20}
     config = {"edge": {"id": "prefixed"}, "plugins": [str(PUPPETS)], "cloud": {}, "robots": [robot]}
     (tmp_path / "fleet.yaml").write_text(json.dumps(config))
-    listener = ears("127.0.0.1", foreign_broker.port, "#")
+    listener = subscriber("127.0.0.1", foreign_broker.port, "#")
     running = fleet("run", "--json", folder=tmp_path)
     running.robot("rex", "is well", lambda state: state["health"] == "ok")
     prefix = f"localcyberwave/twin/{TWIN}/"
-    session = wait_until("it is heard", lambda: dict(listener.heard).get(f"{prefix}position"))["session_id"]
+    session = wait_until("it is heard", lambda: dict(listener.received).get(f"{prefix}position"))[
+        "session_id"
+    ]
     message = {"source_type": "tele", "command": "poke", "data": {"number": 1}}
-    listener.say(f"cyberwave/twin/{TWIN}/command", {**message, "timestamp": time.time()})
+    listener.publish(f"cyberwave/twin/{TWIN}/command", {**message, "timestamp": time.time()})
     sdk = CyberwaveMQTTClient("127.0.0.1", foreign_broker.port, api_key="cw_x", topic_prefix="local")
     sdk.connect()
     ask = functools.partial(sdk.request_command, TWIN, "poke", source_type="tele", timeout_s=30.0)
     answer = ask({"number": 2})
     assert answer["status"] == "accepted", answer.get("reason", answer)
     end(sdk)
-    topics = {at for at, message in listener.heard if message.get("session_id") == session}
+    topics = {at for at, message in listener.received if message.get("session_id") == session}
     assert {at for at in topics if not at.startswith(("localcyberwave/", "localedges/"))} == set()
-    unprefixed = [message for at, message in listener.heard if at == f"cyberwave/twin/{TWIN}/command"]
+    unprefixed = [message for at, message in listener.received if at == f"cyberwave/twin/{TWIN}/command"]
     assert [message for message in unprefixed if "status" in message] == []

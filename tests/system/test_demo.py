@@ -72,7 +72,7 @@ def test_the_first_screen_is_the_one_that_readme_shows(runtime):
     assert [line for line in warned if not re.search(BUSY, line)] == [], shown
 
 
-def test_a_second_demo_says_how_to_start_it_and_runs_beside_the_first(fleet, ears):
+def test_a_second_demo_says_how_to_start_it_and_runs_beside_the_first(fleet, subscriber):
     first = fleet("demo", "--dogs", "0", "--json")
     port = int(first.line(r"MQTT broker +127.0.0.1:(\d+)")[1])
     first.robot("drone-1", "is well", lambda state: state["health"] == "ok")

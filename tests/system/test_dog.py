@@ -14,29 +14,29 @@ TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8d"
 
 
 class Operator:
-    """A person with the SDK, and ears on the twin's topics."""
+    """A person with the SDK, and a subscriber to the twin's topics."""
 
-    def __init__(self, client, ears):
+    def __init__(self, client, subscriber):
         self.client = client
-        self.ears = ears
+        self.subscriber = subscriber
 
     def ask(self, command, **data):
         """Send a command; return its receipt."""
         return self.client.mqtt.request_command(TWIN, command, data, source_type="tele")
 
-    def insist(self, command):
+    def retry_until_accepted(self, command):
         wait_until(f"{command} to be taken", lambda: self.ask(command)["status"] == "accepted")
 
     def position(self):
-        place = self.ears.of("position")[-1]["position"]
+        place = self.subscriber.of("position")[-1]["position"]
         return place["x"], place["y"]
 
     def heading(self):
-        turn = self.ears.of("rotation")[-1]["rotation"]
+        turn = self.subscriber.of("rotation")[-1]["rotation"]
         return 2 * math.atan2(turn["z"], turn["w"])
 
     def mode(self):
-        navigation = [each["metrics"].get("navigation", {}) for each in self.ears.of("metrics")]
+        navigation = [each["metrics"].get("navigation", {}) for each in self.subscriber.of("metrics")]
         return navigation[-1].get("mode", "") if navigation else ""
 
     def is_seen(self, mode):
@@ -59,7 +59,7 @@ class Operator:
 
 
 @pytest.fixture
-def operator(fleet, ears, broker, tmp_path, monkeypatch):
+def operator(fleet, subscriber, broker, tmp_path, monkeypatch):
     monkeypatch.setenv("CYBERWAVE_SDK_AUTO_ATTACH_CONTROLLER", "0")
     dog = {"name": "rex", "twin": TWIN, "adapter": "quadruped", "link": "sim:mujoco"}
     accepts = {"command": ["tele"], "navigate": ["tele"]}
@@ -69,7 +69,7 @@ def operator(fleet, ears, broker, tmp_path, monkeypatch):
         "robots": [dog | {"accepts": accepts}],
     }
     (tmp_path / "fleet.yaml").write_text(json.dumps(file))
-    listener = ears("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#")
+    listener = subscriber("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#")
     fleet("run", "--json", folder=tmp_path).robot("rex", "is well", lambda state: state["health"] == "ok")
     client = Cyberwave(
         base_url="http://127.0.0.1:9",
@@ -85,7 +85,7 @@ def operator(fleet, ears, broker, tmp_path, monkeypatch):
 
 @pytest.mark.timeout(300)
 def test_the_sdk_walks_a_dog_round_a_square(operator):
-    operator.insist("stand_up")
+    operator.retry_until_accepted("stand_up")
     operator.is_seen("standing")
     start = operator.position()
     for _ in range(4):
@@ -100,17 +100,17 @@ def test_the_sdk_walks_a_dog_round_a_square(operator):
         )
         assert operator.ask("stop")["status"] == "accepted"
     assert math.dist(operator.position(), start) < 1.0
-    operator.insist("sit_down")
+    operator.retry_until_accepted("sit_down")
     operator.is_seen("off")
 
 
 def test_an_emergency_stop_over_the_cloud_ends_in_a_named_fault_until_it_is_released(operator):
-    operator.insist("stand_up")
+    operator.retry_until_accepted("stand_up")
     operator.is_seen("standing")
     operator.hold("move_forward", lambda: operator.mode() == "walking", linear_x=0.3)
     assert operator.ask("emergency_stop")["status"] == "accepted"
     operator.is_seen("off")
     assert operator.ask("stand_up")["status"] != "accepted"
     assert operator.ask("release_emergency_stop")["status"] == "accepted"
-    operator.insist("stand_up")
+    operator.retry_until_accepted("stand_up")
     operator.is_seen("standing")

@@ -16,7 +16,7 @@ PASSWORD = "not-in-any-argv"
 
 
 @pytest.fixture
-def edge(fleet, ears, mosquitto, tmp_path):
+def edge(fleet, subscriber, mosquitto, tmp_path):
     """Run three puppets on a real broker; returns the process, who listens, and the twins' telemetry."""
     robots = [
         {"name": name, "twin": twin, "adapter": "puppet", "worker": "main", "rate": 0}
@@ -36,7 +36,7 @@ def edge(fleet, ears, mosquitto, tmp_path):
     }
     file = tmp_path / "fleet.yaml"
     file.write_text(json.dumps(config))
-    listener = ears("127.0.0.1", mosquitto.port, "#")
+    listener = subscriber("127.0.0.1", mosquitto.port, "#")
     running = fleet("run", "--json", str(file))
     wait_until("every robot is connected", lambda: all("connected" in telemetry(listener, t) for t in TWINS))
     return running, listener
@@ -45,13 +45,13 @@ def edge(fleet, ears, mosquitto, tmp_path):
 def telemetry(listener, robot):
     """Return how a twin came and went, in order."""
     topic = f"cyberwave/twin/{TWINS[robot]}/telemetry"
-    types = [message["type"] for heard, message in list(listener.heard) if heard == topic]
+    types = [message["type"] for received, message in list(listener.received) if received == topic]
     return [each for each in types if each in {"connected", "disconnected"}]
 
 
 def reasons(listener, robot):
     topic = f"cyberwave/twin/{TWINS[robot]}/telemetry"
-    return [message.get("reason") for heard, message in list(listener.heard) if heard == topic]
+    return [message.get("reason") for received, message in list(listener.received) if received == topic]
 
 
 def test_every_twin_of_a_killed_edge_is_disconnected_and_connected_once_it_is_back(edge):
@@ -61,7 +61,9 @@ def test_every_twin_of_a_killed_edge_is_disconnected_and_connected_once_it_is_ba
     os.kill(process.pid, signal.SIGKILL)
     wait_until(
         "every twin is disconnected",
-        lambda: all("disconnected" in telemetry(listener, name)[heard:] for name, heard in before.items()),
+        lambda: all(
+            "disconnected" in telemetry(listener, name)[received:] for name, received in before.items()
+        ),
     )
     wait_until(
         "every robot is connected again",

@@ -30,7 +30,7 @@ class Storm:
             nonlocal last
             if self.client.unanswered() and time.monotonic() - last > every:
                 last = time.monotonic()
-                self.client.insist()
+                self.client.retry_until_accepted()
             return not self.client.unanswered()
 
         wait_until("all answers", done)

@@ -41,30 +41,30 @@ def airborne(pilot):
     """Take off to 4 m and wait until the take-off has ended, where the test before has not left it so."""
     if pilot.position()["z"] > 3.0:
         return pilot
-    pilot.insist("takeoff", altitude=4)
+    pilot.retry_until_accepted("takeoff", altitude=4)
     pilot.reaches("4 m", lambda at: at["z"] > 3.7)
     wait_until("the take-off to end", lambda: pilot.command("battery_check")["status"] == "ok")
     return pilot
 
 
 def test_a_drone_takes_off_moves_navigates_and_lands_from_plain_mqtt(pilot):
-    pilot.insist("takeoff", altitude=3)
+    pilot.retry_until_accepted("takeoff", altitude=3)
     pilot.reaches("3 m", lambda at: at["z"] > 2.5)
-    pilot.heard("flight_state", "it flies", lambda each: each["is_flying"])
+    pilot.wait_for("flight_state", "it flies", lambda each: each["is_flying"])
 
     start = pilot.position()
     pilot.drive("move_forward", linear_x=1.0, until=lambda: apart(pilot.position(), start) > 1.0)
 
     action = uuid.uuid4().hex
     goal = {"x": 3.0, "y": 2.0, "z": 4.0}
-    pilot.say("navigate/command", command="navigate_to_pose", action_id=action, position=goal)
-    done = pilot.heard("navigate/status", "completed", lambda each: ended(each, action))
+    pilot.publish("navigate/command", command="navigate_to_pose", action_id=action, position=goal)
+    done = pilot.wait_for("navigate/status", "completed", lambda each: ended(each, action))
     assert done["status"] == "completed", done
     assert apart(pilot.position(), goal) < 1.0
 
-    pilot.insist("land")
+    pilot.retry_until_accepted("land")
     pilot.reaches("the ground", lambda at: at["z"] < 0.3)
-    pilot.heard("flight_state", "landed", lambda _: not pilot.of("flight_state")[-1]["is_flying"])
+    pilot.wait_for("flight_state", "landed", lambda _: not pilot.of("flight_state")[-1]["is_flying"])
     assert [leaf for leaf in ALIVE if not pilot.of(leaf)] == []
     statuses = [each["status"] for each in pilot.of("navigate/status") if each["action_id"] == action]
     assert statuses[0] == "queued"
@@ -72,39 +72,41 @@ def test_a_drone_takes_off_moves_navigates_and_lands_from_plain_mqtt(pilot):
 
 
 def test_an_emergency_stop_holds_the_drone_until_it_is_released(pilot):
-    pilot.insist("takeoff", altitude=3)
+    pilot.retry_until_accepted("takeoff", altitude=3)
     pilot.reaches("2 m", lambda at: at["z"] > 2.0)
-    pilot.say("command", command="emergency_stop", data={}, source_type="edit")
+    pilot.publish("command", command="emergency_stop", data={}, source_type="edit")
     refused = pilot.command("takeoff", altitude=5)
     assert "emergency stop" in refused["reason"]
     assert pilot.command("release_emergency_stop")["status"] == "ok"
-    pilot.insist("land")
+    pilot.retry_until_accepted("land")
     pilot.reaches("the ground", lambda at: at["z"] < 0.3)
 
 
 def test_a_goal_that_cannot_be_read_has_failed_and_says_where(pilot):
     action = uuid.uuid4().hex
-    pilot.say("navigate/command", command="goto", action_id=action, position={"x": "5", "y": 0, "z": 5})
-    failed = pilot.heard("navigate/status", "failed", lambda each: ended(each, action))
+    pilot.publish("navigate/command", command="goto", action_id=action, position={"x": "5", "y": 0, "z": 5})
+    failed = pilot.wait_for("navigate/status", "failed", lambda each: ended(each, action))
     assert failed["status"] == "failed"
     assert "position.x" in failed["message"]
-    pilot.say("navigate/command", command="go", position={"x": 5, "y": 0, "z": 5})
-    failed = pilot.heard("navigate/status", "failed, without an id", lambda each: each["action_id"] == "")
+    pilot.publish("navigate/command", command="go", position={"x": 5, "y": 0, "z": 5})
+    failed = pilot.wait_for("navigate/status", "failed, without an id", lambda each: each["action_id"] == "")
     assert "'go' is not navigation" in failed["message"]
 
 
 def test_a_mission_with_a_hole_has_failed_and_says_where(pilot):
     execution = uuid.uuid4().hex
     steps = [{"type": "waypoint", "params": {"latitude": 47.4, "altitude_m": 5}}]
-    pilot.say("mission/command", command="start", mission_execution_uuid=execution, steps=steps)
-    status = pilot.heard("mission/status", "failed", lambda each: each["mission_execution_uuid"] == execution)
+    pilot.publish("mission/command", command="start", mission_execution_uuid=execution, steps=steps)
+    status = pilot.wait_for(
+        "mission/status", "failed", lambda each: each["mission_execution_uuid"] == execution
+    )
     assert status["status"] == "failed"
     assert "items.0.longitude" in status["message"]
 
 
 def test_plain_mosquitto_pub_flies_it(program, pilot):
     mosquitto_pub = program("mosquitto_pub")
-    host, port = pilot.ears.address
+    host, port = pilot.subscriber.address
 
     def pub(leaf, **message):
         payload = json.dumps({"source_type": "tele", **message})
@@ -144,20 +146,20 @@ def test_a_path_is_paused_resumed_and_another_goal_is_cancelled(airborne):
     goals = [{"x": 3.0, "y": 0.0, "z": 4.0}, {"x": 3.0, "y": 3.0, "z": 4.0}]
     path = uuid.uuid4().hex
     waypoints = [{"id": str(number), "position": goal} for number, goal in enumerate(goals)]
-    pilot.say("navigate/command", command="path", action_id=path, waypoints=waypoints)
-    pilot.heard("navigate/status", "on the way", lambda each: status(each, path) == "running")
-    pilot.say("navigate/command", command="pause", action_id=uuid.uuid4().hex)
-    pilot.heard("navigate/status", "paused", lambda each: each.get("message") == "paused")
-    pilot.say("navigate/command", command="resume", action_id=uuid.uuid4().hex)
-    pilot.heard("navigate/status", "completed", lambda each: status(each, path) == "completed")
+    pilot.publish("navigate/command", command="path", action_id=path, waypoints=waypoints)
+    pilot.wait_for("navigate/status", "on the way", lambda each: status(each, path) == "running")
+    pilot.publish("navigate/command", command="pause", action_id=uuid.uuid4().hex)
+    pilot.wait_for("navigate/status", "paused", lambda each: each.get("message") == "paused")
+    pilot.publish("navigate/command", command="resume", action_id=uuid.uuid4().hex)
+    pilot.wait_for("navigate/status", "completed", lambda each: status(each, path) == "completed")
     assert apart(pilot.position(), goals[-1]) < 1.0
 
     far = uuid.uuid4().hex
-    pilot.say("navigate/command", command="goto", action_id=far, position=[60.0, 0.0, 4.0], yaw=0.0)
-    pilot.heard("navigate/status", "on the way", lambda each: status(each, far) == "running")
-    pilot.say("navigate/command", command="cancel")
-    pilot.heard("navigate/status", "cancelled", lambda each: status(each, far) == "cancelled")
-    pilot.insist("return_to_home")
+    pilot.publish("navigate/command", command="goto", action_id=far, position=[60.0, 0.0, 4.0], yaw=0.0)
+    pilot.wait_for("navigate/status", "on the way", lambda each: status(each, far) == "running")
+    pilot.publish("navigate/command", command="cancel")
+    pilot.wait_for("navigate/status", "cancelled", lambda each: status(each, far) == "cancelled")
+    pilot.retry_until_accepted("return_to_home")
     pilot.reaches("the place above home", lambda at: math.hypot(at["x"], at["y"]) < 0.5)
 
 

@@ -15,7 +15,7 @@ JOINTS = "joint:update"
 
 
 @pytest.fixture
-def pair(fleet, bases, broker, ears, tmp_path):
+def pair(fleet, bases, broker, subscriber, tmp_path):
     """Run a leader and its follower; gives both pilots and the follower's board."""
     ports = [bases.add("waveshare-beast") for _ in range(2)]
     base = {"adapter": "ugv", "profile": "waveshare-beast", "module": "pan-tilt"}
@@ -36,12 +36,12 @@ def pair(fleet, bases, broker, ears, tmp_path):
         ],
     }
     (tmp_path / "fleet.yaml").write_text(json.dumps(file))
-    listener = ears("127.0.0.1", broker.port, "cyberwave/#")
+    listener = subscriber("127.0.0.1", broker.port, "cyberwave/#")
     running = fleet("run", "--json", folder=tmp_path)
     for name in ("mast", "beast"):
         running.robot(name, "is well", lambda state: state["health"] == "ok")
     follower = listener.pilot(FOLLOWER)
-    follower.heard(JOINTS, "its joints are told", lambda message: "pan" in message["positions"])
+    follower.wait_for(JOINTS, "its joints are told", lambda message: "pan" in message["positions"])
     return listener.pilot(LEADER), follower, ports[1].board
 
 
@@ -83,18 +83,18 @@ def refused(pilot, why):
 def test_a_follower_goes_where_its_leader_is_once_asked_and_a_stop_ends_it(pair):
     leader, follower, board = pair
     assert leader.command("camera_servo", pan=0.6, tilt=0.3)["status"] == "ok"
-    leader.heard(JOINTS, "the leader is there", lambda it: it["positions"].get("pan", 0.0) > 0.55)
+    leader.wait_for(JOINTS, "the leader is there", lambda it: it["positions"].get("pan", 0.0) > 0.55)
     assert {each["source_type"] for each in leader.of(JOINTS)} == {"edge_leader"}
     assert board.camera == (0.0, 0.0)  # nobody asked for it to be followed
     assert follower.command("follow_leader")["status"] == "ok"
     wait_until("the follower is there", lambda: abs(pan(board) - 0.6) < 0.06)
     assert math.radians(board.camera[1]) == pytest.approx(0.3, abs=0.06)
     assert {each["source_type"] for each in follower.of(JOINTS)} == {"edge_follower"}
-    leader.say("command", command="camera_servo", data={"pan": -2.0})
+    leader.publish("command", command="camera_servo", data={"pan": -2.0})
     wait_until("it goes the other way", lambda: pan(board) < 0.3)
     assert follower.command("stop")["status"] == "ok"
     held = stays(board)
-    leader.heard(JOINTS, "the leader goes on", lambda it: it["positions"].get("pan", 0.0) < -1.8)
+    leader.wait_for(JOINTS, "the leader goes on", lambda it: it["positions"].get("pan", 0.0) < -1.8)
     assert stays(board) == held
     assert math.radians(held[0]) > -1.0
 
@@ -104,7 +104,7 @@ def test_targets_of_a_leader_in_the_cloud_lead_and_whatever_is_wrong_with_them_i
 
     def lead(**more):
         message = {"source_type": "edge_leader", "positions": {"pan": -0.5}, "session_id": "arm", **more}
-        follower.say(JOINTS, **message)
+        follower.publish(JOINTS, **message)
 
     def led():
         lead()
@@ -128,7 +128,7 @@ def test_targets_of_a_leader_in_the_cloud_lead_and_whatever_is_wrong_with_them_i
             return refused(follower, why)
 
         wait_until(f"{why} is told", is_reported)
-    follower.ears.client.publish(
+    follower.subscriber.client.publish(
         follower.topic(JOINTS), '{"source_type": "edge_leader", "positions": {"pan": NaN}}', qos=1
     )
     wait_until("not-a-number is told", lambda: refused(follower, "NaN") or refused(follower, "number"))
@@ -147,7 +147,7 @@ def test_an_emergency_stop_holds_the_mount_until_it_is_released(pair):
     _, follower, board = pair
 
     def lead():
-        follower.say(JOINTS, session_id="ada", target_positions={"pan": 3.0})
+        follower.publish(JOINTS, session_id="ada", target_positions={"pan": 3.0})
         return pan(board) > 0.3
 
     wait_until("it is led", lead)
@@ -162,9 +162,11 @@ def test_an_emergency_stop_holds_the_mount_until_it_is_released(pair):
 
 def test_a_leader_is_not_led_by_its_own_state(pair):
     leader, _, _ = pair
-    state = leader.heard(JOINTS, "its state", lambda it: "pan" in it["positions"])
-    leader.ears.say(leader.topic(JOINTS), {**state, "session_id": "another edge", "timestamp": time.time()})
-    leader.ears.say(
+    state = leader.wait_for(JOINTS, "its state", lambda it: "pan" in it["positions"])
+    leader.subscriber.publish(
+        leader.topic(JOINTS), {**state, "session_id": "another edge", "timestamp": time.time()}
+    )
+    leader.subscriber.publish(
         leader.topic(JOINTS),
         {"source_type": "edge_leader", "target_positions": {"pan": 1.0}, "timestamp": time.time()},
     )

@@ -60,7 +60,7 @@ class Climber(Adapter[ClimberConfig]):
 
 
 @pytest.fixture(params=["main", "arm"])
-def rex(request, fleet, ears, mosquitto, tmp_path):
+def rex(request, fleet, subscriber, mosquitto, tmp_path):
     """Run a robot in the edge's process, or in a worker; returns its pilot."""
     twin = str(uuid.uuid4())
     (tmp_path / "plugins").mkdir()
@@ -73,42 +73,42 @@ def rex(request, fleet, ears, mosquitto, tmp_path):
     }
     file = tmp_path / "fleet.yaml"
     file.write_text(json.dumps(config))
-    pilot = ears("127.0.0.1", mosquitto.port, "#").pilot(twin)
+    pilot = subscriber("127.0.0.1", mosquitto.port, "#").pilot(twin)
     running = fleet("run", "--json", str(file))
     running.robot("rex", "is well", lambda state: state["health"] == "ok")
-    pilot.heard("telemetry", "connected", lambda message: message["type"] == "connected")
+    pilot.wait_for("telemetry", "connected", lambda message: message["type"] == "connected")
     pilot.worker, pilot.edge = request.param, running
     return pilot
 
 
 def test_what_befalls_a_robot_is_reported_in_the_cloud_to_its_end(rex):
-    rex.say("command", command="climb", data={})
+    rex.publish("command", command="climb", data={})
     wait_until("the end of what was taken", lambda: len(rex.answers("climb")) == 2)
     taken, end = rex.answers("climb")
     assert (taken["status"], taken.get("done")) == ("ok", None)
     assert (end["status"], end["done"]) == ("error", False)
     assert end["reason"] == "it did not climb: Motors not armed"
 
-    said = rex.heard("driverlog", "the host's warning", lambda line: "climb failed" in line["message"])
+    said = rex.wait_for("driverlog", "the host's warning", lambda line: "climb failed" in line["message"])
     assert said["level"] == "WARNING"
 
-    rex.say("command", command="emergency_stop", data={}, session_id="anna")
-    event = rex.heard("event", "the stop", lambda event: event["event_type"] == "emergency_stop")
+    rex.publish("command", command="emergency_stop", data={}, session_id="anna")
+    event = rex.wait_for("event", "the stop", lambda event: event["event_type"] == "emergency_stop")
     assert (event["source"], event["data"]["severity"]) == ("fleet", "critical")
     if rex.worker == "main":  # a worker hears of it first on the bus's stop key, which names nobody
         assert event["data"]["asker"] == {"way": "cloud", "name": "anna", "source_type": "tele"}
 
     assert rex.command("unplug")["status"] == "ok"
-    lost = rex.heard("event", "lost", lambda event: event["event_type"] == "lost")
+    lost = rex.wait_for("event", "lost", lambda event: event["event_type"] == "lost")
     assert lost["data"]["cause"] == "nothing heard for 3 s"
-    rex.heard(
+    rex.wait_for(
         "edge_health",
         "offline, with its cause",  # a robot in a worker was offline before, too, while that started
         lambda beat: (beat["health"], beat["cause"]) == ("offline", "nothing heard for 3 s"),
     )
 
     def own():
-        return [payload for topic, payload in list(rex.ears.heard) if topic.startswith("edges/")]
+        return [payload for topic, payload in list(rex.subscriber.received) if topic.startswith("edges/")]
 
     wait_until(
         "the edge's own roll-up names it",
@@ -124,11 +124,11 @@ def test_a_command_that_the_death_of_the_edge_cut_off_has_its_end_in_the_cloud(r
     assert rex.command("wander")["status"] == "ok"
     (edge,) = psutil.Process(rex.edge.process.pid).children()
     os.kill(edge.pid, signal.SIGKILL)
-    rex.heard("command", "the end of wander", lambda said: said["command"] == "wander" and "done" in said)
+    rex.wait_for("command", "the end of wander", lambda said: said["command"] == "wander" and "done" in said)
     end = rex.answers("wander")[-1]
     assert (end["status"], end["done"]) == ("error", False)
     assert end["reason"] == "the edge was restarted meanwhile; how it ended is unknown"
-    rex.insist("unplug")
+    rex.retry_until_accepted("unplug")
     assert len(rex.answers("climb")) == 2, "its end was told before"
     assert len(rex.answers("wander")) == 2
     history = rex.edge.call("history", "rex", "--json").stdout

@@ -40,10 +40,10 @@ def autopilot(free_udp_port):
 
 
 @pytest.fixture
-def backend(ears, broker):
-    """Start what stands for the back end; gives its address and ears on the twin."""
-    listener = ears("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#")
-    with back_end(listener.say) as address:
+def backend(subscriber, broker):
+    """Start what stands for the back end; gives its address and a subscriber to the twin."""
+    listener = subscriber("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#")
+    with back_end(listener.publish) as address:
         yield address, listener
 
 
@@ -88,8 +88,8 @@ def drone(edge, backend, broker, monkeypatch):
 
 
 def test_the_sdk_takes_off_moves_navigates_and_lands(edge, drone):
-    twin, client, ears = drone
-    wait_until("the drone to be ready", lambda: ready(ears), within=60)
+    twin, client, subscriber = drone
+    wait_until("the drone to be ready", lambda: ready(subscriber), within=60)
     assert client.mqtt.request_command(twin.uuid, "takeoff", {"altitude": 3.0}, source_type="tele")[
         "status"
     ] == ("accepted")
@@ -100,7 +100,7 @@ def test_the_sdk_takes_off_moves_navigates_and_lands(edge, drone):
     before = twin.get_pose()["position"]
 
     def stops():
-        return len(answers(ears, "stop"))
+        return len(answers(subscriber, "stop"))
 
     drive(lambda: twin.move_forward(1.0), lambda: apart(twin.get_pose()["position"], before) > 0.5, stops)
     heading = yaw(twin)
@@ -116,8 +116,8 @@ def test_the_sdk_takes_off_moves_navigates_and_lands(edge, drone):
 
 
 def test_the_sdk_reads_the_battery_by_its_catalog(drone):
-    twin, client, ears = drone
-    wait_until("a battery status", lambda: ears.of("battery/status"))
+    twin, client, subscriber = drone
+    wait_until("a battery status", lambda: subscriber.of("battery/status"))
     topics = {"cyberwave/twin/{twin_uuid}/battery/status": {"direction": "publish"}}
     catalog = {"schema_version": 1, "topics": topics, "commands": {"supported": ["battery_check"]}}
     data = {"uuid": twin.uuid, "name": "kestrel", "metadata": {"controller_type": "teleop", "mqtt": catalog}}
@@ -135,9 +135,9 @@ def test_the_sdk_learns_why_a_command_is_refused(drone):
     assert answer["status"] == "rejected"
 
 
-def ready(ears):
+def ready(subscriber):
     """Say whether the autopilot says that it can be armed."""
-    reports = ears.of("flight_controller")
+    reports = subscriber.of("flight_controller")
     return bool(reports) and reports[-1].get("ready_to_arm")
 
 
@@ -146,9 +146,9 @@ def ended(state):
     return state.get("last_command"), state.get("last_outcome")
 
 
-def answers(ears, name):
+def answers(subscriber, name):
     """Return the answers to a command."""
-    return [each for each in ears.of("command") if "status" in each and each["command"] == name]
+    return [each for each in subscriber.of("command") if "status" in each and each["command"] == name]
 
 
 def height(twin):

@@ -14,7 +14,7 @@ from cyberwave.twin.factory import create_twin
 
 from fleet.cli.demo import twin_of
 from fleet.testing.waiting import wait_until
-from tests.system.conftest import Pilot, Running, all_ears
+from tests.system.conftest import Pilot, Running, subscribers
 from tests.system.test_sdk import DRONE_ASSET, IDENTITIES, ended
 from tests.tools.sdk import back_end, drive, end
 
@@ -34,7 +34,7 @@ class Driver:
     name: str
     twin: Any
     client: Any
-    heard: Pilot
+    pilot: Pilot
     edge: Running
 
     def asked(self, command: str, **data: object) -> None:
@@ -107,11 +107,11 @@ def edge(shared_fleet, shared_broker, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def sdk(shared_broker):
-    """Connect the SDK; gives its client, and ears on all twins."""
-    with pytest.MonkeyPatch.context() as patch, all_ears() as ears:
+    """Connect the SDK; gives its client, and a subscriber to all twins."""
+    with pytest.MonkeyPatch.context() as patch, subscribers() as subscriber:
         patch.setenv("CYBERWAVE_SDK_AUTO_ATTACH_CONTROLLER", "0")
-        listener = ears("127.0.0.1", shared_broker.port, "cyberwave/twin/#")
-        with back_end(listener.say) as address:
+        listener = subscriber("127.0.0.1", shared_broker.port, "cyberwave/twin/#")
+        with back_end(listener.publish) as address:
             client = Cyberwave(
                 base_url=address,
                 api_key="cw_test",
@@ -130,10 +130,10 @@ def take(edge, sdk):
     client, listener = sdk
 
     def take(name, asset):
-        heard = listener.pilot(twin_of(name))
-        data = {"uuid": heard.twin, "name": name, **IDENTITIES, "metadata": {"controller_type": "teleop"}}
-        heard.heard("flight_controller", "it can be armed", lambda state: state.get("ready_to_arm"))
-        return Driver(name, create_twin(client, data, registry_id=asset), client, heard, edge)
+        pilot = listener.pilot(twin_of(name))
+        data = {"uuid": pilot.twin, "name": name, **IDENTITIES, "metadata": {"controller_type": "teleop"}}
+        pilot.wait_for("flight_controller", "it can be armed", lambda state: state.get("ready_to_arm"))
+        return Driver(name, create_twin(client, data, registry_id=asset), client, pilot, edge)
 
     return take
 
@@ -145,7 +145,7 @@ def test_the_sdk_drives_a_rover_by_verbs_and_to_a_goal(take):
     drive(
         lambda: mule.twin.move_forward(1.0),
         lambda: mule.away(began["x"], began["y"]) > 0.5,
-        lambda: len(mule.heard.answers("stop")),
+        lambda: len(mule.pilot.answers("stop")),
     )
     mule.goes(10.0, 5.0, 0.0)
     assert mule.away(10.0, 5.0) < 3.0

@@ -158,7 +158,7 @@ class Pair:
         self._driver = threading.Thread(target=self._drive, daemon=True)
         self._driver.start()
 
-    def heard(self, since=0.0):
+    def received(self, since=0.0):
         """Return what the robot heard."""
         found = []
         for line in self._record.read_text().splitlines():
@@ -176,7 +176,7 @@ class Pair:
 
     def moving(self, edge, since):
         """Return whether an edge has moved the robot."""
-        return any(each.moves and each.edge == edge for each in self.heard(since))
+        return any(each.moves and each.edge == edge for each in self.received(since))
 
     def end(self):
         self._drives.set()
@@ -287,14 +287,16 @@ def took_over(pair, holder, other, lost_at, *, in_flight=0):
     frame writes that one when it goes on (ADR 0022).
     """
     wait_until("the other edge moves the robot", lambda: pair.moving(other.name, lost_at))
-    heard = pair.heard(lost_at)
-    first = next(each for each in heard if each.edge == other.name)
+    received = pair.received(lost_at)
+    first = next(each for each in received if each.edge == other.name)
     assert first.at - lost_at <= TAKEN_WITHIN
-    late = [each for each in heard if each.edge == holder.name and each.at >= first.at]
+    late = [each for each in received if each.edge == holder.name and each.at >= first.at]
     assert not any(each.moves for each in late)
     assert len(late) <= in_flight
-    before = [each for each in pair.heard() if each.edge == holder.name and each.moves and each.at < first.at]
-    moved = next(each for each in heard if each.edge == other.name and each.moves)
+    before = [
+        each for each in pair.received() if each.edge == holder.name and each.moves and each.at < first.at
+    ]
+    moved = next(each for each in received if each.edge == other.name and each.moves)
     assert moved.at - before[-1].at >= BOUND
     return first
 
@@ -363,7 +365,7 @@ def test_a_handover_holds_the_robot_and_is_quick(pair):
     assert said.returncode == 0, said.stderr
     assert f"edge {holder.name} has let go" in said.stdout
     first = took_over(pair, holder, other, asked_at)
-    last = max((each for each in pair.heard() if each.edge == holder.name), key=lambda each: each.at)
+    last = max((each for each in pair.received() if each.edge == holder.name), key=lambda each: each.at)
     assert not last.moves
     assert first.at > last.at
 

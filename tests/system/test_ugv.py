@@ -27,7 +27,7 @@ def device():
 
 
 @pytest.fixture
-def beast(fleet, ears, broker, device, tmp_path, monkeypatch):  # noqa: PLR0917 - fixtures
+def beast(fleet, subscriber, broker, device, tmp_path, monkeypatch):  # noqa: PLR0917 - fixtures
     """Run a fleet of one wheeled robot as a user does, and make the twin object of the SDK in live mode."""
     monkeypatch.setenv("CYBERWAVE_SDK_AUTO_ATTACH_CONTROLLER", "0")
     file = {
@@ -38,7 +38,7 @@ def beast(fleet, ears, broker, device, tmp_path, monkeypatch):  # noqa: PLR0917 
         ],
     }
     (tmp_path / "fleet.yaml").write_text(json.dumps(file))
-    listener = ears("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#")
+    listener = subscriber("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#")
     running = fleet("run", "--json", folder=tmp_path)
     running.robot("beast", "is well", lambda state: state["health"] == "ok")
     client = Cyberwave(
@@ -61,37 +61,37 @@ def beast(fleet, ears, broker, device, tmp_path, monkeypatch):  # noqa: PLR0917 
 
 
 def test_the_sdk_drives_it_and_a_square_of_goals_closes(beast):
-    twin, ears = beast
+    twin, subscriber = beast
     wait_until("a pose", twin.get_pose)
     start = place(twin)
 
     def stops():
-        return stops_answered(ears)
+        return stops_answered(subscriber)
 
     drive(lambda: twin.move_forward(0.3), lambda: math.dist(place(twin), start) > 0.1, stops)
     drive(lambda: twin.move_backward(0.3), lambda: math.dist(place(twin), start) < 0.1, stops)
     action = uuid.uuid4().hex
     waypoints = [{"id": str(n), "position": {"x": x, "y": y, "z": 0}} for n, (x, y) in enumerate(SQUARE)]
     goal = {"command": "path", "action_id": action, "waypoints": waypoints, "source_type": "tele"}
-    ears.say(f"cyberwave/twin/{TWIN}/navigate/command", goal)
+    subscriber.publish(f"cyberwave/twin/{TWIN}/navigate/command", goal)
     wait_until(
-        f"the square; last {ears.of('navigate/status')[-1:]}",
-        lambda: states(ears, action)[-1:] == ["completed"],
+        f"the square; last {subscriber.of('navigate/status')[-1:]}",
+        lambda: states(subscriber, action)[-1:] == ["completed"],
         within=90,
     )
     assert math.dist(place(twin), (0.0, 0.0)) < 0.1
-    seen = [(each["position"]["x"], each["position"]["y"]) for each in ears.of("position")]
+    seen = [(each["position"]["x"], each["position"]["y"]) for each in subscriber.of("position")]
     for corner in SQUARE:
         assert min(math.dist(at, corner) for at in seen) < 0.12
-    navigations = [each["metrics"]["navigation"] for each in ears.of("metrics")]
+    navigations = [each["metrics"]["navigation"] for each in subscriber.of("metrics")]
     inflight = [navigation for navigation in navigations if "eta_seconds" in navigation]
     assert inflight
     assert all(navigation["distance_remaining_m"] <= 4.5 for navigation in inflight)
     assert "distance_remaining_m" not in navigations[0]
-    types = [each["type"] for each in ears.of("telemetry")]
+    types = [each["type"] for each in subscriber.of("telemetry")]
     types = types[types.index("connected") :]  # before it answered, the edge may have said that it does not
     assert types[:2] == ["connected", "telemetry_start"]
-    assert ears.of("battery/status")[-1]["percentage"] == pytest.approx(80.8, abs=0.1)
+    assert subscriber.of("battery/status")[-1]["percentage"] == pytest.approx(80.8, abs=0.1)
 
 
 def place(twin):
@@ -99,9 +99,9 @@ def place(twin):
     return at["x"], at["y"]
 
 
-def stops_answered(ears):
-    return sum(each["command"] == "stop" and "status" in each for each in ears.of("command"))
+def stops_answered(subscriber):
+    return sum(each["command"] == "stop" and "status" in each for each in subscriber.of("command"))
 
 
-def states(ears, action):
-    return [each["status"] for each in ears.of("navigate/status") if each["action_id"] == action]
+def states(subscriber, action):
+    return [each["status"] for each in subscriber.of("navigate/status") if each["action_id"] == action]

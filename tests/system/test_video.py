@@ -47,7 +47,7 @@ def camera(pictures, tmp_path):
 class Site:
     """An edge with one real robot, and the cloud's side of its twin."""
 
-    def __init__(self, fleet, ears, broker, folder):
+    def __init__(self, fleet, subscriber, broker, folder):
         self.twin = str(uuid.uuid4())
         self.file = folder / "fleet.yaml"
         self._fleet = fleet
@@ -63,11 +63,11 @@ class Site:
                 }
             )
         )
-        self.ears = ears("127.0.0.1", broker.port, "cyberwave/#")
-        self.cloud = self.ears.pilot(self.twin)
+        self.subscriber = subscriber("127.0.0.1", broker.port, "cyberwave/#")
+        self.cloud = self.subscriber.pilot(self.twin)
         self.edge = fleet("run", str(self.file), "--json")
         self.edge.robot("rex", "is well", lambda state: state["health"] == "ok")
-        self.cloud.heard("telemetry", "the bridge is in", lambda message: message["type"] == "connected")
+        self.cloud.wait_for("telemetry", "the bridge is in", lambda message: message["type"] == "connected")
 
     def send_video(self, camera, *options, code=0):
         """Start the program that sends video."""
@@ -79,7 +79,7 @@ class Site:
     def ask(self, name):
         """Ask as the frontend does, without a source type; return what is told on the status topic."""
         before = len(self.cloud.of(f"{name}/status"))
-        self.ears.say(self.cloud.topic("command"), {"type": name, "timestamp": time.time()})
+        self.subscriber.publish(self.cloud.topic("command"), {"type": name, "timestamp": time.time()})
         return wait_until(f"{name}/status", lambda: self.cloud.of(f"{name}/status")[before:])[0]
 
     def streams(self):
@@ -98,16 +98,16 @@ class Site:
             "sdp": sdp,
             "sensor": offer["sensor"],
         }
-        self.ears.say(self.cloud.topic("webrtc-answer"), answer)
+        self.subscriber.publish(self.cloud.topic("webrtc-answer"), answer)
         page.wait_for_function("candidates.length > 0")
         for candidate in page.evaluate("candidates"):
-            self.ears.say(self.cloud.topic("webrtc-candidate"), candidate)
+            self.subscriber.publish(self.cloud.topic("webrtc-candidate"), candidate)
         return offer
 
 
 @pytest.fixture
-def site(fleet, ears, foreign_broker, tmp_path):
-    return Site(fleet, ears, foreign_broker, tmp_path)
+def site(fleet, subscriber, foreign_broker, tmp_path):
+    return Site(fleet, subscriber, foreign_broker, tmp_path)
 
 
 def test_a_camera_is_seen_in_a_browser_from_start_video_to_stop_video(site, camera, page, pictures):
@@ -158,7 +158,7 @@ def test_video_that_nobody_sends_is_refused_with_what_to_do(site):
 
 def test_what_came_of_video_that_was_asked_for_on_the_bus_is_reported_in_the_cloud_once(site):
     assert site.edge.call("send", "rex", "start_video", "-f", str(site.file)).returncode
-    status = site.cloud.heard("start_video/status", "the refusal", bool)
+    status = site.cloud.wait_for("start_video/status", "the refusal", bool)
     assert (status["type"], status["status"], status["source_type"]) == ("video_started", "error", "edge")
     assert site.ask("start_video")["status"] == "error"
     assert len(site.cloud.of("start_video/status")) == 2
@@ -184,8 +184,8 @@ def test_a_program_goes_on_with_an_edge_that_was_killed_and_started_anew(site, c
     (edge,) = [
         child for child in psutil.Process(site.edge.process.pid).children() if "run-edge" in child.cmdline()
     ]
-    session = site.cloud.heard("edge_health", "its session", bool)["session_id"]
+    session = site.cloud.wait_for("edge_health", "its session", bool)["session_id"]
     edge.kill()
     wait_until("a new edge", lambda: site.cloud.of("edge_health")[-1]["session_id"] != session)
     wait_until("a program is there again", lambda: site.ask("start_video")["status"] == "ok")
-    site.cloud.heard("webrtc-offer", "its offer", bool)  # topics have no order between them
+    site.cloud.wait_for("webrtc-offer", "its offer", bool)  # topics have no order between them

@@ -45,12 +45,12 @@ def worker_of(running):
     return worker
 
 
-def test_a_base_goes_its_way_and_stops_by_itself_whatever_dies(roll, bases, broker, ears):
+def test_a_base_goes_its_way_and_stops_by_itself_whatever_dies(roll, bases, broker, subscriber):
     port = bases.add("waveshare-beast")
     running = roll(port, "waveshare-beast", worker="wheels")
-    pilot = ears("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#").pilot(TWIN)
-    pilot.say("command", command="move_forward", data={"distance": 0.3})
-    pilot.heard("navigate/status", "the end of the way", lambda status: status["status"] == "completed")
+    pilot = subscriber("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#").pilot(TWIN)
+    pilot.publish("command", command="move_forward", data={"distance": 0.3})
+    pilot.wait_for("navigate/status", "the end of the way", lambda status: status["status"] == "completed")
     assert port.board.physics.x == pytest.approx(0.3, abs=0.1)
     supervisor = psutil.Process(running.process.pid)
     for helped in (True, False):

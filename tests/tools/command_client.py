@@ -72,7 +72,7 @@ class CommandClient:
         """Return what was not answered yet."""
         return [ask for ask in self.asks.values() if not ask.answered]
 
-    def insist(self) -> None:
+    def retry_until_accepted(self) -> None:
         """Ask again for what was not answered."""
         for ask in self.unanswered():
             self._send(ask)

@@ -73,7 +73,7 @@ class EdgeView:
         self.store.observed_of[self.name] = msgspec.json.encode(observed)
 
 
-class PuppetEdge:
+class FakeEdge:
     """An edge in memory. ``outcomes`` are what comes of the next attempts; after them all goes well.
 
     ``refuses``: what ``check`` raises for a bundle with these bytes in it.

@@ -7,7 +7,7 @@ from fleet.rollout.installation import Installation
 from fleet.rollout.messages import DesiredState
 from fleet.rollout.signature import by_name, new_key
 from fleet.testing.clock import ManualClock
-from tests.tools.rollout import MemoryStore, PuppetEdge, bundle_of, desired_of
+from tests.tools.rollout import FakeEdge, MemoryStore, bundle_of, desired_of
 
 KEY = new_key()
 
@@ -18,7 +18,7 @@ class Yard:
     def __init__(self, folder):
         self.store, self.clock = MemoryStore(), ManualClock()
         self.installation = Installation(folder)
-        self.here = PuppetEdge(self.installation)
+        self.here = FakeEdge(self.installation)
         self.first, data = sealed(bundle_of(1), KEY)
         self.installation.stage(bundle_of(1), self.first)
         self.installation.save_record(AgentRecord(self.first, 1, self.first))

@@ -1,4 +1,4 @@
-"""A vehicle that says what a test wants, recordings of real ones, and a sky for simulated ones."""
+"""A vehicle that receives what a test says, recordings of real ones, and flights of simulated ones."""
 
 import asyncio
 import math
@@ -72,7 +72,7 @@ class VehicleHarness:
         beat = Heartbeat(2, self._autopilot, 0x80 if armed else 0, mode, status)
         self.vehicle.take(beat, address)
 
-    def say(self, *messages):
+    def receive(self, *messages):
         """Let it say something."""
         for message in messages:
             self.vehicle.take(message, None)
@@ -83,7 +83,7 @@ def harness():
     return VehicleHarness
 
 
-class Sky(Operator):
+class SimFlight(Operator):
     """A simulated vehicle, and the adapter that flies it over a memory link."""
 
     def __init__(self, flavour, *, vehicle="multirotor", ready=0.0, faults=None, accessories=(), **config):
@@ -149,7 +149,7 @@ class Sky(Operator):
                 self._peer.say(b"".join(frames))
             await asyncio.sleep(0.02)
 
-    def hears(self, *messages):
+    def send_from_station(self, *messages):
         """Let another station, 255/190, say something to the vehicle."""
         for message in messages:
             self._peer.say(b"".join(self.wire.receive(framed(message, system=255, component=190), self.now)))
@@ -192,19 +192,19 @@ class Sky(Operator):
             await asyncio.sleep(0.05)
         return self.now - began
 
-    async def met(self):
+    async def wait_until_known(self):
         """Let time pass until the adapter knows the vehicle and where it is."""
         await self.until(lambda: self.robot.is_connected and self.state.home_altitude is not None)
         return self
 
 
 @pytest.fixture
-def sky():
-    return Sky
+def sim_flight():
+    return SimFlight
 
 
 @pytest.fixture
-def fly():
+def run_in_sim_time():
     """Run a coroutine in a loop whose time jumps."""
 
     def run(main):

@@ -11,7 +11,7 @@ from fleet.model.geometry import Vector3, Velocity
 from fleet.model.navigation import Navigate
 from fleet.testing.clock import LoopClock
 from fleet_mavlink.adapter import MavlinkAdapter
-from tests.adapters.fleet_mavlink.conftest import Sky
+from tests.adapters.fleet_mavlink.conftest import SimFlight
 from tests.fleet.host.field import local_robot
 
 TELE = Origin(Transport.BUS, "tele", "anna")
@@ -45,7 +45,7 @@ class Asked:
         return f"{self.name}: {self.end.outcome}"
 
 
-class HostedSky(Sky):
+class HostedSky(SimFlight):
     """A simulated vehicle that the host moves; ``ask`` and its kin return the request."""
 
     def __init__(self, flavour, *, vehicle="multirotor", **more):
@@ -84,12 +84,12 @@ class HostedSky(Sky):
 
     def _kind(self):
         """Return the adapter's class, whose newest instance is ``adapter``."""
-        sky = self
+        sim_flight = self
 
         class Made(MavlinkAdapter):
             def __init__(self, config, robot):
                 super().__init__(config, robot)
-                sky.adapter = self
+                sim_flight.adapter = self
 
         return Made
 
@@ -117,7 +117,7 @@ class HostedSky(Sky):
     def adapter_known(self):
         return getattr(self, "adapter", None) is not None and hasattr(self.adapter, "_session")
 
-    async def met(self):
+    async def wait_until_known(self):
         """Let time pass until the host knows the vehicle and where it is."""
         await self.until(
             lambda: (

@@ -37,14 +37,14 @@ NAN = math.nan
 
 async def other_station_drives(it, speed=5.0):
     """Have another station arm the rover and drive it, as a person at another console would."""
-    await it.met()
-    it.hears(mav.MAVLink_command_long_message(1, 1, 176, 0, 1, GUIDED, 0, 0, 0, 0, 0))
-    it.hears(mav.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+    await it.wait_until_known()
+    it.send_from_station(mav.MAVLink_command_long_message(1, 1, 176, 0, 1, GUIDED, 0, 0, 0, 0, 0))
+    it.send_from_station(mav.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
 
     async def stream():
         while True:
             zeros = (0.0, 0.0, 0.0)
-            it.hears(
+            it.send_from_station(
                 mav.MAVLink_set_position_target_local_ned_message(
                     0, 1, 1, 8, 0x0DC7, *zeros, speed, 0.0, 0.0, *zeros, 0.0, 0.0
                 )
@@ -57,9 +57,9 @@ async def other_station_drives(it, speed=5.0):
 
 
 @pytest.mark.parametrize("reason", ["stop", "emergency_stop", "hover", "brake", "pause"])
-def test_a_rover_that_another_station_drives_is_braked_by_every_stop(fly, sky, reason):
+def test_a_rover_that_another_station_drives_is_braked_by_every_stop(run_in_sim_time, sim_flight, reason):
     async def main():
-        async with sky("ardupilot", vehicle="rover") as it:
+        async with sim_flight("ardupilot", vehicle="rover") as it:
             driving = await other_station_drives(it)
             began = it.now
             await it.adapter.stop(reason)
@@ -69,35 +69,35 @@ def test_a_rover_that_another_station_drives_is_braked_by_every_stop(fly, sky, r
             await it.until(lambda: it.speed < 0.2, within=10.0)
             driving.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_halt_is_written_to_it_at_once(fly, sky):
+def test_a_halt_is_written_to_it_at_once(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="rover") as it:
+        async with sim_flight("ardupilot", vehicle="rover") as it:
             driving = await other_station_drives(it)
             it.adapter.emergency_halt()
             assert it.mode == "HOLD"
             driving.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_the_end_of_an_edge_leaves_what_is_not_moved_here_to_who_moves_it(fly, sky):
+def test_the_end_of_an_edge_leaves_what_is_not_moved_here_to_who_moves_it(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="rover") as it:
+        async with sim_flight("ardupilot", vehicle="rover") as it:
             it.sim.pilot.vehicle_type = SUBMARINE
             driving = await other_station_drives(it)
             await it.adapter.stop("the edge ends")
             assert it.mode == "GUIDED"
             driving.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_rover_that_rolls_on_in_hold_is_not_called_stopped(fly, sky):
+def test_a_rover_that_rolls_on_in_hold_is_not_called_stopped(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="rover") as it:
+        async with sim_flight("ardupilot", vehicle="rover") as it:
             driving = await other_station_drives(it)
 
             async def downhill():
@@ -114,12 +114,12 @@ def test_a_rover_that_rolls_on_in_hold_is_not_called_stopped(fly, sky):
             await it.until(lambda: "was not stopped" not in it.robot.healths[-1].cause, within=1.0)
             driving.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_rover_that_takes_no_mode_is_disarmed(fly, sky):
+def test_a_rover_that_takes_no_mode_is_disarmed(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="rover") as it:
+        async with sim_flight("ardupilot", vehicle="rover") as it:
             driving = await other_station_drives(it)
             it.sim.pilot.refusal_of = lambda mode: "not today" if mode.name == "HOLD" else ""
             await it.adapter.stop("emergency_stop")
@@ -127,12 +127,12 @@ def test_a_rover_that_takes_no_mode_is_disarmed(fly, sky):
             await it.until(lambda: it.speed < 0.2, within=10.0)
             driving.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_stop_on_the_heels_of_another_does_not_disarm_it(fly, sky):
+def test_a_stop_on_the_heels_of_another_does_not_disarm_it(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="rover", faults={"delay": 0.2}) as it:
+        async with sim_flight("ardupilot", vehicle="rover", faults={"delay": 0.2}) as it:
             driving = await other_station_drives(it)
             first = asyncio.ensure_future(it.adapter.stop("stop"))
             await asyncio.sleep(0.05)
@@ -143,26 +143,26 @@ def test_a_stop_on_the_heels_of_another_does_not_disarm_it(fly, sky):
             assert it.armed
             driving.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_what_is_not_heard_is_not_called_stopped(fly, sky):
+def test_what_is_not_heard_is_not_called_stopped(run_in_sim_time, sim_flight):
     async def main():
         for vehicle in ("multirotor", "rover"):
-            async with sky("ardupilot", vehicle=vehicle) as it:
-                await it.met()
+            async with sim_flight("ardupilot", vehicle=vehicle) as it:
+                await it.wait_until_known()
                 it.radio = False
                 await asyncio.sleep(3.2)
                 for reason in ("stop", "emergency_stop"):
                     with pytest.raises(NotReady, match="no heartbeat"):
                         await it.adapter.stop(reason)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_rover_is_reported_with_its_type_and_without_a_height(fly, sky):
+def test_a_rover_is_reported_with_its_type_and_without_a_height(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="rover") as it:
+        async with sim_flight("ardupilot", vehicle="rover") as it:
             driving = await other_station_drives(it)
             it.robot.reports.clear()
             await asyncio.sleep(6.0)
@@ -184,12 +184,12 @@ def test_a_rover_is_reported_with_its_type_and_without_a_height(fly, sky):
                 lambda: any("target not" in said.message for said in it.robot.reports_of(LogReport))
             )
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_what_is_not_moved_here_is_not_moved_not_even_by_one_setpoint(fly, sky):
+def test_what_is_not_moved_here_is_not_moved_not_even_by_one_setpoint(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="rover") as it:
+        async with sim_flight("ardupilot", vehicle="rover") as it:
             it.sim.pilot.vehicle_type = SUBMARINE
             driving = await other_station_drives(it)
             driving.cancel()
@@ -204,7 +204,7 @@ def test_what_is_not_moved_here_is_not_moved_not_even_by_one_setpoint(fly, sky):
             assert it.setpoints == []
             assert set(it.robot.lacking) == set(OF_A_MOVED_VEHICLE)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize("vehicle_type", [10, 11])
@@ -331,7 +331,7 @@ class Bench:
         self.beat()
         self.beat()
         if vtol_state:
-            self.it.say(ExtendedSysState(0, vtol_state))
+            self.it.receive(ExtendedSysState(0, vtol_state))
         self.moves()
 
     def beat(self):
@@ -339,7 +339,7 @@ class Bench:
 
     def moves(self):
         place = (0, 470_000_000, 80_000_000, 500_000, 50_000)
-        self.it.say(GlobalPositionInt(*place, round(self.speed * 100), 0, 0, 0))
+        self.it.receive(GlobalPositionInt(*place, round(self.speed * 100), 0, 0, 0))
 
     def _sent(self, message, _address):
         self.asked.append(message)
@@ -348,7 +348,7 @@ class Bench:
 
     def _answer(self, message, result):
         self.it.clock.advance(0.2)
-        self.it.say(CommandAck(message.command, int(result)))
+        self.it.receive(CommandAck(message.command, int(result)))
         if result == MavResult.ACCEPTED and message.command == MavCmd.DO_SET_MODE:
             self.mode = int(message.param2)
         elif result == MavResult.ACCEPTED and message.command == MavCmd.DO_REPOSITION:

@@ -32,16 +32,16 @@ class Talk:
         return self.harness.sent
 
     def later(self, seconds, *messages):
-        self.loop.call_later(seconds, self.harness.say, *messages)
+        self.loop.call_later(seconds, self.harness.receive, *messages)
 
     def beats_later(self, seconds, **beat):
         self.loop.call_later(seconds, lambda: self.harness.beat(**beat))
 
 
 @pytest.fixture
-def talk(fly, harness):
+def talk(run_in_sim_time, harness):
     """Run a test with a Talk."""
-    return lambda test: fly(_with(test, harness))
+    return lambda test: run_in_sim_time(_with(test, harness))
 
 
 async def _with(test, harness):
@@ -105,7 +105,7 @@ def test_answers_to_what_was_never_asked_are_counted_and_late_ones_are_not(talk)
 
 def test_an_answer_that_came_before_is_none_to_this_one(talk):
     async def test(it):
-        it.harness.say(ack(MavResult.FAILED))
+        it.harness.receive(ack(MavResult.FAILED))
         it.later(0.2, ack(MavResult.ACCEPTED))
         await it.commander.ask(ARM)
 
@@ -132,7 +132,7 @@ def test_a_refusal_is_reported_in_the_autopilots_words_whether_they_come_first_o
 
 def test_what_was_said_before_the_command_is_no_reason(talk):
     async def test(it):
-        it.harness.say(StatusTextMessage(2, "PreArm: Old news"))
+        it.harness.receive(StatusTextMessage(2, "PreArm: Old news"))
         await asyncio.sleep(1)
         it.later(0.01, ack(MavResult.DENIED))
         with pytest.raises(Refused, match="the autopilot answered DENIED to COMPONENT_ARM_DISARM"):
@@ -246,7 +246,7 @@ def test_commands_go_one_after_the_other(talk):
         second = asyncio.ensure_future(it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF)))
         await asyncio.sleep(0.1)
         assert [sent.command for sent in it.sent] == [MavCmd.COMPONENT_ARM_DISARM]
-        it.harness.say(ack(MavResult.ACCEPTED))
+        it.harness.receive(ack(MavResult.ACCEPTED))
         await first
         it.later(0.1, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
         await second
@@ -389,7 +389,7 @@ def test_a_change_of_mode_gives_way_to_something_urgent(talk):
         doing = asyncio.ensure_future(it.commander.enter("OFFBOARD", MODE, offboard()))
         await asyncio.sleep(0.1)
         it.commander.turns.supersede("stop")
-        it.harness.say(StatusTextMessage(6, "anything"))
+        it.harness.receive(StatusTextMessage(6, "anything"))
         with pytest.raises(Refused, match="superseded: stop"):
             await doing
 

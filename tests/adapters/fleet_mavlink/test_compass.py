@@ -11,35 +11,35 @@ both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 
 
 @both
-def test_a_calibration_is_followed_to_its_end(fly, sky, flavour):
+def test_a_calibration_is_followed_to_its_end(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             percents = await it.do("start_compass_calibration")
             assert percents == sorted(percents)
             assert percents[0] == 0.0
             assert percents[-1] == 100.0
             assert len(percents) > 10
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_calibration_that_fails_is_reported(fly, sky, flavour):
+def test_a_calibration_that_fails_is_reported(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, faults={"compass_fails": 1.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, faults={"compass_fails": 1.0}) as it:
+            await it.wait_until_known()
             with pytest.raises(Refused, match="calibration failed"):
                 await it.do("start_compass_calibration")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_calibration_can_be_stopped(fly, sky, flavour):
+def test_a_calibration_can_be_stopped(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             running = asyncio.ensure_future(it.do("start_compass_calibration"))
             await it.until(lambda: it.sim.equipment.compass.calibrating)
             await it.do("stop_compass_calibration")
@@ -47,43 +47,43 @@ def test_a_calibration_can_be_stopped(fly, sky, flavour):
                 await running
             assert not it.sim.equipment.compass.calibrating
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_calibration_that_is_left_is_stopped_on_the_vehicle(fly, sky, flavour):
+def test_a_calibration_that_is_left_is_stopped_on_the_vehicle(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             running = asyncio.ensure_future(it.do("start_compass_calibration"))
             await it.until(lambda: it.sim.equipment.compass.calibrating)
             running.cancel()
             await it.until(lambda: not it.sim.equipment.compass.calibrating, within=5.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_nothing_is_calibrated_in_the_air(fly, sky, flavour):
+def test_nothing_is_calibrated_in_the_air(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             for name in ("start_compass_calibration", "stop_compass_calibration"):
                 with pytest.raises(Refused, match="armed"):
                     await it.do(name)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_vehicle_that_falls_silent_ends_it(fly, sky):
+def test_a_vehicle_that_falls_silent_ends_it(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             running = asyncio.ensure_future(it.do("start_compass_calibration"))
             await it.until(lambda: it.sim.equipment.compass.calibrating)
             it.sim.equipment.compass.tick = lambda *_, **__: []
             with pytest.raises((TimedOut, CommandError), match="nothing was heard"):
                 await running
 
-    fly(main())
+    run_in_sim_time(main())

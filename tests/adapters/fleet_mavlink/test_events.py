@@ -85,26 +85,26 @@ def test_no_argument_breaks_it(level, data):
     EventDictionary(PACKED).say(Event(1 << 24 | DISENGAGED, 1, level, tuple(data)))
 
 
-def test_the_list_is_read_from_the_vehicle_once_and_kept_by_its_checksum(fly, sky):
+def test_the_list_is_read_from_the_vehicle_once_and_kept_by_its_checksum(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             vehicle = it.adapter._session.vehicle
             await it.until(lambda: vehicle.dictionary is not None, within=20.0)
             assert len(vehicle.dictionary) == 4
         (kept,) = cache().iterdir()
         assert kept.read_bytes() == PACKED
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             await it.until(lambda: it.adapter._session.vehicle.dictionary is not None, within=20.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_the_reason_of_a_fail_safe_is_the_events(fly, sky):
+def test_the_reason_of_a_fail_safe_is_the_events(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             await it.until(lambda: it.adapter._session.vehicle.dictionary is not None, within=20.0)
             await it.do("takeoff", altitude=10.0)
             it.sim.set_fault("gps_loss", 1)
@@ -115,17 +115,17 @@ def test_the_reason_of_a_fail_safe_is_the_events(fly, sky):
             said = [report.message for report in it.robot.reports_of(LogReport)]
             assert said.count(reason) == 1
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_an_autopilot_without_files_is_flown_all_the_same(fly, sky):
+def test_an_autopilot_without_files_is_flown_all_the_same(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot") as it:
-            await it.met()
+        async with sim_flight("ardupilot") as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=5.0)
             assert it.adapter._session.vehicle.dictionary is None
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 def test_a_text_that_an_event_said_more_fully_is_not_said_again(harness):

@@ -20,24 +20,26 @@ async def flown(steps):
 
 
 @both
-def test_what_is_wrong_is_reported_as_health_and_not_touched(fly, sky, flavour):
+def test_what_is_wrong_is_reported_as_health_and_not_touched(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, failsafes="check") as it:
-            await it.met()
+        async with sim_flight(flavour, failsafes="check") as it:
+            await it.wait_until_known()
             await it.until(lambda: it.robot.healths[-1].level is Level.DEGRADED, within=10.0)
             assert (
                 f"{PARAMETER[flavour]} is 0: it flies on when the edge is lost" in it.robot.healths[-1].cause
             )
             assert it.sim.pilot.params[PARAMETER[flavour]] == 0
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_it_is_set_where_fleet_yaml_says_so_and_again_after_a_reboot(fly, sky, flavour, caplog):
+def test_it_is_set_where_fleet_yaml_says_so_and_again_after_a_reboot(
+    run_in_sim_time, sim_flight, flavour, caplog
+):
     async def main():
-        async with sky(flavour, failsafes="set") as it:
-            await it.met()
+        async with sim_flight(flavour, failsafes="set") as it:
+            await it.wait_until_known()
             await it.until(lambda: it.sim.pilot.params[PARAMETER[flavour]] > 0, within=10.0)
             await it.until(lambda: it.robot.healths[-1].level is Level.OK, within=10.0)
             await asyncio.sleep(5)
@@ -49,14 +51,14 @@ def test_it_is_set_where_fleet_yaml_says_so_and_again_after_a_reboot(fly, sky, f
             ]
             assert {each.name for each in records} == {it.robot.log.name}, "whose parameter it is"
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_command_sets_it_but_not_with_the_motors_running(fly, sky, flavour):
+def test_a_command_sets_it_but_not_with_the_motors_running(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, failsafes="check", link_loss="land") as it:
-            await it.met()
+        async with sim_flight(flavour, failsafes="check", link_loss="land") as it:
+            await it.wait_until_known()
             await it.do("arm")
             with pytest.raises(Refused, match="armed"):
                 await it.do("set_failsafes")
@@ -65,15 +67,17 @@ def test_a_command_sets_it_but_not_with_the_motors_running(fly, sky, flavour):
             assert it.sim.pilot.params[PARAMETER[flavour]] == {"ardupilot": 5, "px4": 3}[flavour]
             await it.until(lambda: it.robot.healths[-1].level is Level.OK, within=10.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize(("link_loss", "mode"), [("return_to_home", "RTL"), ("land", "LAND")])
 @both
-def test_a_vehicle_whose_edge_dies_on_the_way_to_a_goal_saves_itself(fly, sky, flavour, link_loss, mode):
+def test_a_vehicle_whose_edge_dies_on_the_way_to_a_goal_saves_itself(
+    run_in_sim_time, sim_flight, flavour, link_loss, mode
+):
     async def main():
-        async with sky(flavour, failsafes="set", link_loss=link_loss) as it:
-            await it.met()
+        async with sim_flight(flavour, failsafes="set", link_loss=link_loss) as it:
+            await it.wait_until_known()
             await it.until(lambda: it.sim.pilot.params[PARAMETER[flavour]] > 0, within=10.0)
             await it.do("takeoff", altitude=10.0)
             going = asyncio.ensure_future(
@@ -87,14 +91,14 @@ def test_a_vehicle_whose_edge_dies_on_the_way_to_a_goal_saves_itself(fly, sky, f
             going.cancel()
             await asyncio.gather(going, return_exceptions=True)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_after_the_fail_safe_a_new_command_is_needed(fly, sky, flavour):
+def test_after_the_fail_safe_a_new_command_is_needed(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, failsafes="set") as it:
-            await it.met()
+        async with sim_flight(flavour, failsafes="set") as it:
+            await it.wait_until_known()
             await it.until(lambda: it.sim.pilot.params[PARAMETER[flavour]] > 0, within=10.0)
             await it.do("takeoff", altitude=20.0)
             it.radio = False
@@ -106,7 +110,7 @@ def test_after_the_fail_safe_a_new_command_is_needed(fly, sky, flavour):
             await it.do("cancel_return_to_home")
             assert it.mode in {"BRAKE", "LOITER"}
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 def test_other_names_of_newer_firmware_are_known():

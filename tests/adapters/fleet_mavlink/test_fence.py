@@ -29,9 +29,9 @@ def is_well(it):
 
 
 @both
-def test_it_is_brought_there_read_back_and_switched_on(fly, sky, flavour):
+def test_it_is_brought_there_read_back_and_switched_on(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, fence=FENCE, limits={"altitude": 40.0, "distance": 60.0}) as it:
+        async with sim_flight(flavour, fence=FENCE, limits={"altitude": 40.0, "distance": 60.0}) as it:
             await it.until(lambda: is_well(it), within=30.0)
             assert corners(it) == [(5001, 4.0)] * 4 + [(5002, 4.0)] * 4
             params = it.sim.pilot.params
@@ -41,13 +41,13 @@ def test_it_is_brought_there_read_back_and_switched_on(fly, sky, flavour):
             causes = [health.cause for health in it.robot.healths]
             assert "the fence is not in the autopilot yet" in causes
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_the_autopilot_keeps_it_without_the_edge(fly, sky, flavour):
+def test_the_autopilot_keeps_it_without_the_edge(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, fence=FENCE) as it:
+        async with sim_flight(flavour, fence=FENCE) as it:
             await it.until(lambda: is_well(it), within=30.0)
             await it.do("takeoff", altitude=10.0)
             with contextlib.suppress(NotReady):
@@ -56,13 +56,13 @@ def test_the_autopilot_keeps_it_without_the_edge(fly, sky, flavour):
             await it.until(lambda: it.robot.losses, within=5.0)
             assert "its own fail-safe" in it.robot.losses[0]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_it_is_not_changed_in_flight_and_that_is_reported(fly, sky, flavour):
+def test_it_is_not_changed_in_flight_and_that_is_reported(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, fence=FENCE) as it:
+        async with sim_flight(flavour, fence=FENCE) as it:
             await it.until(lambda: is_well(it), within=30.0)
             await it.do("takeoff", altitude=5.0)
             it.sim.pilot.missions._plans.pop(1)  # as if another station had cleared it
@@ -74,13 +74,13 @@ def test_it_is_not_changed_in_flight_and_that_is_reported(fly, sky, flavour):
             await it.until(lambda: len(corners(it)) == 8 and not fence.troubles, within=20.0)
             keeping.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_limit_that_a_float_rounds_is_not_taken_for_another_fence(fly, sky, flavour):
+def test_a_limit_that_a_float_rounds_is_not_taken_for_another_fence(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, fence=FENCE, limits={"altitude": 39.7}) as it:
+        async with sim_flight(flavour, fence=FENCE, limits={"altitude": 39.7}) as it:
             await it.until(lambda: is_well(it), within=30.0)
             await it.do("takeoff", altitude=5.0)
             fence = it.adapter._session.fence
@@ -90,12 +90,12 @@ def test_a_limit_that_a_float_rounds_is_not_taken_for_another_fence(fly, sky, fl
             assert fence.troubles == ()
             keeping.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_ardupilot_refuses_a_goal_outside_even_if_nobody_else_does(fly, sky):
+def test_ardupilot_refuses_a_goal_outside_even_if_nobody_else_does(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", fence=FENCE) as it:
+        async with sim_flight("ardupilot", fence=FENCE) as it:
             await it.until(lambda: is_well(it), within=30.0)
             await it.do("takeoff", altitude=10.0)
             outside = GoTo(Goal(position=Vector3(15.0, 0.0, 10.0)))
@@ -103,7 +103,7 @@ def test_ardupilot_refuses_a_goal_outside_even_if_nobody_else_does(fly, sky):
                 await anext(aiter(it.adapter.navigate(outside)))
             assert it.mode in {"GUIDED", "BRAKE"}
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 def test_corners_in_metres_are_placed_around_the_origin():

@@ -76,10 +76,10 @@ def test_each_step_of_a_battery_fail_safe_has_its_own_reason(recording):
 
 
 @both
-def test_it_is_reported_marked_and_ended_in_the_air(fly, sky, flavour):
+def test_it_is_reported_marked_and_ended_in_the_air(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             await asyncio.sleep(2.0)
             began = it.now
@@ -105,14 +105,14 @@ def test_it_is_reported_marked_and_ended_in_the_air(fly, sky, flavour):
             assert "not to be trusted" in health.cause
             assert it.now - began < 20.0
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_the_reason_of_the_fail_safe_is_in_what_is_refused(fly, sky, flavour):
+def test_the_reason_of_the_fail_safe_is_in_what_is_refused(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=15.0)
             it.sim.set_fault("gps_loss", 1)
             await it.until(lambda: it.robot.losses, within=12.0)
@@ -121,14 +121,14 @@ def test_the_reason_of_the_fail_safe_is_in_what_is_refused(fly, sky, flavour):
             with pytest.raises((Refused, NotReady), match=r"requires position|not available"):
                 await it.adapter.stop("hover")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_climb_that_a_fail_safe_ends_says_why(fly, sky, flavour):
+def test_a_climb_that_a_fail_safe_ends_says_why(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             climbing = asyncio.ensure_future(it.do("takeoff", altitude=60.0))
             await it.until(lambda: it.height > 2.0)
             it.sim.set_fault("gps_loss", 1)
@@ -137,14 +137,14 @@ def test_a_climb_that_a_fail_safe_ends_says_why(fly, sky, flavour):
             await it.until(lambda: it.robot.losses, within=3.0)
             assert WHY[flavour] in it.robot.losses[-1]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_with_satellites_again_all_of_it_is_over(fly, sky, flavour):
+def test_with_satellites_again_all_of_it_is_over(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=20.0)
             it.sim.set_fault("gps_loss", 1)
             await it.until(lambda: it.robot.losses, within=12.0)
@@ -154,16 +154,16 @@ def test_with_satellites_again_all_of_it_is_over(fly, sky, flavour):
             await asyncio.sleep(2.0)
             assert any(isinstance(each, PoseReport) for each in it.robot.reports)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_an_autopilot_without_satellites_from_the_start_is_no_loss(fly, sky):
+def test_an_autopilot_without_satellites_from_the_start_is_no_loss(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", ready=None) as it:
+        async with sim_flight("ardupilot", ready=None) as it:
             await asyncio.sleep(9.0)
             assert it.robot.healths[-1].level is Level.OK
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 def test_what_is_over_and_what_another_says_better_is_no_cause():

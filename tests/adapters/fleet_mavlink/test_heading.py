@@ -43,7 +43,7 @@ async def flown(it, task, nose):
 
 async def turned_to(it, degrees):
     """Take off, and turn the nose away from north."""
-    await it.met()
+    await it.wait_until_known()
     await it.do("takeoff", altitude=6.0)
     goal = Goal(position=Vector3(0.0, 0.0, 6.0), yaw=math.radians(90.0 - degrees))
     async for _ in it.adapter.navigate(GoTo(goal)):
@@ -51,9 +51,11 @@ async def turned_to(it, degrees):
 
 
 @every_habit
-def test_moves_by_a_distance_keep_the_nose_and_come_back(fly, sky, flavour, parameter, value):
+def test_moves_by_a_distance_keep_the_nose_and_come_back(
+    run_in_sim_time, sim_flight, flavour, parameter, value
+):
     async def main():
-        async with sky(flavour) as it:
+        async with sim_flight(flavour) as it:
             await turned_to(it, 60.0)
             await it.do("set_parameter", name=parameter, value=value, force=True)
             before, nose = it.place, Nose(it)
@@ -62,13 +64,13 @@ def test_moves_by_a_distance_keep_the_nose_and_come_back(fly, sky, flavour, para
             assert nose.most < 0.1
             assert it.place == pytest.approx(before, abs=1.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @every_habit
-def test_goals_and_paths_without_a_yaw_keep_the_nose(fly, sky, flavour, parameter, value):
+def test_goals_and_paths_without_a_yaw_keep_the_nose(run_in_sim_time, sim_flight, flavour, parameter, value):
     async def main():
-        async with sky(flavour) as it:
+        async with sim_flight(flavour) as it:
             await turned_to(it, 200.0)
             await it.do("set_parameter", name=parameter, value=value, force=True)
             nose = Nose(it)
@@ -79,13 +81,13 @@ def test_goals_and_paths_without_a_yaw_keep_the_nose(fly, sky, flavour, paramete
             nose.look()
             assert nose.most < 0.1
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @every_habit
-def test_a_body_velocity_sideways_does_not_spin_it(fly, sky, flavour, parameter, value):
+def test_a_body_velocity_sideways_does_not_spin_it(run_in_sim_time, sim_flight, flavour, parameter, value):
     async def main():
-        async with sky(flavour) as it:
+        async with sim_flight(flavour) as it:
             await turned_to(it, 120.0)
             await it.do("set_parameter", name=parameter, value=value, force=True)
             nose = Nose(it)
@@ -96,13 +98,13 @@ def test_a_body_velocity_sideways_does_not_spin_it(fly, sky, flavour, parameter,
             nose.look()
             assert nose.most < 0.1
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_path_keeps_the_yaw_that_its_last_goal_asked(fly, sky, flavour):
+def test_a_path_keeps_the_yaw_that_its_last_goal_asked(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
+        async with sim_flight(flavour) as it:
             await turned_to(it, 0.0)
             goals = (
                 Goal(position=Vector3(6.0, 0.0, 6.0), yaw=0.0),  # nose to the east
@@ -112,12 +114,12 @@ def test_a_path_keeps_the_yaw_that_its_last_goal_asked(fly, sky, flavour):
                 pass
             assert math.degrees(it.sim.body.heading) % 360 == pytest.approx(90.0, abs=12)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_place_that_is_lost_on_the_way_is_sent_again(fly, sky):
+def test_a_place_that_is_lost_on_the_way_is_sent_again(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot") as it:
+        async with sim_flight("ardupilot") as it:
             await turned_to(it, 60.0)
             nose = Nose(it)
             it.deaf_to.add("SET_POSITION_TARGET_GLOBAL_INT")
@@ -130,12 +132,12 @@ def test_a_place_that_is_lost_on_the_way_is_sent_again(fly, sky):
                 nose.look()
             assert nose.most < 0.1
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_place_that_the_autopilot_does_not_take_is_refused_and_not_flown(fly, sky):
+def test_a_place_that_the_autopilot_does_not_take_is_refused_and_not_flown(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot") as it:
+        async with sim_flight("ardupilot") as it:
             await turned_to(it, 60.0)
             it.deaf_to.add("SET_POSITION_TARGET_GLOBAL_INT")
             before = it.place
@@ -144,15 +146,15 @@ def test_a_place_that_the_autopilot_does_not_take_is_refused_and_not_flown(fly, 
             assert it.mode == "BRAKE"
             assert it.place == pytest.approx(before, abs=0.5)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_an_autopilot_that_does_not_answer_to_a_place_is_not_called_unwilling(fly, sky):
+def test_an_autopilot_that_does_not_answer_to_a_place_is_not_called_unwilling(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot") as it:
+        async with sim_flight("ardupilot") as it:
             await turned_to(it, 60.0)
             it.deaf_to |= {"SET_POSITION_TARGET_GLOBAL_INT", "COMMAND_LONG"}
             with pytest.raises(TimedOut, match="did not say where it flies to"):
                 await flown(it, RelativeMove(Vector3(6.0, 0.0, 0.0)), Nose(it))
 
-    fly(main())
+    run_in_sim_time(main())

@@ -11,28 +11,28 @@ both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 
 
 @both
-def test_kill_needs_the_config_and_force(fly, sky, flavour):
+def test_kill_needs_the_config_and_force(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             with pytest.raises(Refused, match="not allowed"):
                 await it.do("kill", force=True)
-        async with sky(flavour, allow_kill=True) as it:
-            await it.met()
+        async with sim_flight(flavour, allow_kill=True) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             with pytest.raises(Refused, match="force"):
                 await it.do("kill")
             assert it.armed
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_killed_vehicle_falls_and_is_left_alone(fly, sky, flavour):
+def test_a_killed_vehicle_falls_and_is_left_alone(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, allow_kill=True) as it:
-            await it.met()
+        async with sim_flight(flavour, allow_kill=True) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             await it.drive(Velocity(Vector3(1.0, 0.0, 0.0)), 2.0)
             began = it.now
@@ -44,14 +44,14 @@ def test_a_killed_vehicle_falls_and_is_left_alone(fly, sky, flavour):
             await asyncio.sleep(2.0)
             assert len(it.setpoints) == sent
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_kill_waits_for_nothing_that_is_under_way(fly, sky, flavour):
+def test_kill_waits_for_nothing_that_is_under_way(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, allow_kill=True) as it:
-            await it.met()
+        async with sim_flight(flavour, allow_kill=True) as it:
+            await it.wait_until_known()
             climbing = asyncio.ensure_future(it.do("takeoff", altitude=20.0))
             await it.until(lambda: it.height > 3.0)
             began = it.now
@@ -60,26 +60,26 @@ def test_kill_waits_for_nothing_that_is_under_way(fly, sky, flavour):
             with pytest.raises(CommandError, match=r"motors stopped|superseded"):
                 await climbing
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_home_is_set_to_a_place_and_seen_there(fly, sky, flavour):
+def test_home_is_set_to_a_place_and_seen_there(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("set_home_location", latitude=47.398, longitude=8.546, altitude=490.0)
             assert it.sim.pilot.home == pytest.approx((47.398, 8.546, 490.0), abs=1e-4)
             assert it.state.home.altitude == pytest.approx(490.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_in_the_air_home_keeps_its_altitude(fly, sky, flavour):
+def test_in_the_air_home_keeps_its_altitude(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=5.0)
             before = it.sim.pilot.home[2]
             with pytest.raises(Refused, match="keeps its altitude"):
@@ -87,7 +87,7 @@ def test_in_the_air_home_keeps_its_altitude(fly, sky, flavour):
             await it.do("set_home_location", latitude=47.398, longitude=8.546)
             assert it.sim.pilot.home == pytest.approx((47.398, 8.546, before), abs=0.2)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize(
@@ -99,11 +99,11 @@ def test_in_the_air_home_keeps_its_altitude(fly, sky, flavour):
         {"latitude": 47.0, "longitude": 8.0, "altitude": 1e6},
     ],
 )
-def test_a_home_that_is_no_place_is_refused(fly, sky, place):
+def test_a_home_that_is_no_place_is_refused(run_in_sim_time, sim_flight, place):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             with pytest.raises(Refused):
                 await it.do("set_home_location", **place)
 
-    fly(main())
+    run_in_sim_time(main())

@@ -214,7 +214,7 @@ async def test_it_beats_with_an_id_of_its_own_until_it_is_left():
         assert (beat.type, beat.autopilot) == (mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID)
 
 
-def test_it_beats_once_a_second_to_everyone_it_has_heard(fly, wire, clock, frame_of):
+def test_it_beats_once_a_second_to_everyone_it_has_heard(run_in_sim_time, wire, clock, frame_of):
     async def main():
         hub = LinkHub(wire, clock, 245, 191)
         with hub.vehicle(1), hub.vehicle(2), hub.vehicle(3):
@@ -229,12 +229,12 @@ def test_it_beats_once_a_second_to_everyone_it_has_heard(fly, wire, clock, frame
         addresses = [address for address, _ in wire.sent]
         assert addresses.count(ONE) == addresses.count(OTHER) == 10
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_it_stops_beating_on_a_link_that_fell(fly, wire, clock):
+def test_it_stops_beating_on_a_link_that_fell(run_in_sim_time, wire, clock):
     wire.gone = True
-    fly(asyncio.wait_for(_beats(LinkHub(wire, clock, 245, 191)), 5))
+    run_in_sim_time(asyncio.wait_for(_beats(LinkHub(wire, clock, 245, 191)), 5))
     assert wire.sent == []
 
 

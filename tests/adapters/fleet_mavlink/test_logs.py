@@ -22,48 +22,48 @@ async def whole(it, log, piece=20_000):
 
 
 @both
-def test_logs_are_listed_and_read(fly, sky, flavour):
+def test_logs_are_listed_and_read(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             logs = await it.do("list_logs")
             assert [log["size"] for log in logs] == [40_000, 12_345, 3_600]
             assert logs[0]["id"] == (1 if flavour == "ardupilot" else 0)
             for log in logs:
                 assert await whole(it, log) == content(log["id"], log["size"])
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_log_is_whole_although_pieces_got_lost_and_came_out_of_order(fly, sky):
+def test_a_log_is_whole_although_pieces_got_lost_and_came_out_of_order(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot") as it:
-            await it.met()
+        async with sim_flight("ardupilot") as it:
+            await it.wait_until_known()
             it.sim.set_fault("loss", 0.1)
             it.sim.set_fault("reorder", 0.1)
             log = (await it.do("list_logs"))[1]
             assert await whole(it, log) == content(log["id"], log["size"])
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_logs_are_not_read_from_what_is_armed(fly, sky):
+def test_logs_are_not_read_from_what_is_armed(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot") as it:
-            await it.met()
+        async with sim_flight("ardupilot") as it:
+            await it.wait_until_known()
             await it.do("arm")
             with pytest.raises(Refused, match="armed"):
                 await it.do("list_logs")
             with pytest.raises(Refused, match="armed"):
                 await it.do("read_log", id=1)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_arming_ends_a_reading(fly, sky):
+def test_arming_ends_a_reading(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot") as it:
-            await it.met()
+        async with sim_flight("ardupilot") as it:
+            await it.wait_until_known()
             it.sim.equipment.logs.pending = list
             reading = asyncio.ensure_future(it.do("read_log", id=1))
             await asyncio.sleep(0.2)
@@ -71,27 +71,27 @@ def test_arming_ends_a_reading(fly, sky):
             with pytest.raises(NotReady, match="armed meanwhile"):
                 await reading
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize(
     "bad", [{"id": -1}, {"id": 70_000}, {"id": 1, "offset": -5}, {"id": 1, "count": 10**6}]
 )
-def test_a_reading_beyond_any_log_is_refused(fly, sky, bad):
+def test_a_reading_beyond_any_log_is_refused(run_in_sim_time, sim_flight, bad):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             with pytest.raises(Refused, match="must be"):
                 await it.do("read_log", **bad)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_log_that_does_not_come_is_given_up(fly, sky):
+def test_a_log_that_does_not_come_is_given_up(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             with pytest.raises(TimedOut, match="stopped at 0 bytes"):
                 await it.do("read_log", id=99)
 
-    fly(main())
+    run_in_sim_time(main())

@@ -48,10 +48,10 @@ async def flown(it, task):
 
 
 @both
-def test_a_mission_is_sent_taken_off_for_and_flown_item_by_item(fly, sky, flavour):
+def test_a_mission_is_sent_taken_off_for_and_flown_item_by_item(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             steps = await flown(it, SQUARE)
             reached = [step.reached for step in steps]
             assert reached == sorted(reached)
@@ -60,14 +60,16 @@ def test_a_mission_is_sent_taken_off_for_and_flown_item_by_item(fly, sky, flavou
             await it.until(lambda: it.mode == HOLD[flavour], within=5.0)
             assert it.robot.losses == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_what_is_still_reported_of_the_last_mission_is_not_taken_for_the_next_ones(fly, sky, flavour):
+def test_what_is_still_reported_of_the_last_mission_is_not_taken_for_the_next_ones(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             for turn in range(8):
                 east = 5.0 * (turn % 2)
                 there = mission(*(PlanItem("waypoint", at(east, 5.0 * each)) for each in range(1, 4)))
@@ -76,15 +78,17 @@ def test_what_is_still_reported_of_the_last_mission_is_not_taken_for_the_next_on
                 assert [step.reached for step in steps[:4]] == [0, 0, 0, 0]
                 await asyncio.sleep(0.27 * turn)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
 @pytest.mark.parametrize("stopped", [True, False])
-def test_a_mission_after_an_unfinished_one_is_flown_from_its_first_item(fly, sky, flavour, stopped):
+def test_a_mission_after_an_unfinished_one_is_flown_from_its_first_item(
+    run_in_sim_time, sim_flight, flavour, stopped
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             before = mission(*(PlanItem("waypoint", at(0, 8 * each)) for each in range(1, 5)))
             async with contextlib.aclosing(it.adapter.navigate(before)) as steps:
@@ -101,14 +105,16 @@ def test_a_mission_after_an_unfinished_one_is_flown_from_its_first_item(fly, sky
                 (15, 15), abs=2
             )
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_the_mission_that_is_flown_is_left_before_another_takes_its_place(fly, sky, flavour):
+def test_the_mission_that_is_flown_is_left_before_another_takes_its_place(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             async with contextlib.aclosing(
                 it.adapter.navigate(mission(PlanItem("waypoint", at(0, 60))))
@@ -122,27 +128,27 @@ def test_the_mission_that_is_flown_is_left_before_another_takes_its_place(fly, s
             await flown(it, SQUARE)
             assert modes == [HOLD[flavour]]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_mission_that_ends_at_home_ends_on_the_ground(fly, sky, flavour):
+def test_a_mission_that_ends_at_home_ends_on_the_ground(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await flown(it, HOMEWARDS)
             assert not it.armed
             assert it.place == pytest.approx((0.0, 0.0, 0.0), abs=1.0)
             assert it.robot.losses == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_mission_is_paused_and_goes_on_at_its_item(fly, sky, flavour):
+def test_a_mission_is_paused_and_goes_on_at_its_item(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             async with contextlib.aclosing(it.adapter.navigate(SQUARE)) as steps:
                 async for step in steps:
                     if step.reached == 1:
@@ -155,14 +161,14 @@ def test_a_mission_is_paused_and_goes_on_at_its_item(fly, sky, flavour):
             assert steps[-1].reached >= 2
             assert it.place == pytest.approx((0.0, 15.0, 6.0), abs=1.2)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_mission_that_was_replaced_meanwhile_is_not_gone_on_with(fly, sky, flavour):
+def test_a_mission_that_was_replaced_meanwhile_is_not_gone_on_with(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             async with contextlib.aclosing(it.adapter.navigate(SQUARE)) as steps:
                 async for step in steps:
@@ -173,14 +179,14 @@ def test_a_mission_that_was_replaced_meanwhile_is_not_gone_on_with(fly, sky, fla
             with pytest.raises(Refused, match="replaced"):
                 await flown(it, msgspec.structs.replace(SQUARE, resumed=True))
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_the_speed_of_a_mission_is_kept_and_clamped(fly, sky, flavour):
+def test_the_speed_of_a_mission_is_kept_and_clamped(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, limits={"speed": 3.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, limits={"speed": 3.0}) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             task = mission(PlanItem("waypoint", at(0, 60), speed=9.0), constraints=Constraints(2.0))
             fastest = 0.0
@@ -189,14 +195,14 @@ def test_the_speed_of_a_mission_is_kept_and_clamped(fly, sky, flavour):
                     fastest = max(fastest, it.sim.body.vn)
             assert 2.5 < fastest < 3.3
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_pilot_who_takes_over_ends_the_mission(fly, sky, flavour):
+def test_a_pilot_who_takes_over_ends_the_mission(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             flying = asyncio.ensure_future(flown(it, SQUARE))
             await it.until(lambda: it.mode == AUTO[flavour], within=60.0)
             it.sim.set_fault("pilot_takeover", 1.0)
@@ -205,14 +211,14 @@ def test_a_pilot_who_takes_over_ends_the_mission(fly, sky, flavour):
             assert it.robot.losses
             assert it.mode in {"LOITER", "POSCTL"}
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_hold_by_another_station_on_the_last_leg_is_no_end(fly, sky, flavour):
+def test_a_hold_by_another_station_on_the_last_leg_is_no_end(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             flight = asyncio.ensure_future(flown(it, mission(PlanItem("waypoint", at(0, 100)))))
             await it.until(lambda: it.mode == AUTO[flavour] and it.place[0] > 20.0)
             held = next(each for each in MODES[flavour].values() if each.name == HOLD[flavour])
@@ -221,14 +227,16 @@ def test_a_hold_by_another_station_on_the_last_leg_is_no_end(fly, sky, flavour):
                 await flight
             assert "not by us" in it.robot.losses[0]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_what_is_beyond_the_limits_or_planned_for_elsewhere_is_refused_before_it_is_sent(fly, sky, flavour):
+def test_what_is_beyond_the_limits_or_planned_for_elsewhere_is_refused_before_it_is_sent(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour, limits={"altitude": 20.0, "distance": 50.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, limits={"altitude": 20.0, "distance": 50.0}) as it:
+            await it.wait_until_known()
             beyond = (
                 mission(PlanItem("waypoint", at(0, 10, 21.0))),
                 mission(PlanItem("waypoint", at(0, 60))),
@@ -241,14 +249,14 @@ def test_what_is_beyond_the_limits_or_planned_for_elsewhere_is_refused_before_it
             assert it.sim.pilot.missions.items == []
             assert not it.armed
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_mission_is_forgotten_but_not_while_ardupilot_flies_it(fly, sky, flavour):
+def test_a_mission_is_forgotten_but_not_while_ardupilot_flies_it(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             flying = asyncio.ensure_future(flown(it, SQUARE))
             await it.until(lambda: it.mode == AUTO[flavour], within=60.0)
             if flavour == "ardupilot":
@@ -260,40 +268,40 @@ def test_a_mission_is_forgotten_but_not_while_ardupilot_flies_it(fly, sky, flavo
             await it.do("clear_mission")
             assert it.sim.pilot.missions.items == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_an_item_that_the_autopilot_does_not_fly_is_refused_in_its_words(fly, sky):
+def test_an_item_that_the_autopilot_does_not_fly_is_refused_in_its_words(run_in_sim_time, sim_flight):
     async def main():
         turns = mission(PlanItem("loiter_turns", at(0, 15), turns=2, radius=5.0))
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             with pytest.raises(Refused, match="UNSUPPORTED"):
                 await flown(it, turns)
-        async with sky("ardupilot") as it:
-            await it.met()
+        async with sim_flight("ardupilot") as it:
+            await it.wait_until_known()
             await flown(it, turns)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_mission_without_an_end_is_there_at_its_last_place(fly, sky, flavour):
+def test_a_mission_without_an_end_is_there_at_its_last_place(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await flown(it, mission(PlanItem("loiter_unlimited", at(0, 15))))
             assert it.place[0] == pytest.approx(15.0, abs=2.5)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize("loss", [0.15, 0.3])
 @both
-def test_a_transfer_over_a_lossy_link_arrives_whole(fly, sky, flavour, loss):
+def test_a_transfer_over_a_lossy_link_arrives_whole(run_in_sim_time, sim_flight, flavour, loss):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             it.sim.set_fault("loss", loss)
             items = tuple(PlanItem("waypoint", at(0, 10 + each)) for each in range(12))
             plans = it.adapter._session.plans
@@ -303,19 +311,19 @@ def test_a_transfer_over_a_lossy_link_arrives_whole(fly, sky, flavour, loss):
             kept = await plans.download(PlanType.MISSION)
             assert [item.x for item in kept[-12:]] == [item.x for item in plan.items[-12:]]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_vehicle_that_says_nothing_ends_the_transfer(fly, sky):
+def test_a_vehicle_that_says_nothing_ends_the_transfer(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             it.radio = False
             with pytest.raises((TimedOut, NotReady)):
                 await it.adapter._session.plans.download(PlanType.MISSION)
             assert it.asked(MavCmd.MISSION_START) == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 def landing(north, height=40.0):
@@ -329,10 +337,10 @@ def landing(north, height=40.0):
 
 
 @pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
-def test_a_plane_flies_a_plan_to_its_landing_and_is_seen_on_the_ground(fly, sky, flavour):
+def test_a_plane_flies_a_plan_to_its_landing_and_is_seen_on_the_ground(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, vehicle="plane", limits={"speed": 30.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, vehicle="plane", limits={"speed": 30.0}) as it:
+            await it.wait_until_known()
             await it.until(lambda: any("AIRSP" in name for name in it.state.settings))
             await it.until(
                 lambda: set(it.adapter._session.flight.flavour.settings[1:]) <= set(it.state.settings)
@@ -347,13 +355,15 @@ def test_a_plane_flies_a_plan_to_its_landing_and_is_seen_on_the_ground(fly, sky,
             assert it.height == 0.0
             assert abs(it.place[0]) < 200.0
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_the_landing_of_a_plan_goes_on_when_the_edge_ends_and_not_when_it_is_stopped(fly, sky):
+def test_the_landing_of_a_plan_goes_on_when_the_edge_ends_and_not_when_it_is_stopped(
+    run_in_sim_time, sim_flight
+):
     async def main():
-        async with sky("ardupilot", vehicle="plane", limits={"speed": 30.0}) as it:
-            await it.met()
+        async with sim_flight("ardupilot", vehicle="plane", limits={"speed": 30.0}) as it:
+            await it.wait_until_known()
             await it.until(lambda: "TKOFF_ALT" in it.state.settings)
             await it.do("set_parameter", name="RTL_AUTOLAND", value=3)
             going = asyncio.ensure_future(flown(it, landing(500.0)))
@@ -366,38 +376,40 @@ def test_the_landing_of_a_plan_goes_on_when_the_edge_ends_and_not_when_it_is_sto
                 await going
             assert it.armed
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_multirotor_lands_where_its_plan_ends(fly, sky, flavour):
+def test_a_multirotor_lands_where_its_plan_ends(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             plan = PlanItem("waypoint", at(0, 20)), PlanItem("land", at(0, 30, 0.0))
             await flown(it, mission(*plan))
             assert not it.armed
             assert it.place[0] == pytest.approx(30.0, abs=2.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_landing_that_nothing_leads_to_is_refused(fly, sky):
+def test_a_landing_that_nothing_leads_to_is_refused(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             with pytest.raises(Refused, match="must have a place before it"):
                 await flown(it, mission(PlanItem("land", at(0, 0, 0.0))))
             assert not it.armed
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_mission_that_was_paused_before_the_autopilot_had_it_is_sent_when_it_is_resumed(fly, sky, flavour):
+def test_a_mission_that_was_paused_before_the_autopilot_had_it_is_sent_when_it_is_resumed(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour, faults={"delay": 0.2}) as it:
-            await it.met()
+        async with sim_flight(flavour, faults={"delay": 0.2}) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             starting = asyncio.ensure_future(flown(it, SQUARE))
             await asyncio.sleep(0.7)  # the items are on their way
@@ -406,30 +418,34 @@ def test_a_mission_that_was_paused_before_the_autopilot_had_it_is_sent_when_it_i
             await flown(it, msgspec.structs.replace(SQUARE, resumed=True))
             assert it.place == pytest.approx((0.0, 15.0, 6.0), abs=1.2)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_the_end_of_an_upload_that_was_broken_off_is_not_taken_for_the_answer_to_a_download(fly, sky):
+def test_the_end_of_an_upload_that_was_broken_off_is_not_taken_for_the_answer_to_a_download(
+    run_in_sim_time, sim_flight
+):
     async def main():
-        async with sky("ardupilot", faults={"delay": 0.2}) as it:  # it gives the upload up after seconds
-            await it.met()
+        async with sim_flight(
+            "ardupilot", faults={"delay": 0.2}
+        ) as it:  # it gives the upload up after seconds
+            await it.wait_until_known()
             await it.do("takeoff")
             starting = asyncio.ensure_future(flown(it, SQUARE))
             await asyncio.sleep(0.7)
             starting.cancel()
             await it.adapter._session.plans.download(PlanType.MISSION)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize("late", [13, 15])  # INVALID_SEQUENCE, OPERATION_CANCELLED
-def test_what_is_still_said_of_an_upload_does_not_end_a_download(fly, sky, frame_of, late):
+def test_what_is_still_said_of_an_upload_does_not_end_a_download(run_in_sim_time, sim_flight, frame_of, late):
     async def main():
-        async with sky("ardupilot") as it:
-            await it.met()
+        async with sim_flight("ardupilot") as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             downloading = asyncio.ensure_future(it.adapter._session.plans.download(PlanType.MISSION))
             it._peer.say(frame_of(mav.MAVLink_mission_ack_message(245, 191, late)))
             await downloading
 
-    fly(main())
+    run_in_sim_time(main())

@@ -36,10 +36,10 @@ async def exhausted(steps):
 
 
 @both
-def test_it_goes_to_a_place_in_the_world(fly, sky, flavour):
+def test_it_goes_to_a_place_in_the_world(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             goal = Goal(position=Vector3(10.0, 6.0, 7.0), yaw=math.pi)
             steps = [step async for step in it.adapter.navigate(GoTo(goal))]
@@ -52,14 +52,14 @@ def test_it_goes_to_a_place_in_the_world(fly, sky, flavour):
             pose = it.robot.reports_of(PoseReport)[-1]
             assert (pose.position.x, pose.position.y, pose.position.z) == pytest.approx((10, 6, 7), abs=1.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_it_keeps_the_speed_that_a_goal_asks(fly, sky, flavour):
+def test_it_keeps_the_speed_that_a_goal_asks(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             task = GoTo(Goal(position=Vector3(0.0, 20.0, 5.0)))
             task = GoTo(task.goal, constraints=type(task.constraints)(max_speed=1.0))
@@ -68,14 +68,14 @@ def test_it_keeps_the_speed_that_a_goal_asks(fly, sky, flavour):
                 fastest = max(fastest, it.sim.body.vn)
             assert 0.7 < fastest < 1.3
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_path_is_flown_in_order_with_its_waits(fly, sky, flavour):
+def test_a_path_is_flown_in_order_with_its_waits(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             goals = (Goal(position=Vector3(0, 5, 5), wait=4.0), Goal(position=Vector3(5, 5, 5)))
             reached, at = [], []
@@ -87,14 +87,14 @@ def test_a_path_is_flown_in_order_with_its_waits(fly, sky, flavour):
             assert it.place[:2] == pytest.approx((5.0, 5.0), abs=0.7)
             assert max(later - sooner for sooner, later in itertools.pairwise(at)) >= 4.0
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_relative_move_starts_from_where_it_is_and_looks(fly, sky, flavour):
+def test_a_relative_move_starts_from_where_it_is_and_looks(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             await it.drive(Velocity(yaw_rate=-0.5), 3.2)
             await it.drive(STILL, 3.0)
@@ -104,14 +104,14 @@ def test_a_relative_move_starts_from_where_it_is_and_looks(fly, sky, flavour):
             expected = (6 * math.cos(heading), 6 * math.sin(heading), 6.0)
             assert it.place == pytest.approx(expected, abs=0.9)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_goals_beyond_the_limits_are_refused_before_anything_is_sent(fly, sky, flavour):
+def test_goals_beyond_the_limits_are_refused_before_anything_is_sent(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, limits={"altitude": 20.0, "distance": 50.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, limits={"altitude": 20.0, "distance": 50.0}) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             before = len(it.commands)
             for place in (Vector3(0, 0, 21), Vector3(60, 0, 5), Vector3(0, 0, 0), Vector3(0, 0, -400)):
@@ -123,14 +123,14 @@ def test_goals_beyond_the_limits_are_refused_before_anything_is_sent(fly, sky, f
                 each for each in it.commands[before:] if each.command != MavCmd.SET_MESSAGE_INTERVAL
             ] == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_goal_that_can_only_be_a_mistake_is_refused_without_any_limit(fly, sky, flavour):
+def test_a_goal_that_can_only_be_a_mistake_is_refused_without_any_limit(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             before = len(it.commands)
             mistakes = (
@@ -146,14 +146,14 @@ def test_a_goal_that_can_only_be_a_mistake_is_refused_without_any_limit(fly, sky
                 each for each in it.commands[before:] if each.command != MavCmd.SET_MESSAGE_INTERVAL
             ] == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_goal_against_too_much_wind_is_blocked_then_given_up(fly, sky, flavour):
+def test_a_goal_against_too_much_wind_is_blocked_then_given_up(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             it.sim.set_fault("wind", 22.0)
             blocked = []
@@ -169,14 +169,14 @@ def test_a_goal_against_too_much_wind_is_blocked_then_given_up(fly, sky, flavour
             it.sim.set_fault("wind", None)
             await it.until(lambda: it.mode == HOLD[flavour], within=5.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_goal_on_earth_with_a_heading_is_flown_to(fly, sky, flavour):
+def test_a_goal_on_earth_with_a_heading_is_flown_to(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             place = GeoPoint(47.397842, 8.545594, 498.0)  # 11.1 m north
             goal = Goal(geo=place, yaw=0.0)  # east
@@ -184,14 +184,14 @@ def test_a_goal_on_earth_with_a_heading_is_flown_to(fly, sky, flavour):
             assert it.place == pytest.approx((11.1, 0.0, 10.0), abs=0.8)
             assert math.degrees(it.sim.body.heading) % 360 == pytest.approx(90.0, abs=12)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_takeover_ends_a_goal(fly, sky, flavour):
+def test_a_takeover_ends_a_goal(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             going = it.adapter.navigate(GoTo(Goal(position=Vector3(40.0, 0.0, 10.0))))
             while (await anext(going)).percent < 20:
@@ -201,15 +201,17 @@ def test_a_takeover_ends_a_goal(fly, sky, flavour):
                 await exhausted(going)
             assert it.mode in {"LOITER", "POSCTL"}
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
 @pytest.mark.parametrize("asked", ["hover", "emergency_stop"])
-def test_a_stop_that_is_refused_during_a_fail_safe_gives_no_control_back(fly, sky, flavour, asked):
+def test_a_stop_that_is_refused_during_a_fail_safe_gives_no_control_back(
+    run_in_sim_time, sim_flight, flavour, asked
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=20.0)
             it.sim.set_fault("gps_loss", 1.0)
             await it.until(lambda: it.robot.losses, within=20.0)
@@ -221,14 +223,14 @@ def test_a_stop_that_is_refused_during_a_fail_safe_gives_no_control_back(fly, sk
             with pytest.raises(NotReady, match="a pilot or a fail-safe has it"):
                 await exhausted(it.adapter.navigate(GoTo(Goal(position=Vector3(5.0, 0.0, 10.0)))))
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_hold_that_is_refused_does_not_hide_why_a_goal_failed(fly, sky, flavour):
+def test_a_hold_that_is_refused_does_not_hide_why_a_goal_failed(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             it.sim.set_fault("wind", 30.0)
             going = it.adapter.navigate(GoTo(Goal(position=Vector3(-30.0, 0.0, 10.0))))
@@ -237,15 +239,17 @@ def test_a_hold_that_is_refused_does_not_hide_why_a_goal_failed(fly, sky, flavou
             with pytest.raises(TimedOut, match="not got nearer"):
                 await exhausted(going)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
 @pytest.mark.parametrize("delay", [0.0, 0.3, 0.6])
-def test_a_goal_is_flown_to_though_a_mode_asked_for_just_before_is_shown_late(fly, sky, flavour, delay):
+def test_a_goal_is_flown_to_though_a_mode_asked_for_just_before_is_shown_late(
+    run_in_sim_time, sim_flight, flavour, delay
+):
     async def main():
-        async with sky(flavour, faults={"state_lag": 1.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, faults={"state_lag": 1.0}) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=8.0)
             overtaken = asyncio.ensure_future(it.do("return_to_home"))
             await it.until(lambda: it.mode == "RTL")
@@ -255,13 +259,13 @@ def test_a_goal_is_flown_to_though_a_mode_asked_for_just_before_is_shown_late(fl
             assert it.place == pytest.approx((4.0, 6.0, 8.0), abs=1.0)
             assert it.robot.losses == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_goal_is_flown_to_though_the_hold_after_a_drive_is_shown_late(fly, sky):
+def test_a_goal_is_flown_to_though_the_hold_after_a_drive_is_shown_late(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", faults={"state_lag": 1.0}) as it:
-            await it.met()
+        async with sim_flight("ardupilot", faults={"state_lag": 1.0}) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=8.0)
             await it.drive(Velocity(Vector3(1.0, 0.0, 0.0)), 2.0)
             it.adapter.drive(Velocity())
@@ -269,4 +273,4 @@ def test_a_goal_is_flown_to_though_the_hold_after_a_drive_is_shown_late(fly, sky
             await exhausted(it.adapter.navigate(GoTo(Goal(position=Vector3(6.0, 4.0, 8.0)))))
             assert it.place == pytest.approx((4.0, 6.0, 8.0), abs=1.0)
 
-    fly(main())
+    run_in_sim_time(main())

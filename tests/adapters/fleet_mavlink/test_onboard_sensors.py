@@ -57,33 +57,33 @@ def test_motors_turn_as_fast_as_is_reported_and_their_angles_follow():
 
 
 @both
-def test_rates_and_acceleration_are_reported_in_the_bodys_frame(fly, sky, flavour):
+def test_rates_and_acceleration_are_reported_in_the_bodys_frame(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, rates={"imu": 20.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, rates={"imu": 20.0}) as it:
+            await it.wait_until_known()
             await it.until(lambda: it.robot.reports_of(ImuReport))
             report = it.robot.reports_of(ImuReport)[-1]
             assert report.accel.z == pytest.approx(9.81, abs=0.05)
             before = len(it.robot.reports_of(ImuReport))
             await it.until(lambda: len(it.robot.reports_of(ImuReport)) >= before + 40, within=4.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_motors_are_the_joints_that_the_config_names(fly, sky):
+def test_motors_are_the_joints_that_the_config_names(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", motor_joints=["m1", "m2", "m3", "m4"]) as it:
-            await it.met()
+        async with sim_flight("ardupilot", motor_joints=["m1", "m2", "m3", "m4"]) as it:
+            await it.wait_until_known()
             await it.do("arm")
             await it.until(lambda: it.robot.reports_of(JointReport)[-1].velocities["m4"] > 100.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_position_that_is_not_reported_any_more_is_not_reported_again(fly, sky):
+def test_a_position_that_is_not_reported_any_more_is_not_reported_again(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             await it.until(lambda: it.robot.reports_of(PoseReport))
             it.sim.pilot.streams.set = lambda *_: None
             it.sim.pilot.streams._due.pop(33)
@@ -92,17 +92,17 @@ def test_a_position_that_is_not_reported_any_more_is_not_reported_again(fly, sky
             await it.until(lambda: len(it.robot.reports_of(MetricsReport)) > 3)
             assert len(it.robot.reports_of(PoseReport)) == before
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_what_went_wrong_on_the_link_is_counted_and_reported(fly, sky):
+def test_what_went_wrong_on_the_link_is_counted_and_reported(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4", faults={"corrupt": 0.2}) as it:
-            await it.met()
+        async with sim_flight("px4", faults={"corrupt": 0.2}) as it:
+            await it.wait_until_known()
             await it.until(lambda: it.robot.reports_of(MetricsReport))
             await it.until(lambda: it.robot.reports_of(MetricsReport)[-1].errors)
             (error,) = it.robot.reports_of(MetricsReport)[-1].errors
             assert "checksum" in error["type"]
             assert error["count"] > 0
 
-    fly(main())
+    run_in_sim_time(main())

@@ -37,20 +37,20 @@ def some(moments, pair, *, every):
     return moments if every else [moments[pair % len(moments)]]
 
 
-def played(fly, flavour, first, second, moments, **more):
+def played(run_in_sim_time, flavour, first, second, moments, **more):
     """Play a pair at some moments; return what is wrong, with the answers."""
     wrong = []
 
     async def main(state, delay, faults):
         async with HostedSky(flavour, **more) as it:
-            await it.met()
+            await it.wait_until_known()
             for name, value in faults.items():
                 it.sim.set_fault(name, value)
             found, answers = await pairs.play(it, state, first, second, delay)
             wrong.extend((state, delay, faults, each, answers) for each in found)
 
     for moment in moments:
-        fly(main(*moment))
+        run_in_sim_time(main(*moment))
     return wrong
 
 
@@ -62,17 +62,17 @@ ROVER_PAIRS = list(itertools.product(ROVER_FIRST, ROVER_SECOND))
 @both
 @pytest.mark.parametrize("second", pairs.SECOND)
 @pytest.mark.parametrize("first", pairs.FIRST)
-def test_one_request_soon_after_another_to_a_multirotor(fly, request, flavour, first, second):
+def test_one_request_soon_after_another_to_a_multirotor(run_in_sim_time, request, flavour, first, second):
     every = request.config.getoption("--soak")
     moments = some(MOMENTS, PAIRS.index((first, second)), every=every)
-    assert played(fly, flavour, first, second, moments) == []
+    assert played(run_in_sim_time, flavour, first, second, moments) == []
 
 
 @pytest.mark.combinations
 @pytest.mark.parametrize("second", ROVER_SECOND)
 @pytest.mark.parametrize("first", ROVER_FIRST)
-def test_one_request_soon_after_another_to_a_rover(fly, request, first, second):
+def test_one_request_soon_after_another_to_a_rover(run_in_sim_time, request, first, second):
     every = request.config.getoption("--soak")
     moments = some(ROVER_MOMENTS, ROVER_PAIRS.index((first, second)), every=every)
     limits = {"speed": 3.0, "distance": 5000.0}
-    assert played(fly, "ardupilot", first, second, moments, vehicle="rover", limits=limits) == []
+    assert played(run_in_sim_time, "ardupilot", first, second, moments, vehicle="rover", limits=limits) == []

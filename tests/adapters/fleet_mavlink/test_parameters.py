@@ -56,75 +56,75 @@ def test_what_cannot_be_carried_truly_is_refused(value, kind, why):
 
 
 @both
-def test_parameters_are_read_by_name(fly, sky, flavour):
+def test_parameters_are_read_by_name(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             names = [REAL[flavour], WHOLE[flavour]]
             assert await it.do("get_parameters", names=names) == {
                 names[0]: 3.0 if flavour == "ardupilot" else 1.0,
                 names[1]: 0,
             }
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_all_parameters_are_read_although_some_got_lost(fly, sky, flavour):
+def test_all_parameters_are_read_although_some_got_lost(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             whole = await it.do("get_parameters")
             it.sim.set_fault("loss", 0.15)
             assert await it.do("get_parameters") == whole
             assert len(whole) > 20
             assert "_HASH_CHECK" not in whole
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_parameter_is_written_in_the_encoding_of_its_autopilot(fly, sky, flavour):
+def test_a_parameter_is_written_in_the_encoding_of_its_autopilot(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             answer = await it.do("set_parameter", name=WHOLE[flavour], value=1)
             assert answer == {"name": WHOLE[flavour], "before": 0, "after": 1}
             assert it.sim.pilot.params[WHOLE[flavour]] == 1
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_parameter_that_does_not_exist_is_reported(fly, sky, flavour):
+def test_a_parameter_that_does_not_exist_is_reported(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             with pytest.raises(Refused, match="no parameter NO_SUCH_ONE"):
                 await it.do("get_parameters", names=["NO_SUCH_ONE"])
             with pytest.raises(Refused, match="no name of a parameter"):
                 await it.do("set_parameter", name="a name that is far too long", value=1)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_nothing_is_written_while_it_is_armed_unless_forced(fly, sky):
+def test_nothing_is_written_while_it_is_armed_unless_forced(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             await it.do("arm")
             with pytest.raises(Refused, match="armed"):
                 await it.do("set_parameter", name="NAV_DLL_ACT", value=1)
             await it.do("set_parameter", name="NAV_DLL_ACT", value=1, force=True)
             assert it.sim.pilot.params["NAV_DLL_ACT"] == 1
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_vehicle_that_answers_nothing_is_given_up(fly, sky):
+def test_a_vehicle_that_answers_nothing_is_given_up(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             it.sim.pilot.params.asked_list = tuple
             it.sim.pilot.params.asked_read = lambda _message: ()
             with pytest.raises(TimedOut, match="0 of unknown"):
@@ -133,4 +133,4 @@ def test_a_vehicle_that_answers_nothing_is_given_up(fly, sky):
             with pytest.raises(NotReady, match="no heartbeat"):
                 await it.do("get_parameters")
 
-    fly(main())
+    run_in_sim_time(main())

@@ -22,22 +22,22 @@ def failed(answer):
 
 
 @both
-def test_a_vehicle_that_can_take_off_is_ready(fly, sky, flavour):
+def test_a_vehicle_that_can_take_off_is_ready(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.until(lambda: it.state.prearm_ok and it.state.fix)
             answer = await it.do("check_ready")
             assert answer["ready"]
             assert failed(answer) == set()
             await it.do("takeoff")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_ardupilot_tells_what_it_waits_for(fly, sky):
+def test_ardupilot_tells_what_it_waits_for(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", ready=None) as it:
+        async with sim_flight("ardupilot", ready=None) as it:
             await it.until(lambda: it.now > 30.0)
             answer = await it.do("check_ready")
             assert not answer["ready"]
@@ -45,13 +45,13 @@ def test_ardupilot_tells_what_it_waits_for(fly, sky):
             await it.until(lambda: it.now > 45.0)
             assert (await it.do("check_ready"))["ready"]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_the_autopilots_own_words_stand_beside_its_checks(fly, sky, flavour):
+def test_the_autopilots_own_words_stand_beside_its_checks(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, faults={"not_ready": 1.0}) as it:
+        async with sim_flight(flavour, faults={"not_ready": 1.0}) as it:
             await it.until(lambda: it.robot.is_connected and it.state.prearm_ok is not None)
             with contextlib.suppress(CommandError):
                 await it.do("arm")  # brings ArduPilot into GUIDED, in which it checks the position
@@ -62,12 +62,12 @@ def test_the_autopilots_own_words_stand_beside_its_checks(fly, sky, flavour):
             assert own["ok"] is False
             assert own["words"][-1] == WORDS[flavour]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 async def refused_for_its_log(it):
     """Let it find that its log does not open; its bit does not show it yet."""
-    await it.met()
+    await it.wait_until_known()
     await it.until(lambda: it.state.prearm_ok and it.state.fix)
     it.sim.set_fault("log_fails", 1.0)
     assert (await it.do("check_ready"))["ready"], "it looks at its log only when it is armed"
@@ -81,21 +81,21 @@ def own_of(answer):
 
 
 @pytest.mark.parametrize("vehicle", ["plane", "rover", "multirotor"])
-def test_what_ardupilot_says_counts_before_its_bit_shows_it(fly, sky, vehicle):
+def test_what_ardupilot_says_counts_before_its_bit_shows_it(run_in_sim_time, sim_flight, vehicle):
     async def main():
-        async with sky("ardupilot", vehicle=vehicle) as it:
+        async with sim_flight("ardupilot", vehicle=vehicle) as it:
             await refused_for_its_log(it)
             assert it.state.prearm_ok
             answer = await it.do("check_ready")
             assert own_of(answer) == ["Arm: Logging not started", "PreArm: Logging failed"]
             assert not answer["ready"]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_an_arming_that_was_refused_is_reported_though_the_checks_find_nothing(fly, sky):
+def test_an_arming_that_was_refused_is_reported_though_the_checks_find_nothing(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="plane") as it:
+        async with sim_flight("ardupilot", vehicle="plane") as it:
             await refused_for_its_log(it)
             await asyncio.sleep(8.0)
             assert it.state.prearm_ok
@@ -105,12 +105,12 @@ def test_an_arming_that_was_refused_is_reported_though_the_checks_find_nothing(f
             await asyncio.sleep(30.0)
             assert (await it.do("check_ready"))["ready"], "nobody knows"
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_refusal_that_the_checks_would_find_again_is_over_when_they_do_not(fly, sky):
+def test_a_refusal_that_the_checks_would_find_again_is_over_when_they_do_not(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", faults={"not_ready": 1.0}) as it:
+        async with sim_flight("ardupilot", faults={"not_ready": 1.0}) as it:
             await it.until(lambda: it.robot.is_connected and it.state.prearm_ok is not None)
             with pytest.raises(Refused, match="Arm: Need Position Estimate"):
                 await it.do("arm")
@@ -121,14 +121,14 @@ def test_a_refusal_that_the_checks_would_find_again_is_over_when_they_do_not(fly
             await asyncio.sleep(3.0)
             assert (await it.do("check_ready"))["ready"]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize("vehicle", ["multirotor", "vtol"])
-def test_a_mode_that_it_is_not_armed_in_is_left_by_a_takeoff(fly, sky, vehicle):
+def test_a_mode_that_it_is_not_armed_in_is_left_by_a_takeoff(run_in_sim_time, sim_flight, vehicle):
     async def main():
-        async with sky("ardupilot", vehicle=vehicle, limits={"speed": 30.0}) as it:
-            await it.met()
+        async with sim_flight("ardupilot", vehicle=vehicle, limits={"speed": 30.0}) as it:
+            await it.wait_until_known()
             await it.until(lambda: vehicle == "multirotor" or "Q_GUIDED_MODE" in it.state.settings)
             if vehicle == "vtol":
                 await it.do("set_parameter", name="Q_GUIDED_MODE", value=1)
@@ -139,14 +139,14 @@ def test_a_mode_that_it_is_not_armed_in_is_left_by_a_takeoff(fly, sky, vehicle):
             assert answer["ready"], failed(answer)
             await it.do("takeoff", altitude=20.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_what_has_just_lost_its_satellites_is_not_ready(fly, sky, flavour):
+def test_what_has_just_lost_its_satellites_is_not_ready(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.until(lambda: it.state.prearm_ok and it.state.fix)
             it.sim.set_fault("gps_loss", 1.0)
             await it.until(lambda: it.state.fix is None, within=3.0)
@@ -155,18 +155,18 @@ def test_what_has_just_lost_its_satellites_is_not_ready(fly, sky, flavour):
             assert answer["checks"][0]["words"][0].startswith("no satellite fix")
             assert not answer["ready"]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_what_is_armed_is_not_asked(fly, sky):
+def test_what_is_armed_is_not_asked(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             await it.do("arm")
             with pytest.raises(Refused, match="armed"):
                 await it.do("check_ready")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 def test_reasons_are_reported_once_and_not_for_ever():

@@ -14,10 +14,10 @@ from fleet_mavlink.redundant_links import open_links
 
 
 @pytest.fixture
-def two_links(sky):
-    """Make a sky whose vehicle also speaks over a second link; ``cut`` says which of them are down."""
+def two_links(sim_flight):
+    """Make a flight whose vehicle also speaks over a second link; ``cut`` says which of them are down."""
 
-    class TwoLinks(sky):
+    class TwoLinks(sim_flight):
         def __init__(self, flavour, **config):
             super().__init__(flavour, backup_links=[f"memory:{id(self)}-backup"], **config)
             self.cut = set()
@@ -51,10 +51,10 @@ def two_links(sky):
 
 
 @pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
-def test_a_flight_goes_on_over_the_second_link(fly, two_links, flavour):
+def test_a_flight_goes_on_over_the_second_link(run_in_sim_time, two_links, flavour):
     async def main():
         async with two_links(flavour) as it:
-            await it.met()
+            await it.wait_until_known()
             await it.do("takeoff", altitude=5.0)
             assert all(health.level is Level.OK for health in it.robot.healths[1:])
             it.cut.add("main")
@@ -66,38 +66,38 @@ def test_a_flight_goes_on_over_the_second_link(fly, two_links, flavour):
             await it.until(lambda: it.adapter._session.vehicle.switches == 2, within=4.0)
             assert all(health.level is Level.OK for health in it.robot.healths[1:])
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_what_comes_by_both_is_believed_once_and_no_alarm(fly, two_links):
+def test_what_comes_by_both_is_believed_once_and_no_alarm(run_in_sim_time, two_links):
     async def main():
         async with two_links("px4") as it:
-            await it.met()
+            await it.wait_until_known()
             await it.do("takeoff", altitude=5.0)
             vehicle = it.adapter._session.vehicle
             assert not vehicle.clashing
             assert len(it.asked(MavCmd.NAV_TAKEOFF)) == 1
             assert vehicle.trust.counts["messages of a second vehicle with this id"] == 0
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_rates_are_asked_for_again_on_the_other_link(fly, two_links):
+def test_rates_are_asked_for_again_on_the_other_link(run_in_sim_time, two_links):
     async def main():
         async with two_links("ardupilot") as it:
-            await it.met()
+            await it.wait_until_known()
             await asyncio.sleep(3.0)
             before = len(it.asked(MavCmd.SET_MESSAGE_INTERVAL))
             it.cut.add("main")
             await it.until(lambda: len(it.asked(MavCmd.SET_MESSAGE_INTERVAL)) >= before + 8, within=8.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_link_that_falls_is_opened_again_by_itself(fly, two_links):
+def test_a_link_that_falls_is_opened_again_by_itself(run_in_sim_time, two_links):
     async def main():
         async with two_links("px4") as it:
-            await it.met()
+            await it.wait_until_known()
             it._peer.unplug()
             await it.until(lambda: it._peer.opened == 2, within=3.0)
             assert not it.run.done()
@@ -105,7 +105,7 @@ def test_a_link_that_falls_is_opened_again_by_itself(fly, two_links):
             await asyncio.sleep(3.0)
             assert {"main", "backup"} <= set(it.spoken)  # its heartbeat goes out on both
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 async def test_links_of_which_none_opens_are_lost(monkeypatch):

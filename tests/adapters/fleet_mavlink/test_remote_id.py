@@ -107,10 +107,10 @@ def found(answer, name):
     return next((each for each in answer["checks"] if each["check"] == name), None)
 
 
-def test_it_takes_off_with_remote_id(fly, sky):
+def test_it_takes_off_with_remote_id(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", accessories=REMOTE_ID, remote_id=OPERATOR) as it:
-            await it.met()
+        async with sim_flight("ardupilot", accessories=REMOTE_ID, remote_id=OPERATOR) as it:
+            await it.wait_until_known()
             await it.until(lambda: it.state.remote_id == GOOD)
             assert found(await it.do("check_ready"), "remote ID")["ok"] is True
             await it.do("takeoff", altitude=5.0)
@@ -119,14 +119,14 @@ def test_it_takes_off_with_remote_id(fly, sky):
             await it.until(lambda: known.heard["SYSTEM_UPDATE"] > before, within=1.5)
             await it.do("land")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_it_does_not_take_off_without_what_the_transmitter_misses(fly, sky):
+def test_it_does_not_take_off_without_what_the_transmitter_misses(run_in_sim_time, sim_flight):
     async def main():
         operator = {name: value for name, value in OPERATOR.items() if name != "serial_number"}
-        async with sky("ardupilot", accessories=REMOTE_ID, remote_id=operator) as it:
-            await it.met()
+        async with sim_flight("ardupilot", accessories=REMOTE_ID, remote_id=operator) as it:
+            await it.wait_until_known()
             await it.until(
                 lambda: it.state.remote_id is not None and it.state.remote_id.error == "missing ID"
             )
@@ -136,13 +136,15 @@ def test_it_does_not_take_off_without_what_the_transmitter_misses(fly, sky):
                 await it.do("takeoff", altitude=5.0)
             assert not it.armed
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_transmitter_that_falls_silent_keeps_it_on_the_ground_and_not_from_landing(fly, sky):
+def test_a_transmitter_that_falls_silent_keeps_it_on_the_ground_and_not_from_landing(
+    run_in_sim_time, sim_flight
+):
     async def main():
-        async with sky("ardupilot", accessories=REMOTE_ID, remote_id=OPERATOR) as it:
-            await it.met()
+        async with sim_flight("ardupilot", accessories=REMOTE_ID, remote_id=OPERATOR) as it:
+            await it.wait_until_known()
             await it.until(lambda: it.state.remote_id == GOOD)
             await it.do("takeoff", altitude=5.0)
             it.sim.set_fault("remote_id_silent", 1.0)
@@ -153,36 +155,36 @@ def test_a_transmitter_that_falls_silent_keeps_it_on_the_ground_and_not_from_lan
             with pytest.raises(NotReady, match="transmitter was not heard for"):
                 await it.do("takeoff", altitude=5.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_vehicle_that_must_have_a_transmitter_and_has_none_stays_on_the_ground(fly, sky):
+def test_a_vehicle_that_must_have_a_transmitter_and_has_none_stays_on_the_ground(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", remote_id=OPERATOR) as it:
-            await it.met()
+        async with sim_flight("ardupilot", remote_id=OPERATOR) as it:
+            await it.wait_until_known()
             with pytest.raises(NotReady, match="transmitter is not heard"):
                 await it.do("takeoff", altitude=5.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_the_simulated_autopilot_refuses_by_itself_and_no_force_helps(fly, sky):
+def test_the_simulated_autopilot_refuses_by_itself_and_no_force_helps(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", accessories=REMOTE_ID) as it:  # nothing is told of the operator
-            await it.met()
+        async with sim_flight("ardupilot", accessories=REMOTE_ID) as it:  # nothing is told of the operator
+            await it.wait_until_known()
             flight = it.adapter._session.flight
             await flight.enter("GUIDED")
             for force in (False, True):
                 with pytest.raises(CommandError, match="OpenDroneID: UA_TYPE required in BasicID"):
                     await flight.arming._switch(on=True, force=force)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_vehicle_without_remote_id_has_no_such_check(fly, sky):
+def test_a_vehicle_without_remote_id_has_no_such_check(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             assert found(await it.do("check_ready"), "remote ID") is None
 
-    fly(main())
+    run_in_sim_time(main())

@@ -30,10 +30,10 @@ HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}
 
 
 @both
-def test_everything_is_reported_at_its_rate(fly, sky, flavour):
+def test_everything_is_reported_at_its_rate(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await asyncio.sleep(5)
             it.robot.reports.clear()
             await asyncio.sleep(10)
@@ -47,14 +47,14 @@ def test_everything_is_reported_at_its_rate(fly, sky, flavour):
             assert 4 <= count[MetricsReport] <= 6
             assert count[TelemetryReport] >= 9
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_what_the_autopilot_says_is_passed_on(fly, sky, flavour):
+def test_what_the_autopilot_says_is_passed_on(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("arm")
             await asyncio.sleep(1)
             said = [report.message for report in it.robot.reports_of(LogReport)]
@@ -63,41 +63,43 @@ def test_what_the_autopilot_says_is_passed_on(fly, sky, flavour):
             assert controller.armed
             assert controller.status_texts
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_lossy_link_still_flies(fly, sky, flavour):
+def test_a_lossy_link_still_flies(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, faults={"ack_loss": 0.4}) as it:
-            await it.met()
+        async with sim_flight(flavour, faults={"ack_loss": 0.4}) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=5.0)
             await it.drive(Velocity(Vector3(1.0, 0.0, 0.0)), 3.0)
             await it.adapter.stop("stop")
             await it.do("land")
             assert not it.armed
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_slow_answers_are_waited_for(fly, sky, flavour):
+def test_slow_answers_are_waited_for(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             it.sim.set_fault("slow_ack", 2.5)
             await it.do("arm")
             assert it.armed
             assert len(it.asked(MavCmd.COMPONENT_ARM_DISARM)) == 1
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_second_vehicle_with_the_same_id_ends_motion_but_not_the_hold(fly, sky, frame_of, flavour):
+def test_a_second_vehicle_with_the_same_id_ends_motion_but_not_the_hold(
+    run_in_sim_time, sim_flight, frame_of, flavour
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=6.0)
             vehicle = it.adapter._session.vehicle
             it.adapter._session._hub.receive(
@@ -111,58 +113,58 @@ def test_a_second_vehicle_with_the_same_id_ends_motion_but_not_the_hold(fly, sky
             await it.adapter.stop("stop")
             await it.until(lambda: it.robot.healths[-1].level is Level.OK, within=6.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_the_ids_that_are_heard_are_reported_when_ours_is_not_among_them(fly, sky):
+def test_the_ids_that_are_heard_are_reported_when_ours_is_not_among_them(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4", system_id=42) as it:
+        async with sim_flight("px4", system_id=42) as it:
             await it.until(
                 lambda: it.robot.healths and "systems 1 are heard" in it.robot.healths[-1].cause, within=5.0
             )
             assert "no heartbeat from system 42" in it.robot.healths[-1].cause
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_link_that_falls_ends_the_run(fly, sky):
+def test_a_link_that_falls_ends_the_run(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             it._peer.unplug("cable out")
             with pytest.raises(LinkLost, match="cable out"):
                 await it.run
             await it.adapter.stop("the link is gone")
             it.adapter.halt()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_link_that_cannot_be_opened_ends_the_run(fly, sky):
+def test_a_link_that_cannot_be_opened_ends_the_run(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4", link="tcp:127.0.0.1:1") as it:
+        async with sim_flight("px4", link="tcp:127.0.0.1:1") as it:
             with pytest.raises((LinkLost, LinkRefused)):
                 await it.run
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_the_worlds_origin_is_the_one_of_fleet_yaml(fly, sky):
+def test_the_worlds_origin_is_the_one_of_fleet_yaml(run_in_sim_time, sim_flight):
     async def main():
         origin = {"latitude": 47.397742, "longitude": 8.545594, "altitude": 480.0}
-        async with sky("px4", origin=origin) as it:
-            await it.met()
+        async with sim_flight("px4", origin=origin) as it:
+            await it.wait_until_known()
             await asyncio.sleep(1)
             pose = [each for each in it.robot.reports if isinstance(each, PoseReport)][-1]
             assert pose.position.z == pytest.approx(8.0, abs=0.5)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_an_offboard_that_nobody_feeds_is_braked_and_left(fly, sky):
+def test_an_offboard_that_nobody_feeds_is_braked_and_left(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             driver = it.adapter._session.driver
             await it.drive(Velocity(Vector3(1.0, 0.0, 0.0)), 2.0)
@@ -170,13 +172,13 @@ def test_an_offboard_that_nobody_feeds_is_braked_and_left(fly, sky):
             driver.end()  # as if a start had been overtaken
             await it.until(lambda: it.mode == "LOITER", within=4.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_fail_safe_is_reported_and_not_fought(fly, sky):
+def test_a_fail_safe_is_reported_and_not_fought(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             await it.drive(Velocity(Vector3(1.0, 0.0, 0.0)), 2.0)
             it.sim.set_fault("low_battery", 4.0)
@@ -185,14 +187,16 @@ def test_a_fail_safe_is_reported_and_not_fought(fly, sky):
             await asyncio.sleep(3)
             assert len(it.setpoints) == streamed
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_vehicle_that_was_lost_on_its_way_flies_on_until_the_hosts_stop_when_it_is_back(fly, sky, flavour):
+def test_a_vehicle_that_was_lost_on_its_way_flies_on_until_the_hosts_stop_when_it_is_back(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             steps = it.adapter.navigate(GoTo(Goal(Vector3(200.0, 0.0, 10.0))))
             await anext(steps)
@@ -208,7 +212,7 @@ def test_a_vehicle_that_was_lost_on_its_way_flies_on_until_the_hosts_stop_when_i
             await it.until(lambda: it.speed < 0.2, within=6.0)
             assert it.robot.losses == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 UNHEARD = {
@@ -220,10 +224,12 @@ UNHEARD = {
 
 @pytest.mark.parametrize("stop", UNHEARD.values(), ids=UNHEARD.keys())
 @pytest.mark.parametrize("vehicle", ["multirotor", "plane", "rover"])
-def test_a_requested_stop_is_written_to_a_vehicle_that_is_not_heard(fly, sky, vehicle, stop):
+def test_a_requested_stop_is_written_to_a_vehicle_that_is_not_heard(
+    run_in_sim_time, sim_flight, vehicle, stop
+):
     async def main():
-        async with sky("ardupilot", vehicle=vehicle, limits={"speed": 30.0, "distance": 5000.0}) as it:
-            await it.met()
+        async with sim_flight("ardupilot", vehicle=vehicle, limits={"speed": 30.0, "distance": 5000.0}) as it:
+            await it.wait_until_known()
             if vehicle == "rover":
                 await it.do("arm")
             else:
@@ -242,17 +248,19 @@ def test_a_requested_stop_is_written_to_a_vehicle_that_is_not_heard(fly, sky, ve
             await it.until(lambda: it.mode in {"BRAKE", "LOITER", "HOLD"}, within=1.0)
             going.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
 @pytest.mark.parametrize("reason", ["stop", "hover", "emergency_stop"])
-def test_a_stop_is_written_to_what_was_last_seen_on_the_ground_or_on_its_way_down(fly, sky, flavour, reason):
+def test_a_stop_is_written_to_what_was_last_seen_on_the_ground_or_on_its_way_down(
+    run_in_sim_time, sim_flight, flavour, reason
+):
     """What is silent may have been armed since, and a landing may be what has to be broken off."""
 
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             it.mute = True
             await asyncio.sleep(4.0)
             assert not it.state.armed
@@ -270,14 +278,16 @@ def test_a_stop_is_written_to_what_was_last_seen_on_the_ground_or_on_its_way_dow
             await it.until(lambda: it.mode == HOLD[flavour], within=1.0)
             coming.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_stop_by_the_adapter_is_written_before_the_host_knows_that_it_is_silent(fly, sky, flavour):
+def test_a_stop_by_the_adapter_is_written_before_the_host_knows_that_it_is_silent(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             going = asyncio.ensure_future(it.do("land"))
             await asyncio.sleep(1.0)
@@ -290,15 +300,17 @@ def test_a_stop_by_the_adapter_is_written_before_the_host_knows_that_it_is_silen
             await it.until(lambda: it.mode == HOLD[flavour], within=1.0)
             going.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_plain_stop_of_a_silent_vehicle_leaves_it_to_its_pilot_and_says_so(fly, sky):
+def test_a_plain_stop_of_a_silent_vehicle_leaves_it_to_its_pilot_and_says_so(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot") as it:
-            await it.met()
+        async with sim_flight("ardupilot") as it:
+            await it.wait_until_known()
             await it.do("takeoff")
-            it.hears(mav.MAVLink_command_long_message(1, 1, MavCmd.DO_SET_MODE, 0, 1, POSHOLD, 0, 0, 0, 0, 0))
+            it.send_from_station(
+                mav.MAVLink_command_long_message(1, 1, MavCmd.DO_SET_MODE, 0, 1, POSHOLD, 0, 0, 0, 0, 0)
+            )
             await it.until(lambda: it.robot.losses)
             it.mute = True
             await asyncio.sleep(4.0)
@@ -309,12 +321,14 @@ def test_a_plain_stop_of_a_silent_vehicle_leaves_it_to_its_pilot_and_says_so(fly
             assert it.adapter.halt_unheard("hover")
             await it.until(lambda: it.mode == HOLD["ardupilot"], within=1.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_stop_is_written_to_a_vehicle_that_was_never_heard_as_any_autopilot_takes_it(fly, sky):
+def test_a_stop_is_written_to_a_vehicle_that_was_never_heard_as_any_autopilot_takes_it(
+    run_in_sim_time, sim_flight
+):
     async def main():
-        async with sky("ardupilot") as it:
+        async with sim_flight("ardupilot") as it:
             it.mute = True
             await asyncio.sleep(1.0)
             assert it.state.heartbeat is None
@@ -324,10 +338,10 @@ def test_a_stop_is_written_to_a_vehicle_that_was_never_heard_as_any_autopilot_ta
             with pytest.raises(NotReady, match="no heartbeat from system 1: the stop was written"):
                 await it.adapter.stop("emergency_stop")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_stop_for_which_there_is_no_address_yet_is_not_called_written(fly):
+def test_a_stop_for_which_there_is_no_address_yet_is_not_called_written(run_in_sim_time):
     async def main():
         config = MavlinkConfig(name="kestrel", twin=TWIN, adapter="mavlink", link="udpin:127.0.0.1:0")
         robot = LoopRobot("kestrel", config.limits.over(MavlinkAdapter.limits))
@@ -343,4 +357,4 @@ def test_a_stop_for_which_there_is_no_address_yet_is_not_called_written(fly):
         run.cancel()
         await asyncio.gather(run, return_exceptions=True)
 
-    fly(main())
+    run_in_sim_time(main())

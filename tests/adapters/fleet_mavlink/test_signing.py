@@ -80,10 +80,10 @@ def test_a_key_is_a_passphrase_or_hex():
     assert key_of("correct horse") != key_of("correct horsf")
 
 
-def test_ardupilot_is_given_the_key_and_flown_signed(fly, sky):
+def test_ardupilot_is_given_the_key_and_flown_signed(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", signing_key="correct horse", accept_unsigned=True) as it:
-            await it.met()
+        async with sim_flight("ardupilot", signing_key="correct horse", accept_unsigned=True) as it:
+            await it.wait_until_known()
             await it.until(lambda: it.robot.healths)
             assert (it.robot.healths[-1].level, "setup_signing" in it.robot.healths[-1].cause) == (
                 Level.DEGRADED,
@@ -95,64 +95,64 @@ def test_ardupilot_is_given_the_key_and_flown_signed(fly, sky):
             await it.do("land")
             assert it.wire._parser.signing.badsig_count == 0
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_px4_does_not_sign_and_says_so(fly, sky):
+def test_px4_does_not_sign_and_says_so(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4", signing_key="correct horse", accept_unsigned=True) as it:
-            await it.met()
+        async with sim_flight("px4", signing_key="correct horse", accept_unsigned=True) as it:
+            await it.wait_until_known()
             with pytest.raises(Unsupported, match="does not sign"):
                 await it.do("setup_signing")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_an_unsigned_vehicle_is_not_believed(fly, sky):
+def test_an_unsigned_vehicle_is_not_believed(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", signing_key="correct horse") as it:
+        async with sim_flight("ardupilot", signing_key="correct horse") as it:
             await it.until(lambda: it.robot.healths and UNSIGNED in it.robot.healths[-1].cause)
             assert it.state.heartbeat is None
             assert it.adapter._session.vehicle.trust.counts[UNSIGNED] > 0
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_vehicle_with_another_key_is_not_believed(fly, sky):
+def test_a_vehicle_with_another_key_is_not_believed(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", signing_key="correct horse", accept_unsigned=True) as it:
+        async with sim_flight("ardupilot", signing_key="correct horse", accept_unsigned=True) as it:
             it.wire._packer.signing.secret_key = key_of("another key")
             it.wire._packer.signing.sign_outgoing = True
             await asyncio.sleep(5.0)
             assert FALSE in it.robot.healths[-1].cause
             assert it.state.heartbeat is None
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_no_key_is_set_up_in_the_air_nor_without_one(fly, sky):
+def test_no_key_is_set_up_in_the_air_nor_without_one(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot") as it:
-            await it.met()
+        async with sim_flight("ardupilot") as it:
+            await it.wait_until_known()
             with pytest.raises(Refused, match="no key"):
                 await it.do("setup_signing")
-        async with sky("ardupilot", signing_key="correct horse", accept_unsigned=True) as it:
-            await it.met()
+        async with sim_flight("ardupilot", signing_key="correct horse", accept_unsigned=True) as it:
+            await it.wait_until_known()
             await it.do("arm")
             with pytest.raises(Refused, match="armed"):
                 await it.do("setup_signing")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_the_stop_of_another_thread_is_signed_in_a_time_of_its_own(fly, sky):
+def test_the_stop_of_another_thread_is_signed_in_a_time_of_its_own(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", signing_key="correct horse", accept_unsigned=True) as it:
-            await it.met()
+        async with sim_flight("ardupilot", signing_key="correct horse", accept_unsigned=True) as it:
+            await it.wait_until_known()
             await it.do("setup_signing")
             await it.do("takeoff")
             it.adapter.halt()
             await it.until(lambda: it.mode == "BRAKE", within=3.0)
             assert it.wire._parser.signing.badsig_count == 0
 
-    fly(main())
+    run_in_sim_time(main())

@@ -26,7 +26,7 @@ class Vehicle:
         self.harness.sent.append(message)
         if isinstance(message, CommandLong) and self.result is not None:
             ack = CommandAck(message.command, self.result)
-            asyncio.get_running_loop().call_later(0.005, self.harness.say, ack)
+            asyncio.get_running_loop().call_later(0.005, self.harness.receive, ack)
 
     def asked(self, message_id):
         return [each for each in self.harness.sent if getattr(each, "param1", None) == message_id]
@@ -37,14 +37,14 @@ class Vehicle:
         for _ in range(seconds):
             self.harness.beat(mode=0)
             if self.attitude:
-                self.harness.say(Attitude(int(asyncio.get_running_loop().time() * 1000), 0.0, 0.0, 0.0))
+                self.harness.receive(Attitude(int(asyncio.get_running_loop().time() * 1000), 0.0, 0.0, 0.0))
             await asyncio.sleep(1.0)
         keeping.cancel()
         await asyncio.gather(keeping, return_exceptions=True)
 
 
 @pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
-def test_every_message_is_asked_for_with_its_interval(fly, harness, flavour):
+def test_every_message_is_asked_for_with_its_interval(run_in_sim_time, harness, flavour):
     async def main():
         vehicle = Vehicle(harness, flavour)
         await vehicle.live(2)
@@ -53,29 +53,29 @@ def test_every_message_is_asked_for_with_its_interval(fly, harness, flavour):
         assert asks == {float(each): pytest.approx(1e6 / rate) for each, rate in wanted.items()}
         assert {each.command for each in vehicle.harness.sent} == {MavCmd.SET_MESSAGE_INTERVAL}
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_what_does_not_come_is_asked_for_again_and_what_comes_is_not(fly, harness):
+def test_what_does_not_come_is_asked_for_again_and_what_comes_is_not(run_in_sim_time, harness):
     async def main():
         vehicle = Vehicle(harness, "px4")
         await vehicle.live(20)
         assert len(vehicle.asked(Attitude.message_id)) == 1
         assert 2 <= len(vehicle.asked(33.0)) <= 4
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_what_was_refused_is_not_asked_for_again(fly, harness):
+def test_what_was_refused_is_not_asked_for_again(run_in_sim_time, harness):
     async def main():
         vehicle = Vehicle(harness, "px4", result=MavResult.DENIED)
         await vehicle.live(40)
         assert len(vehicle.asked(33.0)) == 1
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_after_a_reboot_everything_is_asked_for_again(fly, harness):
+def test_after_a_reboot_everything_is_asked_for_again(run_in_sim_time, harness):
     async def main():
         vehicle = Vehicle(harness, "ardupilot")
         await vehicle.live(5)
@@ -83,10 +83,10 @@ def test_after_a_reboot_everything_is_asked_for_again(fly, harness):
         await vehicle.live(5)
         assert len(vehicle.asked(Attitude.message_id)) == 2
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_after_a_silence_everything_is_asked_for_again(fly, harness):
+def test_after_a_silence_everything_is_asked_for_again(run_in_sim_time, harness):
     async def main():
         vehicle = Vehicle(harness, "ardupilot")
         keeping = asyncio.ensure_future(vehicle.streams.run())
@@ -100,11 +100,11 @@ def test_after_a_silence_everything_is_asked_for_again(fly, harness):
         await asyncio.gather(keeping, return_exceptions=True)
         assert len(vehicle.asked(Attitude.message_id)) == 2
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize(("flavour", "groups"), [("ardupilot", True), ("px4", False)])
-def test_old_firmware_is_asked_the_old_way(fly, harness, flavour, groups):
+def test_old_firmware_is_asked_the_old_way(run_in_sim_time, harness, flavour, groups):
     async def main():
         vehicle = Vehicle(harness, flavour, result=None, attitude=False)
         await vehicle.live(60)
@@ -112,10 +112,10 @@ def test_old_firmware_is_asked_the_old_way(fly, harness, flavour, groups):
         assert bool(old) is groups
         assert all(each.req_message_rate == 10 for each in old)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_nothing_is_asked_of_a_vehicle_that_is_silent(fly, harness):
+def test_nothing_is_asked_of_a_vehicle_that_is_silent(run_in_sim_time, harness):
     async def main():
         vehicle = Vehicle(harness, "px4")
         keeping = asyncio.ensure_future(vehicle.streams.run())
@@ -124,4 +124,4 @@ def test_nothing_is_asked_of_a_vehicle_that_is_silent(fly, harness):
         await asyncio.gather(keeping, return_exceptions=True)
         assert vehicle.harness.sent == []
 
-    fly(main())
+    run_in_sim_time(main())

@@ -26,10 +26,10 @@ async def ended(doing):
 
 @both
 @pytest.mark.parametrize("altitude", HEIGHTS)
-def test_it_takes_off_to_any_height(fly, sky, flavour, altitude):
+def test_it_takes_off_to_any_height(run_in_sim_time, sim_flight, flavour, altitude):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             percents = await it.do("takeoff", altitude=altitude)
             assert percents[-1] == 100.0
             assert it.state.relative_altitude == pytest.approx(altitude, abs=EXACT)
@@ -37,65 +37,65 @@ def test_it_takes_off_to_any_height(fly, sky, flavour, altitude):
             assert it.state.relative_altitude == pytest.approx(altitude, abs=EXACT)
             assert it.robot.losses == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.combinations
 @pytest.mark.parametrize("altitude", HEIGHTS)
 @pytest.mark.parametrize("wait", [0.0, 2.0, 4.0, 6.0])
-def test_a_home_that_is_set_again_at_the_takeoff_is_made_good(fly, sky, altitude, wait):
+def test_a_home_that_is_set_again_at_the_takeoff_is_made_good(run_in_sim_time, sim_flight, altitude, wait):
     async def main():
-        async with sky("px4", faults={"wander": 1.0}) as it:
-            await it.met()
+        async with sim_flight("px4", faults={"wander": 1.0}) as it:
+            await it.wait_until_known()
             await asyncio.sleep(wait)
             await it.do("takeoff", altitude=altitude)
             assert it.state.relative_altitude == pytest.approx(altitude, abs=EXACT)
             assert it.mode == "LOITER"
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
 @pytest.mark.parametrize("altitude", [1.0, 5.0])
-def test_a_takeoff_to_a_limit_is_not_refused_by_it(fly, sky, flavour, altitude):
+def test_a_takeoff_to_a_limit_is_not_refused_by_it(run_in_sim_time, sim_flight, flavour, altitude):
     async def main():
-        async with sky(flavour, limits={"altitude": 5.0}, faults={"wander": 1.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, limits={"altitude": 5.0}, faults={"wander": 1.0}) as it:
+            await it.wait_until_known()
             for _ in range(3):
                 await it.do("takeoff", altitude=altitude)
                 assert it.state.relative_altitude == pytest.approx(altitude, abs=EXACT)
                 await it.do("land")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_it_takes_off_in_wind(fly, sky, flavour):
+def test_it_takes_off_in_wind(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, faults={"wind": 9.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, faults={"wind": 9.0}) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=6.0)
             assert it.state.relative_altitude == pytest.approx(6.0, abs=0.5)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize("radius", [0.3, 0.8, 2.5])
-def test_the_autopilots_own_end_of_a_takeoff_counts_however_early(fly, sky, radius):
+def test_the_autopilots_own_end_of_a_takeoff_counts_however_early(run_in_sim_time, sim_flight, radius):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             await it.do("set_parameter", name="NAV_MC_ALT_RAD", value=radius)
             await it.do("takeoff", altitude=6.0)
             assert it.state.relative_altitude == pytest.approx(6.0, abs=EXACT)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_takeoff_that_another_station_broke_off_is_not_flown_on(fly, sky):
+def test_a_takeoff_that_another_station_broke_off_is_not_flown_on(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             async with ended(it.do("takeoff", altitude=12.0)) as rising:
                 await it.until(lambda: it.height > 3.0)
                 it.sim.pilot.enter(it.sim.pilot.chosen)
@@ -104,7 +104,7 @@ def test_a_takeoff_that_another_station_broke_off_is_not_flown_on(fly, sky):
             await asyncio.sleep(5.0)
             assert it.height < 6.0
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 MOMENTS = [
@@ -120,10 +120,12 @@ MOMENTS = [
 @both
 @pytest.mark.parametrize("come", [come for _, come in MOMENTS], ids=[name for name, _ in MOMENTS])
 @pytest.mark.parametrize("later", [0.0, 0.6, 1.2, 1.8, 1.9, 2.1])
-def test_a_takeoff_out_of_a_landing_or_right_after_it_flies(fly, sky, flavour, come, later):
+def test_a_takeoff_out_of_a_landing_or_right_after_it_flies(
+    run_in_sim_time, sim_flight, flavour, come, later
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=8.0)
             async with ended(it.do("land")):
                 await it.until(lambda: come(it))
@@ -137,15 +139,15 @@ def test_a_takeoff_out_of_a_landing_or_right_after_it_flies(fly, sky, flavour, c
             await it.do("land")
             assert not it.armed
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
 @pytest.mark.parametrize("data", [{}, {"altitude": 3.0}])
-def test_a_takeoff_during_a_landing_never_descends(fly, sky, flavour, data):
+def test_a_takeoff_during_a_landing_never_descends(run_in_sim_time, sim_flight, flavour, data):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             async with ended(it.do("land")):
                 await it.until(lambda: it.height < 8.0)
@@ -153,14 +155,14 @@ def test_a_takeoff_during_a_landing_never_descends(fly, sky, flavour, data):
             await asyncio.sleep(10.0)
             assert it.height > 6.5
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_second_takeoff_goes_on_with_the_first(fly, sky, flavour):
+def test_a_second_takeoff_goes_on_with_the_first(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             for moment in (1.0, 3.0, 6.0):
                 async with ended(it.do("takeoff", altitude=4.0)):
                     await asyncio.sleep(moment)
@@ -168,13 +170,13 @@ def test_a_second_takeoff_goes_on_with_the_first(fly, sky, flavour):
                 assert it.state.relative_altitude == pytest.approx(6.0, abs=EXACT)
                 await it.do("land")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_second_takeoff_goes_on_with_the_first_before_it_is_seen_to_fly(fly, sky):
+def test_a_second_takeoff_goes_on_with_the_first_before_it_is_seen_to_fly(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot") as it:  # refuses a take-off in the air; PX4 takes it
-            await it.met()
+        async with sim_flight("ardupilot") as it:  # refuses a take-off in the air; PX4 takes it
+            await it.wait_until_known()
             for _ in range(2):
                 async with ended(it.do("takeoff", altitude=4.0)):
                     await it.until(lambda: it.sim.pilot.flying and it.state.in_air is False)
@@ -182,14 +184,14 @@ def test_a_second_takeoff_goes_on_with_the_first_before_it_is_seen_to_fly(fly, s
                 assert it.state.relative_altitude == pytest.approx(6.0, abs=EXACT)
                 await it.do("land")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_takeoff_does_not_take_the_drone_from_its_pilot(fly, sky, flavour):
+def test_a_takeoff_does_not_take_the_drone_from_its_pilot(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=5.0)
             it.sim.set_fault("pilot_takeover", 1.0)
             await it.until(lambda: it.robot.losses, within=5.0)
@@ -198,14 +200,14 @@ def test_a_takeoff_does_not_take_the_drone_from_its_pilot(fly, sky, flavour):
                 await it.do("takeoff", altitude=9.0)
             assert len(it.asked(MavCmd.NAV_TAKEOFF)) == asked
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_goal_during_a_takeoff_is_refused_as_busy(fly, sky, flavour):
+def test_a_goal_during_a_takeoff_is_refused_as_busy(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             async with ended(it.do("takeoff", altitude=10.0)) as rising:
                 for height in (0.05, 1.0, 5.0):
                     await it.until(lambda: it.height > height)  # noqa: B023 - awaited at once
@@ -215,13 +217,15 @@ def test_a_goal_during_a_takeoff_is_refused_as_busy(fly, sky, flavour):
                 await rising
             assert it.height == pytest.approx(10.0, abs=EXACT)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_quadplane_takes_off_again_though_it_says_that_it_flies_once_it_is_armed(fly, sky):
+def test_a_quadplane_takes_off_again_though_it_says_that_it_flies_once_it_is_armed(
+    run_in_sim_time, sim_flight
+):
     async def main():
-        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
-            await it.met()
+        async with sim_flight("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+            await it.wait_until_known()
             await it.until(lambda: "Q_GUIDED_MODE" in it.state.settings)
             await it.do("set_parameter", name="Q_GUIDED_MODE", value=1)
             for _ in range(2):
@@ -229,15 +233,17 @@ def test_a_quadplane_takes_off_again_though_it_says_that_it_flies_once_it_is_arm
                 assert it.height == pytest.approx(20.0, abs=1.0)
                 await it.do("land")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
 @pytest.mark.parametrize("data", [{}, {"altitude": 3.0}])
-def test_a_takeoff_in_the_air_ends_the_flight_that_the_host_has_ended(fly, sky, flavour, data):
+def test_a_takeoff_in_the_air_ends_the_flight_that_the_host_has_ended(
+    run_in_sim_time, sim_flight, flavour, data
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=8.0)
             async with contextlib.aclosing(it.adapter.navigate(GoTo(Goal(Vector3(90.0, 0.0, 8.0))))) as way:
                 await anext(way)
@@ -247,13 +253,15 @@ def test_a_takeoff_in_the_air_ends_the_flight_that_the_host_has_ended(fly, sky, 
             assert it.speed < 0.3
             assert it.height == pytest.approx(8.0, abs=EXACT)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_second_takeoff_to_a_lower_height_before_it_is_seen_to_fly_never_descends(fly, sky):
+def test_a_second_takeoff_to_a_lower_height_before_it_is_seen_to_fly_never_descends(
+    run_in_sim_time, sim_flight
+):
     async def main():
-        async with sky("ardupilot", faults={"state_lag": 1.2}) as it:
-            await it.met()
+        async with sim_flight("ardupilot", faults={"state_lag": 1.2}) as it:
+            await it.wait_until_known()
             async with ended(it.do("takeoff", altitude=12.0)):
                 await it.until(lambda: it.height > 2.0)
                 assert it.state.in_air is False
@@ -261,27 +269,29 @@ def test_a_second_takeoff_to_a_lower_height_before_it_is_seen_to_fly_never_desce
             await asyncio.sleep(5.0)
             assert it.height > 2.0
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_takeoff_flies_though_a_hold_that_was_asked_for_before_is_shown_late(fly, sky):
+def test_a_takeoff_flies_though_a_hold_that_was_asked_for_before_is_shown_late(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", faults={"state_lag": 1.0}) as it:
-            await it.met()
+        async with sim_flight("ardupilot", faults={"state_lag": 1.0}) as it:
+            await it.wait_until_known()
             await it.do("arm")
             async with ended(it.adapter.stop("hover")):
                 await it.until(lambda: it.mode == "BRAKE")
             await it.do("takeoff", altitude=5.0)
             assert it.state.relative_altitude == pytest.approx(5.0, abs=EXACT)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_takeoff_flies_though_a_landing_that_was_asked_for_before_is_shown_late(fly, sky, flavour):
+def test_a_takeoff_flies_though_a_landing_that_was_asked_for_before_is_shown_late(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour, faults={"state_lag": 1.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, faults={"state_lag": 1.0}) as it:
+            await it.wait_until_known()
             async with ended(it.do("takeoff", altitude=9.0)):
                 await it.until(lambda: it.state.in_air and it.height > 1.0)
             async with ended(it.do("land")):
@@ -290,13 +300,13 @@ def test_a_takeoff_flies_though_a_landing_that_was_asked_for_before_is_shown_lat
             assert it.armed
             assert it.state.relative_altitude == pytest.approx(8.0, abs=EXACT)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_takeoff_right_after_a_disarm_that_is_shown_late_arms_again(fly, sky):
+def test_a_takeoff_right_after_a_disarm_that_is_shown_late_arms_again(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", faults={"state_lag": 1.2}) as it:
-            await it.met()
+        async with sim_flight("ardupilot", faults={"state_lag": 1.2}) as it:
+            await it.wait_until_known()
             await it.do("arm")
             async with ended(it.do("disarm")):
                 await it.until(lambda: not it.armed)
@@ -304,4 +314,4 @@ def test_a_takeoff_right_after_a_disarm_that_is_shown_late_arms_again(fly, sky):
             await it.do("takeoff", altitude=5.0)
             assert it.state.relative_altitude == pytest.approx(5.0, abs=EXACT)
 
-    fly(main())
+    run_in_sim_time(main())

@@ -17,7 +17,7 @@ HERE = (473_977_420, 85_455_940)
 NORTH = 90  # degrees times 1e7 that are a metre
 
 
-class Sky:
+class SimFlight:
     """Aircraft, and what each is told."""
 
     def __init__(self):
@@ -47,7 +47,7 @@ class Sky:
 
 @pytest.fixture
 def air():
-    return Sky()
+    return SimFlight()
 
 
 def test_each_is_sent_the_other(air):
@@ -115,7 +115,9 @@ def test_a_callsign_has_capitals_and_digits(name, sign):
 
 
 @pytest.mark.parametrize("traffic", ["off", "tell"])
-def test_it_is_reported_once_a_second_where_fleet_yaml_says_so(fly, sky, monkeypatch, traffic):
+def test_it_is_reported_once_a_second_where_fleet_yaml_says_so(
+    run_in_sim_time, sim_flight, monkeypatch, traffic
+):
     shared = Traffic()
 
     @contextlib.asynccontextmanager
@@ -125,10 +127,10 @@ def test_it_is_reported_once_a_second_where_fleet_yaml_says_so(fly, sky, monkeyp
     monkeypatch.setattr("fleet_mavlink.traffic._open_traffic", opened)
 
     async def main():
-        async with sky("ardupilot", traffic=traffic) as one, sky("px4", name="heron") as other:
+        async with sim_flight("ardupilot", traffic=traffic) as one, sim_flight("px4", name="heron") as other:
             for it in (one, other):
                 it.deaf_to.add("ADSB_VEHICLE")
-                await it.met()
+                await it.wait_until_known()
                 await it.do("takeoff", altitude=5.0)
             one.ignored.clear()
             await asyncio.sleep(3.1)
@@ -136,4 +138,4 @@ def test_it_is_reported_once_a_second_where_fleet_yaml_says_so(fly, sky, monkeyp
             assert other.ignored == []
         assert shared.aircraft == {}
 
-    fly(main())
+    run_in_sim_time(main())

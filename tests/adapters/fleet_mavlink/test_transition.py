@@ -23,7 +23,7 @@ flavours = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 
 async def hovering(it):
     """Meet a VTOL, set it up, and take it to its height."""
-    await it.met()
+    await it.wait_until_known()
     if "ardupilot" in it.sim.flavour:
         await it.until(lambda: "Q_GUIDED_MODE" in it.state.settings)
         await it.do("set_parameter", name="Q_GUIDED_MODE", value=1)
@@ -53,9 +53,9 @@ async def stands(it):
 
 @flavours
 @pytest.mark.parametrize("reason", ["stop", "hover", "emergency_stop"])
-def test_a_stop_breaks_a_transition_off_and_the_vtol_hovers(fly, sky, flavour, reason):
+def test_a_stop_breaks_a_transition_off_and_the_vtol_hovers(run_in_sim_time, sim_flight, flavour, reason):
     async def main():
-        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+        async with sim_flight(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
             going = await goes_over(await hovering(it))
             height = it.height
             await it.adapter.stop(reason)
@@ -65,15 +65,15 @@ def test_a_stop_breaks_a_transition_off_and_the_vtol_hovers(fly, sky, flavour, r
             assert it.height == pytest.approx(height, abs=3.0)
             assert it.robot.losses == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize("reason", ["stop", "emergency_stop"])
 def test_a_quadplane_that_is_stopped_on_the_way_back_to_its_hover_is_not_flown_past_its_target_and_back(
-    fly, sky, reason
+    run_in_sim_time, sim_flight, reason
 ):
     async def main():
-        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+        async with sim_flight("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
             await hovering(it)
             await it.do("transition", to="forward")
             await it.until(lambda: it.speed > 20.0)
@@ -89,25 +89,25 @@ def test_a_quadplane_that_is_stopped_on_the_way_back_to_its_hover_is_not_flown_p
             assert math.dist(began, it.place) > farthest - 5.0, "it flew back"
             assert not it.adapter._session.health.unstopped
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @flavours
-def test_a_halt_from_another_thread_breaks_a_transition_off(fly, sky, flavour):
+def test_a_halt_from_another_thread_breaks_a_transition_off(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+        async with sim_flight(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
             going = await goes_over(await hovering(it))
             await asyncio.to_thread(it.adapter.emergency_halt)
             await stands(it)
             with pytest.raises(Refused):
                 await going
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_stop_on_the_way_to_a_far_goal_breaks_its_transition_off(fly, sky):
+def test_a_stop_on_the_way_to_a_far_goal_breaks_its_transition_off(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+        async with sim_flight("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
             await hovering(it)
             task = GoTo(Goal(position=Vector3(0.0, 900.0, HEIGHT)))
             going = asyncio.ensure_future(anext(aiter(it.adapter.navigate(task))))
@@ -117,12 +117,12 @@ def test_a_stop_on_the_way_to_a_far_goal_breaks_its_transition_off(fly, sky):
             await stands(it)
             going.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_transition_that_does_not_end_fails_the_stop(fly, sky):
+def test_a_transition_that_does_not_end_fails_the_stop(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4", vehicle="vtol", limits={"speed": 30.0}) as it:
+        async with sim_flight("px4", vehicle="vtol", limits={"speed": 30.0}) as it:
             going = await goes_over(await hovering(it))
             it.sim.pilot.commands = {
                 **it.sim.pilot.commands,
@@ -132,28 +132,30 @@ def test_a_transition_that_does_not_end_fails_the_stop(fly, sky):
                 await it.adapter.stop("emergency_stop")
             going.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @flavours
-def test_a_stop_on_its_wings_leaves_it_there(fly, sky, flavour):
+def test_a_stop_on_its_wings_leaves_it_there(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+        async with sim_flight(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
             await hovering(it)
             await it.do("transition", to="forward")
             await it.adapter.stop("emergency_stop")
             await asyncio.sleep(10.0)
             assert it.sim.pilot.vtol_state() == FORWARD
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @flavours
-def test_the_first_stop_after_a_reconnect_leaves_a_hovering_vtol_hovering(fly, sky, flavour):
+def test_the_first_stop_after_a_reconnect_leaves_a_hovering_vtol_hovering(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as before:
+        async with sim_flight(flavour, vehicle="vtol", limits={"speed": 30.0}) as before:
             await hovering(before)
-        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+        async with sim_flight(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
             it.sim, it.wire = before.sim, MavlinkWire(before.sim, ())
             it._origin -= before.sim.time
             await it.until(lambda: it.robot.is_connected)
@@ -162,12 +164,12 @@ def test_the_first_stop_after_a_reconnect_leaves_a_hovering_vtol_hovering(fly, s
             await it.adapter.stop("stop")
             await stands(it)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_an_emergency_stop_of_a_quadplane_that_is_not_heard_does_not_fly_it_back(fly, sky):
+def test_an_emergency_stop_of_a_quadplane_that_is_not_heard_does_not_fly_it_back(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+        async with sim_flight("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
             await hovering(it)
             task = GoTo(Goal(position=Vector3(0.0, 120.0, HEIGHT)))
             going = asyncio.ensure_future(anext(aiter(it.adapter.navigate(task))))
@@ -182,12 +184,12 @@ def test_an_emergency_stop_of_a_quadplane_that_is_not_heard_does_not_fly_it_back
             assert it.speed < 0.5
             going.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_silence_makes_unknown_how_a_vtol_flies(fly, sky):
+def test_a_silence_makes_unknown_how_a_vtol_flies(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+        async with sim_flight("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
             await hovering(it)
             it.radio = False
             await asyncio.sleep(5.0)
@@ -196,7 +198,7 @@ def test_a_silence_makes_unknown_how_a_vtol_flies(fly, sky):
             assert it.state.vtol_state is None
             await it.until(lambda: it.state.vtol_state == HOVERS, 3.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 def seen(mode, vtol=None, *, here=True, **settings):
@@ -251,9 +253,11 @@ def test_a_px4_vtol_is_called_back_to_its_hover_first():
 
 @flavours
 @pytest.mark.parametrize("lag", [0.0, 0.7])
-def test_a_transition_that_is_asked_for_right_after_the_opposite_one_is_carried_out(fly, sky, flavour, lag):
+def test_a_transition_that_is_asked_for_right_after_the_opposite_one_is_carried_out(
+    run_in_sim_time, sim_flight, flavour, lag
+):
     async def main():
-        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+        async with sim_flight(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
             await hovering(it)
             it.sim.set_fault("state_lag", lag)
             going = asyncio.ensure_future(it.do("transition", to="forward"))
@@ -264,13 +268,15 @@ def test_a_transition_that_is_asked_for_right_after_the_opposite_one_is_carried_
             await asyncio.sleep(8.0)
             assert it.sim.pilot.vtol_state() == HOVERS
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @flavours
-def test_a_transition_to_what_it_flies_ends_the_flight_that_the_host_has_ended(fly, sky, flavour):
+def test_a_transition_to_what_it_flies_ends_the_flight_that_the_host_has_ended(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+        async with sim_flight(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
             await hovering(it)
             way = it.adapter.navigate(GoTo(Goal(Vector3(60.0, 0.0, HEIGHT))))
             await anext(way)
@@ -280,4 +286,4 @@ def test_a_transition_to_what_it_flies_ends_the_flight_that_the_host_has_ended(f
             await it.until(lambda: it.speed < 0.5, within=8.0)
             assert it.place[1] < 45.0
 
-    fly(main())
+    run_in_sim_time(main())

@@ -45,10 +45,10 @@ async def unheard(it, doing, command, deaf_to=COMMANDS):
     return task
 
 
-def test_a_rover_that_is_halted_is_not_sent_to_its_place_again(fly, sky):
+def test_a_rover_that_is_halted_is_not_sent_to_its_place_again(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="rover") as it:
-            await it.met()
+        async with sim_flight("ardupilot", vehicle="rover") as it:
+            await it.wait_until_known()
             await it.do("arm")
             going = await unheard(it, consumed(it.adapter.navigate(FAR)), 192, {"COMMAND_INT"})
             halted(it)
@@ -58,14 +58,16 @@ def test_a_rover_that_is_halted_is_not_sent_to_its_place_again(fly, sky):
                 await going
             assert len(it.asked(192)) == sent
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_multirotor_that_is_halted_is_not_sent_on_again_when_it_hears_the_repetition(fly, sky, flavour):
+def test_a_multirotor_that_is_halted_is_not_sent_on_again_when_it_hears_the_repetition(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             await it.adapter.stop("hover")
             going = await unheard(
@@ -76,14 +78,14 @@ def test_a_multirotor_that_is_halted_is_not_sent_on_again_when_it_hears_the_repe
             with pytest.raises(Refused, match="the robot was halted"):
                 await going
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_landing_that_is_not_answered_yet_goes_on_after_a_halt(fly, sky, flavour):
+def test_a_landing_that_is_not_answered_yet_goes_on_after_a_halt(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=5.0)
             coming = await unheard(it, it.do("land"), 176)
             halted(it)
@@ -91,16 +93,16 @@ def test_a_landing_that_is_not_answered_yet_goes_on_after_a_halt(fly, sky, flavo
             await coming
             assert not it.armed
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
 def test_a_takeoff_during_a_landing_is_not_asked_for_again_after_a_halt_and_the_landing_goes_on(
-    fly, sky, flavour
+    run_in_sim_time, sim_flight, flavour
 ):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             landing = asyncio.ensure_future(it.do("land"))
             await asyncio.sleep(3.0)
@@ -114,14 +116,14 @@ def test_a_takeoff_during_a_landing_is_not_asked_for_again_after_a_halt_and_the_
             assert it.mode == mode
             landing.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_hold_that_was_lost_with_the_halt_is_repeated(fly, sky, flavour):
+def test_a_hold_that_was_lost_with_the_halt_is_repeated(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=10.0)
             await it.adapter.stop("hover")
             it.sim.faults["no_ack"] = 1.0
@@ -133,4 +135,4 @@ def test_a_hold_that_was_lost_with_the_halt_is_repeated(fly, sky, flavour):
             await holds(it, HOLD[flavour])
             going.cancel()
 
-    fly(main())
+    run_in_sim_time(main())

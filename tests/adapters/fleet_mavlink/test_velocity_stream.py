@@ -17,10 +17,10 @@ STILL = Velocity()
 
 
 @both
-def test_it_moves_where_its_nose_points_and_holds_its_heading(fly, sky, flavour):
+def test_it_moves_where_its_nose_points_and_holds_its_heading(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=6.0)
             await it.drive(Velocity(yaw_rate=-0.5), 4.0)  # to the right, about to the east
             await it.drive(STILL, 3.0)
@@ -36,14 +36,14 @@ def test_it_moves_where_its_nose_points_and_holds_its_heading(fly, sky, flavour)
             assert it.sim.body.heading == pytest.approx(heading, abs=0.1)
             assert it.height == pytest.approx(6.0, abs=0.8)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_while_it_drives_a_new_velocity_leaves_at_once(fly, sky, flavour):
+def test_while_it_drives_a_new_velocity_leaves_at_once(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             await it.drive(FORWARD, 2.0)
             assert it.mode == EXTERNAL[flavour]
@@ -55,14 +55,14 @@ def test_while_it_drives_a_new_velocity_leaves_at_once(fly, sky, flavour):
             await asyncio.sleep(0.01)
             assert it.setpoints[-1][1].vx == it.setpoints[-1][1].vz == 0
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_after_a_rest_it_is_left_to_its_own_hold(fly, sky, flavour):
+def test_after_a_rest_it_is_left_to_its_own_hold(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             await it.drive(FORWARD, 2.0)
             assert it.mode == EXTERNAL[flavour]
@@ -75,13 +75,13 @@ def test_after_a_rest_it_is_left_to_its_own_hold(fly, sky, flavour):
             assert len(it.setpoints) == streamed
             assert it.robot.losses == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_px4_hears_zeros_until_it_has_left_offboard(fly, sky):
+def test_px4_hears_zeros_until_it_has_left_offboard(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             await it.drive(FORWARD, 2.0)
             stopping = asyncio.ensure_future(it.adapter.stop("emergency_stop"))
@@ -93,13 +93,15 @@ def test_px4_hears_zeros_until_it_has_left_offboard(fly, sky):
             assert (last.vx, last.vy, last.vz, last.yaw_rate) == (0, 0, 0, 0)
             assert it.mode == "LOITER"
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_px4_hears_setpoints_before_it_is_asked_to_obey_them_and_moves_as_soon_as_it_does(fly, sky):
+def test_px4_hears_setpoints_before_it_is_asked_to_obey_them_and_moves_as_soon_as_it_does(
+    run_in_sim_time, sim_flight
+):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             it.order.clear()
             await it.drive(FORWARD, 2.0)
@@ -108,14 +110,14 @@ def test_px4_hears_setpoints_before_it_is_asked_to_obey_them_and_moves_as_soon_a
             assert it.speed > 0.5
             assert "Failsafe activated" not in [said.text for said in it.adapter._session.vehicle.sentences]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_stop_brakes_and_holds(fly, sky, flavour):
+def test_stop_brakes_and_holds(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             await it.drive(FORWARD, 3.0)
             began = it.now
@@ -124,28 +126,28 @@ def test_stop_brakes_and_holds(fly, sky, flavour):
             assert it.mode == HOLD[flavour]
             await it.until(lambda: it.speed < 0.2, within=4.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_plain_stop_stands_still_and_then_holds(fly, sky, flavour):
+def test_a_plain_stop_stands_still_and_then_holds(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             await it.drive(FORWARD, 3.0)
             await it.adapter.stop("stop")
             assert it.speed <= 0.6
             await it.until(lambda: it.mode == HOLD[flavour], within=4.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_burst_right_after_a_stop_moves_the_vehicle(fly, sky, flavour):
+def test_a_burst_right_after_a_stop_moves_the_vehicle(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             for _ in range(3):
                 await it.drive(FORWARD, 1.0)
@@ -155,14 +157,14 @@ def test_a_burst_right_after_a_stop_moves_the_vehicle(fly, sky, flavour):
             await it.drive(FORWARD, 1.0)
             assert it.speed > 0.2
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_halt_alone_brings_it_to_a_standstill_while_the_loop_is_stuck(fly, sky, flavour):
+def test_halt_alone_brings_it_to_a_standstill_while_the_loop_is_stuck(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             await it.drive(FORWARD, 3.0)
             it.robot.close()  # the scheduler stands still: nothing of ours goes on
@@ -172,26 +174,26 @@ def test_halt_alone_brings_it_to_a_standstill_while_the_loop_is_stuck(fly, sky, 
             assert it.speed < 0.2
             assert it.height == pytest.approx(height, abs=0.8)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_the_ceiling_holds_while_driving_up(fly, sky, flavour):
+def test_the_ceiling_holds_while_driving_up(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour, limits={"altitude": 8.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, limits={"altitude": 8.0}) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=6.0)
             await it.drive(Velocity(Vector3(0.0, 0.0, 1.5)), 8.0)
             assert 7.5 < it.height < 9.5
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_pilot_who_takes_over_ends_our_motion_until_a_new_command(fly, sky, flavour):
+def test_a_pilot_who_takes_over_ends_our_motion_until_a_new_command(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=20.0)
             await it.drive(FORWARD, 2.0)
             it.sim.set_fault("pilot_takeover", 1.0)
@@ -213,43 +215,45 @@ def test_a_pilot_who_takes_over_ends_our_motion_until_a_new_command(fly, sky, fl
             await it.drive(FORWARD, 2.0)
             assert it.mode == EXTERNAL[flavour]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_nothing_drives_on_the_ground(fly, sky, flavour):
+def test_nothing_drives_on_the_ground(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             with pytest.raises(NotReady, match="not in the air"):
                 it.adapter.drive(FORWARD)
             it.adapter.drive(STILL)
             await asyncio.sleep(1)
             assert it.setpoints == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_cancelling_a_return_takes_it_even_from_the_fail_safe_that_began_it(fly, sky, flavour):
+def test_cancelling_a_return_takes_it_even_from_the_fail_safe_that_began_it(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=15.0)
             it.sim.set_fault("pilot_takeover", 1.0)
             await it.until(lambda: it.robot.losses)
             await it.do("cancel_return_to_home")
             assert it.mode == HOLD[flavour]
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
 @pytest.mark.parametrize("rest", [1.1, 1.5])
-def test_a_landing_right_after_a_drive_is_not_taken_for_a_pilots(fly, sky, flavour, rest):
+def test_a_landing_right_after_a_drive_is_not_taken_for_a_pilots(run_in_sim_time, sim_flight, flavour, rest):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             await it.drive(FORWARD, 3.0)
             await it.drive(STILL, rest)  # its own hold is under way
@@ -257,14 +261,16 @@ def test_a_landing_right_after_a_drive_is_not_taken_for_a_pilots(fly, sky, flavo
             assert not it.armed
             assert it.robot.losses == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_landing_whose_first_message_is_lost_is_not_undone_by_the_drives_own_hold(fly, sky, flavour):
+def test_a_landing_whose_first_message_is_lost_is_not_undone_by_the_drives_own_hold(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour) as it:
-            await it.met()
+        async with sim_flight(flavour) as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             await it.drive(FORWARD, 3.0)
             landing = asyncio.ensure_future(it.do("land"))
@@ -275,13 +281,15 @@ def test_a_landing_whose_first_message_is_lost_is_not_undone_by_the_drives_own_h
             assert not it.armed
             assert it.robot.losses == []
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_plain_stop_holds_a_vehicle_that_was_on_its_way_and_does_not_take_velocities(fly, sky):
+def test_a_plain_stop_holds_a_vehicle_that_was_on_its_way_and_does_not_take_velocities(
+    run_in_sim_time, sim_flight
+):
     async def main():
-        async with sky("px4") as it:
-            await it.met()
+        async with sim_flight("px4") as it:
+            await it.wait_until_known()
             await it.do("takeoff")
             steps = it.adapter.navigate(GoTo(Goal(Vector3(300.0, 0.0, 10.0))))
             await anext(steps)
@@ -295,13 +303,13 @@ def test_a_plain_stop_holds_a_vehicle_that_was_on_its_way_and_does_not_take_velo
             await it.adapter.stop("stop")
             await it.until(lambda: it.speed < 0.2, within=6.0)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_goal_after_a_short_drive_is_not_held_up_by_a_mode_that_is_shown_late(fly, sky):
+def test_a_goal_after_a_short_drive_is_not_held_up_by_a_mode_that_is_shown_late(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("px4", faults={"state_lag": 1.0}) as it:
-            await it.met()
+        async with sim_flight("px4", faults={"state_lag": 1.0}) as it:
+            await it.wait_until_known()
             await it.do("takeoff", altitude=6.0)
             await it.drive(Velocity(Vector3(1.0, 0.0, 0.0)), 1.0)
             assert it.mode == "OFFBOARD"
@@ -309,4 +317,4 @@ def test_a_goal_after_a_short_drive_is_not_held_up_by_a_mode_that_is_shown_late(
                 pass
             assert it.place == pytest.approx((0.0, 6.0, 6.0), abs=1.0)
 
-    fly(main())
+    run_in_sim_time(main())

@@ -83,11 +83,13 @@ async def tried(it, name):
 
 @pytest.mark.parametrize("vehicle", VEHICLES)
 @pytest.mark.parametrize("name", [*DIRECTIONS, *TASKS, *COMMANDS])
-def test_each_name_is_taken_or_refused_with_the_words_of_the_table(fly, sky, vehicle, name):
+def test_each_name_is_taken_or_refused_with_the_words_of_the_table(
+    run_in_sim_time, sim_flight, vehicle, name
+):
     flavour, kind, vehicle_type = VEHICLES[vehicle]
 
     async def main():
-        async with sky(flavour, vehicle=kind) as it:
+        async with sim_flight(flavour, vehicle=kind) as it:
             if vehicle_type is not None:
                 it.sim.pilot.vehicle_type = vehicle_type
             await it.until(lambda: it.robot.is_connected and it.state.home is not None)
@@ -104,7 +106,7 @@ def test_each_name_is_taken_or_refused_with_the_words_of_the_table(fly, sky, veh
             elif name not in lacking:
                 assert "not moved" not in refusal
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4, 17])

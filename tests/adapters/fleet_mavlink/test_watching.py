@@ -24,11 +24,11 @@ KEY = "correct horse battery"
 
 
 class Station:
-    """A ground station behind a link of its own; ``heard`` is what came, decoded by pymavlink."""
+    """A ground station behind a link of its own; ``received`` is what came, decoded by pymavlink."""
 
     def __init__(self, system=255, component=190, url=DESK):
-        self.heard, self.datagrams = [], []
-        self._peer = MemoryRobot(url.rpartition(":")[0].replace(":", "-"), self._hears)
+        self.received, self.datagrams = [], []
+        self._peer = MemoryRobot(url.rpartition(":")[0].replace(":", "-"), self._receive)
         self._parser = mav.MAVLink(None)
         self._parser.robust_parsing = True
         self.sender = mav.MAVLink(None, srcSystem=system, srcComponent=component)
@@ -40,29 +40,29 @@ class Station:
     def __exit__(self, *_):
         self._peer.__exit__(None, None, None)
 
-    def _hears(self, data):
+    def _receive(self, data):
         self.datagrams.append(data)
-        self.heard += self._parser.parse_buffer(bytearray(data)) or ()
+        self.received += self._parser.parse_buffer(bytearray(data)) or ()
         return b""
 
-    def says(self, *messages):
+    def send(self, *messages):
         for message in messages:
             self._peer.say(bytes(message.pack(self.sender)))
 
     def of(self, kind):
-        return [message for message in self.heard if message.get_type() == kind]
+        return [message for message in self.received if message.get_type() == kind]
 
     async def asks(self, command, *params):
         """Ask by COMMAND_LONG; return the result of the answer."""
         before = len(self.of("COMMAND_ACK"))
-        self.says(long(command, *params))
-        await self.hears(lambda: len(self.of("COMMAND_ACK")) > before)
+        self.send(long(command, *params))
+        await self.wait_until(lambda: len(self.of("COMMAND_ACK")) > before)
         answer = self.of("COMMAND_ACK")[-1]
         assert answer.command == command
         assert answer.get_srcSystem() == 1
         return answer.result
 
-    async def hears(self, holds, within=30.0):
+    async def wait_until(self, holds, within=30.0):
         async with asyncio.timeout(within):
             while not holds():  # noqa: ASYNC110 - time jumps here
                 await asyncio.sleep(0.02)
@@ -80,137 +80,137 @@ async def opened(url, receiver):
 
 
 @contextlib.asynccontextmanager
-async def watched(sky, flavour="ardupilot", *, system=255, watchers=WATCH, **config):
+async def watched(sim_flight, flavour="ardupilot", *, system=255, watchers=WATCH, **config):
     """Give a vehicle, and a station that is heard."""
     token = OPENER.set(opened)
     try:
         with Station(system) as station:
-            async with sky(flavour, watchers=watchers, **config) as it:
-                await it.met()
-                station.says(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+            async with sim_flight(flavour, watchers=watchers, **config) as it:
+                await it.wait_until_known()
+                station.send(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
                 yield it, station
     finally:
         OPENER.reset(token)
 
 
 @both
-def test_a_station_sees_what_the_vehicle_tells(fly, sky, flavour):
+def test_a_station_sees_what_the_vehicle_tells(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with watched(sky, flavour) as (it, station):
+        async with watched(sim_flight, flavour) as (it, station):
             wanted = ("HEARTBEAT", "ATTITUDE", "GLOBAL_POSITION_INT", "SYS_STATUS", "GPS_RAW_INT", "VFR_HUD")
-            await station.hears(lambda: all(station.of(kind) for kind in wanted))
-            assert {message.get_srcSystem() for message in station.heard} == {1}
+            await station.wait_until(lambda: all(station.of(kind) for kind in wanted))
+            assert {message.get_srcSystem() for message in station.received} == {1}
             assert not any(message.type == 6 for message in station.of("HEARTBEAT"))  # ours is not shown
             assert max(map(len, station.datagrams)) <= 1400
             assert it.robot.is_connected
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_station_reads_parameters_and_plans(fly, sky, flavour):
+def test_a_station_reads_parameters_and_plans(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with watched(sky, flavour) as (_, station):
+        async with watched(sim_flight, flavour) as (_, station):
             name = {"ardupilot": "RTL_ALT", "px4": "RTL_RETURN_ALT"}[flavour]
-            station.says(mav.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
-            await station.hears(lambda: any(each.param_id == name for each in station.of("PARAM_VALUE")))
-            station.says(mav.MAVLink_mission_request_list_message(1, 1, 0))
-            await station.hears(lambda: station.of("MISSION_COUNT"))
+            station.send(mav.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
+            await station.wait_until(lambda: any(each.param_id == name for each in station.of("PARAM_VALUE")))
+            station.send(mav.MAVLink_mission_request_list_message(1, 1, 0))
+            await station.wait_until(lambda: station.of("MISSION_COUNT"))
             answer = station.of("MISSION_COUNT")[-1]
             assert (answer.target_system, answer.target_component) == (255, 190)
             assert await station.asks(512, 148) == mav.MAV_RESULT_ACCEPTED
-            await station.hears(lambda: station.of("AUTOPILOT_VERSION"))
+            await station.wait_until(lambda: station.of("AUTOPILOT_VERSION"))
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_answers_to_this_edge_are_not_shown(fly, sky):
+def test_answers_to_this_edge_are_not_shown(run_in_sim_time, sim_flight):
     async def main():
-        async with watched(sky) as (it, station):
+        async with watched(sim_flight) as (it, station):
             await it.do("takeoff", altitude=5.0)
             await asyncio.sleep(1)
             assert not station.of("COMMAND_ACK")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_stations_heartbeat_does_not_reach_the_vehicle(fly, sky):
+def test_a_stations_heartbeat_does_not_reach_the_vehicle(run_in_sim_time, sim_flight):
     """It would keep the autopilot from noticing that this edge is lost."""
 
     async def main():
-        async with watched(sky) as (it, station):
-            heard = []
-            it.sim.pilot.gcs_heartbeat = lambda message: heard.append(message.get_srcSystem())
+        async with watched(sim_flight) as (it, station):
+            received = []
+            it.sim.pilot.gcs_heartbeat = lambda message: received.append(message.get_srcSystem())
             for _ in range(5):
-                station.says(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+                station.send(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
                 await asyncio.sleep(1)
-            assert set(heard) == {245}
+            assert set(received) == {245}
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_who_only_watches_commands_nothing_and_that_is_logged(fly, sky, flavour, caplog):
+def test_who_only_watches_commands_nothing_and_that_is_logged(run_in_sim_time, sim_flight, flavour, caplog):
     async def main():
-        async with watched(sky, flavour) as (it, station):
+        async with watched(sim_flight, flavour) as (it, station):
             for _ in range(3):
                 assert await station.asks(400, 1) == mav.MAV_RESULT_DENIED
-            await station.hears(lambda: station.of("STATUSTEXT"))
+            await station.wait_until(lambda: station.of("STATUSTEXT"))
             assert any("may: watch" in text.text for text in station.of("STATUSTEXT"))
             assert not it.armed
             assert not [each for each in it.asked(400) if each.param1 == 1]
 
-    fly(main())
+    run_in_sim_time(main())
     lines = [line for line in caplog.messages if "COMMAND_LONG refused: may: watch" in line]
     assert lines == [f"ground station 255/190 at {DESK}: COMMAND_LONG refused: may: watch"]
 
 
-def test_a_reason_is_reported_again_after_a_minute(fly, sky, caplog):
+def test_a_reason_is_reported_again_after_a_minute(run_in_sim_time, sim_flight, caplog):
     async def main():
-        async with watched(sky) as (_, station):
+        async with watched(sim_flight) as (_, station):
             for _ in range(3):
                 await station.asks(400, 1)
             await asyncio.sleep(61)
             await station.asks(400, 1)
 
-    fly(main())
+    run_in_sim_time(main())
     lines = [line for line in caplog.messages if "COMMAND_LONG refused" in line]
     assert len(lines) == 2
     assert lines[1].endswith("(2 more since)")
 
 
 @both
-def test_who_only_watches_writes_no_parameter_and_sees_its_value(fly, sky, flavour):
+def test_who_only_watches_writes_no_parameter_and_sees_its_value(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with watched(sky, flavour) as (it, station):
+        async with watched(sim_flight, flavour) as (it, station):
             name = {"ardupilot": "RTL_ALT", "px4": "MIS_TAKEOFF_ALT"}[flavour]
             kept = it.sim._params[name]
-            station.says(mav.MAVLink_param_set_message(1, 1, name.encode(), 1.5, 9))
-            await station.hears(lambda: station.of("PARAM_ERROR"))
-            await station.hears(lambda: any(each.param_id == name for each in station.of("PARAM_VALUE")))
+            station.send(mav.MAVLink_param_set_message(1, 1, name.encode(), 1.5, 9))
+            await station.wait_until(lambda: station.of("PARAM_ERROR"))
+            await station.wait_until(lambda: any(each.param_id == name for each in station.of("PARAM_VALUE")))
             assert it.sim._params[name] == kept
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_who_only_watches_uploads_and_clears_no_plan(fly, sky, flavour):
+def test_who_only_watches_uploads_and_clears_no_plan(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with watched(sky, flavour) as (_, station):
-            station.says(mav.MAVLink_mission_count_message(1, 1, 3, 0))
-            await station.hears(lambda: len(station.of("MISSION_ACK")) == 1)
-            station.says(mav.MAVLink_mission_clear_all_message(1, 1, 0))
-            await station.hears(lambda: len(station.of("MISSION_ACK")) == 2)
+        async with watched(sim_flight, flavour) as (_, station):
+            station.send(mav.MAVLink_mission_count_message(1, 1, 3, 0))
+            await station.wait_until(lambda: len(station.of("MISSION_ACK")) == 1)
+            station.send(mav.MAVLink_mission_clear_all_message(1, 1, 0))
+            await station.wait_until(lambda: len(station.of("MISSION_ACK")) == 2)
             assert {answer.type for answer in station.of("MISSION_ACK")} == {mav.MAV_MISSION_DENIED}
             assert not station.of("MISSION_REQUEST") + station.of("MISSION_REQUEST_INT")
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_a_stop_is_everybodys(fly, sky, flavour):
+def test_a_stop_is_everybodys(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with watched(sky, flavour) as (it, station):
+        async with watched(sim_flight, flavour) as (it, station):
             await it.do("takeoff", altitude=10.0)
             it.adapter.drive(Velocity(Vector3(3.0, 0.0, 0.0)))
             await it.until(lambda: it.speed > 2.0)
@@ -221,14 +221,14 @@ def test_a_stop_is_everybodys(fly, sky, flavour):
             await asyncio.sleep(3)
             assert it.speed < 0.3
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @pytest.mark.parametrize("flies", ["what the station sent it to", "home"])
-def test_a_pause_that_a_plane_does_not_take_stops_it_whoever_moves_it(fly, sky, flies):
+def test_a_pause_that_a_plane_does_not_take_stops_it_whoever_moves_it(run_in_sim_time, sim_flight, flies):
     async def main():
         limits = {"speed": 30.0, "distance": 5000.0}
-        async with watched(sky, vehicle="plane", watchers=OPERATE, limits=limits) as (it, station):
+        async with watched(sim_flight, vehicle="plane", watchers=OPERATE, limits=limits) as (it, station):
             await it.until(lambda: "TKOFF_ALT" in it.state.settings)
             await it.do("takeoff", altitude=40.0)
             if flies == "home":
@@ -236,21 +236,21 @@ def test_a_pause_that_a_plane_does_not_take_stops_it_whoever_moves_it(fly, sky, 
             else:
                 place = (int((it.state.position.latitude + 0.03) * 1e7), 85455940, 540.0)
                 nothing = float("nan")
-                station.says(mav.MAVLink_command_int_message(1, 1, 0, 192, 0, 0, -1, 1, 0, nothing, *place))
+                station.send(mav.MAVLink_command_int_message(1, 1, 0, 192, 0, 0, -1, 1, 0, nothing, *place))
             await it.until(lambda: it.robot.losses)
             await asyncio.sleep(5.0)
             assert it.mode in {"GUIDED", "RTL"}
-            station.says(long(193, 0.0))
+            station.send(long(193, 0.0))
             await it.until(lambda: it.mode == "LOITER", within=2.0)
             assert len(it.robot.losses) == 1
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 @both
-def test_an_operator_takes_the_vehicle_over_as_a_pilot_does(fly, sky, flavour):
+def test_an_operator_takes_the_vehicle_over_as_a_pilot_does(run_in_sim_time, sim_flight, flavour):
     async def main():
-        async with watched(sky, flavour, watchers=OPERATE) as (it, station):
+        async with watched(sim_flight, flavour, watchers=OPERATE) as (it, station):
             await it.do("takeoff", altitude=10.0)
             flight = asyncio.ensure_future(anext(it.adapter.navigate(GoTo(Goal(Vector3(80.0, 0.0, 10.0))))))
             await it.until(lambda: it.speed > 2.0)
@@ -264,56 +264,56 @@ def test_an_operator_takes_the_vehicle_over_as_a_pilot_does(fly, sky, flavour):
             assert it.mode == HOLD[flavour]
             flight.cancel()
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_setpoints_of_an_operator_in_our_own_mode_end_ours(fly, sky):
+def test_setpoints_of_an_operator_in_our_own_mode_end_ours(run_in_sim_time, sim_flight):
     async def main():
-        async with watched(sky, watchers=OPERATE) as (it, station):
+        async with watched(sim_flight, watchers=OPERATE) as (it, station):
             await it.do("takeoff", altitude=10.0)
             it.adapter.drive(Velocity(Vector3(3.0, 0.0, 0.0)))
             await it.until(lambda: it.speed > 2.0)
             place = (0.0, 0.0, -10.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-            station.says(mav.MAVLink_set_position_target_local_ned_message(0, 1, 1, 1, 0x0DF8, *place))
+            station.send(mav.MAVLink_set_position_target_local_ned_message(0, 1, 1, 1, 0x0DF8, *place))
             await it.until(lambda: it.robot.losses)
             ours = len(it.setpoints)
             await asyncio.sleep(3)
             assert len(it.setpoints) == ours
             assert it.mode == "GUIDED"
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_an_operator_flies_alone(fly, sky):
+def test_an_operator_flies_alone(run_in_sim_time, sim_flight):
     async def main():
-        async with watched(sky, watchers=OPERATE) as (it, station):
+        async with watched(sim_flight, watchers=OPERATE) as (it, station):
             assert await station.asks(176, 1, GUIDED) == mav.MAV_RESULT_ACCEPTED
             await it.until(lambda: it.state.prearm_ok)
             assert await station.asks(400, 1) == mav.MAV_RESULT_ACCEPTED
             assert await station.asks(22, 0, 0, 0, 0, 0, 0, 6) == mav.MAV_RESULT_ACCEPTED
             await it.until(lambda: it.height > 5.5)
-            station.says(mav.MAVLink_param_set_message(1, 1, b"WPNAV_SPEED", 300.0, 9))
-            await station.hears(lambda: station.of("PARAM_VALUE"))
+            station.send(mav.MAVLink_param_set_message(1, 1, b"WPNAV_SPEED", 300.0, 9))
+            await station.wait_until(lambda: station.of("PARAM_VALUE"))
             assert it.sim._params["WPNAV_SPEED"] == 300.0
-            station.says(mav.MAVLink_mission_count_message(1, 1, 2, 0))
-            await station.hears(lambda: station.of("MISSION_REQUEST"))
+            station.send(mav.MAVLink_mission_count_message(1, 1, 2, 0))
+            await station.wait_until(lambda: station.of("MISSION_REQUEST"))
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_only_the_station_that_is_named_operates(fly, sky):
+def test_only_the_station_that_is_named_operates(run_in_sim_time, sim_flight):
     async def main():
-        async with watched(sky, watchers=OPERATE, system=254) as (_, station):
+        async with watched(sim_flight, watchers=OPERATE, system=254) as (_, station):
             assert await station.asks(400, 1) == mav.MAV_RESULT_DENIED
-            await station.hears(lambda: station.of("STATUSTEXT"))
+            await station.wait_until(lambda: station.of("STATUSTEXT"))
             assert "station 255 operates" in "".join(text.text for text in station.of("STATUSTEXT"))
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_an_operator_only_brings_it_down_while_an_emergency_stop_is_set(fly, sky):
+def test_an_operator_only_brings_it_down_while_an_emergency_stop_is_set(run_in_sim_time, sim_flight):
     async def main():
-        async with watched(sky, watchers=OPERATE) as (it, station):
+        async with watched(sim_flight, watchers=OPERATE) as (it, station):
             await it.do("takeoff", altitude=6.0)
             it.robot.emergency_stop = True
             assert await station.asks(176, 1, GUIDED) == mav.MAV_RESULT_DENIED
@@ -324,64 +324,66 @@ def test_an_operator_only_brings_it_down_while_an_emergency_stop_is_set(fly, sky
             it.robot.emergency_stop = False
             assert await station.asks(176, 1, GUIDED) == mav.MAV_RESULT_ACCEPTED
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_rates_by_which_this_edge_flies_are_not_changed(fly, sky):
+def test_rates_by_which_this_edge_flies_are_not_changed(run_in_sim_time, sim_flight):
     async def main():
-        async with watched(sky, watchers=OPERATE) as (_, station):
-            station.says(mav.MAVLink_request_data_stream_message(1, 1, 0, 1, 1))
+        async with watched(sim_flight, watchers=OPERATE) as (_, station):
+            station.send(mav.MAVLink_request_data_stream_message(1, 1, 0, 1, 1))
             assert await station.asks(511, 30, 1_000_000) == mav.MAV_RESULT_DENIED
             assert await station.asks(511, 32, 250_000) == mav.MAV_RESULT_ACCEPTED
-            await station.hears(lambda: len(station.of("LOCAL_POSITION_NED")) > 3)
+            await station.wait_until(lambda: len(station.of("LOCAL_POSITION_NED")) > 3)
             before = len(station.of("ATTITUDE"))
             await asyncio.sleep(2)
             assert len(station.of("ATTITUDE")) - before > 15
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_station_with_the_ids_of_this_edge_or_of_a_vehicle_is_not_obeyed(fly, sky, caplog):
+def test_a_station_with_the_ids_of_this_edge_or_of_a_vehicle_is_not_obeyed(
+    run_in_sim_time, sim_flight, caplog
+):
     async def main():
-        async with watched(sky, watchers=OPERATE) as (it, station):
+        async with watched(sim_flight, watchers=OPERATE) as (it, station):
             for system, component in ((245, 191), (1, 190)):
                 station.sender.srcSystem, station.sender.srcComponent = system, component
-                station.says(long(400, 1))
+                station.send(long(400, 1))
             await asyncio.sleep(1)
             assert not it.armed
 
-    fly(main())
+    run_in_sim_time(main())
     assert "it has the ids of this edge" in caplog.text
     assert "a station with the id of a vehicle" in caplog.text
 
 
-def test_what_is_for_all_or_for_an_unknown_vehicle_reaches_none(fly, sky, caplog):
+def test_what_is_for_all_or_for_an_unknown_vehicle_reaches_none(run_in_sim_time, sim_flight, caplog):
     async def main():
-        async with watched(sky, watchers=OPERATE) as (it, station):
+        async with watched(sim_flight, watchers=OPERATE) as (it, station):
             await it.until(lambda: it.state.prearm_ok)
-            station.says(long(400, 1, system=0), long(400, 1, system=9))
+            station.send(long(400, 1, system=0), long(400, 1, system=9))
             await asyncio.sleep(1)
             assert not it.armed
 
-    fly(main())
+    run_in_sim_time(main())
     assert "no vehicle 9 is shown here" in caplog.text
 
 
-def test_garbage_and_a_flood_do_no_harm(fly, sky, caplog):
+def test_garbage_and_a_flood_do_no_harm(run_in_sim_time, sim_flight, caplog):
     async def main():
-        async with watched(sky) as (it, station):
+        async with watched(sim_flight) as (it, station):
             station._peer.say(b"\xfd\xff" * 500 + bytes(range(256)) * 20)
             for _ in range(1000):
-                station.says(mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1))
+                station.send(mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1))
             for system in range(2, 200):
                 station.sender.srcSystem = system
-                station.says(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+                station.send(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
                 await asyncio.sleep(0.02)
             await it.do("takeoff", altitude=5.0)
             (watcher,) = _watchers(it)
             assert len(watcher.stations) <= _MOST_STATIONS
 
-    fly(main())
+    run_in_sim_time(main())
     assert "more than 100 messages a second" in caplog.text
 
 
@@ -391,18 +393,18 @@ def _watchers(it):
     return {each._watcher for each in shown}
 
 
-def test_the_vehicle_flies_while_the_stations_link_is_down(fly, sky):
+def test_the_vehicle_flies_while_the_stations_link_is_down(run_in_sim_time, sim_flight):
     async def main():
         token = OPENER.set(opened)
         try:
-            async with sky("px4", watchers=WATCH) as it:  # nobody is at the address
-                await it.met()
+            async with sim_flight("px4", watchers=WATCH) as it:  # nobody is at the address
+                await it.wait_until_known()
                 await it.do("takeoff", altitude=5.0)
                 assert it.height == pytest.approx(5.0, abs=0.9)
         finally:
             OPENER.reset(token)
 
-    fly(main())
+    run_in_sim_time(main())
 
 
 def is_signed(message):
@@ -416,12 +418,12 @@ def signs(station, key, now):
 
 
 @pytest.mark.parametrize("key", [None, "another passphrase", KEY])
-def test_what_reaches_a_vehicle_that_signs_is_signed_with_its_key(fly, sky, key):
+def test_what_reaches_a_vehicle_that_signs_is_signed_with_its_key(run_in_sim_time, sim_flight, key):
     async def main():
         config = {"signing_key": KEY, "accept_unsigned": True, "watchers": OPERATE}
-        async with watched(sky, **config) as (it, station):
+        async with watched(sim_flight, **config) as (it, station):
             await it.do("setup_signing")
-            await station.hears(lambda: is_signed(station.heard[-1]))
+            await station.wait_until(lambda: is_signed(station.received[-1]))
             if key is not None:
                 signs(station, key, it.robot.clock.time())
             right = key == KEY
@@ -430,4 +432,4 @@ def test_what_reaches_a_vehicle_that_signs_is_signed_with_its_key(fly, sky, key)
             assert is_signed(station.of("COMMAND_ACK")[-1])
             assert (it.mode == "GUIDED") is right
 
-    fly(main())
+    run_in_sim_time(main())

@@ -34,18 +34,18 @@ async def test_an_edge_is_joined_when_it_comes_and_left_when_it_goes(runtime):
     )
     running = asyncio.create_task(edges.run())
 
-    async def hears(problem):
+    async def wait_for_change(problem):
         while await changes.get() != ("yard-1", problem):
             pass
 
     async with asyncio.timeout(DEADLINE):
-        await hears("it does not run")
+        await wait_for_change("it does not run")
         for _ in range(2):
             bus = await asyncio.to_thread(open_edge, BusSettings("yard-1"), runtime)
-            await hears(None)
+            await wait_for_change(None)
             assert list(edges.joined) == ["yard-1"]
             await asyncio.to_thread(bus.close)
-            await hears("it has gone")
+            await wait_for_change("it has gone")
         running.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await running

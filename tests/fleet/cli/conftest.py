@@ -124,13 +124,13 @@ class PlayedEdge:
         self.bus = open_edge(BusSettings(edge, **settings), runtime)
         self._control = self.bus.control
         for name, fields in robots.items():
-            self.also_speaks(name, **fields)
+            self.add_robot(name, **fields)
         health = EdgeState(edge, "1.0", 0.0, 5.0, groups=groups, places=places or {})
-        self._control.answer(keys.health(edge), self._event_reporter(msgspec.json.encode(health)))
+        self._control.answer(keys.health(edge), self._replier(msgspec.json.encode(health)))
         self._control.answer(keys.stop(edge), self._stopped)
         self._control.token(keys.edge(edge))
 
-    def also_speaks(self, name, **fields):
+    def add_robot(self, name, **fields):
         """Tell a robot's state."""
         twin, stamp = fields.pop("twin", ""), fields.pop("stamp", 1.0)
         state = RobotState(name, twin, "toy", self.edge, stamp, **fields)
@@ -140,17 +140,17 @@ class PlayedEdge:
             ended = {"emergency_stop": True, "last_command": "emergency_stop", "last_outcome": "done"}
             return msgspec.json.encode(msgspec.structs.replace(state, **ended) if known else state)
 
-        self._control.answer(keys.state(self.edge, name), self._event_reporter(encoded_state))
+        self._control.answer(keys.state(self.edge, name), self._replier(encoded_state))
 
-    def garbles(self, name):
+    def answer_garbage(self, name):
         """Answer for a robot with what is no state."""
-        self._control.answer(keys.state(self.edge, name), self._event_reporter(b"garbage"))
+        self._control.answer(keys.state(self.edge, name), self._replier(b"garbage"))
 
     def tells(self, key, value):
         """Answer a question on a key with a value."""
-        self._control.answer(key, self._event_reporter(msgspec.json.encode(value)))
+        self._control.answer(key, self._replier(msgspec.json.encode(value)))
 
-    def summarises(self, *troubles, site="", robots=None, version="1.0", publish=False):
+    def publish_summary(self, *troubles, site="", robots=None, version="1.0", publish=False):
         """Tell a summary to whoever asks, and publish it once if that is wanted."""
         summary = Summary(
             self.edge, version, time.time(), 5.0, site, robots=robots or {"ok": 20}, troubles=troubles
@@ -158,7 +158,7 @@ class PlayedEdge:
         if publish:
             self._control.put(keys.summary(self.edge), encode(summary))
         else:
-            self._control.answer(keys.summary(self.edge), self._event_reporter(encode(summary)))
+            self._control.answer(keys.summary(self.edge), self._replier(encode(summary)))
         return self
 
     def sees(self, other):
@@ -167,7 +167,7 @@ class PlayedEdge:
         self._control.watch_tokens(keys.edge(other), lambda _key, alive: alive and seen.set())
         assert seen.wait(DEADLINE), f"{other} was not seen"
 
-    def falls_silent(self):
+    def go_silent(self):
         """Answer nothing from now on but stops."""
         self._silent = True
 
@@ -211,7 +211,7 @@ class PlayedEdge:
             self._control.answer(keys.command(self.edge, name), answer)
         return asked
 
-    def _event_reporter(self, answer):
+    def _replier(self, answer):
         def tell(question):
             if not self._silent:
                 question.reply(answer() if callable(answer) else answer)

@@ -95,13 +95,13 @@ def test_what_a_robot_says_cannot_steer_the_terminal(fleet, play_edge):
 
 def test_the_newest_of_several_words_about_a_robot_counts(fleet, play_edge):
     edge = play_edge("yard-1", robots={"rex": {"health": "ok", "stamp": 2.0}})
-    edge.also_speaks("rex", health="offline", stamp=1.0)
+    edge.add_robot("rex", health="offline", stamp=1.0)
     assert [robot["health"] for robot in fleet("ps", "--json").json["robots"]] == ["ok"]
 
 
 def test_an_answer_that_cannot_be_read_hides_no_other(fleet, play_edge, caplog):
     edge = play_edge("yard-1", robots={"rex": {"health": "ok"}})
-    edge.garbles("ghost")
+    edge.answer_garbage("ghost")
     result = fleet("ps", "--json")
     assert [robot["name"] for robot in result.json["robots"]] == ["rex"]
     assert "fleet/yard-1/robots/ghost/state cannot be read" in caplog.text

@@ -76,7 +76,7 @@ def test_a_stop_that_nobody_took_is_no_success(fleet, yard):
 
 def test_a_robot_of_which_no_state_comes_was_not_seen_to_stop(fleet, yard, monkeypatch):
     monkeypatch.setattr("fleet.cli.stop.SEEN_WITHIN", 0.3)
-    yard.falls_silent()
+    yard.go_silent()
     result = fleet("stop", "rex", "ghost")
     assert (result.code, result.out) == (
         5,
@@ -118,7 +118,7 @@ def test_the_help_says_what_an_emergency_stop_lets_through(fleet):
 
 
 def test_a_robot_whose_worker_hears_no_stop_is_reported_when_all_are_stopped(fleet, yard):
-    yard.also_speaks("mule", cause="worker mule: frozen")
+    yard.add_robot("mule", cause="worker mule: frozen")
     result = fleet("stop", "--all")
     assert result.code == 7
     assert "mule: NOT STOPPED" in result.err

@@ -42,8 +42,8 @@ def reaches(edges):
 
 
 def test_the_cause_is_shown_with_the_way_from_robot_to_edge_and_the_next_thing_to_do(fleet, play_edge):
-    play_edge("edge-a").summarises()
-    play_edge("edge-b").summarises(HUB, robots={"ok": 17, "offline": 3})
+    play_edge("edge-a").publish_summary()
+    play_edge("edge-b").publish_summary(HUB, robots={"ok": 17, "offline": 3})
     result = fleet("ps", "--site")
     rows = result.out.splitlines()
     assert rows[0] == "2 edges: 2 up; 40 robots: 3 offline, 37 ok"
@@ -54,8 +54,8 @@ def test_the_cause_is_shown_with_the_way_from_robot_to_edge_and_the_next_thing_t
 
 
 def test_an_edge_that_is_gone_is_shown_by_the_next_command_until_it_is_forgotten(fleet, play_edge):
-    play_edge("edge-a").summarises()
-    gone = play_edge("edge-b").summarises()
+    play_edge("edge-a").publish_summary()
+    gone = play_edge("edge-b").publish_summary()
     assert "2 edges: 2 up" in fleet("ps", "--fleet").out
     gone.bus.close()
     result = fleet("ps", "--fleet")
@@ -68,7 +68,7 @@ def test_an_edge_that_is_gone_is_shown_by_the_next_command_until_it_is_forgotten
 
 
 def test_an_edge_that_sends_no_summary_is_silent(fleet, play_edge):
-    play_edge("edge-a").summarises()
+    play_edge("edge-a").publish_summary()
     play_edge("older")
     result = fleet("ps", "--site")
     assert "2 edges: 1 silent, 1 up" in result.out
@@ -76,7 +76,7 @@ def test_an_edge_that_sends_no_summary_is_silent(fleet, play_edge):
 
 
 def test_json_has_every_edge_with_its_summary(fleet, play_edge):
-    play_edge("edge-b").summarises(HUB, robots={"ok": 17, "offline": 3})
+    play_edge("edge-b").publish_summary(HUB, robots={"ok": 17, "offline": 3})
     found = fleet("ps", "--fleet", "--json").json
     assert found["edges"] == {"up": 1}
     assert found["robots"] == {"ok": 17, "offline": 3}
@@ -88,8 +88,8 @@ def test_json_has_every_edge_with_its_summary(fleet, play_edge):
 
 
 def test_the_site_is_that_of_the_edges_here_and_the_fleet_is_all(fleet, play_edge, free_port):
-    near = play_edge("near", listen=(f"tcp/127.0.0.1:{free_port}",)).summarises(site="north")
-    place = play_edge("far", connect=(f"tcp/127.0.0.1:{free_port}",)).summarises(site="south")
+    near = play_edge("near", listen=(f"tcp/127.0.0.1:{free_port}",)).publish_summary(site="north")
+    place = play_edge("far", connect=(f"tcp/127.0.0.1:{free_port}",)).publish_summary(site="south")
     place.sees("near")
     near.sees("far")
     assert {row["edge"] for row in fleet("ps", "--fleet", "--json").json["each"]} == {"near", "far"}
@@ -116,9 +116,9 @@ def test_robots_are_watched_by_ps_and_sites_by_top(fleet, runtime):
 
 
 def test_what_an_edge_publishes_is_seen_at_once_and_garbage_is_reported(watch, play_edge):
-    edge = play_edge("edge-b").summarises()
+    edge = play_edge("edge-b").publish_summary()
     assert reaches(watch.look()) == {"edge-b": "up"}
-    edge.summarises(HUB, publish=True)
+    edge.publish_summary(HUB, publish=True)
     wait_until("the trouble is seen", lambda: watch.look()[0].summary.troubles == (HUB,))
     edge.bus.control.put(keys.summary("edge-b"), b"garbage")
     wait_until("the garbage is told", lambda: watch.look() and watch.problems)
@@ -127,19 +127,19 @@ def test_what_an_edge_publishes_is_seen_at_once_and_garbage_is_reported(watch, p
 
 
 def test_edges_that_come_and_go_are_followed(watch, play_edge):
-    play_edge("edge-a").summarises()
+    play_edge("edge-a").publish_summary()
     assert reaches(watch.look()) == {"edge-a": "up"}
-    going = play_edge("edge-b").summarises()
+    going = play_edge("edge-b").publish_summary()
     wait_until("it has come", lambda: reaches(watch.look()) == {"edge-a": "up", "edge-b": "up"})
     going.bus.close()
     wait_until("it is gone", lambda: reaches(watch.look()) == {"edge-a": "up", "edge-b": "gone"})
-    play_edge("edge-b").summarises()
+    play_edge("edge-b").publish_summary()
     wait_until("it is back", lambda: reaches(watch.look()) == {"edge-a": "up", "edge-b": "up"})
 
 
 def test_an_edge_beyond_another_is_gone_when_its_token_ends(watch, play_edge, free_port):
-    near = play_edge("near", listen=(f"tcp/127.0.0.1:{free_port}",)).summarises()
-    far = play_edge("far", connect=(f"tcp/127.0.0.1:{free_port}",)).summarises()
+    near = play_edge("near", listen=(f"tcp/127.0.0.1:{free_port}",)).publish_summary()
+    far = play_edge("far", connect=(f"tcp/127.0.0.1:{free_port}",)).publish_summary()
     near.sees("far")
     wait_until("both are there", lambda: reaches(watch.look()) == {"near": "up", "far": "up"})
     far.bus.close()
@@ -147,7 +147,7 @@ def test_an_edge_beyond_another_is_gone_when_its_token_ends(watch, play_edge, fr
 
 
 def test_who_is_cut_off_says_so_and_calls_no_edge_gone(fleet, place, play_edge, free_port):
-    router = play_edge("hub", listen=(f"tcp/127.0.0.1:{free_port}",)).summarises()
+    router = play_edge("hub", listen=(f"tcp/127.0.0.1:{free_port}",)).publish_summary()
     connect = f'{{connect: ["tcp/127.0.0.1:{free_port}"], insecure: local}}'
     (place / "view.yaml").write_text(f"edge: {{id: view}}\nbus: {connect}\n")
     with FleetWatch("view.yaml", SystemClock()) as watch:
@@ -158,10 +158,10 @@ def test_who_is_cut_off_says_so_and_calls_no_edge_gone(fleet, place, play_edge, 
 
 
 def test_a_terminal_shows_it_live(terminal, play_edge, runtime):
-    edge = play_edge("edge-b").summarises()
+    edge = play_edge("edge-b").publish_summary()
     shown = terminal("top", "--no-color", columns=100, lines=20, FLEET_RUNTIME_DIR=str(runtime))
     shown.reads("1 edge: 1 up; 20 robots: 20 ok")
-    edge.summarises(HUB, robots={"ok": 17, "offline": 3}, publish=True)
+    edge.publish_summary(HUB, robots={"ok": 17, "offline": 3}, publish=True)
     shown.reads("3 ugv robots offline <- serial:/dev/ttyUSB3")
     shown.interrupt()
     assert shown.ended() == 130
@@ -197,7 +197,7 @@ def test_a_scraper_reads_all_edges_also_those_that_are_gone(free_port):
 
 
 def test_top_serves_them_while_it_runs(terminal, play_edge, runtime, free_port):
-    play_edge("edge-b").summarises()
+    play_edge("edge-b").publish_summary()
     shown = terminal("top", "--json", "--metrics", str(free_port), FLEET_RUNTIME_DIR=str(runtime))
     shown.reads('"problems": []}\n')
     assert json.loads(shown.text.splitlines()[0])["edges"] == {"up": 1}
@@ -207,7 +207,7 @@ def test_top_serves_them_while_it_runs(terminal, play_edge, runtime, free_port):
 
 
 def test_without_a_terminal_it_only_serves_them(place, play_edge, runtime, free_port):
-    play_edge("edge-b").summarises()
+    play_edge("edge-b").publish_summary()
     command = [sys.executable, "-m", "fleet", "top", "--metrics", str(free_port)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
         try:

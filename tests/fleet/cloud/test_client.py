@@ -25,13 +25,13 @@ def protocol(request):
 
 
 def test_messages_arrive_in_order_and_are_acknowledged(any_broker, watched, protocol):
-    hears = watched(any_broker.port, "hears", {"t/+": 1}, protocol=protocol).connected()
+    receiver = watched(any_broker.port, "receiver", {"t/+": 1}, protocol=protocol).connected()
     says = watched(any_broker.port, "says", protocol=protocol).connected()
     wanted = [b"%d" % number for number in range(2000)]
     for payload in wanted:
         assert says.publish("t/x", payload, qos=1)
     says.client.flush()
-    assert hears.payloads(2000) == wanted
+    assert receiver.payloads(2000) == wanted
     says.acked(2000)
     stats = says.client.stats
     wait_until("nothing waits or is under way", lambda: (stats.queued, stats.inflight) == (0, 0))
@@ -40,21 +40,21 @@ def test_messages_arrive_in_order_and_are_acknowledged(any_broker, watched, prot
 
 @pytest.mark.parametrize("qos", [0, 1, 2])
 def test_messages_of_others_arrive_once_at_every_quality(any_broker, watched, protocol, qos):
-    hears = watched(any_broker.port, "hears", {"t": 2}, protocol=protocol).connected()
+    receiver = watched(any_broker.port, "receiver", {"t": 2}, protocol=protocol).connected()
     many = [("t", f"{number}", qos, False) for number in range(50)]
     paho.mqtt.publish.multiple([*many, ("t", "end", 2, False)], "127.0.0.1", any_broker.port)
-    hears.until(lambda: hears.messages and hears.messages[-1].payload == b"end")
-    assert [one.payload for one in hears.messages] == [*(b"%d" % n for n in range(50)), b"end"]
-    assert {one.qos for one in hears.messages[:-1]} == {qos}
+    receiver.until(lambda: receiver.messages and receiver.messages[-1].payload == b"end")
+    assert [one.payload for one in receiver.messages] == [*(b"%d" % n for n in range(50)), b"end"]
+    assert {one.qos for one in receiver.messages[:-1]} == {qos}
 
 
 def test_an_old_message_is_marked_and_a_live_one_is_not(any_broker, watched, protocol):
     paho.mqtt.publish.single("t", "old", 1, retain=True, hostname="127.0.0.1", port=any_broker.port)
-    hears = watched(any_broker.port, "hears", {"t": 1}, protocol=protocol).connected()
-    hears.payloads(1)
+    receiver = watched(any_broker.port, "receiver", {"t": 1}, protocol=protocol).connected()
+    receiver.payloads(1)
     paho.mqtt.publish.single("t", "new", 1, retain=True, hostname="127.0.0.1", port=any_broker.port)
-    hears.payloads(2)
-    assert [(one.payload, one.retain) for one in hears.messages] == [(b"old", True), (b"new", False)]
+    receiver.payloads(2)
+    assert [(one.payload, one.retain) for one in receiver.messages] == [(b"old", True), (b"new", False)]
 
 
 def test_what_nobody_hears_is_kept_until_somebody_does_in_its_order(any_broker, watched):
@@ -63,8 +63,8 @@ def test_what_nobody_hears_is_kept_until_somebody_does_in_its_order(any_broker, 
         says.publish("t", b"%d" % number, qos=1)
     wait_until("it is held", lambda: says.client.stats.held)
     assert says.client.stats.acked == 0
-    hears = watched(any_broker.port, "hears", {"t": 1}).connected()
-    assert hears.payloads(20) == [b"%d" % number for number in range(20)]
+    receiver = watched(any_broker.port, "receiver", {"t": 1}).connected()
+    assert receiver.payloads(20) == [b"%d" % number for number in range(20)]
     says.acked(20)
 
 
@@ -84,27 +84,27 @@ def test_what_we_say_does_not_come_back_to_us(any_broker, watched):
 
 
 def test_a_message_leaves_at_once_and_one_for_later_with_what_follows(broker, watched):
-    hears = watched(broker.port, "hears", {"t": 0}).connected()
+    receiver = watched(broker.port, "receiver", {"t": 0}).connected()
     says = watched(broker.port, "says").connected()
     for number in range(3):
         says.publish("t", b"later", later=True)
         says.publish("t", b"now")
-        assert hears.payloads(2 * number + 2)[-2:] == [b"later", b"now"]
+        assert receiver.payloads(2 * number + 2)[-2:] == [b"later", b"now"]
     assert says.client.stats.sent == 6
 
 
 def test_urgent_messages_overtake_what_waits(any_broker, watched):
-    hears = watched(any_broker.port, "hears", {"t": 1, "inbox": 1}).connected()
+    receiver = watched(any_broker.port, "receiver", {"t": 1, "inbox": 1}).connected()
     says = watched(any_broker.port, "says")
     for number in range(200):
         says.publish("t", b"%d" % number, qos=1)
     says.publish("inbox", b"stop", qos=1, traffic=TrafficClass.REPLY)
     says.connected()
-    assert hears.payloads(201)[0] == b"stop"
+    assert receiver.payloads(201)[0] == b"stop"
 
 
 def test_many_threads_publish_and_each_keeps_its_order(broker, watched):
-    hears = watched(broker.port, "hears", {"t/#": 1}).connected()
+    receiver = watched(broker.port, "receiver", {"t/#": 1}).connected()
     says = watched(broker.port, "says").connected()
 
     def talk(name):
@@ -116,21 +116,21 @@ def test_many_threads_publish_and_each_keeps_its_order(broker, watched):
         thread.start()
     for thread in threads:
         thread.join()
-    hears.payloads(1200)
+    receiver.payloads(1200)
     for name in "abcd":
-        heard = [int(one.payload) for one in hears.messages if one.topic == f"t/{name}"]
+        heard = [int(one.payload) for one in receiver.messages if one.topic == f"t/{name}"]
         assert heard == list(range(300))
 
 
 def test_a_fallen_connection_comes_back_with_its_subscriptions(any_broker, relay, watched, protocol):
     between = relay(any_broker.port)
-    hears = watched(between.port, "hears", {"t": 1}, protocol=protocol).connected()
+    receiver = watched(between.port, "receiver", {"t": 1}, protocol=protocol).connected()
     between.cut()
-    hears.reaches(DISCONNECTED, "was lost")
-    hears.until(lambda: hears.client.stats.connects == 2 and hears.client.state is CONNECTED)
+    receiver.reaches(DISCONNECTED, "was lost")
+    receiver.until(lambda: receiver.client.stats.connects == 2 and receiver.client.state is CONNECTED)
     paho.mqtt.publish.single("t", "again", 1, hostname="127.0.0.1", port=any_broker.port)
-    hears.payloads(1)
-    assert (hears.messages[0].payload, hears.messages[0].qos) == (b"again", 1)
+    receiver.payloads(1)
+    assert (receiver.messages[0].payload, receiver.messages[0].qos) == (b"again", 1)
 
 
 def test_what_is_published_while_a_broker_restarts_arrives_in_order(run_mosquitto, relay, watched):
@@ -142,13 +142,13 @@ def test_what_is_published_while_a_broker_restarts_arrives_in_order(run_mosquitt
     for number in range(500):
         assert says.publish("t", b"%d" % number, qos=1)
     second = first.__enter__()
-    hears = watched(second.port, "hears", {"t": 1}).connected()
+    receiver = watched(second.port, "receiver", {"t": 1}).connected()
     between.target = second.port
-    assert hears.payloads(500) == [b"%d" % number for number in range(500)]
+    assert receiver.payloads(500) == [b"%d" % number for number in range(500)]
 
 
 def test_what_was_not_acknowledged_is_sent_again_in_order(broker, relay, watched):
-    hears = watched(broker.port, "hears", {"t": 1}).connected()
+    receiver = watched(broker.port, "receiver", {"t": 1}).connected()
     between = relay(broker.port)
     says = watched(between.port, "says").connected()
     says.publish("t", b"-", qos=1)
@@ -156,11 +156,11 @@ def test_what_was_not_acknowledged_is_sent_again_in_order(broker, relay, watched
     broker.broker.faults.no_puback = True
     for number in range(5):
         says.publish("t", b"%d" % number, qos=1)
-    hears.payloads(6)
+    receiver.payloads(6)
     broker.broker.faults.no_puback = False
     between.cut()
     says.acked(6)
-    assert hears.payloads(11)[1:] == [b"%d" % number for number in range(5)] * 2
+    assert receiver.payloads(11)[1:] == [b"%d" % number for number in range(5)] * 2
 
 
 def test_without_a_connection_qos_0_is_refused_and_counted(listener, watched):
@@ -171,27 +171,27 @@ def test_without_a_connection_qos_0_is_refused_and_counted(listener, watched):
 
 
 def test_a_full_queue_drops_its_oldest_and_says_so(broker, watched):
-    hears = watched(broker.port, "hears", {"t": 1}).connected()
+    receiver = watched(broker.port, "receiver", {"t": 1}).connected()
     spool = Spool(SpoolSettings(messages=3), SystemClock())
     says = watched(broker.port, "says", spool=spool)
     for number in range(5):
         assert says.publish("t", b"%d" % number, qos=1)
     says.connected()
-    assert hears.payloads(3) == [b"2", b"3", b"4"]
+    assert receiver.payloads(3) == [b"2", b"3", b"4"]
     says.acked(3)
     assert says.client.stats.dropped == 2
 
 
 def test_a_message_that_ran_out_of_time_is_never_sent(broker, watched):
-    hears = watched(broker.port, "hears", {"#": 1}).connected()
+    receiver = watched(broker.port, "receiver", {"#": 1}).connected()
     says = watched(broker.port, "says")
     says.publish("late", qos=1, expiry=0.0)
     says.publish("timely", qos=1, expiry=60.0)
     says.connected()
-    hears.payloads(1)
+    receiver.payloads(1)
     says.acked(1)
     assert says.client.stats.dropped == 1
-    assert [one.topic for one in hears.messages] == ["timely"]
+    assert [one.topic for one in receiver.messages] == ["timely"]
 
 
 def test_a_message_that_no_broker_would_take_is_an_error(broker, watched):
@@ -322,20 +322,20 @@ def test_a_broker_that_talks_nonsense_gets_the_reason_and_is_left(listener, watc
 
 
 def test_the_broker_speaks_for_a_client_that_vanishes(any_broker, relay, watched, protocol):
-    hears = watched(any_broker.port, "hears", {"gone": 1}).connected()
+    receiver = watched(any_broker.port, "receiver", {"gone": 1}).connected()
     between = relay(any_broker.port)
     watched(between.port, "edge", protocol=protocol, will=Will("gone", b"edge", 1)).connected()
     between.cut()
-    assert hears.payloads(1) == [b"edge"]
+    assert receiver.payloads(1) == [b"edge"]
 
 
 def test_a_client_that_closes_takes_its_will_along(any_broker, watched, protocol):
-    hears = watched(any_broker.port, "hears", {"gone": 1, "end": 1}).connected()
+    receiver = watched(any_broker.port, "receiver", {"gone": 1, "end": 1}).connected()
     edge = watched(any_broker.port, "edge", protocol=protocol, will=Will("gone", b"edge", 1)).connected()
     edge.publish("end", b"last words", qos=1)
     edge.client.close()
     assert edge.client.stats.acked == 1
-    assert hears.payloads(1) == [b"last words"]
+    assert receiver.payloads(1) == [b"last words"]
 
 
 def test_a_closed_client_takes_nothing_and_keeps_nothing(listener, watched):
@@ -355,14 +355,14 @@ def test_a_client_that_was_never_started_can_be_closed(watched):
 
 
 def test_who_takes_messages_may_break_without_harm(broker, watched, caplog):
-    hears = watched(broker.port, "hears", {"t": 1}).connected()
+    receiver = watched(broker.port, "receiver", {"t": 1}).connected()
     says = watched(broker.port, "says").connected()
-    hears.broken = True
+    receiver.broken = True
     for number in range(2):
         says.publish("t", b"%d" % number, qos=1, traffic=TrafficClass.REPLY)
-        hears.payloads(number + 1)
+        receiver.payloads(number + 1)
     assert "the one who takes messages is broken" in caplog.text
-    assert hears.client.stats.connects == 1
+    assert receiver.client.stats.connects == 1
 
 
 @pytest.mark.parametrize("tls", [False, True])
@@ -372,7 +372,7 @@ def test_messages_are_handed_over_in_order_while_the_loop_is_stuck(
     cert, key = certificate
     port = run_mosquitto(*[f"certfile {cert}", f"keyfile {key}"] * tls).port
     secure = {"host": "localhost", "tls": True, "ca_file": str(cert)} if tls else {}
-    hears = watched(port, "hears", {"t": 1}, keepalive=5, **secure).connected()
+    receiver = watched(port, "receiver", {"t": 1}, keepalive=5, **secure).connected()
     stuck, goes_on = threading.Event(), threading.Event()
 
     def block():
@@ -385,20 +385,20 @@ def test_messages_are_handed_over_in_order_while_the_loop_is_stuck(
     tls_of_paho = {"ca_certs": str(cert)} if tls else None
     for number in range(3):
         paho.mqtt.publish.single("t", f"{number}", 1, hostname="localhost", port=port, tls=tls_of_paho)
-        assert hears.payloads(number + 1)[-1] == b"%d" % number
+        assert receiver.payloads(number + 1)[-1] == b"%d" % number
     goes_on.set()
     blocked.join()
-    hears.publish("none")
-    assert (hears.client.state, hears.client.stats.connects) == (CONNECTED, 1)
+    receiver.publish("none")
+    assert (receiver.client.state, receiver.client.stats.connects) == (CONNECTED, 1)
 
 
 def test_tls_lets_in_a_broker_whose_certificate_is_trusted(run_mosquitto, watched, certificate, protocol):
     cert, key = certificate
     port = run_mosquitto(f"certfile {cert}", f"keyfile {key}").port
     secure = {"host": "localhost", "tls": True, "protocol": protocol}
-    hears = watched(port, "hears", {"t": 1}, ca_file=str(cert), **secure).connected()
+    receiver = watched(port, "receiver", {"t": 1}, ca_file=str(cert), **secure).connected()
     watched(port, "says", ca_file=str(cert), **secure).connected().publish("t", b"x" * 100_000, qos=1)
-    assert hears.payloads(1) == [b"x" * 100_000]
+    assert receiver.payloads(1) == [b"x" * 100_000]
     watched(port, "stranger", **secure).start().reaches(REFUSED, "certificate of localhost")
 
 

@@ -16,7 +16,7 @@ def numbered(count):
 
 
 def test_the_window_keeps_room_for_what_is_urgent(broker, watched):
-    hears = watched(broker.port, "hears", {"t": 1, "inbox": 1}).connected()
+    receiver = watched(broker.port, "receiver", {"t": 1, "inbox": 1}).connected()
     says = watched(broker.port, "says").connected()
     says.publish("t", b"-", qos=1)
     says.acked(1)
@@ -24,9 +24,9 @@ def test_the_window_keeps_room_for_what_is_urgent(broker, watched):
     for payload in numbered(200):
         says.publish("t", payload, qos=1)
     says.client.flush()
-    assert hears.payloads(WINDOW - RESERVED + 1)[1:] == numbered(WINDOW - RESERVED)
+    assert receiver.payloads(WINDOW - RESERVED + 1)[1:] == numbered(WINDOW - RESERVED)
     says.publish("inbox", b"stop", qos=1, traffic=TrafficClass.REPLY)
-    assert hears.payloads(WINDOW - RESERVED + 2)[-1] == b"stop"
+    assert receiver.payloads(WINDOW - RESERVED + 2)[-1] == b"stop"
     assert (says.client.stats.inflight, says.client.stats.queued) == (89, 112)
 
 
@@ -46,7 +46,7 @@ def test_the_reason_that_the_broker_gives_is_reported(broker, watched):
 
 def test_a_message_that_the_broker_would_not_take_is_refused_alone(watched):
     with BrokerThread(limits=ClientLimits(packet=1000)) as running:
-        watched(running.port, "hears", {"#": 1}).connected()
+        watched(running.port, "receiver", {"#": 1}).connected()
         edge = watched(running.port).connected()
         edge.publish("large", bytes(2000), qos=1)
         edge.publish("small", bytes(500), qos=1)
@@ -55,10 +55,10 @@ def test_a_message_that_the_broker_would_not_take_is_refused_alone(watched):
 
 
 def test_what_arrives_twice_is_handed_over_twice(broker, watched):
-    hears = watched(broker.port, "hears", {"t": 1}).connected()
+    receiver = watched(broker.port, "receiver", {"t": 1}).connected()
     broker.broker.faults.duplicate = "#"
     watched(broker.port, "says").connected().publish("t", b"x", qos=1)
-    assert hears.payloads(2) == [b"x", b"x"]
+    assert receiver.payloads(2) == [b"x", b"x"]
 
 
 def test_small_packets_do_not_wait_for_one_another(broker, watched):

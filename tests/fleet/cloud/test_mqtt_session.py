@@ -360,7 +360,7 @@ class Deliveries(RuleBasedStateMachine):
         self.put = 0
         self.open = []
         self.arrived = {topic: [] for topic in "abc"}
-        self.hears = dict.fromkeys("abc", True)
+        self.receive = dict.fromkeys("abc", True)
 
     @rule(topic=st.sampled_from("abc"))
     def publish(self, topic):
@@ -374,7 +374,7 @@ class Deliveries(RuleBasedStateMachine):
     @rule(topic=st.sampled_from("abc"))
     def come_or_go(self, topic):
         if not any(topic == other for _, other, _ in self.open):
-            self.hears[topic] = not self.hears[topic]
+            self.receive[topic] = not self.receive[topic]
 
     @rule(share=st.integers(1, 8))
     def acknowledge(self, share):
@@ -384,8 +384,8 @@ class Deliveries(RuleBasedStateMachine):
             self._answer(identifier, topic, number)
 
     def _answer(self, identifier, topic, number):
-        code = mqtt5.PubAckReasonCode(0 if self.hears[topic] else 0x10)
-        if self.hears[topic] and number not in self.arrived[topic]:
+        code = mqtt5.PubAckReasonCode(0 if self.receive[topic] else 0x10)
+        if self.receive[topic] and number not in self.arrived[topic]:
             self.arrived[topic].append(number)
         self.talk.hear(mqtt5.PubAckPacket(identifier, reason_code=code))
 
@@ -397,7 +397,7 @@ class Deliveries(RuleBasedStateMachine):
     @rule()
     def fall(self):
         for _, topic, number in self.open[: len(self.open) // 2]:  # acknowledged, and that was lost
-            if self.hears[topic] and number not in self.arrived[topic]:
+            if self.receive[topic] and number not in self.arrived[topic]:
                 self.arrived[topic].append(number)
         self.open.clear()
         self.talk.session.end()
@@ -410,7 +410,7 @@ class Deliveries(RuleBasedStateMachine):
             assert numbers == sorted(numbers)
 
     def teardown(self):
-        self.hears = dict.fromkeys("abc", True)
+        self.receive = dict.fromkeys("abc", True)
         for _ in range(self.put + 40):
             self.send()
             self.acknowledge(8)

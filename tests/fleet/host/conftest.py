@@ -41,19 +41,19 @@ from tests.tools.shared_probe import SharedProbe
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 
 
-class PuppetConfig(AdapterConfig):
+class FakeAdapterConfig(AdapterConfig):
     adapter: Literal["puppet"] = "puppet"
     link: str = "memory:puppet"
 
 
-class Puppet(Adapter[PuppetConfig]):
+class FakeAdapter(Adapter[FakeAdapterConfig]):
     """A robot that records what it is told and does what the test says."""
 
-    Config = PuppetConfig
+    Config = FakeAdapterConfig
     limits = Limits(speed=2.0, vertical_speed=1.0, yaw_rate=1.0)
     failsafe = "it moves nothing"
 
-    def __init__(self, config: PuppetConfig, robot: Robot) -> None:
+    def __init__(self, config: FakeAdapterConfig, robot: Robot) -> None:
         super().__init__(config, robot)
         self.calls: list[Any] = []
         self.go = asyncio.Event()
@@ -127,18 +127,18 @@ class Bench:
         self.reports: list[Any] = []
         self.crashes: list[Exception] = []
         self.restarts: list[int] = []
-        self.config = PuppetConfig(name="rex", twin=TWIN, **config)
+        self.config = FakeAdapterConfig(name="rex", twin=TWIN, **config)
         self.controller = RobotController(
             self.config,
-            capabilities(Puppet),
+            capabilities(FakeAdapter),
             publish=self.reports.append,
             crashed=self.crashes.append,
             journal=journal or RobotJournal(),
             restart=lambda: self.restarts.append(1),
             clock=self.clock,
         )
-        self.puppet = Puppet(self.config, RecordingRobot())
-        self.controller.attach(self.puppet)
+        self.adapter = FakeAdapter(self.config, RecordingRobot())
+        self.controller.attach(self.adapter)
         self.controller.found()
 
     def ask(self, what: Any, *, waits: bool = False) -> list[Reply]:
@@ -151,17 +151,17 @@ class Bench:
         """Return the states of all navigation statuses, in order."""
         return [str(report.state) for report in self.reports if hasattr(report, "state")]
 
-    def happened(self, kind: str) -> list[TelemetryReport]:
+    def telemetry_of(self, kind: str) -> list[TelemetryReport]:
         """Return what was told of a kind on the telemetry channel."""
         return [each for each in self.reports if isinstance(each, TelemetryReport) and each.type == kind]
 
-    def stands(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, rotation: Any = None) -> None:
+    def report_pose(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, rotation: Any = None) -> None:
         """Let the robot say where it is."""
         report = PoseReport(self.clock.time(), Vector3(x, y, z), rotation or Quaternion())
         self.controller.observe(report)
         self.controller.guard.observe(report)
 
-    def has(self, percent: float) -> None:
+    def report_battery(self, percent: float) -> None:
         """Let the robot say how full its battery is."""
         self.controller.guard.observe(BatteryReport(0.0, percent))
 
@@ -211,7 +211,7 @@ async def make_bench() -> AsyncIterator[Callable[..., Bench]]:
 
     yield make
     for bench in made:
-        bench.puppet.go.set()
+        bench.adapter.go.set()
     begun = asyncio.all_tasks() - {asyncio.current_task()}
     for task in begun:
         task.cancel()

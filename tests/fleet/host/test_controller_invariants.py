@@ -35,7 +35,7 @@ def time_passes(bench, seconds):
 
 
 def the_pilot_takes_over(bench, _):
-    bench.puppet.calls.append("halt")  # an adapter that loses the robot sends nothing more
+    bench.adapter.calls.append("halt")  # an adapter that loses the robot sends nothing more
     bench.controller.authority_lost("pilot")
 
 
@@ -58,14 +58,14 @@ ASKED = {
 async def play(bench, asks, steps, source, session):
     """Play the steps; yields each one's kind, the latch before, the answers, what the robot was told."""
     for kind, value in steps:
-        before = len(bench.puppet.calls)
+        before = len(bench.adapter.calls)
         latched, answers = bench.controller.latched, []
         if kind in ASKED:
             answers = bench.ask(ASKED[kind](asks, value, source=source, session=session))
         else:
             EVENTS[kind](bench, value)
         await asks.settle()
-        yield kind, latched, answers, bench.puppet.calls[before:]
+        yield kind, latched, answers, bench.adapter.calls[before:]
 
 
 def moves(calls):
@@ -82,7 +82,7 @@ EXAMPLES = settings(
 def test_every_ask_gets_exactly_one_receipt(make_bench, asks, steps, source, session):
     async def check():
         bench = make_bench()
-        bench.puppet.go.set()
+        bench.adapter.go.set()
         async for kind, _, answers, _ in play(bench, asks, steps, source, session):
             assert len(answers) == (1 if kind in ASKED else 0)
 
@@ -117,7 +117,7 @@ def test_a_velocity_is_never_held_without_a_lease(make_bench, asks, steps, sourc
     async def check():
         bench = make_bench()
         async for _ in play(bench, asks, steps, source, session):
-            last = [one for one in bench.puppet.calls if one != "battery_check"][-1:]
+            last = [one for one in bench.adapter.calls if one != "battery_check"][-1:]
             held = bool(last) and isinstance(last[0], Velocity) and not last[0].is_zero
             assert not held or bench.controller.deadman.armed
 

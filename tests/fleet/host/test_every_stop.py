@@ -111,25 +111,25 @@ class FakeJournal:
 class Rig:
     """One robot and all the ways to it; with ``worker`` it runs in one, behind the edge's side of it."""
 
-    def __init__(self, puppet, *, worker):
+    def __init__(self, adapter_class, *, worker):
         self.clock, self.bus_session, self.journal = ManualClock(), FakeSession(), FakeJournal()
         self.write = lambda: None  # what the history does with an event
-        self.config = puppet.Config(name="rex", twin=TWIN)
+        self.config = adapter_class.Config(name="rex", twin=TWIN)
         loop = asyncio.get_running_loop()
         self.process = RobotProcess(
             "yard",
             SimpleNamespace(
                 control=self.bus_session, reports=self.bus_session, consoles=frozenset(), people={}
             ),
-            [RobotSpec(self.config, puppet, "puppet")],
+            [RobotSpec(self.config, adapter_class, "puppet")],
             journal=self.journal,
             history=SimpleNamespace(add=lambda _robot, _event: self.write()),
             clock=self.clock,
             alone=not worker,
         )
         self.robot: LocalRobot = self.process.robots["rex"]
-        self.puppet = puppet(self.config, RecordingRobot())
-        self.robot.controller.attach(self.puppet)
+        self.adapter = adapter_class(self.config, RecordingRobot())
+        self.robot.controller.attach(self.adapter)
         self.robot.controller.found()
         self.process._show(self.robot)
         port = self.robot
@@ -263,16 +263,16 @@ def moves(calls):
     return [one for one in calls if isinstance(one, tuple) or (isinstance(one, Velocity) and not one.is_zero)]
 
 
-async def come(puppet, transport, state, payload, *, worker):
+async def come(adapter_class, transport, state, payload, *, worker):
     """Let a stop come; return the rig and what the robot was told since."""
-    rig = Rig(puppet, worker=worker)
+    rig = Rig(adapter_class, worker=worker)
     STATES[state](rig)
     await asyncio.sleep(0)
-    before = len(rig.puppet.calls)
+    before = len(rig.adapter.calls)
     transport(rig, payload)
     for _ in range(12):
         await asyncio.sleep(0)
-    calls = rig.puppet.calls[before:]
+    calls = rig.adapter.calls[before:]
     rig.journal.free.set()
     await threads_ended()
     return rig, calls
@@ -288,9 +288,9 @@ async def threads_ended():
 
 
 @pytest.fixture
-def puppet(bench):
+def adapter_class(bench):
     """Return the class of a robot that writes down what it is told."""
-    return type(bench.puppet)
+    return type(bench.adapter)
 
 
 @pytest.fixture(autouse=True)
@@ -302,7 +302,9 @@ PLAYED = settings(max_examples=400, deadline=None)
 
 
 @pytest.mark.parametrize("worker", [False, True], ids=["here", "in a worker"])
-def test_a_stop_is_obeyed_whatever_it_holds_however_it_comes_and_whatever_there_is(puppet, caplog, worker):
+def test_a_stop_is_obeyed_whatever_it_holds_however_it_comes_and_whatever_there_is(
+    adapter_class, caplog, worker
+):
     caplog.set_level(logging.CRITICAL)
 
     @PLAYED
@@ -311,7 +313,7 @@ def test_a_stop_is_obeyed_whatever_it_holds_however_it_comes_and_whatever_there_
         payload, name = stop
         with asyncio.Runner() as runner:
             rig, calls = runner.run(
-                come(puppet, (TRANSPORTS | SMALL)[transport], state, payload, worker=worker)
+                come(adapter_class, (TRANSPORTS | SMALL)[transport], state, payload, worker=worker)
             )
         assert {"stop", "halt"} & set(calls)
         assert not moves(calls)
@@ -325,11 +327,13 @@ def test_a_stop_is_obeyed_whatever_it_holds_however_it_comes_and_whatever_there_
 @pytest.mark.parametrize("worker", [False, True], ids=["here", "in a worker"])
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("transport", TRANSPORTS)
-def test_what_is_too_large_to_be_read_is_a_stop_where_stops_come(puppet, caplog, transport, state, worker):
+def test_what_is_too_large_to_be_read_is_a_stop_where_stops_come(
+    adapter_class, caplog, transport, state, worker
+):
     caplog.set_level(logging.CRITICAL)
     payload = b'{"command": "takeoff", "x": "' + b"x" * (2 << 20)
     with asyncio.Runner() as runner:
-        rig, calls = runner.run(come(puppet, TRANSPORTS[transport], state, payload, worker=worker))
+        rig, calls = runner.run(come(adapter_class, TRANSPORTS[transport], state, payload, worker=worker))
     if transport == "bus of no kind":  # nothing says what it is about
         return
     assert {"stop", "halt"} & set(calls)
@@ -339,9 +343,9 @@ def test_what_is_too_large_to_be_read_is_a_stop_where_stops_come(puppet, caplog,
 
 @pytest.mark.parametrize("sender", ["tele", "edge", "sim", "preview", "edit", "nobody knows", "", None])
 @pytest.mark.parametrize("name", ["stop", "emergency_stop"])
-def test_whoever_is_let_in_may_stop_and_only_who_is_obeyed_may_release(puppet, sender, name):
+def test_whoever_is_let_in_may_stop_and_only_who_is_obeyed_may_release(adapter_class, sender, name):
     async def play():
-        rig = Rig(puppet, worker=False)
+        rig = Rig(adapter_class, worker=False)
         drive(rig)
         answers = []
         for word in (name, "release_emergency_stop"):
@@ -358,9 +362,9 @@ def test_whoever_is_let_in_may_stop_and_only_who_is_obeyed_may_release(puppet, s
     assert rig.robot.controller.latched == (name == "emergency_stop" and not released.ok)
 
 
-def test_a_stop_whose_message_is_refused_is_reported_both(puppet):
+def test_a_stop_whose_message_is_refused_is_reported_both(adapter_class):
     async def play():
-        rig, answers = Rig(puppet, worker=False), []
+        rig, answers = Rig(adapter_class, worker=False), []
         rig.robot.read("command", b'{"command": "stop", "data": {', transport="bus")(answers.append)
         for _ in range(10):
             await asyncio.sleep(0)
@@ -372,12 +376,12 @@ def test_a_stop_whose_message_is_refused_is_reported_both(puppet):
     assert answer.reason.startswith("taken for stop, though the message was refused: ")
 
 
-def test_a_journal_that_hangs_keeps_no_robot_from_being_halted(puppet):
+def test_a_journal_that_hangs_keeps_no_robot_from_being_halted(adapter_class):
     async def play():
-        rig = Rig(puppet, worker=False)
+        rig = Rig(adapter_class, worker=False)
         rig.journal.blocked = True
         await asyncio.to_thread(rig.process.stop_robots, (), STOP_KEY_CAUSE)
-        calls, latched = list(rig.puppet.calls), list(rig.journal.latched)
+        calls, latched = list(rig.adapter.calls), list(rig.journal.latched)
         rig.journal.free.set()
         return rig, calls, latched
 
@@ -389,9 +393,9 @@ def test_a_journal_that_hangs_keeps_no_robot_from_being_halted(puppet):
     wait_until("it is recorded", lambda: [change.why for change in rig.journal.latched] == ["the stop key"])
 
 
-def test_two_stops_go_on_though_one_robot_is_not_written(puppet):
+def test_two_stops_go_on_though_one_robot_is_not_written(adapter_class):
     async def play():
-        rig = Rig(puppet, worker=False)
+        rig = Rig(adapter_class, worker=False)
         drive(rig)
         FAULTS["the recorder has no clock"](rig)
         rig.process.robots = {"first": rig.robot, "second": rig.robot}
@@ -403,18 +407,18 @@ def test_two_stops_go_on_though_one_robot_is_not_written(puppet):
     with asyncio.Runner() as runner:
         rig, stopped = runner.run(play())
     assert len(stopped) == 2
-    assert "stop" in rig.puppet.calls
+    assert "stop" in rig.adapter.calls
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("name", ["stop", "emergency_stop"])
 @pytest.mark.parametrize("transport", ["mqtt command", "bus command", "stop key"])
-def test_a_stop_does_not_depend_on_its_record(puppet, caplog, transport, name, fault):
+def test_a_stop_does_not_depend_on_its_record(adapter_class, caplog, transport, name, fault):
     async def play():
-        rig, answers = Rig(puppet, worker=False), []
+        rig, answers = Rig(adapter_class, worker=False), []
         drive(rig)
         FAULTS[fault](rig)
-        before = len(rig.puppet.calls)
+        before = len(rig.adapter.calls)
         message = {"command": name, "source_type": "tele", "session_id": "anna", "id": "r1"}
         if transport == "bus command":
             answers = rig.bus_session.ask(keys.command("yard", "rex"), json.dumps(message).encode())
@@ -422,7 +426,7 @@ def test_a_stop_does_not_depend_on_its_record(puppet, caplog, transport, name, f
             TRANSPORTS[transport](rig, json.dumps(message).encode())
         for _ in range(12):
             await asyncio.sleep(0)
-        return rig, rig.puppet.calls[before:], answers
+        return rig, rig.adapter.calls[before:], answers
 
     with asyncio.Runner() as runner:
         rig, calls, answers = runner.run(play())

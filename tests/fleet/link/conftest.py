@@ -7,7 +7,7 @@ from fleet.errors import LinkLost
 WITHIN = 60.0  # s
 
 
-class Heard:
+class ReceivedData:
     """Collects what a link receives and lets a test wait for it."""
 
     def __init__(self):
@@ -33,8 +33,8 @@ class Heard:
 
 
 @pytest.fixture
-def hearing():
-    return Heard
+def receiver():
+    return ReceivedData
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from fleet.link.memory import MemoryRobot
 from fleet.link.url import open_link
 
 
-async def test_bytes_go_both_ways(hearing):
-    heard = hearing()
+async def test_bytes_go_both_ways(receiver):
+    heard = receiver()
     with MemoryRobot("both-ways", answer=bytes.upper) as robot:
         link = await open_link("memory:both-ways", heard)
         link.send(b"ping")
@@ -16,30 +16,30 @@ async def test_bytes_go_both_ways(hearing):
         assert robot.heard == [b"ping"]
 
 
-async def test_an_unplugged_robot_is_noticed_and_can_come_back(hearing, loss_reason):
+async def test_an_unplugged_robot_is_noticed_and_can_come_back(receiver, loss_reason):
     with MemoryRobot("unplugged") as robot:
-        link = await open_link("memory:unplugged", hearing())
+        link = await open_link("memory:unplugged", receiver())
         robot.unplug()
         assert await loss_reason(link) == "memory:unplugged: unplugged"
         with pytest.raises(LinkLost):
             link.send(b"x")
-        await open_link("memory:unplugged", hearing())
+        await open_link("memory:unplugged", receiver())
         assert robot.opened == 2
 
 
-async def test_a_closed_link_hears_nothing_more(hearing):
-    heard = hearing()
+async def test_a_closed_link_hears_nothing_more(receiver):
+    heard = receiver()
     with MemoryRobot("closed") as robot:
         link = await open_link("memory:closed", heard)
         robot.say(b"under way")
         await link.close()
-        await open_link("memory:closed", hearing())
+        await open_link("memory:closed", receiver())
     assert heard.pieces == []
 
 
-async def test_a_robot_that_is_not_there_may_come(hearing):
+async def test_a_robot_that_is_not_there_may_come(receiver):
     with pytest.raises(LinkLost, match="no robot of this name"):
-        await open_link("memory:nobody", hearing())
+        await open_link("memory:nobody", receiver())
 
 
 async def test_a_name_is_taken_once():

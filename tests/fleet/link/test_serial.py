@@ -38,8 +38,8 @@ def port():
 
 
 @pytest.fixture
-async def opened(port, hearing):
-    heard = hearing()
+async def opened(port, receiver):
+    heard = receiver()
     link = await open_link(port.url, heard)
     yield link, heard
     await link.close()
@@ -58,14 +58,14 @@ async def test_bytes_go_both_ways(port, opened):
     await heard.until(b"pong\r\n\x11\x13")
 
 
-async def test_a_device_is_open_in_one_program_only(port, opened, hearing):
+async def test_a_device_is_open_in_one_program_only(port, opened, receiver):
     with pytest.raises(LinkRefused, match="another program has it open"):
-        await open_link(port.url, hearing())
+        await open_link(port.url, receiver())
 
 
-async def test_a_closed_device_can_be_opened_again(port, opened, hearing):
+async def test_a_closed_device_can_be_opened_again(port, opened, receiver):
     await opened[0].close()
-    heard = hearing()
+    heard = receiver()
     again = await open_link(port.url, heard)
     os.write(port.robot, b"hello")
     await heard.until(b"hello")
@@ -110,37 +110,37 @@ async def test_a_stop_goes_out_from_another_thread_while_the_loop_is_stuck(port,
     assert os.read(port.robot, 100) == b"stop"
 
 
-async def test_dtr_and_rts_are_left_alone(port, hearing, monkeypatch):
+async def test_dtr_and_rts_are_left_alone(port, receiver, monkeypatch):
     pins = []
     monkeypatch.setattr(
         serialx.BaseSerial, "set_modem_pins", lambda self, modem_pins=None, **_: pins.append(modem_pins)
     )
-    link = await open_link(port.url, hearing())
+    link = await open_link(port.url, receiver())
     await link.close()
     assert {pin for state in pins for pin in (state.dtr, state.rts)} == {serialx.PinState.UNDEFINED}
 
 
-async def test_a_device_that_is_not_plugged_in_may_come(hearing):
+async def test_a_device_that_is_not_plugged_in_may_come(receiver):
     with pytest.raises(LinkLost, match="is it plugged in"):
-        await open_link("serial:/dev/ttyNOBODY?baud=9600", hearing())
+        await open_link("serial:/dev/ttyNOBODY?baud=9600", receiver())
 
 
 @pytest.mark.parametrize(("path", "reason"), [("/dev/null", "not a serial device"), ("/tmp", "a folder")])
-async def test_what_is_no_serial_device_is_refused(hearing, path, reason):
+async def test_what_is_no_serial_device_is_refused(receiver, path, reason):
     with pytest.raises(LinkRefused, match=reason):
-        await open_link(f"serial:{path}?baud=9600", hearing())
+        await open_link(f"serial:{path}?baud=9600", receiver())
 
 
-async def test_a_device_without_permission_is_refused_with_what_to_do(port, hearing, monkeypatch):
+async def test_a_device_without_permission_is_refused_with_what_to_do(port, receiver, monkeypatch):
     def denied(*args, **kwargs):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("serialx.platforms.serial_posix.os.open", denied)
     with pytest.raises(LinkRefused, match="dialout"):
-        await open_link(port.url, hearing())
+        await open_link(port.url, receiver())
 
 
-async def test_a_missing_extra_is_named(port, hearing, monkeypatch):
+async def test_a_missing_extra_is_named(port, receiver, monkeypatch):
     real = builtins.__import__
 
     def without_serialx(name, *args, **kwargs):
@@ -150,4 +150,4 @@ async def test_a_missing_extra_is_named(port, hearing, monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", without_serialx)
     with pytest.raises(LinkRefused, match=r"pip install 'zenoh-fleet\[serial\]'"):
-        await open_link(port.url, hearing())
+        await open_link(port.url, receiver())

@@ -9,9 +9,9 @@ from fleet.link.url import open_link
 
 
 @pytest.fixture
-async def connected(hearing):
+async def connected(receiver):
     """Give a link, the robot's socket, and what the link hears."""
-    heard = hearing()
+    heard = receiver()
     with socket.create_server(("127.0.0.1", 0)) as server:
         link = await open_link(f"tcp:127.0.0.1:{server.getsockname()[1]}", heard)
         robot, _ = server.accept()
@@ -78,18 +78,18 @@ async def test_what_was_written_before_closing_arrives(connected):
     assert robot.recv(100) == b""
 
 
-async def test_a_port_without_a_listener_may_work_later(hearing):
+async def test_a_port_without_a_listener_may_work_later(receiver):
     with socket.socket() as reserved:
         reserved.bind(("127.0.0.1", 0))
         port = reserved.getsockname()[1]
         with pytest.raises(LinkLost, match="Connection refused"):
-            await open_link(f"tcp:127.0.0.1:{port}", hearing())
+            await open_link(f"tcp:127.0.0.1:{port}", receiver())
 
 
-async def test_a_host_that_never_answers_is_given_up(hearing, monkeypatch):
+async def test_a_host_that_never_answers_is_given_up(receiver, monkeypatch):
     monkeypatch.setattr("fleet.link.tcp.CONNECT_TIMEOUT", 0.05)
     with socket.create_server(("127.0.0.1", 0), backlog=0) as full:
         url = f"tcp:127.0.0.1:{full.getsockname()[1]}"
         async with contextlib.AsyncExitStack() as opened:
             with pytest.raises(LinkLost, match=r"no answer in 0\.05 s"):
-                await fill_the_queue(url, hearing(), opened)
+                await fill_the_queue(url, receiver(), opened)

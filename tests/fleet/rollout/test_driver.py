@@ -17,7 +17,7 @@ from fleet.rollout.signature import by_name, new_key
 from fleet.rollout.store import StoreError
 from fleet.rollout.waves import EdgeStatus, RolloutPhase
 from fleet.testing.clock import ManualClock
-from tests.tools.rollout import MemoryStore, PuppetEdge, bundle_of, rollout_of
+from tests.tools.rollout import FakeEdge, MemoryStore, bundle_of, rollout_of
 
 KEY = new_key()
 EDGES = tuple(f"edge-{number:03}" for number in range(100))
@@ -42,7 +42,7 @@ class Fleet:
             installation.stage(bundle_of(1, edges), self.old)
             installation.save_record(AgentRecord(self.old, 1, self.old))
             installation.activate(self.old)
-            here = PuppetEdge(installation)
+            here = FakeEdge(installation)
             agent = Agent(
                 name,
                 installation,

@@ -24,7 +24,7 @@ from fleet.rollout.store import PART, StoreError
 from fleet.rollout.waves import RolloutPhase
 from fleet.testing.waiting import wait_until
 from tests.tools.lease_service import lease_service
-from tests.tools.rollout import PuppetEdge, bundle_of, rollout_of
+from tests.tools.rollout import FakeEdge, bundle_of, rollout_of
 
 NOW = datetime.now(UTC)
 TLS = """
@@ -284,7 +284,7 @@ async def test_a_roll_out_to_a_hundred_fake_edges_on_one_server_stops_in_time(tm
             installation.stage(bundle_of(1, names), old)
             installation.save_record(AgentRecord(old, 1, old))
             installation.activate(old)
-            here = PuppetEdge(installation)
+            here = FakeEdge(installation)
             here.outcomes = [Applied(failed="rex: it does not answer")] * (name in failing)
             store = NatsEdgeStore(settings, name)
             agents[name] = Agent(name, installation, by_name([key.public]), store, here, clock=SystemClock())

@@ -40,7 +40,7 @@ async def wait_for(stream, happened):
     raise AssertionError("the subscription ended")
 
 
-async def insist(act, error):
+async def retry_until_accepted(act, error):
     """Ask until it is granted: ArduPilot needs its position in GUIDED, which takes a while."""
     async with asyncio.timeout(LIMIT):
         while True:
@@ -93,7 +93,7 @@ class Drone:
         if self.flavour == "ardupilot":
             with pytest.raises(ActionError):
                 await self.action.takeoff()  # refused without armed motors, and leaves GUIDED set
-        await insist(self.action.arm, ActionError)
+        await retry_until_accepted(self.action.arm, ActionError)
         await self.action.takeoff()
         return await wait_for(
             self.telemetry.subscribe_position(), lambda place: place.relative_altitude_m > height - 0.5
@@ -134,7 +134,7 @@ async def test_mavsdk_takes_off_goes_somewhere_and_lands(drone):
 async def test_mavsdk_drives_by_velocity(drone):
     here = await drone.climb(5.0)
     await drone.offboard.set_velocity_body(VelocityBodyYawspeed(2.0, 0.0, 0.0, 0.0))
-    await insist(drone.offboard.start, OffboardError)
+    await retry_until_accepted(drone.offboard.start, OffboardError)
     await wait_for(
         drone.telemetry.subscribe_position(), lambda place: place.latitude_deg - here.latitude_deg > 5e-5
     )

@@ -25,10 +25,12 @@ async def flown(it, mission):
 
 
 @pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
-def test_a_vtol_lands_with_its_rotors_where_its_plan_ends_and_stands_when_it_is_stopped(fly, sky, flavour):
+def test_a_vtol_lands_with_its_rotors_where_its_plan_ends_and_stands_when_it_is_stopped(
+    run_in_sim_time, sim_flight, flavour
+):
     async def main():
-        async with sky(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
-            await it.met()
+        async with sim_flight(flavour, vehicle="vtol", limits={"speed": 30.0}) as it:
+            await it.wait_until_known()
             await it.until(lambda: it.state.vtol_state and len(it.state.settings) > 2)
             if flavour == "ardupilot":
                 await it.do("set_parameter", name="Q_GUIDED_MODE", value=1)
@@ -53,17 +55,17 @@ def test_a_vtol_lands_with_its_rotors_where_its_plan_ends_and_stands_when_it_is_
             assert abs(it.place[0]) < 5.0
             assert (await it.do("check_ready"))["ready"], "what AUTO lacks, a take-off puts right"
 
-    fly(main())
+    run_in_sim_time(main())
 
 
-def test_a_landing_waits_until_it_has_reported_whether_it_has_rotors(fly, sky):
+def test_a_landing_waits_until_it_has_reported_whether_it_has_rotors(run_in_sim_time, sim_flight):
     async def main():
-        async with sky("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
-            await it.met()
+        async with sim_flight("ardupilot", vehicle="vtol", limits={"speed": 30.0}) as it:
+            await it.wait_until_known()
             await it.until(lambda: it.state.vtol_state and len(it.state.settings) > 2)
             vehicle = it.adapter._session.vehicle
             vehicle.state = msgspec.structs.replace(vehicle.state, vtol_state=None)
             with pytest.raises(NotReady, match="whether it lands with rotors"):
                 await flown(it, PLAN)
 
-    fly(main())
+    run_in_sim_time(main())

@@ -9,7 +9,7 @@ from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.sim.simulated_machine import on_buses
 
 
-class Paddock:
+class WalkerRig:
     """A simulated machine and its controller in one time."""
 
     def __init__(self, walker, real=None):
@@ -60,10 +60,10 @@ def walker(request):
 
 
 @pytest.fixture
-def paddock(walker):
-    return Paddock(walker)
+def walker_rig(walker):
+    return WalkerRig(walker)
 
 
 @pytest.fixture
-def make_paddock():
-    return Paddock
+def make_walker_rig():
+    return WalkerRig

@@ -21,12 +21,12 @@ NOWHERE = {"index": 0x5FFF, "type": "u8", "value": 1}
 
 
 @pytest.fixture
-def standing(paddock):
-    paddock.go(0.2)
-    assert paddock.ask(BodyRequest.STAND) == ""
-    paddock.go(1.5)
-    assert paddock.state.mode == "standing"
-    return paddock
+def standing(walker_rig):
+    walker_rig.go(0.2)
+    assert walker_rig.ask(BodyRequest.STAND) == ""
+    walker_rig.go(1.5)
+    assert walker_rig.state.mode == "standing"
+    return walker_rig
 
 
 def changed(walker, **sections):
@@ -37,10 +37,10 @@ def changed(walker, **sections):
     return type(walker).model_validate(tree)
 
 
-def asked(paddock):
+def asked(walker_rig):
     """Return the velocities that were sent last."""
-    decoder = FrameDecoder(paddock.walker.wire.velocity)
-    found = [decoder.decode(frame.id, frame.data) for frame in paddock.bus.sent]
+    decoder = FrameDecoder(walker_rig.walker.wire.velocity)
+    found = [decoder.decode(frame.id, frame.data) for frame in walker_rig.bus.sent]
     return [each for each in found if each]
 
 
@@ -61,10 +61,10 @@ def test_it_turns_and_knows_its_heading(standing):
     assert z / w == pytest.approx(math.tan(standing.machine.place[2] / 2), abs=0.05)
 
 
-def test_one_that_lies_is_sent_no_velocity(paddock):
-    paddock.go(1.0, Twist(0.5))
-    assert all(set(each.values()) == {0.0} for each in asked(paddock))
-    assert paddock.machine.mode is BodyMode.OFF
+def test_one_that_lies_is_sent_no_velocity(walker_rig):
+    walker_rig.go(1.0, Twist(0.5))
+    assert all(set(each.values()) == {0.0} for each in asked(walker_rig))
+    assert walker_rig.machine.mode is BodyMode.OFF
 
 
 def test_without_a_fresh_order_it_stands_still(standing):
@@ -156,15 +156,15 @@ def test_a_machine_that_falls_silent_is_not_led_on_and_then_lost(standing):
         standing.go(3.0)
 
 
-def test_a_machine_that_tips_is_stopped(make_paddock):
-    paddock = make_paddock(load_body(EXAMPLE.with_name("self-walking-canopen.yaml")))
-    paddock.go(0.2)
-    paddock.ask(BodyRequest.STAND)
-    paddock.go(1.5)
-    paddock.machine.fault("tip", 1.0)
-    paddock.go(2.0)
-    assert paddock.state.fault == "imu: tilted 1.00 rad, more than 0.785"
-    assert paddock.machine.mode is BodyMode.OFF
+def test_a_machine_that_tips_is_stopped(make_walker_rig):
+    walker_rig = make_walker_rig(load_body(EXAMPLE.with_name("self-walking-canopen.yaml")))
+    walker_rig.go(0.2)
+    walker_rig.ask(BodyRequest.STAND)
+    walker_rig.go(1.5)
+    walker_rig.machine.fault("tip", 1.0)
+    walker_rig.go(2.0)
+    assert walker_rig.state.fault == "imu: tilted 1.00 rad, more than 0.785"
+    assert walker_rig.machine.mode is BodyMode.OFF
 
 
 def test_with_an_empty_battery_it_sits_down(standing):
@@ -185,44 +185,44 @@ def test_it_changes_its_height_within_its_limits(standing):
     assert standing.machine.height == pytest.approx(standing.walker.highest)
 
 
-def test_a_command_that_is_not_taken_is_reported(walker, make_paddock):
+def test_a_command_that_is_not_taken_is_reported(walker, make_walker_rig):
     section, other = ("frames", {"id": 0x7AA, "data": "01"}) if walker.frames else ("objects", NOWHERE)
-    paddock = make_paddock(changed(walker, **{section: {"stand_up": other}}), real=walker)
-    paddock.go(0.2)
-    assert re.search("was not taken within 1 s|SDO abort 06020000h", paddock.ask(BodyRequest.STAND))
-    assert paddock.machine.mode is BodyMode.OFF
+    walker_rig = make_walker_rig(changed(walker, **{section: {"stand_up": other}}), real=walker)
+    walker_rig.go(0.2)
+    assert re.search("was not taken within 1 s|SDO abort 06020000h", walker_rig.ask(BodyRequest.STAND))
+    assert walker_rig.machine.mode is BodyMode.OFF
 
 
-def test_a_description_without_recovery_refuses_it(make_paddock):
+def test_a_description_without_recovery_refuses_it(make_walker_rig):
     lacking = changed(load_body(EXAMPLE.with_name("self-walking.yaml")), frames={"recovery_stand": None})
-    paddock = make_paddock(lacking)
-    paddock.go(0.2)
-    assert paddock.ask(BodyRequest.RECOVER) == "this machine's description has no recovery_stand"
+    walker_rig = make_walker_rig(lacking)
+    walker_rig.go(0.2)
+    assert walker_rig.ask(BodyRequest.RECOVER) == "this machine's description has no recovery_stand"
 
 
-def test_it_recovers(paddock):
-    paddock.go(0.2)
-    assert paddock.ask(BodyRequest.RECOVER) == ""
-    paddock.go(3.0)
-    assert paddock.state.mode == "standing"
+def test_it_recovers(walker_rig):
+    walker_rig.go(0.2)
+    assert walker_rig.ask(BodyRequest.RECOVER) == ""
+    walker_rig.go(3.0)
+    assert walker_rig.state.mode == "standing"
 
 
-def test_a_node_that_cannot_be_set_up_is_named(make_paddock):
+def test_a_node_that_cannot_be_set_up_is_named(make_walker_rig):
     walker = load_body(EXAMPLE.with_name("self-walking-canopen.yaml"))
     with pytest.raises(LinkRefused, match=r"mule: 1029h:1 .*no such object"):
-        make_paddock(walker, real=changed(walker, objects={"setup": ()}))
+        make_walker_rig(walker, real=changed(walker, objects={"setup": ()}))
 
 
 @given(st.lists(st.tuples(*[st.floats(-50, 50)] * 3), min_size=1, max_size=6))
 @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_no_velocity_beyond_the_limits_is_ever_sent(walker, make_paddock, twists):
-    paddock, pace = make_paddock(walker), walker.pace
-    paddock.go(0.2)
-    paddock.ask(BodyRequest.STAND)
-    paddock.go(1.2)
+def test_no_velocity_beyond_the_limits_is_ever_sent(walker, make_walker_rig, twists):
+    walker_rig, pace = make_walker_rig(walker), walker.pace
+    walker_rig.go(0.2)
+    walker_rig.ask(BodyRequest.STAND)
+    walker_rig.go(1.2)
     for twist in twists:
-        paddock.go(0.4, Twist(*twist))
-        for each in asked(paddock):
+        walker_rig.go(0.4, Twist(*twist))
+        for each in asked(walker_rig):
             assert abs(each["x"]) <= pace.speed + 1e-3
             assert abs(each["y"]) <= pace.strafe + 1e-3
             assert abs(each["turn"]) <= pace.turn + 1e-3
@@ -236,7 +236,7 @@ FACTORS = ({}, {"type": "f32"}, {"type": "f32", "scale": 1e300})
 @pytest.mark.parametrize("factor", FACTORS, ids=["as described", "floats", "huge floats"])
 @given(data=st.data())
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_no_frame_on_the_bus_ends_the_control_of_a_machine_or_hides_a_stop(make_paddock, factor, data):
+def test_no_frame_on_the_bus_ends_the_control_of_a_machine_or_hides_a_stop(make_walker_rig, factor, data):
     tree = load_body(EXAMPLE.with_name("self-walking.yaml")).model_dump(exclude_none=True)
     tree["frames"]["state"] = [
         {"id": frame["id"] + number, "fields": {name: {**field, **factor, "at": 0}}}
@@ -244,16 +244,16 @@ def test_no_frame_on_the_bus_ends_the_control_of_a_machine_or_hides_a_stop(make_
         for number, (name, field) in enumerate(frame["fields"].items())
     ]
     walker = type(load_body(EXAMPLE.with_name("self-walking.yaml"))).model_validate(tree)
-    paddock = make_paddock(walker)
+    walker_rig = make_walker_rig(walker)
     identifiers = st.sampled_from([frame.id for frame in (*walker.frames.state, *walker.frames.slow)])
     for frame in data.draw(st.lists(st.builds(CanFrame, identifiers, DATA), max_size=12)):
-        paddock.bus.arrive(frame)
-        paddock.cycle()
-    state = paddock.state
+        walker_rig.bus.arrive(frame)
+        walker_rig.cycle()
+    state = walker_rig.state
     assert all(map(math.isfinite, (state.x, state.y, *state.twist, *state.rotation)))
-    paddock.emergency()
-    paddock.cycle()
-    assert paddock.bus.sent[-1] == walker.frames.emergency_stop.frame
+    walker_rig.emergency()
+    walker_rig.cycle()
+    assert walker_rig.bus.sent[-1] == walker.frames.emergency_stop.frame
 
 
 # -- frames as makers want them ----------------------------------------------------------------------
@@ -263,7 +263,7 @@ INTEGRITY = {"counter": {"at": 6}, "checksum": {"at": 7, "header": True}}
 
 
 @pytest.fixture
-def protected(make_paddock):
+def protected(make_walker_rig):
     """Return a machine of which every frame is padded, counted and has a checksum, as AgileX's version 1."""
     tree = load_body(EXAMPLE.with_name("self-walking.yaml")).model_dump(exclude_none=True)
     frames = tree["frames"]
@@ -272,7 +272,7 @@ def protected(make_paddock):
     for padded in (frames["velocity"], frames["height"], *frames["state"]):
         padded.update(INTEGRITY, dlc=8)
     walker = type(load_body(EXAMPLE.with_name("self-walking.yaml"))).model_validate(tree)
-    return make_paddock(walker)
+    return make_walker_rig(walker)
 
 
 def test_a_machine_with_counters_and_checksums_walks(protected):
@@ -307,13 +307,13 @@ class Frozen:
         return self._data.setdefault("first", self._integrity.put(data))
 
 
-def test_the_example_speaks_agilex_version_2(make_paddock):
-    paddock = make_paddock(load_body(EXAMPLE.with_name("self-walking.yaml")))
-    paddock.go(0.2)
-    paddock.ask(BodyRequest.STAND)
-    paddock.go(1.5)
-    paddock.go(2.0, Twist(0.5, 0.1, -0.2))
-    velocity = [frame.data for frame in paddock.bus.sent if frame.id == 0x111][-1]
+def test_the_example_speaks_agilex_version_2(make_walker_rig):
+    walker_rig = make_walker_rig(load_body(EXAMPLE.with_name("self-walking.yaml")))
+    walker_rig.go(0.2)
+    walker_rig.ask(BodyRequest.STAND)
+    walker_rig.go(1.5)
+    walker_rig.go(2.0, Twist(0.5, 0.1, -0.2))
+    velocity = [frame.data for frame in walker_rig.bus.sent if frame.id == 0x111][-1]
     assert velocity == bytes.fromhex("01F4 FF38 0064 0000")  # forward, turn, left, steering
 
 

@@ -79,19 +79,19 @@ async def ended(answers):
 async def test_a_command_is_not_carried_out_again_after_a_restart(restarted, asks):
     bench = restarted()
     await ended(bench.ask(asks.command("land", id="r1")))
-    assert bench.puppet.calls == ["land"]
+    assert bench.adapter.calls == ["land"]
     bench = restarted()
     (answer,) = bench.ask(asks.command("land", id="r1"))
     await asks.settle()
-    assert (bench.puppet.calls, answer.status) == ([], ACCEPTED)
+    assert (bench.adapter.calls, answer.status) == ([], ACCEPTED)
     await ended(bench.ask(asks.command("land", id="r2")))
-    assert bench.puppet.calls == ["land"]
+    assert bench.adapter.calls == ["land"]
 
 
 async def test_a_command_that_was_cut_off_is_refused_after_the_restart(restarted, asks):
     bench = restarted()
     bench.ask(asks.command("takeoff", id="r1"))
-    await asks.until(lambda: bench.puppet.calls)
+    await asks.until(lambda: bench.adapter.calls)
     (answer,) = restarted().ask(asks.command("takeoff", id="r1"))
     assert answer.status is REJECTED
     assert answer.reason.startswith("it was begun before the edge restarted and was not seen to end")
@@ -106,7 +106,7 @@ async def test_a_command_is_remembered_before_its_method_is_called(tmp_path, clo
         seen.extend(journal.robot("rex").past)
         journal.close()
 
-    bench.puppet.land = land
+    bench.adapter.land = land
     await ended(bench.ask(asks.command("land", id="r1")))
     assert [(past.identity, past.outcome) for past in seen] == [("r1", "")]
 
@@ -114,7 +114,7 @@ async def test_a_command_is_remembered_before_its_method_is_called(tmp_path, clo
 async def test_an_action_that_was_cut_off_fails_once_and_is_not_begun_again(restarted, asks):
     bench = restarted()
     bench.ask(asks.goal("a1"))
-    await asks.until(lambda: bench.puppet.calls)
+    await asks.until(lambda: bench.adapter.calls)
     for statuses, words in (([("a1", "failed")], ["stop"]), ([], [])):
         bench = restarted()
         bench.controller.statuses.recall()
@@ -122,7 +122,7 @@ async def test_an_action_that_was_cut_off_fails_once_and_is_not_begun_again(rest
         assert [(one.action_id, one.state) for one in reports] == statuses
         bench.ask(asks.goal("a1"))
         await asks.settle()
-        assert bench.puppet.calls == words
+        assert bench.adapter.calls == words
 
 
 @pytest.mark.parametrize(("name", "expected"), [("move_forward", ["move_forward"]), ("navigate", [])])
@@ -131,7 +131,7 @@ async def test_the_end_of_a_way_is_owed_to_who_asked_it_as_a_command(opened, res
     bench.ask(
         Navigate(RelativeMove(Vector3(1.0, 0.0, 0.0)), "m1", Origin(Transport.CLOUD, "tele"), name=name)
     )
-    await asks.until(lambda: bench.puppet.calls)
+    await asks.until(lambda: bench.adapter.calls)
     assert [each.name for each in opened().take_interrupted(["rex"])] == expected
 
 
@@ -153,7 +153,7 @@ async def test_an_emergency_stop_survives_a_restart_and_nothing_moves_until_its_
     bench = restarted()
     (refused,) = bench.ask(asks.setpoint())
     assert "asked by anna" in refused.reason
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
 
 
 def test_another_robots_stop_is_its_own(opened):
@@ -192,7 +192,7 @@ async def test_a_disk_that_fails_is_reported_and_commands_go_on(tmp_path, clock,
     assert "cannot create" in journal.problem
     bench = make_bench(journal=journal.robot("rex"))
     await ended(bench.ask(asks.command("land", id="r1")))
-    assert bench.puppet.calls == ["land"]
+    assert bench.adapter.calls == ["land"]
     journal.close()
 
 
@@ -386,7 +386,7 @@ async def test_an_emergency_stop_halts_the_robot_though_its_record_fails(
     bench = make_bench(journal=journal.robot("rex"))
     bench.ask(asks.command("emergency_stop"))
     await asks.settle()
-    assert bench.puppet.calls[0] == "halt"
+    assert bench.adapter.calls[0] == "halt"
     assert bench.controller.latched
 
 

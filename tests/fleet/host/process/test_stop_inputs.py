@@ -350,7 +350,7 @@ async def test_what_moves_a_robot_of_a_worker_is_ended_when_the_edge_is_silent(b
     held.check()
     assert not controller.in_motion
     await asks.settle()
-    assert "stop" in bench.puppet.calls
+    assert "stop" in bench.adapter.calls
     assert "is silent" in bench.ask(asks.setpoint())[0].reason
 
 
@@ -363,7 +363,7 @@ async def test_a_landing_goes_on_when_the_edge_is_silent(bench, asks):
     bench.clock.advance(SILENT_AFTER + 0.1)
     held.check()
     await asks.settle()
-    assert bench.puppet.calls == ["land"]
+    assert bench.adapter.calls == ["land"]
 
 
 def test_an_input_that_is_heard_does_not_free_a_robot_that_another_holds_at_the_same_time():

@@ -37,9 +37,9 @@ async def test_motion_ends_though_it_cannot_be_reported(bench, asks, caplog):
 
 async def test_a_breach_under_way_names_the_goal_that_led_to_it(make_bench, asks):
     bench = make_bench(fence=FENCE)
-    bench.stands()
+    bench.report_pose()
     assert bench.ask(asks.goal("a7"))[0].ok
-    bench.stands(14.0)
+    bench.report_pose(14.0)
     (breach,) = events(bench)
     assert (breach.kind, breach.asker, breach.request) == ("fence_breached", ANNA, "a7")
     assert breach.data == {"reason": breach.text.removeprefix("it is ")}
@@ -47,7 +47,7 @@ async def test_a_breach_under_way_names_the_goal_that_led_to_it(make_bench, asks
 
 async def test_a_robot_that_is_blown_out_of_its_fence_moves_for_nobody(make_bench):
     bench = make_bench(fence=FENCE)
-    bench.stands(14.0)
+    bench.report_pose(14.0)
     (breach,) = events(bench)
     assert (breach.asker, breach.request, breach.command) == (None, "", "")
 
@@ -75,7 +75,7 @@ async def test_a_pilot_who_takes_the_robot_is_an_event_that_names_what_he_ended(
 async def test_a_low_battery_and_what_is_done_about_it_are_events(make_bench, asks):
     bench = make_bench(battery_policy={"low": 15, "reserve": 20, "action": "land"})
     bench.ask(asks.setpoint(1.0))
-    bench.has(10.0)
+    bench.report_battery(10.0)
     await asks.settle()
     low, done = events(bench)
     assert (low.text, low.data) == ("its battery is low: 10 %", {"percent": 10.0, "action": "land"})
@@ -88,7 +88,7 @@ async def test_a_low_battery_and_what_is_done_about_it_are_events(make_bench, as
         lambda bench, _asks: bench.controller.motion.lease_ran_out(),
         lambda bench, _asks: bench.controller.authority_lost("the pilot took it"),
         lambda bench, asks: bench.ask(asks.command("release_emergency_stop")),
-        lambda bench, _asks: bench.stands(14.0),
+        lambda bench, _asks: bench.report_pose(14.0),
     ],
 )
 async def test_what_the_host_warns_of_a_robot_is_in_the_robots_own_log(make_bench, asks, caplog, what):

@@ -54,10 +54,10 @@ class Stage:
     def make(self, robot):
         if self.broken is not None:
             raise self.broken
-        adapter = type(self.bench.puppet)(self.bench.config, robot)
-        adapter.calls = self.bench.puppet.calls
+        adapter = type(self.bench.adapter)(self.bench.config, robot)
+        adapter.calls = self.bench.adapter.calls
         adapter.run = self.counted(next(self.runs), robot)
-        self.bench.puppet = adapter
+        self.bench.adapter = adapter
         self.made.append(adapter)
         return adapter
 
@@ -139,7 +139,7 @@ async def test_a_lost_link_is_opened_again_after_growing_waits(stage, asks, erro
 async def test_a_velocity_that_raises_what_no_future_takes_ends_the_run(stage, asks, bench):
     one = stage(serve, lambda robot: asyncio.Event().wait())
     await asks.until(lambda: one.runner.health == Health())
-    bench.puppet.raises = StopIteration()
+    bench.adapter.raises = StopIteration()
     answers = bench.ask(asks.setpoint())
     await asks.until(lambda: one.runner.health.level is Level.FAULT)
     assert "StopIteration" in one.runner.health.cause
@@ -241,18 +241,18 @@ async def test_an_adapter_whose_making_raises_no_exception_is_tried_again(stage,
 async def test_a_stop_that_raises_no_exception_is_halted_and_ends_the_run(stage, asks, bench, error):
     one = stage(serve, lambda robot: asyncio.Event().wait())
     await asks.until(lambda: one.runner.health == Health())
-    bench.puppet.stops = error
+    bench.adapter.stops = error
     answers = bench.ask(asks.command("stop"))
     await asks.until(lambda: one.runner.health.level is Level.FAULT)
     assert not answers[0].ok
-    assert "halt" in bench.puppet.calls
+    assert "halt" in bench.adapter.calls
 
 
 @pytest.mark.parametrize("error", [SystemExit(3), Panic("gone"), asyncio.CancelledError()])
 async def test_a_velocity_and_a_halt_that_raise_no_exception_end_the_run_alone(stage, asks, bench, error):
     one = stage(serve, lambda robot: asyncio.Event().wait())
     await asks.until(lambda: one.runner.health == Health())
-    bench.puppet.raises = bench.puppet.halts = error
+    bench.adapter.raises = bench.adapter.halts = error
     answers = bench.ask(asks.setpoint())
     await asks.until(lambda: one.runner.health.level is Level.FAULT)
     assert not answers[0].ok
@@ -275,8 +275,8 @@ async def test_a_person_can_begin_a_run_anew_and_the_robot_is_stopped_first(stag
     await asks.until(lambda: len(one.made) == 2)
     await asks.until(lambda: one.runner.health == Health())
     await asks.settle()
-    assert [call for call in bench.puppet.calls if isinstance(call, str)][-2:] == ["halt", "stop"]
-    assert bench.puppet.calls.count("stop") == 1
+    assert [call for call in bench.adapter.calls if isinstance(call, str)][-2:] == ["halt", "stop"]
+    assert bench.adapter.calls.count("stop") == 1
 
 
 async def test_a_person_need_not_wait_for_the_slow_retry(stage, asks):
@@ -332,7 +332,7 @@ async def moving(stage, asks, bench, *runs):
 
 
 def last_words(bench):
-    return [call for call in bench.puppet.calls if isinstance(call, str)]
+    return [call for call in bench.adapter.calls if isinstance(call, str)]
 
 
 async def test_a_robot_that_moves_is_stopped_when_its_run_ends(stage, asks, bench):
@@ -347,7 +347,7 @@ async def test_a_robot_that_was_not_seen_to_stand_after_its_adapter_crashed_is_s
     stage, asks, bench
 ):
     one, _ = await moving(stage, asks, bench)
-    first = bench.puppet
+    first = bench.adapter
     bench.ask(asks.command("takeoff"))
     await asks.settle()
     first.raises, first.stops = ValueError("a bug in takeoff"), NotReady("it does not answer")
@@ -395,7 +395,7 @@ async def test_a_robot_is_run_again_though_the_end_of_its_run_cannot_be_recorded
     stage, asks, bench, monkeypatch
 ):
     one, end = await moving(stage, asks, bench)
-    first, fail = bench.puppet, ZeroDivisionError("oops")
+    first, fail = bench.adapter, ZeroDivisionError("oops")
     monkeypatch.setattr(bench.controller, "lost", lambda _why: (_ for _ in ()).throw(fail))
     end.set()
     await asks.until(lambda: len(one.made) == 2 and one.runner.health == Health())
@@ -421,10 +421,10 @@ async def test_nothing_moves_after_a_reconnect_until_it_is_asked(stage, asks, be
     bench.ask(asks.setpoint())
     end.set()
     await asks.until(lambda: len(one.made) == 2 and one.runner.health == Health())
-    before = len(bench.puppet.calls)
+    before = len(bench.adapter.calls)
     await asyncio.sleep(0.02)
     await asks.until(lambda: not bench.controller.in_motion)  # its standstill may take one more stop
-    assert set(bench.puppet.calls[before:]) <= {"halt", "stop"}
+    assert set(bench.adapter.calls[before:]) <= {"halt", "stop"}
 
 
 async def test_a_robot_that_moves_is_stopped_when_the_host_stops(stage, asks, bench):
@@ -440,12 +440,12 @@ async def test_a_robot_that_we_never_moved_is_left_alone_when_the_host_stops(sta
     await asks.until(lambda: one.runner.health == Health())
     one.task.cancel()
     await asyncio.wait({one.task})
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
 
 
 async def test_a_robot_whose_adapter_crashes_in_a_command_is_stopped(stage, asks, bench):
     one, _ = await moving(stage, asks, bench)
-    bench.puppet.raises = ZeroDivisionError("oops")
+    bench.adapter.raises = ZeroDivisionError("oops")
     bench.ask(asks.command("takeoff"))
     await asks.until(lambda: len(one.made) == 2)
     assert last_words(bench)[-1] == "stop"
@@ -453,41 +453,41 @@ async def test_a_robot_whose_adapter_crashes_in_a_command_is_stopped(stage, asks
 
 async def test_a_host_that_stops_while_a_run_is_ending_still_stops_the_robot(stage, asks, bench):
     one, end = await moving(stage, asks, bench)
-    bench.puppet.stops = "never"
+    bench.adapter.stops = "never"
     end.set()
-    await asks.until(lambda: "stop" in bench.puppet.calls)
+    await asks.until(lambda: "stop" in bench.adapter.calls)
     one.task.cancel()
     await asks.settle()
     assert not one.task.done()
-    bench.puppet.go.set()
+    bench.adapter.go.set()
     await asyncio.wait({one.task})
     assert one.task.cancelled()
 
 
 async def test_nothing_is_begun_while_a_run_is_ending(stage, asks, bench):
     one, end = await moving(stage, asks, bench)
-    bench.puppet.stops = "never"
+    bench.adapter.stops = "never"
     end.set()
-    await asks.until(lambda: "stop" in bench.puppet.calls)
+    await asks.until(lambda: "stop" in bench.adapter.calls)
     one.robot.health(Health())
     (answer,) = bench.ask(asks.setpoint())
     assert "the cable came out" in answer.reason
-    bench.puppet.go.set()
+    bench.adapter.go.set()
 
 
 async def test_a_stop_that_never_returns_does_not_hold_up_the_next_run(stage, asks, bench, monkeypatch):
     monkeypatch.setattr("fleet.host.robot.standstill.STOP_TIMEOUT", 0.01)
     one, end = await moving(stage, asks, bench)
-    bench.puppet.stops = "never"
+    bench.adapter.stops = "never"
     end.set()
     await asks.until(lambda: len(one.made) == 2)
-    words = [call for call in bench.puppet.calls if isinstance(call, str)]
+    words = [call for call in bench.adapter.calls if isinstance(call, str)]
     assert "halt" in words[words.index("stop") :]
 
 
 async def test_a_halt_that_raises_does_not_keep_the_robot_from_its_stop(stage, asks, bench):
     one, end = await moving(stage, asks, bench)
-    bench.puppet.halts = ZeroDivisionError("oops")
+    bench.adapter.halts = ZeroDivisionError("oops")
     end.set()
     await asks.until(lambda: len(one.made) == 2)
     assert last_words(bench)[-1] == "stop"
@@ -681,14 +681,14 @@ async def serve_with_a_halt_left(robot):
 async def test_a_robot_that_nothing_stops_when_its_process_dies_is_degraded(  # noqa: PLR0917 - by name
     stage, asks, bench, failsafe, run, health
 ):
-    type(bench.puppet).failsafe = failsafe
+    type(bench.adapter).failsafe = failsafe
     try:
         one = stage(run)
         await asks.until(lambda: one.runner.health.level is not Level.OFFLINE)
         assert one.runner.health.level.word == health
         assert ("nothing stops it" in one.runner.health.cause) is (health == "degraded")
     finally:
-        type(bench.puppet).failsafe = "it moves nothing"
+        type(bench.adapter).failsafe = "it moves nothing"
 
 
 class Refusing(SupervisorClient):
@@ -702,7 +702,7 @@ async def test_a_robot_whose_halt_the_supervisor_refused_is_degraded_within_two_
     stage, asks, bench, monkeypatch
 ):
     monkeypatch.setattr("fleet.host.robot.robot_handle.KEPT_WITHIN", 0.0)
-    monkeypatch.setattr(type(bench.puppet), "failsafe", "")
+    monkeypatch.setattr(type(bench.adapter), "failsafe", "")
 
     async def run(robot):
         robot._supervised = Refusing()

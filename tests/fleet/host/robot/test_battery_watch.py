@@ -18,8 +18,8 @@ def goal(asks, task):
 
 async def test_a_goal_beyond_the_battery_is_refused(make_bench, asks):
     bench = make_bench(battery_policy=POLICY)
-    bench.stands()
-    bench.has(60.0)
+    bench.report_pose()
+    bench.report_battery(60.0)
     far, near = GoTo(Goal(Vector3(60, 0, 0))), GoTo(Goal(Vector3(30, 0, 0)))
     assert "the way there and home takes 60 %" in bench.ask(goal(asks, far))[0].reason  # 120 m at 2 m/s
     assert bench.ask(goal(asks, near))[0].ok
@@ -31,24 +31,24 @@ async def test_a_low_battery_is_acted_upon_once_while_we_move_the_robot_also_whe
 ):
     bench = make_bench(battery_policy={**POLICY, "action": "land"})
     for percent in before:
-        bench.has(percent)
+        bench.report_battery(percent)
     bench.ask(asks.setpoint(1.0))
     for percent in (16.0, 15.0, 14.0, 10.0, 5.0):
-        bench.has(percent)
+        bench.report_battery(percent)
         await asks.settle()
-    assert bench.puppet.calls.count("land") == 1
-    assert len(bench.happened("battery_low")) == 1
+    assert bench.adapter.calls.count("land") == 1
+    assert len(bench.telemetry_of("battery_low")) == 1
 
 
 async def test_a_take_off_that_the_low_battery_would_end_at_once_is_refused(make_bench, asks):
     bench = make_bench(battery_policy={"action": "return_to_home"})
-    bench.has(20.0)
+    bench.report_battery(20.0)
     answer = bench.ask(asks.command("takeoff"))[0]
     assert answer.reason == "the battery is at 20 %, a take-off needs more than 20 %"
-    bench.has(21.0)
+    bench.report_battery(21.0)
     bench.ask(asks.command("takeoff"))
     await asks.settle()
-    assert ("takeoff", None) in bench.puppet.calls
+    assert ("takeoff", None) in bench.adapter.calls
 
 
 def test_the_policy_of_a_robot_that_says_none_of_it_leaves_room_for_the_way_home():
@@ -60,18 +60,18 @@ async def test_a_forced_action_is_reported_with_its_cause_until_the_battery_was_
     bench = make_bench(battery_policy={**POLICY, "action": "land"})
     bench.ask(asks.setpoint(1.0))
     assert bench.controller.guard.cause == ""
-    bench.has(15.0)
+    bench.report_battery(15.0)
     await asks.settle()
-    bench.has(12.0)
+    bench.report_battery(12.0)
     assert bench.controller.guard.cause == "land by battery_policy: the battery was at 15 %"
-    bench.has(90.0)
+    bench.report_battery(90.0)
     assert bench.controller.guard.cause == ""
 
 
 async def test_a_forced_action_that_failed_says_why(make_bench, asks):
     bench = make_bench(battery_policy={**POLICY, "action": "return_to_home"})  # which the puppet has not
     bench.ask(asks.setpoint(1.0))
-    bench.has(15.0)
+    bench.report_battery(15.0)
     await asks.settle()
     assert (
         bench.controller.guard.cause == "return_to_home by battery_policy failed: rex has no 'return_to_home'"
@@ -82,7 +82,7 @@ async def test_an_action_that_is_refused_again_and_again_is_reported_once(make_b
     bench = make_bench(battery_policy={**POLICY, "action": "return_to_home"})  # which the puppet has not
     bench.ask(asks.setpoint(1.0))
     for percent in (15.0, 14.0, 13.0):
-        bench.has(percent)
+        bench.report_battery(percent)
         await asks.settle()
     texts = [each.text for each in bench.reports if isinstance(each, EventReport)]
     assert sum("battery_policy failed" in text for text in texts) == 1
@@ -90,10 +90,10 @@ async def test_an_action_that_is_refused_again_and_again_is_reported_once(make_b
 
 async def test_a_low_battery_of_a_robot_that_is_not_ours_is_only_reported(make_bench, asks):
     bench = make_bench(battery_policy={**POLICY, "action": "land"})
-    bench.has(10.0)
+    bench.report_battery(10.0)
     await asks.settle()
-    assert bench.puppet.calls == []
-    assert bench.happened("battery_low")
+    assert bench.adapter.calls == []
+    assert bench.telemetry_of("battery_low")
 
 
 async def test_a_low_battery_ends_no_emergency_stop_and_is_acted_upon_after_its_release(make_bench, asks):
@@ -101,14 +101,14 @@ async def test_a_low_battery_ends_no_emergency_stop_and_is_acted_upon_after_its_
     bench.ask(asks.setpoint(1.0))
     bench.ask(asks.command("emergency_stop"))
     await asks.settle()
-    bench.has(14.0)
+    bench.report_battery(14.0)
     await asks.settle()
-    assert bench.happened("battery_low")
-    assert "land" not in bench.puppet.calls
+    assert bench.telemetry_of("battery_low")
+    assert "land" not in bench.adapter.calls
     bench.ask(asks.command("release_emergency_stop"))
-    bench.has(14.0)
+    bench.report_battery(14.0)
     await asks.settle()
-    assert bench.puppet.calls.count("land") == 1
+    assert bench.adapter.calls.count("land") == 1
 
 
 async def test_a_low_battery_is_acted_upon_again_only_after_it_was_charged(make_bench, asks):
@@ -116,64 +116,64 @@ async def test_a_low_battery_is_acted_upon_again_only_after_it_was_charged(make_
     lands = []
     for percent in (15.0, 15.1, 15.0, 17.0, 14.0, 90.0, 15.0):
         bench.ask(asks.setpoint(1.0))
-        bench.has(percent)
+        bench.report_battery(percent)
         await asks.settle()
-        lands.append(bench.puppet.calls.count("land"))
+        lands.append(bench.adapter.calls.count("land"))
     assert lands == [1, 1, 1, 1, 1, 1, 2]
-    assert len(bench.happened("battery_low")) == 2
+    assert len(bench.telemetry_of("battery_low")) == 2
 
 
 async def test_an_action_that_could_not_be_asked_is_asked_with_the_next_look(make_bench, asks):
     bench = make_bench(battery_policy={**POLICY, "action": "land"})
     bench.ask(asks.setpoint(1.0))
     bench.controller.lost("no heartbeat")
-    bench.has(14.0)
-    assert "land" not in bench.puppet.calls
+    bench.report_battery(14.0)
+    assert "land" not in bench.adapter.calls
     bench.controller.found()
     for percent in (14.0, 13.0):
-        bench.has(percent)
+        bench.report_battery(percent)
     await asks.settle()
-    assert bench.puppet.calls.count("land") == 1
+    assert bench.adapter.calls.count("land") == 1
 
 
 async def test_a_landing_is_not_broken_off_for_a_low_battery_which_is_acted_upon_after_it(make_bench, asks):
     bench = make_bench(battery_policy={**POLICY, "action": "stop"})
-    bench.puppet.land = bench.puppet.go.wait  # it takes its time
+    bench.adapter.land = bench.adapter.go.wait  # it takes its time
     landing = bench.ask(asks.command("land"), waits=True)
     await asks.settle()
-    bench.has(14.0)
+    bench.report_battery(14.0)
     await asks.settle()
-    assert bench.happened("battery_low")
-    assert bench.puppet.calls == []
-    bench.puppet.go.set()
+    assert bench.telemetry_of("battery_low")
+    assert bench.adapter.calls == []
+    bench.adapter.go.set()
     await asks.settle()
     assert landing[-1].done
-    bench.has(13.0)
+    bench.report_battery(13.0)
     await asks.settle()
-    assert bench.puppet.calls == ["stop"]
+    assert bench.adapter.calls == ["stop"]
 
 
 @pytest.mark.parametrize("kind", ["setpoint", "command", "goal", "zero"])
 async def test_what_is_refused_because_a_pilot_has_the_robot_does_not_make_it_ours(make_bench, asks, kind):
     bench = make_bench(battery_policy={**POLICY, "action": "land"})
-    bench.has(90.0)
-    bench.stands()
+    bench.report_battery(90.0)
+    bench.report_pose()
     bench.ask(asks.setpoint())
     bench.controller.authority_lost("the pilot switched to POSHOLD")
-    bench.puppet.raises = None if kind == "zero" else NotReady("a pilot has it")
+    bench.adapter.raises = None if kind == "zero" else NotReady("a pilot has it")
     what = {"command": asks.command("takeoff"), "zero": asks.setpoint(0.0)}
     bench.ask(what[kind] if kind in what else getattr(asks, kind)())
     await asks.settle()
-    bench.has(14.0)
+    bench.report_battery(14.0)
     await asks.settle()
-    assert bench.happened("battery_low")
-    assert "land" not in bench.puppet.calls
+    assert bench.telemetry_of("battery_low")
+    assert "land" not in bench.adapter.calls
 
 
 async def test_a_robot_that_obeyed_after_a_pilot_had_it_is_ours_again(make_bench, asks):
     bench = make_bench(battery_policy={**POLICY, "action": "land"})
     bench.controller.authority_lost("the pilot switched to POSHOLD")
     bench.ask(asks.setpoint())
-    bench.has(14.0)
+    bench.report_battery(14.0)
     await asks.settle()
-    assert bench.puppet.calls[-1] == "land"
+    assert bench.adapter.calls[-1] == "land"

@@ -28,7 +28,7 @@ def statuses(answers):
 async def test_a_command_reaches_the_robot_and_is_answered_once(bench, asks):
     answers = bench.ask(asks.command("land"))
     await asks.settle()
-    assert bench.puppet.calls == ["land"]
+    assert bench.adapter.calls == ["land"]
     assert statuses(answers) == [ACCEPTED]
 
 
@@ -36,7 +36,7 @@ async def test_who_waits_also_hears_that_it_is_done(bench, asks):
     answers = bench.ask(asks.command("takeoff", data={"altitude": 3}), waits=True)
     await asks.settle()
     assert [answer.done for answer in answers] == [None]
-    bench.puppet.go.set()
+    bench.adapter.go.set()
     await asks.settle()
     assert [answer.done for answer in answers] == [None, True]
 
@@ -45,7 +45,7 @@ async def test_who_waits_also_hears_that_it_is_done(bench, asks):
 async def test_a_command_from_a_wrong_source_never_reaches_the_robot(bench, asks, source):
     answers = bench.ask(asks.command("land", source=source)) + bench.ask(asks.setpoint(source=source))
     await asks.settle()
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
     assert statuses(answers) == [REJECTED, REJECTED]
 
 
@@ -53,7 +53,7 @@ async def test_a_command_from_a_wrong_source_never_reaches_the_robot(bench, asks
 async def test_a_stop_is_obeyed_from_anyone_however_old(bench, asks, name):
     answers = bench.ask(asks.command(name, source=None, stamp=1.0))
     await asks.settle()
-    assert "stop" in bench.puppet.calls
+    assert "stop" in bench.adapter.calls
     assert statuses(answers) == [ACCEPTED]
 
 
@@ -74,7 +74,7 @@ async def test_what_this_robot_lacks_is_refused_with_the_reason_and_its_drive_go
     assert (takeoff.status, takeoff.hint) == (REJECTED, "it has wheels")
     assert (back.status, back.reason) == (REJECTED, "it has no reverse")
     assert "it knows no place" in answers[0].reason
-    assert [each.linear.x for each in bench.puppet.calls] == [1.0]
+    assert [each.linear.x for each in bench.adapter.calls] == [1.0]
     assert bench.controller.in_motion
 
 
@@ -82,7 +82,7 @@ async def test_a_wrong_argument_is_refused_by_name(bench, asks):
     answers = bench.ask(asks.command("takeoff", data={"altitud": 3}))
     await asks.settle()
     assert "altitude" in answers[0].hint
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
 
 
 async def test_the_robots_own_words_come_back(bench, asks):
@@ -97,14 +97,14 @@ async def test_a_repeated_command_is_done_once_and_answered_alike(bench, asks):
     await asks.settle()
     second = bench.ask(asks.command("land", id="r1"))
     await asks.settle()
-    assert bench.puppet.calls == ["land"]
+    assert bench.adapter.calls == ["land"]
     assert first == second
 
 
 async def test_a_stale_setpoint_is_refused(bench, asks):
     answers = bench.ask(asks.setpoint(stamp=bench.clock.time() - 30))
     assert statuses(answers) == [REJECTED]
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
 
 
 @pytest.mark.parametrize("stamp", [-3600.0, -30.0, -0.6, 0.5, 60.0])
@@ -113,7 +113,7 @@ async def test_a_zero_ends_motion_however_late_or_early_its_stamp_is(bench, asks
     assert bench.controller.deadman.armed
     zero = asks.setpoint(x=0.0, stamp=bench.clock.time() + stamp)
     assert statuses(bench.ask(zero)) == [ACCEPTED]
-    assert bench.puppet.calls[-1] == ZERO_VELOCITY
+    assert bench.adapter.calls[-1] == ZERO_VELOCITY
     assert not bench.controller.in_motion
     bench.ask(asks.goal())
     await asks.settle()
@@ -129,13 +129,13 @@ async def test_a_zero_ends_motion_while_nothing_may_move_the_robot(bench, asks, 
     assert statuses(bench.ask(asks.setpoint())) == [REJECTED]
     zero = asks.setpoint(x=0.0, stamp=None if stamp is None else bench.clock.time() + stamp)
     assert statuses(bench.ask(zero)) == [ACCEPTED]
-    assert bench.puppet.calls[-1] == ZERO_VELOCITY
+    assert bench.adapter.calls[-1] == ZERO_VELOCITY
     assert not bench.controller.in_motion
 
 
 async def test_a_late_zero_tells_a_robot_that_stands_nothing(bench, asks):
     bench.ask(asks.setpoint(x=0.0, stamp=bench.clock.time() - 30))
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
     assert not bench.controller.motion.in_control
 
 
@@ -154,20 +154,20 @@ async def test_a_late_zero_ends_no_take_off_and_nothing_that_another_drives(benc
 
 
 async def test_a_late_zero_of_one_key_starts_none_that_it_held_back(bench, make_bench, asks, monkeypatch):
-    monkeypatch.setattr(type(bench.puppet), "combines_keys", True, raising=False)
+    monkeypatch.setattr(type(bench.adapter), "combines_keys", True, raising=False)
     bench = make_bench()
     now = bench.clock.time()
     for verb, x in (("move_forward", 1.0), ("move_backward", -1.0)):
         bench.ask(msgspec.structs.replace(asks.setpoint(x=x, stamp=now), name=verb))
-    before = len(bench.puppet.calls)
+    before = len(bench.adapter.calls)
     bench.ask(msgspec.structs.replace(asks.setpoint(x=0.0, stamp=now - 3), name="move_backward"))
-    assert all(call == ZERO_VELOCITY for call in bench.puppet.calls[before:])
+    assert all(call == ZERO_VELOCITY for call in bench.adapter.calls[before:])
     assert not bench.controller.in_motion
 
 
 async def test_a_setpoint_is_clamped_and_held_for_its_lease(bench, asks):
     bench.ask(asks.setpoint(x=50.0))
-    assert bench.puppet.calls[0].linear.x == pytest.approx(2.0)
+    assert bench.adapter.calls[0].linear.x == pytest.approx(2.0)
     bench.clock.advance(0.49)
     assert not bench.controller.deadman.expire(bench.clock.monotonic())
     bench.clock.advance(0.02)
@@ -179,7 +179,7 @@ async def test_a_lease_that_ran_out_ends_in_zero_velocity(bench, asks):
     bench.clock.advance(1.0)
     bench.controller.deadman.expire(bench.clock.monotonic())
     bench.controller.motion.lease_ran_out()
-    assert bench.puppet.calls[-1] == ZERO_VELOCITY
+    assert bench.adapter.calls[-1] == ZERO_VELOCITY
 
 
 async def test_a_fresh_setpoint_is_not_undone_by_the_lease_before_it(bench, asks):
@@ -188,7 +188,7 @@ async def test_a_fresh_setpoint_is_not_undone_by_the_lease_before_it(bench, asks
     bench.controller.deadman.expire(bench.clock.monotonic())
     bench.ask(asks.setpoint(x=0.5))
     bench.controller.motion.lease_ran_out()
-    assert bench.puppet.calls[-1].linear.x == 0.5
+    assert bench.adapter.calls[-1].linear.x == 0.5
 
 
 async def test_a_second_operator_waits_for_the_control_lease(bench, asks):
@@ -221,7 +221,7 @@ async def test_a_stick_that_is_held_does_not_undo_somebody_else_s_stop(bench, as
 async def test_an_emergency_stop_is_latched_until_it_is_released(bench, asks):
     bench.ask(asks.command("emergency_stop", source=None))
     await asks.settle()
-    assert bench.puppet.calls[0] == "halt"
+    assert bench.adapter.calls[0] == "halt"
     refused = bench.ask(asks.setpoint()) + bench.ask(asks.command("takeoff")) + bench.ask(asks.goal())
     assert statuses(refused) == [REJECTED] * 3
     bench.ask(asks.command("release_emergency_stop"))
@@ -303,7 +303,7 @@ async def test_a_setpoint_does_not_disturb_a_takeoff(bench, asks):
     await asks.settle()
     (answer,) = bench.ask(asks.setpoint())
     assert "takeoff" in answer.reason
-    assert bench.puppet.calls == [("takeoff", None)]
+    assert bench.adapter.calls == [("takeoff", None)]
 
 
 async def test_a_stop_ends_a_takeoff(bench, asks):
@@ -312,17 +312,17 @@ async def test_a_stop_ends_a_takeoff(bench, asks):
     bench.ask(asks.command("stop"))
     await asks.settle()
     assert older[-1].done is False
-    assert bench.puppet.calls[-1] == "stop"
+    assert bench.adapter.calls[-1] == "stop"
 
 
 async def test_an_offline_robot_is_asked_nothing_but_is_still_halted(bench, asks):
     bench.controller.lost("no heartbeat")
-    bench.puppet.calls.clear()
+    bench.adapter.calls.clear()
     answers = bench.ask(asks.command("land")) + bench.ask(asks.setpoint()) + bench.ask(asks.command("stop"))
     await asks.settle()
     assert statuses(answers) == [REJECTED] * 3
     assert all("no heartbeat" in answer.reason for answer in answers)
-    assert bench.puppet.calls == ["halt"]
+    assert bench.adapter.calls == ["halt"]
 
 
 async def test_a_robot_that_is_lost_fails_what_was_under_way_and_takes_nothing_up_again(bench, asks):
@@ -336,7 +336,7 @@ async def test_a_robot_that_is_lost_fails_what_was_under_way_and_takes_nothing_u
 
 
 async def test_an_adapter_that_refuses_a_velocity_leaves_nothing_armed(bench, asks):
-    bench.puppet.raises = NotReady("not in the air")
+    bench.adapter.raises = NotReady("not in the air")
     (answer,) = bench.ask(asks.setpoint())
     assert (answer.status, answer.reason) == (DENIED, "not in the air")
     assert not bench.controller.deadman.armed
@@ -344,7 +344,7 @@ async def test_an_adapter_that_refuses_a_velocity_leaves_nothing_armed(bench, as
 
 @pytest.mark.parametrize("kind", ["command", "setpoint", "goal"])
 async def test_an_adapter_that_raises_anything_is_reported_to_the_runner(bench, asks, kind):
-    bench.puppet.raises = ZeroDivisionError("oops")
+    bench.adapter.raises = ZeroDivisionError("oops")
     bench.ask(asks.command("takeoff") if kind == "command" else getattr(asks, kind)())
     await asks.settle()
     assert [type(crash) for crash in bench.crashes] == [ZeroDivisionError]
@@ -354,7 +354,7 @@ async def test_authority_lost_ends_everything_and_is_reported(bench, asks):
     bench.ask(asks.goal())
     await asks.settle()
     bench.controller.authority_lost("the pilot switched to POSHOLD")
-    assert len(bench.happened("authority_lost")) == 1
+    assert len(bench.telemetry_of("authority_lost")) == 1
     assert bench.statuses()[-1] == "failed"
     assert not bench.controller.motion.in_control
 
@@ -362,7 +362,7 @@ async def test_authority_lost_ends_everything_and_is_reported(bench, asks):
 async def test_a_goal_goes_through_its_states_to_exactly_one_end(bench, asks):
     answers = bench.ask(asks.goal(), waits=True)
     await asks.settle()
-    bench.puppet.go.set()
+    bench.adapter.go.set()
     await asks.settle()
     assert bench.statuses() == ["queued", "running", "completed"]
     assert [answer.done for answer in answers] == [None, True]
@@ -382,7 +382,7 @@ async def test_teleoperation_takes_over_from_navigation(bench, asks):
     await asks.settle()
     bench.ask(asks.setpoint())
     assert bench.statuses()[-1] == "cancelled"
-    assert bench.puppet.calls[-1].linear.x == 1.0
+    assert bench.adapter.calls[-1].linear.x == 1.0
 
 
 async def test_a_goal_from_another_waits_for_the_one_who_drives(bench, asks):
@@ -397,7 +397,7 @@ async def test_a_repeated_action_id_is_answered_with_its_last_status(bench, asks
     await asks.settle()
     bench.ask(asks.goal("a1"))
     await asks.settle()
-    assert len([call for call in bench.puppet.calls if call != "halt"]) == 1
+    assert len([call for call in bench.adapter.calls if call != "halt"]) == 1
     assert bench.statuses() == ["queued", "running", "running"]
 
 
@@ -412,7 +412,7 @@ async def test_stopping_cancels_the_action_and_completes_the_stop(bench, asks):
     await asks.settle()
     ended = {report.action_id: str(report.state) for report in bench.reports if report.state.terminal}
     assert ended == {"a1": "cancelled", "s1": "completed"}
-    assert bench.puppet.calls[-1] == "stop"
+    assert bench.adapter.calls[-1] == "stop"
 
 
 async def test_a_paused_action_holds_and_goes_on_when_resumed(bench, asks):
@@ -420,9 +420,9 @@ async def test_a_paused_action_holds_and_goes_on_when_resumed(bench, asks):
     await asks.settle()
     bench.ask(control(asks, Control.PAUSE))
     await asks.settle()
-    assert bench.puppet.calls[-1] == "stop"
+    assert bench.adapter.calls[-1] == "stop"
     bench.ask(control(asks, Control.RESUME))
-    bench.puppet.go.set()
+    bench.adapter.go.set()
     await asks.settle()
     assert bench.statuses()[-1] == "completed"
 
@@ -432,11 +432,11 @@ async def test_resuming_nothing_is_refused(bench, asks):
 
 
 async def test_a_failed_goal_stops_the_robot_and_says_why(bench, asks):
-    bench.puppet.raises = LinkLost("the cable came out")
+    bench.adapter.raises = LinkLost("the cable came out")
     bench.ask(asks.goal())
     await asks.settle()
     assert bench.reports[-1].message == "the cable came out"
-    assert bench.puppet.calls[-1] == "stop"
+    assert bench.adapter.calls[-1] == "stop"
 
 
 # -- what must not leave the robot moving ----------------------------------------------------------------
@@ -447,36 +447,36 @@ async def test_a_stop_with_the_actions_own_id_is_no_repeat_of_the_action(bench, 
     await asks.settle()
     bench.ask(control(asks, Control.STOP, "a1"))
     await asks.settle()
-    assert bench.puppet.calls[-1] == "stop"
+    assert bench.adapter.calls[-1] == "stop"
     assert bench.statuses() == ["queued", "running", "cancelled"]
 
 
 async def test_a_velocity_that_the_robot_refuses_ends_the_one_before_it(bench, asks):
     bench.ask(asks.setpoint())
-    bench.puppet.raises = NotReady("no sideways")
+    bench.adapter.raises = NotReady("no sideways")
     bench.ask(asks.setpoint(x=0.5))
-    assert bench.puppet.calls[-1] == "halt"
+    assert bench.adapter.calls[-1] == "halt"
     assert not bench.controller.deadman.armed
 
 
 async def test_a_velocity_that_is_refused_after_taking_over_from_navigation_ends_in_a_halt(bench, asks):
     bench.ask(asks.goal())
     await asks.settle()
-    bench.puppet.raises = NotReady("not in this mode")
+    bench.adapter.raises = NotReady("not in this mode")
     bench.ask(asks.setpoint())
-    assert bench.puppet.calls[-1] == "halt"
+    assert bench.adapter.calls[-1] == "halt"
 
 
 async def test_a_velocity_that_is_refused_at_rest_touches_nothing(bench, asks):
-    bench.puppet.raises = NotReady("not in the air")
+    bench.adapter.raises = NotReady("not in the air")
     bench.ask(asks.setpoint())
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
 
 
 async def test_an_adapter_that_crashes_in_a_velocity_is_halted_at_once(bench, asks):
-    bench.puppet.raises = ZeroDivisionError("oops")
+    bench.adapter.raises = ZeroDivisionError("oops")
     bench.ask(asks.setpoint())
-    assert bench.puppet.calls == ["halt"]
+    assert bench.adapter.calls == ["halt"]
 
 
 async def test_a_command_that_is_refused_after_it_ended_an_action_holds_the_robot(bench, asks, caplog):
@@ -484,67 +484,67 @@ async def test_a_command_that_is_refused_after_it_ended_an_action_holds_the_robo
     await asks.settle()
     bench.ask(asks.command("shy"))
     await asks.settle()
-    assert bench.puppet.calls[-1] == "stop"
+    assert bench.adapter.calls[-1] == "stop"
     assert "shy failed: not today: it is brought to a standstill" in caplog.text
 
 
 async def test_a_command_with_data_that_it_does_not_take_breaks_nothing_off(bench, asks):
     bench.ask(asks.goal())
     await asks.settle()
-    before = list(bench.puppet.calls)
+    before = list(bench.adapter.calls)
     (answer,) = bench.ask(asks.command("takeoff", data={"no_such": 1}))
     await asks.settle()
     assert answer.status is DENIED
-    assert bench.puppet.calls == before
+    assert bench.adapter.calls == before
 
 
 async def test_a_command_that_is_refused_at_rest_does_not_move_the_robot_at_all(bench, asks):
     bench.ask(asks.command("shy"))
     await asks.settle()
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
 
 
 async def test_a_command_that_the_robot_took_and_then_failed_ends_in_a_stop(bench, asks):
     bench.ask(asks.command("takeoff"))
     await asks.settle()
-    bench.puppet.raises = NotReady("a motor is weak")
-    bench.puppet.go.set()
+    bench.adapter.raises = NotReady("a motor is weak")
+    bench.adapter.go.set()
     await asks.settle()
-    assert bench.puppet.calls[-1] == "stop"
+    assert bench.adapter.calls[-1] == "stop"
 
 
 async def test_a_stop_that_raises_is_followed_by_a_halt(bench, asks):
-    bench.puppet.stops = LinkLost("no answer")
+    bench.adapter.stops = LinkLost("no answer")
     answers = bench.ask(asks.command("stop"))
     await asks.settle()
     assert statuses(answers) == [ReplyStatus.TIMEOUT]
-    assert bench.puppet.calls[-1] == "halt"
+    assert bench.adapter.calls[-1] == "halt"
 
 
 async def test_a_stop_that_never_returns_is_cut_off_and_said_so(bench, asks, monkeypatch):
     monkeypatch.setattr("fleet.host.robot.standstill.STOP_TIMEOUT", 0.01)
-    bench.puppet.stops = "never"
+    bench.adapter.stops = "never"
     answers = bench.ask(asks.command("stop"))
     await asks.until(lambda: answers)
-    bench.puppet.go.set()
+    bench.adapter.go.set()
     assert answers[0].status is ReplyStatus.TIMEOUT
-    assert bench.puppet.calls[-1] == "halt"
+    assert bench.adapter.calls[-1] == "halt"
 
 
 async def test_a_stop_while_it_is_stopping_is_answered_too(bench, asks):
     answers = [bench.ask(asks.command(name)) for name in ("stop", "stop", "emergency_stop")]
     await asks.settle()
     assert [statuses(one) for one in answers] == [[ACCEPTED]] * 3
-    assert bench.puppet.calls.count("stop") == 3
+    assert bench.adapter.calls.count("stop") == 3
 
 
 @pytest.mark.parametrize("method", ["emergency", "halt"])
 async def test_a_halt_that_raises_stays_inside(bench, asks, method):
-    bench.puppet.halts = ZeroDivisionError("oops")
+    bench.adapter.halts = ZeroDivisionError("oops")
     {"emergency": lambda: bench.controller.emergency("test"), "halt": bench.controller.halt}[method]()
     bench.ask(asks.command("stop"))
     await asks.settle()
-    assert bench.puppet.calls[-1] == "stop"
+    assert bench.adapter.calls[-1] == "stop"
 
 
 @pytest.mark.parametrize("reachable", [True, False])
@@ -553,14 +553,14 @@ async def test_an_emergency_halt_that_hangs_keeps_neither_the_latch_nor_the_loop
 ):
     monkeypatch.setattr("fleet.host.robot.controller.HALT_WAIT", 0.01)
     free, held = threading.Event(), []
-    bench.puppet.emergency_halt = bench.puppet.halt = lambda: held.append(free.wait(20))
+    bench.adapter.emergency_halt = bench.adapter.halt = lambda: held.append(free.wait(20))
     if not reachable:
         bench.controller.lost("no heartbeat")
     answers = bench.ask(asks.command("emergency_stop"))
     assert bench.controller.latched
     await asks.settle()
     assert held == []
-    assert bench.puppet.calls == ["stop"] * reachable
+    assert bench.adapter.calls == ["stop"] * reachable
     assert statuses(answers) == [ACCEPTED if reachable else REJECTED]
     free.set()
     await asks.until(lambda: len(held) == (1 if reachable else 2))
@@ -568,13 +568,13 @@ async def test_an_emergency_halt_that_hangs_keeps_neither_the_latch_nor_the_loop
 
 async def test_a_robot_that_somebody_else_moves_is_not_touched_when_it_is_lost(bench, asks):
     bench.controller.lost("no heartbeat")
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
 
 
 async def test_a_robot_that_we_moved_is_halted_when_it_is_lost(bench, asks):
     bench.ask(asks.setpoint())
     bench.controller.lost("no heartbeat")
-    assert bench.puppet.calls[-1] == "halt"
+    assert bench.adapter.calls[-1] == "halt"
 
 
 async def test_a_lease_that_ran_out_does_not_disturb_a_goal_that_came_meanwhile(bench, asks):
@@ -584,7 +584,7 @@ async def test_a_lease_that_ran_out_does_not_disturb_a_goal_that_came_meanwhile(
     bench.ask(asks.goal())
     await asks.settle()
     bench.controller.motion.lease_ran_out()
-    assert bench.puppet.calls[1:] == [ZERO_VELOCITY, asks.goal().ask]
+    assert bench.adapter.calls[1:] == [ZERO_VELOCITY, asks.goal().ask]
 
 
 # -- repeats ---------------------------------------------------------------------------------------------
@@ -594,7 +594,7 @@ async def test_a_repeat_of_what_is_still_under_way_gets_the_same_answers(bench, 
     first = bench.ask(asks.command("takeoff", id="r1"), waits=True)
     again = bench.ask(asks.command("takeoff", id="r1"), waits=True)
     await asks.settle()
-    bench.puppet.go.set()
+    bench.adapter.go.set()
     await asks.settle()
     assert [answer.done for answer in again] == [None, True]
     assert first == again
@@ -607,7 +607,7 @@ async def test_a_command_that_was_refused_is_not_done_when_it_is_delivered_again
     again = bench.ask(asks.command("takeoff", session="bert", id="r1"))
     await asks.settle()
     assert statuses(again) == [REJECTED]
-    assert ("takeoff", None) not in bench.puppet.calls
+    assert ("takeoff", None) not in bench.adapter.calls
 
 
 async def test_a_release_that_is_delivered_again_does_not_release_the_next_stop(bench, asks):
@@ -626,7 +626,7 @@ async def test_a_resume_that_is_delivered_again_does_not_go_on_after_the_next_pa
         await asks.settle()
         bench.ask(control(asks, Control.RESUME, "r1"))
         await asks.settle()
-    assert len([call for call in bench.puppet.calls if hasattr(call, "goal")]) == 2
+    assert len([call for call in bench.adapter.calls if hasattr(call, "goal")]) == 2
 
 
 async def test_a_goal_that_was_refused_does_not_begin_when_it_is_delivered_again(bench, asks):
@@ -663,13 +663,13 @@ async def test_the_adapter_is_restarted_by_who_may_command_it(bench, asks):
 async def test_what_is_asked_after_a_failure_waits_until_the_robot_stands(bench, asks):
     bench.ask(asks.goal())
     await asks.settle()
-    bench.puppet.calls.clear()
+    bench.adapter.calls.clear()
     bench.ask(asks.command("shy"))
     await asks.settle()
     bench.ask(asks.command("takeoff"))
     await asks.settle()
-    assert bench.puppet.calls.index("stop") < bench.puppet.calls.index(("takeoff", None))
-    assert bench.puppet.calls[-1] == ("takeoff", None)
+    assert bench.adapter.calls.index("stop") < bench.adapter.calls.index(("takeoff", None))
+    assert bench.adapter.calls[-1] == ("takeoff", None)
 
 
 async def test_a_robot_with_a_fault_is_not_moved_and_says_why(bench, asks):
@@ -678,7 +678,7 @@ async def test_a_robot_with_a_fault_is_not_moved_and_says_why(bench, asks):
     assert [answer.reason for answer in refused] == [
         "it has a fault: the left arm is hot; send cool_down"
     ] * 3
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
 
 
 @pytest.mark.parametrize("name", ["stop", "emergency_stop", "land", "battery_check"])
@@ -687,7 +687,7 @@ async def test_a_robot_with_a_fault_is_stopped_and_asked_what_does_not_move_it(b
     answers = bench.ask(asks.command(name))
     await asks.settle()
     assert statuses(answers) == [ACCEPTED]
-    assert bench.puppet.calls
+    assert bench.adapter.calls
 
 
 @pytest.mark.parametrize("ask", ["setpoint", "goal"])
@@ -696,7 +696,7 @@ async def test_a_fault_halts_what_is_under_way(bench, asks, ask):
     await asks.settle()
     bench.controller.faulted("the left arm is hot")
     await asks.settle()
-    assert "halt" in bench.puppet.calls
+    assert "halt" in bench.adapter.calls
     assert not bench.controller.in_motion
 
 
@@ -708,13 +708,13 @@ async def test_a_command_that_a_fault_ends_gets_the_fault_as_its_reason(bench, a
 
 
 async def test_a_fault_does_not_break_off_a_landing(bench, asks):
-    bench.puppet.go.clear()
+    bench.adapter.go.clear()
     bench.controller.faulted("first")
     bench.controller.found()
     bench.ask(asks.command("land"))
     bench.controller.faulted("the left arm is hot")
     await asks.settle()
-    assert bench.puppet.calls == ["land"]
+    assert bench.adapter.calls == ["land"]
 
 
 async def test_a_fault_that_is_gone_lets_the_robot_move_again(bench, asks):
@@ -724,10 +724,10 @@ async def test_a_fault_that_is_gone_lets_the_robot_move_again(bench, asks):
 
 
 async def test_an_emergency_stop_has_a_halt_of_its_own(bench, asks):
-    bench.puppet.emergency_halt = lambda: bench.puppet.calls.append("emergency halt")
+    bench.adapter.emergency_halt = lambda: bench.adapter.calls.append("emergency halt")
     bench.controller.emergency("test")
     bench.controller.halt()
-    assert bench.puppet.calls == ["emergency halt", "halt"]
+    assert bench.adapter.calls == ["emergency halt", "halt"]
 
 
 @pytest.mark.parametrize("ask", ["goal", "setpoint", "takeoff"])
@@ -736,34 +736,34 @@ async def test_a_robot_that_was_lost_while_it_moved_is_stopped_when_it_is_back(b
     bench.ask(asks.command(ask) if ask == "takeoff" else getattr(asks, ask)())
     await asks.settle()
     bench.controller.lost("no heartbeat")
-    before = len(bench.puppet.calls)
+    before = len(bench.adapter.calls)
     getattr(bench.controller, back)(*["a leg is hot"] * (back == "faulted"))
     bench.controller.found()
     await asks.settle()
-    assert [call for call in bench.puppet.calls[before:] if call != "halt"] == ["stop"]
+    assert [call for call in bench.adapter.calls[before:] if call != "halt"] == ["stop"]
 
 
 async def test_it_is_stopped_by_the_next_run_too(bench, asks):
     bench.ask(asks.goal())
     await asks.settle()
     bench.controller.detach("the port is gone")
-    bench.controller.attach(bench.puppet)
+    bench.controller.attach(bench.adapter)
     bench.controller.found()
     await asks.settle()
-    assert bench.puppet.calls[-2:] == ["halt", "stop"]
+    assert bench.adapter.calls[-2:] == ["halt", "stop"]
 
 
 async def test_a_stop_that_the_loss_broke_off_is_begun_anew(bench, asks):
     bench.ask(asks.goal())
-    bench.puppet.stops = "never"
+    bench.adapter.stops = "never"
     bench.ask(asks.command("stop"))
     await asks.settle()
     bench.controller.lost("no heartbeat")
-    bench.puppet.stops = ""
-    bench.puppet.go.set()
+    bench.adapter.stops = ""
+    bench.adapter.go.set()
     bench.controller.found()
     await asks.settle()
-    assert bench.puppet.calls.count("stop") == 2
+    assert bench.adapter.calls.count("stop") == 2
 
 
 @pytest.mark.parametrize("stops", [LinkLost("gone"), NotReady("busy"), "never"])
@@ -771,8 +771,8 @@ async def test_a_stop_that_the_loss_broke_off_is_begun_anew(bench, asks):
 async def test_a_robot_whose_stop_was_not_seen_before_it_was_lost_is_stopped_when_it_is_back(
     bench, asks, ended_by, stops
 ):
-    bench.puppet.stops = stops
-    bench.puppet.raises = LinkLost("gone") if ended_by == "its own failure" else None
+    bench.adapter.stops = stops
+    bench.adapter.raises = LinkLost("gone") if ended_by == "its own failure" else None
     bench.ask(asks.goal())
     await asks.settle()
     if ended_by == "a stop":
@@ -780,26 +780,26 @@ async def test_a_robot_whose_stop_was_not_seen_before_it_was_lost_is_stopped_whe
         await asks.settle()
     assert not bench.controller.in_motion
     bench.controller.lost("no heartbeat")
-    before = len(bench.puppet.calls)
-    bench.puppet.stops, bench.puppet.raises = "", None
-    bench.puppet.go.set()
+    before = len(bench.adapter.calls)
+    bench.adapter.stops, bench.adapter.raises = "", None
+    bench.adapter.go.set()
     bench.controller.found()
     await asks.settle()
-    assert bench.puppet.calls[before:] == ["stop"]
+    assert bench.adapter.calls[before:] == ["stop"]
 
 
 async def test_a_robot_that_did_what_was_asked_after_a_stop_failed_is_left_alone_when_it_is_back(bench, asks):
-    bench.puppet.stops = NotReady("busy")
+    bench.adapter.stops = NotReady("busy")
     bench.ask(asks.command("stop"))
     await asks.settle()
-    bench.puppet.go.set()
+    bench.adapter.go.set()
     bench.ask(asks.goal())
     await asks.settle()
-    before = len(bench.puppet.calls)
+    before = len(bench.adapter.calls)
     bench.controller.lost("no heartbeat")
     bench.controller.found()
     await asks.settle()
-    assert "stop" not in bench.puppet.calls[before:]
+    assert "stop" not in bench.adapter.calls[before:]
 
 
 async def test_one_that_is_lost_again_before_it_was_seen_to_stand_is_stopped_once_more(make_bench, asks):
@@ -807,17 +807,17 @@ async def test_one_that_is_lost_again_before_it_was_seen_to_stand_is_stopped_onc
     bench.ask(asks.goal())
     await asks.settle()
     bench.controller.detach("the port is gone")
-    bench.puppet.stops = "never"
-    bench.controller.attach(bench.puppet)
+    bench.adapter.stops = "never"
+    bench.controller.attach(bench.adapter)
     bench.controller.found()
     await asks.settle()
     bench.controller.detach("it is gone again")
-    bench.puppet.stops = ""
-    bench.puppet.go.set()
-    bench.controller.attach(bench.puppet)
+    bench.adapter.stops = ""
+    bench.adapter.go.set()
+    bench.controller.attach(bench.adapter)
     bench.controller.found()
     await asks.settle()
-    assert bench.puppet.calls.count("stop") == 2
+    assert bench.adapter.calls.count("stop") == 2
 
 
 @pytest.mark.parametrize(("since", "stopped"), [(3.0, ["stop"]), (60.0, [])])
@@ -831,10 +831,10 @@ async def test_one_that_may_not_have_heard_the_end_of_its_velocity_is_stopped_wh
     bench.controller.motion.lease_ran_out()
     bench.clock.advance(since)
     bench.controller.lost("silent")
-    before = len(bench.puppet.calls)
+    before = len(bench.adapter.calls)
     bench.controller.found()
     await asks.settle()
-    assert bench.puppet.calls[before:] == stopped
+    assert bench.adapter.calls[before:] == stopped
 
 
 @pytest.mark.parametrize("ended_by", ["a zero", "a late zero", "a fault"])
@@ -849,10 +849,10 @@ async def test_one_whose_goal_ended_without_a_stop_before_it_was_lost_is_stopped
         bench.ask(asks.setpoint(0.0, stamp=None if ended_by == "a zero" else 0.0))
     bench.clock.advance(3.0)
     bench.controller.lost("silent")
-    before = len(bench.puppet.calls)
+    before = len(bench.adapter.calls)
     bench.controller.found()
     await asks.settle()
-    assert bench.puppet.calls[before:] == ["stop"]
+    assert bench.adapter.calls[before:] == ["stop"]
 
 
 async def test_one_that_was_seen_to_stand_since_its_last_velocity_is_left_alone_when_it_is_back(bench, asks):
@@ -862,30 +862,30 @@ async def test_one_that_was_seen_to_stand_since_its_last_velocity_is_left_alone_
     bench.controller.lost("silent")
     bench.controller.found()
     await asks.settle()
-    assert bench.puppet.calls.count("stop") == 1
+    assert bench.adapter.calls.count("stop") == 1
 
 
 @pytest.mark.parametrize("meanwhile", ["nothing", "land", "pilot"])
 async def test_one_that_stood_or_landed_or_has_a_pilot_is_left_alone_when_it_is_back(bench, asks, meanwhile):
-    bench.puppet.land = bench.puppet.go.wait  # it takes its time
+    bench.adapter.land = bench.adapter.go.wait  # it takes its time
     bench.ask(asks.command("land" if meanwhile == "land" else "takeoff"))
     await asks.settle()
     if meanwhile == "nothing":
-        bench.puppet.go.set()
+        bench.adapter.go.set()
         await asks.settle()
     bench.controller.lost("no heartbeat")
     if meanwhile == "pilot":
         bench.controller.authority_lost("the pilot switched to POSHOLD")
     bench.controller.found()
     await asks.settle()
-    assert "stop" not in bench.puppet.calls
+    assert "stop" not in bench.adapter.calls
 
 
 async def test_what_an_earlier_process_left_moving_is_stopped(make_bench, asks):
     journal = RobotJournal(past=[PastCommand("a1", "navigate", action=True, outcome="")])
     bench = make_bench(journal=journal)
     await asks.settle()
-    assert bench.puppet.calls == ["stop"]
+    assert bench.adapter.calls == ["stop"]
 
 
 @pytest.mark.parametrize("how", ["stop", "control"])
@@ -928,12 +928,12 @@ async def test_nothing_from_before_a_stop_that_is_the_first_thing_heard_moves_th
         "takeoff": asks.command("takeoff", stamp=now - 0.1, session=who),
         "release": asks.command("release_emergency_stop", stamp=now - 0.1, session=who),
     }
-    before = list(bench.puppet.calls)
+    before = list(bench.adapter.calls)
     (answer, *_) = bench.ask(make[late])
     await asks.settle()
     assert statuses([answer]) == [REJECTED]
     assert "stop" in answer.reason
-    assert bench.puppet.calls == before
+    assert bench.adapter.calls == before
     bench.clock.advance(1.0)
     assert bench.ask(asks.command("release_emergency_stop", stamp=now + 1.0, session=who))[0].ok
     assert bench.ask(asks.setpoint(stamp=now + 1.0, session=who))[0].ok
@@ -971,11 +971,11 @@ async def test_a_stream_that_is_always_late_moves_nothing_and_its_delay_is_repor
 
 
 async def test_a_stop_of_a_robot_that_is_lost_meanwhile_is_not_reported_as_done(bench, asks):
-    bench.puppet.stops = "never"
+    bench.adapter.stops = "never"
     answers = bench.ask(asks.command("stop"), waits=True)
     await asks.settle()
     bench.controller.lost("no heartbeat")
-    bench.puppet.go.set()
+    bench.adapter.go.set()
     await asks.settle()
     assert statuses(answers) == [REJECTED]
     assert "no heartbeat" in answers[0].reason
@@ -992,7 +992,7 @@ def a_setting(asks, value=0.2, session="anna"):
 async def test_a_velocity_that_is_set_moves_nothing_and_its_answer_has_the_applied_value(bench, asks):
     answers = bench.ask(a_setting(asks, 99.0), waits=True)
     await asks.settle()
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
     assert not bench.controller.in_motion
     assert [(answer.status, answer.data) for answer in answers] == [(ACCEPTED, {"linear": 2.0})]
     assert bench.controller.speeds.of("anna").forward == 2.0
@@ -1050,7 +1050,7 @@ def refusing(error):
 async def test_a_stop_of_a_robot_that_is_not_heard_says_no_more_than_is_true(
     bench, asks, monkeypatch, halt_unheard, expected
 ):
-    monkeypatch.setattr(bench.puppet, "halt_unheard", halt_unheard)
+    monkeypatch.setattr(bench.adapter, "halt_unheard", halt_unheard)
     bench.controller.lost("silent")
     answers = [answer for name in STOP_WORDS for answer in bench.ask(asks.command(name))]
     assert {(answer.ok, answer.reason.partition("; ")[2]) for answer in answers} == {(False, expected)}
@@ -1062,7 +1062,7 @@ async def test_a_stop_of_a_robot_that_is_not_heard_says_no_more_than_is_true(
 async def test_a_stop_that_a_blocked_link_has_not_taken_is_not_called_written(make_bench, asks, monkeypatch):
     bench, free = make_bench(), threading.Event()
     monkeypatch.setattr("fleet.host.robot.controller.HALT_WAIT", 0.01)
-    monkeypatch.setattr(bench.puppet, "halt_unheard", lambda _: free.wait(20.0))
+    monkeypatch.setattr(bench.adapter, "halt_unheard", lambda _: free.wait(20.0))
     bench.controller.lost("silent")
     (answer,) = bench.ask(asks.command("stop"))
     free.set()
@@ -1074,11 +1074,11 @@ async def test_a_robot_in_a_run_obeys_nobody_elses_motion(bench, asks):
     refused = bench.ask(asks.command("takeoff", session="anna")) + bench.ask(asks.setpoint(session="anna"))
     refused += bench.ask(asks.goal("a1", session="anna"))
     await asks.settle()
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
     assert {answer.reason for answer in refused} == {"it is in run 3f2a; fleet take takes it out of the run"}
     bench.ask(asks.command("takeoff", session="run 3f2a"))
     await asks.settle()
-    assert bench.puppet.calls == [("takeoff", None)]
+    assert bench.adapter.calls == [("takeoff", None)]
 
 
 @pytest.mark.parametrize("name", ["stop", "emergency_stop", "land", "take"])
@@ -1088,11 +1088,11 @@ async def test_what_takes_a_robot_out_of_its_run_keeps_the_run_from_it(bench, as
     await asks.settle()
     assert bench.controller.lease.run == ""
     assert "anna" in bench.controller.lease.left
-    bench.puppet.calls.clear()
+    bench.adapter.calls.clear()
     late = bench.ask(asks.command("takeoff", session="run 3f2a"))
     late += bench.ask(asks.command("land", session="run 3f2a"))
     await asks.settle()
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
     assert statuses(late) == [REJECTED, REJECTED]
 
 

@@ -23,16 +23,16 @@ def goal(asks, task):
 
 async def test_a_goal_outside_is_refused_before_the_robot_hears_of_it(make_bench, asks):
     bench = make_bench(fence=FENCE)
-    bench.stands()
+    bench.report_pose()
     (answer,) = bench.ask(goal(asks, GoTo(Goal(Vector3(30, 0, 0)))))
     assert (answer.status, answer.reason) == (REJECTED, "goal 1 is outside the fence")
     assert bench.statuses() == ["failed"]
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
 
 
 async def test_every_goal_of_a_path_and_the_end_of_a_move_are_judged(make_bench, asks):
     bench = make_bench(fence=FENCE)
-    bench.stands(15.0, rotation=quaternion_from_yaw(0.0))
+    bench.report_pose(15.0, rotation=quaternion_from_yaw(0.0))
     path = FollowPath((Goal(Vector3(1, 1, 0)), Goal(Vector3(1, 21, 0))))
     assert "goal 2" in bench.ask(goal(asks, path))[0].reason
     assert "outside" in bench.ask(goal(asks, RelativeMove(Vector3(6, 0, 0))))[0].reason
@@ -43,16 +43,16 @@ async def test_a_geodetic_fence_and_goal_count_from_the_origin(make_bench, asks)
     origin = {"latitude": 47.0, "longitude": 8.0}
     corners = [(46.999, 7.999), (47.001, 7.999), (47.001, 8.001), (46.999, 8.001)]
     bench = make_bench(fence={"frame": "geodetic", "inclusion": [corners]}, origin=origin)
-    bench.stands()
+    bench.report_pose()
     assert bench.ask(goal(asks, GoTo(Goal(geo=GeoPoint(47.0009, 8.0)))))[0].ok
-    bench.stands()
+    bench.report_pose()
     assert not bench.ask(goal(asks, GoTo(Goal(geo=GeoPoint(47.0011, 8.0)))))[0].ok
 
 
 async def test_without_an_origin_the_corners_are_placed_once_home_is_known(make_bench, asks):
     corners = [(46.999, 7.999), (47.001, 7.999), (47.001, 8.001), (46.999, 8.001)]
     bench = make_bench(fence={"frame": "geodetic", "inclusion": [corners]})
-    bench.stands()
+    bench.report_pose()
     assert "cannot be placed" in bench.ask(goal(asks, GoTo(Goal(Vector3(5, 0, 0)))))[0].reason
     home = GeoPoint(47.0, 8.0, 400.0)
     bench.controller.guard.observe(
@@ -63,16 +63,16 @@ async def test_without_an_origin_the_corners_are_placed_once_home_is_known(make_
 
 async def test_a_velocity_is_held_only_as_far_as_it_keeps_the_fence(make_bench, asks):
     bench = make_bench(fence=FENCE)
-    bench.stands()
+    bench.report_pose()
     assert bench.ask(asks.setpoint(2.0))[0].ok
-    assert bench.puppet.calls[-1].linear.x == 2.0
-    bench.stands(18.0)
+    assert bench.adapter.calls[-1].linear.x == 2.0
+    bench.report_pose(18.0)
     await asks.settle()
-    assert bench.puppet.calls[-1] == "stop"
+    assert bench.adapter.calls[-1] == "stop"
     assert bench.ask(asks.setpoint(2.0))[0].ok
-    assert bench.puppet.calls[-1] == ZERO_VELOCITY
+    assert bench.adapter.calls[-1] == ZERO_VELOCITY
     assert bench.ask(asks.setpoint(-1.0))[0].ok
-    assert bench.puppet.calls[-1].linear.x == -1.0
+    assert bench.adapter.calls[-1].linear.x == -1.0
 
 
 def lease_runs_out(bench, asks):
@@ -87,12 +87,12 @@ def lease_runs_out_as_the_goal_comes(bench, asks):
 
 
 def is_refused(bench, asks):
-    bench.puppet.raises = Refused("not today")
+    bench.adapter.raises = Refused("not today")
     bench.ask(asks.setpoint(1.0))
 
 
 def makes_the_adapter_fail(bench, asks):
-    bench.puppet.raises = ZeroDivisionError("oops")
+    bench.adapter.raises = ZeroDivisionError("oops")
     bench.ask(asks.setpoint(1.0))
 
 
@@ -101,64 +101,64 @@ def makes_the_adapter_fail(bench, asks):
 )
 async def test_a_velocity_that_has_ended_ends_no_goal_near_the_fence(make_bench, asks, ends):
     bench = make_bench(fence=FENCE)
-    bench.stands()
+    bench.report_pose()
     ends(bench, asks)
-    bench.puppet.raises = None
+    bench.adapter.raises = None
     bench.ask(goal(asks, GoTo(Goal(Vector3(19, 0, 0)))))
     await asks.settle()
-    bench.stands(18.5)
+    bench.report_pose(18.5)
     await asks.settle()
     assert bench.statuses()[-1] == "running"
-    assert "stop" not in bench.puppet.calls
+    assert "stop" not in bench.adapter.calls
 
 
 async def test_a_velocity_is_refused_while_nobody_knows_where_the_robot_is(make_bench, asks):
     bench = make_bench(fence=FENCE)
     assert "unknown" in bench.ask(asks.setpoint(1.0))[0].reason
-    bench.stands()
+    bench.report_pose()
     bench.clock.advance(2.0)
     assert "unknown" in bench.ask(asks.setpoint(1.0))[0].reason
 
 
 async def test_a_robot_blown_out_on_the_way_to_a_goal_is_stopped_and_reported_once(make_bench, asks):
     bench = make_bench(fence=FENCE)
-    bench.stands()
+    bench.report_pose()
     bench.ask(goal(asks, GoTo(Goal(Vector3(10, 0, 0)))))
     await asks.settle()
     for x in (19.0, 22.0, 23.0):
-        bench.stands(x)
+        bench.report_pose(x)
     await asks.settle()
-    assert bench.puppet.calls[-1] == "stop"
+    assert bench.adapter.calls[-1] == "stop"
     assert bench.reports[-1].message == "fence: it is outside the fence"
     assert bench.statuses()[-1] == "failed"
-    assert len(bench.happened("fence_breached")) == 1
+    assert len(bench.telemetry_of("fence_breached")) == 1
 
 
 async def test_a_robot_that_somebody_else_flies_is_reported_but_not_touched(make_bench, asks):
     bench = make_bench(fence=FENCE)
-    bench.stands(30.0)
+    bench.report_pose(30.0)
     await asks.settle()
-    assert bench.puppet.calls == []
-    assert bench.happened("fence_breached")
+    assert bench.adapter.calls == []
+    assert bench.telemetry_of("fence_breached")
 
 
 async def test_a_flight_does_not_begin_outside_or_with_too_little_battery(make_bench, asks):
     bench = make_bench(fence=FENCE, battery_policy=POLICY)
-    bench.stands(30.0)
-    bench.has(90.0)
+    bench.report_pose(30.0)
+    bench.report_battery(90.0)
     assert bench.ask(asks.command("takeoff"))[0].reason == f"it is outside the fence; {ALLOWED_OUTSIDE}"
-    bench.stands()
-    bench.has(19.0)
+    bench.report_pose()
+    bench.report_battery(19.0)
     assert "19 %" in bench.ask(asks.command("takeoff"))[0].reason
-    bench.has(90.0)
+    bench.report_battery(90.0)
     bench.ask(asks.command("takeoff"))
     await asks.settle()
-    assert bench.puppet.calls == [("takeoff", None)]
+    assert bench.adapter.calls == [("takeoff", None)]
 
 
 async def test_from_outside_only_a_goal_inside_on_a_way_back_is_taken(make_bench, asks):
     bench = make_bench(fence={**FENCE, "exclusion": [[(18.0, -2.0), (19.0, -2.0), (19.0, 2.0), (18.0, 2.0)]]})
-    bench.stands(30.0)
+    bench.report_pose(30.0)
     for task in (
         GoTo(Goal(Vector3(25, 0, 0))),
         GoTo(Goal(Vector3(10, 0, 0))),
@@ -167,7 +167,7 @@ async def test_from_outside_only_a_goal_inside_on_a_way_back_is_taken(make_bench
         (answer,) = bench.ask(goal(asks, task))
         assert not answer.ok
         assert answer.reason.endswith(ALLOWED_OUTSIDE)
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
     assert bench.ask(goal(asks, GoTo(Goal(Vector3(10, 15, 0)))))[0].ok
 
 
@@ -175,7 +175,7 @@ async def test_a_limit_of_the_distance_needs_a_position_as_a_fence_does(make_ben
     bench = make_bench(limits={"distance": 50.0})
     assert "position is unknown" in bench.ask(asks.setpoint(1.0))[0].reason
     assert "position is unknown" in bench.ask(asks.command("takeoff"))[0].reason
-    bench.stands()
+    bench.report_pose()
     assert bench.ask(asks.setpoint(1.0))[0].ok
 
 
@@ -195,15 +195,15 @@ async def test_a_paused_goal_is_gone_on_with_only_where_it_might_begin(
 ):
     bench = make_bench(fence={**FENCE, "exclusion": [WALL]}, battery_policy=POLICY)
 
-    bench.stands()
-    bench.has(90.0)
+    bench.report_pose()
+    bench.report_battery(90.0)
     bench.ask(goal(asks, GoTo(Goal(Vector3(8, 10, 0)))))
     await asks.settle()
     paused = bench.ask(Navigate(Control.PAUSE, "", asks.goal().origin))
     await asks.settle()
     assert paused[0].ok
-    bench.stands(*moved_to)
-    bench.has(percent)
+    bench.report_pose(*moved_to)
+    bench.report_battery(percent)
     await asks.settle()
     (answer,) = bench.ask(Navigate(Control.RESUME, "", asks.goal().origin))
     assert answer.ok is not bool(refusal)
@@ -212,7 +212,7 @@ async def test_a_paused_goal_is_gone_on_with_only_where_it_might_begin(
 
 async def test_a_goal_of_what_circles_must_lie_so_far_within_the_fence(make_bench, asks):
     bench = make_bench(fence=FENCE)
-    bench.stands()
+    bench.report_pose()
     bench.controller.guard.circles(15.0)
     near = bench.ask(goal(asks, GoTo(Goal(Vector3(10, 0, 0)))))[0]
     assert near.reason == "goal 1 is 10 m from the fence, and it circles 15 m about it"
@@ -223,7 +223,7 @@ async def test_a_goal_of_what_circles_must_lie_so_far_within_the_fence(make_benc
 
 async def test_the_reserve_counts_a_circle_over_home(make_bench, asks):
     bench = make_bench(battery_policy=POLICY, limits={"speed": 1.0})
-    bench.stands()
+    bench.report_pose()
     bench.controller.guard.observe(BatteryReport(0.0, percent=60.0))
     far = goal(asks, GoTo(Goal(Vector3(15, 0, 0))))
     bench.controller.guard.circles(5.0)

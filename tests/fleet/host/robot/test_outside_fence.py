@@ -35,11 +35,11 @@ def judged(bench, asks, name, **data):
 
 
 def is_out(bench):
-    bench.stands(30.0)
+    bench.report_pose(30.0)
 
 
 def is_unknown(bench):
-    bench.stands()
+    bench.report_pose()
     bench.clock.advance(2.0)
 
 
@@ -63,13 +63,13 @@ async def test_outside_or_nobody_knows_where_only_what_leads_back_or_down_begins
 
 
 async def test_inside_the_fence_every_command_is_left_to_its_adapter(anywhere, asks):
-    anywhere.stands(20.5)  # less than a metre out: noise
+    anywhere.report_pose(20.5)  # less than a metre out: noise
     for name in (*EVERYWHERE, *INSIDE_ONLY):
         assert judged(anywhere, asks, name, distance=3.0) is None, name
 
 
 async def test_who_is_too_high_may_sink_and_not_climb(anywhere, asks):
-    anywhere.stands(0.0, 0.0, 40.0)
+    anywhere.report_pose(0.0, 0.0, 40.0)
     assert judged(anywhere, asks, "descend", distance=15.0) is None
     assert "the limit is 30 m" in judged(anywhere, asks, "descend", distance=5.0)
     assert "above home" in judged(anywhere, asks, "ascend", distance=1.0)

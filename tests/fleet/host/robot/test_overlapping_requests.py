@@ -19,7 +19,7 @@ async def test_what_does_not_move_the_robot_takes_it_from_no_pilot(bench, asks, 
     for _ in range(2):
         bench.ask(asks.setpoint())
     bench.controller.authority_lost("the pilot took over")
-    bench.puppet.raises = NotReady("a pilot flies it")
+    bench.adapter.raises = NotReady("a pilot flies it")
     bench.clock.advance(1.0)
     ways = {
         "zero": lambda: asks.setpoint(0.0),
@@ -27,22 +27,22 @@ async def test_what_does_not_move_the_robot_takes_it_from_no_pilot(bench, asks, 
         "joints": lambda: JointSetpoint({"elbow": 1.0}, origin=asks.setpoint().origin),
         "shy": lambda: asks.command("shy"),
     }
-    bench.puppet.joint_ranges = dict
+    bench.adapter.joint_ranges = dict
     bench.controller.can = msgspec.structs.replace(bench.controller.can, moves_joints=True)
-    bench.puppet.raises = None if ask == "zero" else bench.puppet.raises
+    bench.adapter.raises = None if ask == "zero" else bench.adapter.raises
     bench.ask(ways[ask]())
     await asks.settle()
-    before = len(bench.puppet.calls)
+    before = len(bench.adapter.calls)
     bench.controller.lost("no heartbeat")
-    assert bench.puppet.calls[before:] == []
+    assert bench.adapter.calls[before:] == []
 
 
 async def test_a_lease_that_ran_out_as_a_pilot_took_over_tells_the_robot_nothing_more(bench, asks):
     bench.ask(asks.setpoint())
     bench.controller.authority_lost("the pilot took over")
-    before = len(bench.puppet.calls)
+    before = len(bench.adapter.calls)
     bench.controller.motion.lease_ran_out()  # on its way from the watchdog since before that
-    assert bench.puppet.calls[before:] == []
+    assert bench.adapter.calls[before:] == []
 
 
 @pytest.mark.parametrize("ask", ["takeoff", "goal"])
@@ -50,14 +50,14 @@ async def test_what_waits_for_a_stop_does_not_begin_under_an_emergency_stop_of_a
     make_bench, asks, ask
 ):
     bench = make_bench()
-    bench.puppet.stops = "never"
+    bench.adapter.stops = "never"
     bench.ask(asks.command("stop"))
     answers = bench.ask(asks.command(ask) if ask == "takeoff" else asks.goal(), waits=True)
     await asks.settle()
     bench.controller.emergency("by a thread")  # the loop has not heard of it yet
-    bench.puppet.go.set()
+    bench.adapter.go.set()
     await asks.settle()
-    assert [call for call in bench.puppet.calls if not isinstance(call, str)] == []
+    assert [call for call in bench.adapter.calls if not isinstance(call, str)] == []
     assert "emergency stop is set" in answers[-1].reason
 
 
@@ -66,20 +66,20 @@ async def test_a_velocity_that_an_emergency_stop_of_another_thread_overtakes_is_
     bench, asks, monkeypatch, way
 ):
     bench.ask(asks.setpoint(0.5))
-    drive = bench.puppet.drive
+    drive = bench.adapter.drive
 
     def slowly(velocity):
         bench.controller.emergency("by a thread")
         drive(velocity)
 
     if way == "asked":
-        bench.puppet.drive = slowly
+        bench.adapter.drive = slowly
         assert not bench.ask(asks.setpoint(1.0))[0].ok
     else:
         bench.controller.emergency("by a thread")
         monkeypatch.setattr(bench.controller.guard, "within", lambda _velocity: Velocity(Vector3(0.3)))
         bench.controller.reapply_velocity()
-    assert bench.puppet.calls[-1] == "halt"
+    assert bench.adapter.calls[-1] == "halt"
 
 
 async def test_a_stop_that_a_newer_velocity_overtakes_says_so_and_does_not_halt_it(
@@ -87,13 +87,13 @@ async def test_a_stop_that_a_newer_velocity_overtakes_says_so_and_does_not_halt_
 ):
     bench = make_bench()
     monkeypatch.setattr("fleet.host.robot.standstill.STOP_TIMEOUT", 0.01)
-    bench.puppet.stops = "never"
+    bench.adapter.stops = "never"
     answers = bench.ask(asks.command("stop"))
     await asks.settle()
     bench.ask(asks.setpoint())
     await asks.until(lambda: answers)
     assert "driven again" in answers[0].reason
-    assert bench.puppet.calls[-1] == Velocity(Vector3(1.0))
+    assert bench.adapter.calls[-1] == Velocity(Vector3(1.0))
 
 
 @pytest.mark.parametrize("before", ["land", "goal"])
@@ -106,46 +106,46 @@ async def test_nothing_begins_while_what_was_cancelled_still_cleans_up(bench, as
             await asyncio.Event().wait()
         except asyncio.CancelledError:
             await cleaned.wait()
-            bench.puppet.calls.append("cleaned")
+            bench.adapter.calls.append("cleaned")
             raise
 
     async def steps(task):
         yield Progress(1)
         await deaf()
 
-    bench.puppet.land, navigate = deaf, bench.puppet.navigate
-    bench.puppet.navigate = steps
+    bench.adapter.land, navigate = deaf, bench.adapter.navigate
+    bench.adapter.navigate = steps
     bench.ask(asks.command("land") if before == "land" else asks.goal("a1"))
     await asks.settle()
     control = Control.PAUSE if after == "resume" and before == "goal" else Control.STOP
     bench.ask(Navigate(control, "", asks.goal().origin))
     await asks.settle()
-    bench.puppet.navigate = navigate
-    bench.puppet.calls.clear()
+    bench.adapter.navigate = navigate
+    bench.adapter.calls.clear()
     if control is Control.PAUSE:
         bench.ask(Navigate(Control.RESUME, "", asks.goal().origin))
     else:
         bench.ask(asks.command("takeoff") if after == "takeoff" else asks.goal("a2"))
     await asks.settle()
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
     cleaned.set()
     await asks.settle()
-    assert bench.puppet.calls[0] == "cleaned"
-    assert len(bench.puppet.calls) == 2
+    assert bench.adapter.calls[0] == "cleaned"
+    assert len(bench.adapter.calls) == 2
 
 
 async def test_what_is_asked_after_a_failed_goal_waits_until_the_robot_stands(make_bench, asks):
     bench = make_bench()
-    bench.puppet.raises, bench.puppet.stops = NotReady("lost its way"), "never"
+    bench.adapter.raises, bench.adapter.stops = NotReady("lost its way"), "never"
     bench.ask(asks.goal())
     await asks.settle()
-    bench.puppet.raises = None
+    bench.adapter.raises = None
     bench.ask(asks.goal("a2"))
     await asks.settle()
-    assert bench.puppet.calls[-1] == "stop"
-    bench.puppet.go.set()
+    assert bench.adapter.calls[-1] == "stop"
+    bench.adapter.go.set()
     await asks.settle()
-    assert isinstance(bench.puppet.calls[-1], GoTo)
+    assert isinstance(bench.adapter.calls[-1], GoTo)
 
 
 async def test_a_resumed_action_counts_as_motion_for_who_waits_for_a_common_start(bench, asks):
@@ -191,23 +191,23 @@ async def test_what_may_be_moving_is_stopped_by_later_processes_until_it_was_see
         bench.controller.lost("silent")
     for stops, call in [(LinkLost("gone"), ["stop", "halt"]), ("", ["stop"]), ("", [])]:
         bench = make_bench(journal=memory.journal())
-        bench.puppet.stops = stops
+        bench.adapter.stops = stops
         await asks.settle()
-        assert bench.puppet.calls == call
+        assert bench.adapter.calls == call
 
 
 @pytest.mark.parametrize("ask", ["takeoff that ended", "landing", "battery_check"])
 async def test_what_moves_no_more_or_lands_is_left_alone_by_the_next_process(make_bench, asks, ask):
     memory = Memory()
     bench = make_bench(journal=memory.journal())
-    bench.puppet.land = asyncio.Event().wait
+    bench.adapter.land = asyncio.Event().wait
     bench.ask(asks.command({"takeoff that ended": "takeoff", "landing": "land"}.get(ask, ask)))
-    bench.puppet.go.set()
+    bench.adapter.go.set()
     await asks.settle()
     bench.controller.motion.record()
     bench = make_bench(journal=memory.journal())
     await asks.settle()
-    assert bench.puppet.calls == []
+    assert bench.adapter.calls == []
 
 
 async def test_lasting_motion_is_not_forgotten(make_bench, asks):

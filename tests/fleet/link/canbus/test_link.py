@@ -46,8 +46,8 @@ def full(*_args, **_kwargs):
     raise can.CanOperationError("No buffer space available", error_code=errno.ENOBUFS)
 
 
-async def test_a_bus_that_cannot_be_read_is_lost_and_not_silent(url, other, hearing, monkeypatch):
-    link = await open_link(url, hearing())
+async def test_a_bus_that_cannot_be_read_is_lost_and_not_silent(url, other, receiver, monkeypatch):
+    link = await open_link(url, receiver())
 
     def fail(_within):
         raise ZeroDivisionError("oops")
@@ -60,8 +60,8 @@ async def test_a_bus_that_cannot_be_read_is_lost_and_not_silent(url, other, hear
 
 
 @pytest.mark.parametrize("frame", [CanFrame(0x111, b"\x01\x02"), CanFrame(0x18FF0102, bytes(8))])
-async def test_frames_cross_both_ways_as_they_are(url, other, hearing, frame):
-    heard = hearing()
+async def test_frames_cross_both_ways_as_they_are(url, other, receiver, frame):
+    heard = receiver()
     link = await open_link(url, heard)
     link.send(frame.packed())
     message = other.recv(WITHIN)
@@ -73,9 +73,9 @@ async def test_frames_cross_both_ways_as_they_are(url, other, hearing, frame):
 
 
 @pytest.mark.waits
-async def test_can_fd_crosses_between_processes__by_udp(hearing):
+async def test_can_fd_crosses_between_processes__by_udp(receiver):
     url = "can:udp_multicast:239.74.163.7?port=43871&data_bitrate=5000000"
-    one, other = hearing(), hearing()
+    one, other = receiver(), receiver()
     first, second = await open_link(url, one), await open_link(url, other)
     frame = CanFrame(0x8001, bytes(range(48)), fd=True)
     first.send(frame.packed())
@@ -84,8 +84,8 @@ async def test_can_fd_crosses_between_processes__by_udp(hearing):
     await second.close()
 
 
-async def test_a_fd_frame_on_a_classic_bus_is_a_mistake_that_is_said(url, hearing):
-    link = await open_link(url, hearing())
+async def test_a_fd_frame_on_a_classic_bus_is_a_mistake_that_is_said(url, receiver):
+    link = await open_link(url, receiver())
     with pytest.raises(ValueError, match=r"is a classic bus; for CAN FD give it a data_bitrate"):
         link.send(CanFrame(1, bytes(12), fd=True).packed())
     with pytest.raises(ValueError, match=r"is no CAN frame; write CanFrame"):
@@ -114,9 +114,9 @@ def test_a_packed_frame_comes_back():
 
 
 async def test_a_bus_that_dies_ends_the_link_with_the_words_of_the_quadruped(
-    url, other, hearing, loss_reason
+    url, other, receiver, loss_reason
 ):
-    link = await open_link(url, hearing())
+    link = await open_link(url, receiver())
 
     def unplugged(*_args, **_kwargs):
         raise can.CanOperationError("Network is down", error_code=errno.ENETDOWN)
@@ -130,8 +130,8 @@ async def test_a_bus_that_dies_ends_the_link_with_the_words_of_the_quadruped(
     await link.close()
 
 
-async def test_what_is_closed_receives_nothing_and_leaves_no_thread(url, other, hearing):
-    heard = hearing()
+async def test_what_is_closed_receives_nothing_and_leaves_no_thread(url, other, receiver):
+    heard = receiver()
     link = await open_link(url, heard)
     await link.close()
     await link.close()
@@ -141,9 +141,9 @@ async def test_what_is_closed_receives_nothing_and_leaves_no_thread(url, other, 
     assert not link._reader.is_alive()
 
 
-async def test_a_flood_is_bounded_and_the_newest_are_kept(url, other, hearing, monkeypatch):
+async def test_a_flood_is_bounded_and_the_newest_are_kept(url, other, receiver, monkeypatch):
     monkeypatch.setattr(can_link, "_BACKLOG", 64)
-    heard = hearing()
+    heard = receiver()
     link = await open_link(url, heard)
     threads = link._reader
 
@@ -178,9 +178,9 @@ def test_a_wrong_bus_is_refused_with_how_it_is_written(url, expected):
     assert expected in str(caught.value)
 
 
-async def test_a_missing_driver_is_said_in_words(hearing):
+async def test_a_missing_driver_is_said_in_words(receiver):
     with pytest.raises(LinkRefused, match=r"the driver for kvaser (is not installed|cannot be loaded)"):
-        await open_link("can:kvaser:0?bitrate=500000", hearing())
+        await open_link("can:kvaser:0?bitrate=500000", receiver())
 
 
 # -- an adapter on it ------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ def properties(kind, **values):
     return filled
 
 
-class Guest:
+class WaitingClient:
     """One paho client that waits for every answer; what it receives is read in order."""
 
     _numbers = itertools.count()
@@ -61,7 +61,7 @@ class Guest:
         self.paho.will_set(topic, payload, qos, retain, chosen)
         return self
 
-    def knock(self):
+    def send_connect(self):
         """Send CONNECT and wait for the answer, whatever it is."""
         extra = {}
         if self.protocol == 5:
@@ -74,9 +74,9 @@ class Guest:
         self.connack = self._answers.get(timeout=WITHIN)
         return self
 
-    def enter(self):
+    def connect(self):
         """Connect; the broker must agree."""
-        self.knock()
+        self.send_connect()
         assert not self.connack.reason.is_failure, self.connack.reason
         return self
 
@@ -120,27 +120,27 @@ class Guest:
         """Return the payloads of everything that came."""
         return [message.payload for message in self.all()]
 
-    def hush(self):
+    def stop_loop(self):
         """Send and read nothing any more; the socket stays open."""
         with contextlib.suppress(AttributeError):  # paho forgets its thread when that ends, which may be now
             self.paho.loop_stop()
 
-    def vanish(self):
+    def drop_connection(self):
         """Cut the connection without a goodbye."""
         self.paho.socket().shutdown(socket.SHUT_RDWR)
         assert self.gone.wait(WITHIN)
-        self.hush()
+        self.stop_loop()
 
     def leave(self, reason=None):
         """Say goodbye."""
         self.paho.disconnect(**({} if reason is None else {"reasoncode": reason}))
         assert self.gone.wait(WITHIN)
-        self.hush()
+        self.stop_loop()
 
     def close(self):
         """Leave nothing behind, however the test ended."""
         self.paho.disconnect()
-        self.hush()
+        self.stop_loop()
         self.paho._reset_sockets()
 
     def _wire(self):
@@ -174,17 +174,17 @@ class Connack:
 
 
 @pytest.fixture
-def guests():
-    """Make paho clients: ``guests(port, name, protocol=5)``; they are closed when the test ends."""
+def clients():
+    """Make paho clients: ``clients(port, name, protocol=5)``; they are closed when the test ends."""
     made = []
 
     def make(port, name, **options):
-        made.append(Guest(port, name, **options))
+        made.append(WaitingClient(port, name, **options))
         return made[-1]
 
     yield make
-    for guest in made:
-        guest.close()
+    for client in made:
+        client.close()
 
 
 @pytest.fixture

@@ -19,9 +19,9 @@ def port(request):
 
 
 @pytest.fixture
-def guest(port, guests):
+def new_client(port, clients):
     """Make a client of the broker under test, not connected yet."""
-    return lambda name, **options: guests(port, name, **options)
+    return lambda name, **options: clients(port, name, **options)
 
 
 both_versions = pytest.mark.parametrize("protocol", [5, 311])
@@ -29,8 +29,11 @@ both_versions = pytest.mark.parametrize("protocol", [5, 311])
 
 @both_versions
 @pytest.mark.parametrize(("sent", "wanted"), list(itertools.product(range(3), range(3))))
-def test_a_message_arrives_at_the_lower_of_both_qualities(guest, protocol, sent, wanted):
-    alice, bob = guest("alice", protocol=protocol).enter(), guest("bob", protocol=protocol).enter()
+def test_a_message_arrives_at_the_lower_of_both_qualities(new_client, protocol, sent, wanted):
+    alice, bob = (
+        new_client("alice", protocol=protocol).connect(),
+        new_client("bob", protocol=protocol).connect(),
+    )
     assert bob.subscribe("a/b", wanted) == wanted
     alice.publish("a/b", b"hello \xff", sent)
     message = bob.next()
@@ -39,8 +42,8 @@ def test_a_message_arrives_at_the_lower_of_both_qualities(guest, protocol, sent,
 
 
 @pytest.mark.parametrize(("talks", "listens"), [(5, 311), (311, 5)])
-def test_the_versions_talk_to_each_other(guest, talks, listens):
-    alice, bob = guest("alice", protocol=talks).enter(), guest("bob", protocol=listens).enter()
+def test_the_versions_talk_to_each_other(new_client, talks, listens):
+    alice, bob = new_client("alice", protocol=talks).connect(), new_client("bob", protocol=listens).connect()
     bob.subscribe("a/#", 2)
     alice.publish("a/b", b"across", 2)
     assert bob.next().payload == b"across"
@@ -48,8 +51,11 @@ def test_the_versions_talk_to_each_other(guest, talks, listens):
 
 @both_versions
 @pytest.mark.parametrize("qos", [0, 1, 2])
-def test_messages_of_one_quality_keep_their_order(guest, protocol, qos):
-    alice, bob = guest("alice", protocol=protocol).enter(), guest("bob", protocol=protocol).enter()
+def test_messages_of_one_quality_keep_their_order(new_client, protocol, qos):
+    alice, bob = (
+        new_client("alice", protocol=protocol).connect(),
+        new_client("bob", protocol=protocol).connect(),
+    )
     bob.subscribe("t", qos)
     for number in range(90):
         alice.send("t", str(number), qos)
@@ -57,8 +63,11 @@ def test_messages_of_one_quality_keep_their_order(guest, protocol, qos):
 
 
 @both_versions
-def test_a_large_message_arrives_whole(guest, protocol):
-    alice, bob = guest("alice", protocol=protocol).enter(), guest("bob", protocol=protocol).enter()
+def test_a_large_message_arrives_whole(new_client, protocol):
+    alice, bob = (
+        new_client("alice", protocol=protocol).connect(),
+        new_client("bob", protocol=protocol).connect(),
+    )
     bob.subscribe("large", 1)
     payload = bytes(range(256)) * 8192
     alice.publish("large", payload, 1)
@@ -78,8 +87,8 @@ def test_a_large_message_arrives_whole(guest, protocol):
         ("$a/#", ["$a/b"], ["a/b"]),
     ],
 )
-def test_filters_take_what_they_should(guest, protocol, pattern, takes, leaves):
-    bob = guest("bob", protocol=protocol).enter()
+def test_filters_take_what_they_should(new_client, protocol, pattern, takes, leaves):
+    bob = new_client("bob", protocol=protocol).connect()
     bob.subscribe(pattern, 1)
     for topic in (*leaves, *takes):
         bob.send(topic, b"x", 1)
@@ -88,11 +97,11 @@ def test_filters_take_what_they_should(guest, protocol, pattern, takes, leaves):
 
 
 @both_versions
-def test_a_retained_message_waits_for_subscribers_and_is_marked(guest, protocol):
-    alice = guest("alice", protocol=protocol).enter()
+def test_a_retained_message_waits_for_subscribers_and_is_marked(new_client, protocol):
+    alice = new_client("alice", protocol=protocol).connect()
     alice.publish("kept/1", b"old", 1, retain=True)
     alice.publish("kept/1", b"new", 1, retain=True)
-    bob = guest("bob", protocol=protocol).enter()
+    bob = new_client("bob", protocol=protocol).connect()
     bob.subscribe("kept/+", 1)
     message = bob.next()
     assert (message.payload, message.retain) == (b"new", True)
@@ -102,8 +111,8 @@ def test_a_retained_message_waits_for_subscribers_and_is_marked(guest, protocol)
 
 
 @both_versions
-def test_an_empty_retained_message_forgets_the_topic(guest, protocol):
-    alice = guest("alice", protocol=protocol).enter()
+def test_an_empty_retained_message_forgets_the_topic(new_client, protocol):
+    alice = new_client("alice", protocol=protocol).connect()
     alice.publish("kept", b"old", 1, retain=True)
     alice.publish("kept", b"", 1, retain=True)
     alice.subscribe("kept", 1)
@@ -111,8 +120,8 @@ def test_an_empty_retained_message_forgets_the_topic(guest, protocol):
 
 
 @both_versions
-def test_a_second_subscription_to_a_filter_replaces_the_first(guest, protocol):
-    bob = guest("bob", protocol=protocol).enter()
+def test_a_second_subscription_to_a_filter_replaces_the_first(new_client, protocol):
+    bob = new_client("bob", protocol=protocol).connect()
     bob.subscribe("a", 0)
     bob.subscribe("a", 1)
     bob.send("a", b"once", 1)
@@ -120,8 +129,8 @@ def test_a_second_subscription_to_a_filter_replaces_the_first(guest, protocol):
 
 
 @both_versions
-def test_nothing_arrives_after_unsubscribing(guest, protocol):
-    bob = guest("bob", protocol=protocol).enter()
+def test_nothing_arrives_after_unsubscribing(new_client, protocol):
+    bob = new_client("bob", protocol=protocol).connect()
     bob.subscribe("a", 1)
     assert bob.unsubscribe("a") in (0, None)
     bob.send("a", b"x", 1)
@@ -129,54 +138,60 @@ def test_nothing_arrives_after_unsubscribing(guest, protocol):
 
 
 @both_versions
-def test_the_will_of_a_client_that_vanishes_is_published(guest, protocol):
-    alice, bob = guest("alice", protocol=protocol), guest("bob", protocol=protocol).enter()
-    alice.will("gone", b"alice", 1, retain=True).enter()
+def test_the_will_of_a_client_that_vanishes_is_published(new_client, protocol):
+    alice, bob = new_client("alice", protocol=protocol), new_client("bob", protocol=protocol).connect()
+    alice.will("gone", b"alice", 1, retain=True).connect()
     bob.subscribe("gone", 1)
-    alice.vanish()
+    alice.drop_connection()
     message = bob.next()
     assert (message.payload, message.qos, message.retain) == (b"alice", 1, False)
-    late = guest("late", protocol=protocol).enter()
+    late = new_client("late", protocol=protocol).connect()
     late.subscribe("gone")
     assert late.next().retain
 
 
 @both_versions
-def test_the_will_of_a_client_that_falls_silent_is_published(guest, protocol):
-    alice, bob = guest("alice", protocol=protocol, keepalive=1), guest("bob", protocol=protocol).enter()
+def test_the_will_of_a_client_that_falls_silent_is_published(new_client, protocol):
+    alice, bob = (
+        new_client("alice", protocol=protocol, keepalive=1),
+        new_client("bob", protocol=protocol).connect(),
+    )
     bob.subscribe("gone")
-    alice.will("gone", b"alice").enter().hush()
+    alice.will("gone", b"alice").connect().stop_loop()
     assert bob.next().payload == b"alice"
 
 
 @both_versions
-def test_the_will_of_a_client_that_says_goodbye_is_not_published(guest, protocol):
-    alice, bob = guest("alice", protocol=protocol), guest("bob", protocol=protocol).enter()
+def test_the_will_of_a_client_that_says_goodbye_is_not_published(new_client, protocol):
+    alice, bob = new_client("alice", protocol=protocol), new_client("bob", protocol=protocol).connect()
     bob.subscribe("gone", 1)
-    alice.will("gone", b"alice").enter().leave()
+    alice.will("gone", b"alice").connect().leave()
     assert bob.all() == []
 
 
-def test_a_client_may_ask_for_its_will_at_the_goodbye(guest):
-    alice, bob = guest("alice", protocol=5), guest("bob", protocol=5).enter()
+def test_a_client_may_ask_for_its_will_at_the_goodbye(new_client):
+    alice, bob = new_client("alice", protocol=5), new_client("bob", protocol=5).connect()
     bob.subscribe("gone")
-    alice.will("gone", b"alice").enter()
+    alice.will("gone", b"alice").connect()
     alice.leave(ReasonCode(PacketTypes.DISCONNECT, "Disconnect with will message"))
     assert bob.next().payload == b"alice"
 
 
-def test_a_delayed_will_is_not_published_when_the_client_comes_back(guest):
-    alice, bob = guest("alice", protocol=5, SessionExpiryInterval=60), guest("bob", protocol=5).enter()
+def test_a_delayed_will_is_not_published_when_the_client_comes_back(new_client):
+    alice, bob = (
+        new_client("alice", protocol=5, SessionExpiryInterval=60),
+        new_client("bob", protocol=5).connect(),
+    )
     bob.subscribe("gone", 1)
-    alice.will("gone", b"alice", delay=60).enter().vanish()
-    guest("alice", protocol=5).enter().leave()
+    alice.will("gone", b"alice", delay=60).connect().drop_connection()
+    new_client("alice", protocol=5).connect().leave()
     assert bob.all() == []
 
 
 @both_versions
-def test_a_second_client_of_the_same_name_takes_over(guest, protocol):
-    first, second = guest("twin", protocol=protocol).enter(), guest("twin", protocol=protocol)
-    second.enter()
+def test_a_second_client_of_the_same_name_takes_over(new_client, protocol):
+    first, second = new_client("twin", protocol=protocol).connect(), new_client("twin", protocol=protocol)
+    second.connect()
     assert first.gone.wait(60)
     second.subscribe("a", 1)
     second.publish("a", b"mine", 1)
@@ -189,42 +204,42 @@ def lasting(protocol):
 
 @both_versions
 @pytest.mark.parametrize("qos", [1, 2])
-def test_a_lasting_session_keeps_subscriptions_and_messages(guest, protocol, qos):
-    bob = guest("bob", protocol=protocol, **lasting(protocol)).enter()
+def test_a_lasting_session_keeps_subscriptions_and_messages(new_client, protocol, qos):
+    bob = new_client("bob", protocol=protocol, **lasting(protocol)).connect()
     assert not bob.connack.present
     bob.subscribe("a", 2)
     bob.leave()
-    alice = guest("alice", protocol=protocol).enter()
+    alice = new_client("alice", protocol=protocol).connect()
     for number in range(3):
         alice.publish("a", str(number), qos)
-    back = guest("bob", protocol=protocol, **lasting(protocol)).enter()
+    back = new_client("bob", protocol=protocol, **lasting(protocol)).connect()
     assert back.connack.present
     assert [back.next().payload for _ in range(3)] == [b"0", b"1", b"2"]
 
 
 @both_versions
-def test_a_fresh_start_forgets_the_session(guest, protocol):
-    bob = guest("bob", protocol=protocol, **lasting(protocol)).enter()
+def test_a_fresh_start_forgets_the_session(new_client, protocol):
+    bob = new_client("bob", protocol=protocol, **lasting(protocol)).connect()
     bob.subscribe("a", 1)
     bob.leave()
-    assert not guest("bob", protocol=protocol).enter().connack.present
+    assert not new_client("bob", protocol=protocol).connect().connack.present
 
 
-def test_a_session_without_expiry_ends_with_its_connection(guest):
-    guest("bob", protocol=5, fresh=False).enter().leave()
-    assert not guest("bob", protocol=5, fresh=False).enter().connack.present
+def test_a_session_without_expiry_ends_with_its_connection(new_client):
+    new_client("bob", protocol=5, fresh=False).connect().leave()
+    assert not new_client("bob", protocol=5, fresh=False).connect().connack.present
 
 
 @both_versions
-def test_what_was_not_acknowledged_comes_again_as_a_duplicate(guest, protocol):
-    bob = guest("bob", protocol=protocol, manual=True, **lasting(protocol)).enter()
+def test_what_was_not_acknowledged_comes_again_as_a_duplicate(new_client, protocol):
+    bob = new_client("bob", protocol=protocol, manual=True, **lasting(protocol)).connect()
     bob.subscribe("a", 1)
-    alice = guest("alice", protocol=protocol).enter()
+    alice = new_client("alice", protocol=protocol).connect()
     for number in range(3):
         alice.publish("a", str(number), 1)
     assert [bob.next().dup for _ in range(3)] == [False] * 3
-    bob.vanish()
-    back = guest("bob", protocol=protocol, **lasting(protocol)).enter()
+    bob.drop_connection()
+    back = new_client("bob", protocol=protocol, **lasting(protocol)).connect()
     assert [(m.payload, m.dup) for m in (back.next(), back.next(), back.next())] == [
         (b"0", True),
         (b"1", True),
@@ -232,8 +247,8 @@ def test_what_was_not_acknowledged_comes_again_as_a_duplicate(guest, protocol):
     ]
 
 
-def test_properties_pass_through_unchanged(guest):
-    alice, bob = guest("alice", protocol=5).enter(), guest("bob", protocol=5).enter()
+def test_properties_pass_through_unchanged(new_client):
+    alice, bob = new_client("alice", protocol=5).connect(), new_client("bob", protocol=5).connect()
     bob.subscribe("a", 1)
     pairs = [("k", "1"), ("k", "2"), ("ü", "")]
     alice.publish(
@@ -254,30 +269,30 @@ def test_properties_pass_through_unchanged(guest):
     assert 0 < came.MessageExpiryInterval <= 60
 
 
-def test_subscription_identifiers_come_with_the_messages(guest):
-    bob = guest("bob", protocol=5).enter()
+def test_subscription_identifiers_come_with_the_messages(new_client):
+    bob = new_client("bob", protocol=5).connect()
     bob.subscribe("a/+", 1, identifier=7)
     bob.publish("a/b", b"", 1)
     assert bob.next().properties.SubscriptionIdentifier == [7]
 
 
-def test_the_sender_gets_an_error_when_nobody_listens(guest):
-    alice = guest("alice", protocol=5).enter()
+def test_the_sender_gets_an_error_when_nobody_listens(new_client):
+    alice = new_client("alice", protocol=5).connect()
     assert alice.publish("nobody", b"", 1) == NOBODY
     alice.subscribe("nobody")
     assert alice.publish("nobody", b"", 1) == 0
 
 
-def test_no_local_leaves_out_what_the_client_says_itself(guest):
-    alice, bob = guest("alice", protocol=5).enter(), guest("bob", protocol=5).enter()
+def test_no_local_leaves_out_what_the_client_says_itself(new_client):
+    alice, bob = new_client("alice", protocol=5).connect(), new_client("bob", protocol=5).connect()
     bob.subscribe("a", 1, noLocal=True)
     bob.publish("a", b"own", 1)
     alice.publish("a", b"other", 1)
     assert bob.next().payload == b"other"
 
 
-def test_retain_as_published_keeps_the_mark(guest):
-    bob = guest("bob", protocol=5).enter()
+def test_retain_as_published_keeps_the_mark(new_client):
+    bob = new_client("bob", protocol=5).connect()
     bob.subscribe("a", 1, retainAsPublished=True)
     bob.publish("a", b"kept", 1, retain=True)
     bob.publish("a", b"live", 1)
@@ -285,18 +300,18 @@ def test_retain_as_published_keeps_the_mark(guest):
 
 
 @pytest.mark.parametrize(("handling", "times"), [(0, 2), (1, 1), (2, 0)])
-def test_retain_handling_says_when_kept_messages_come(guest, handling, times):
-    bob = guest("bob", protocol=5).enter()
+def test_retain_handling_says_when_kept_messages_come(new_client, handling, times):
+    bob = new_client("bob", protocol=5).connect()
     bob.publish("a", b"kept", 1, retain=True)
     bob.subscribe("a", 1, retainHandling=handling)
     bob.subscribe("a", 1, retainHandling=handling)
     assert bob.payloads() == [b"kept"] * times
 
 
-def test_a_client_gets_no_more_at_once_than_its_receive_maximum(guest):
-    bob = guest("bob", protocol=5, manual=True, ReceiveMaximum=2).enter()
+def test_a_client_gets_no_more_at_once_than_its_receive_maximum(new_client):
+    bob = new_client("bob", protocol=5, manual=True, ReceiveMaximum=2).connect()
     bob.subscribe("a/+", 1)
-    alice = guest("alice", protocol=5).enter()
+    alice = new_client("alice", protocol=5).connect()
     for number in range(5):
         alice.publish(f"a/{number}", b"", 1)
     bob.subscribe("light")
@@ -307,20 +322,20 @@ def test_a_client_gets_no_more_at_once_than_its_receive_maximum(guest):
     assert bob.next().topic == "a/2"
 
 
-def test_what_is_larger_than_a_client_takes_is_left_out(guest):
-    bob = guest("bob", protocol=5, MaximumPacketSize=200).enter()
+def test_what_is_larger_than_a_client_takes_is_left_out(new_client):
+    bob = new_client("bob", protocol=5, MaximumPacketSize=200).connect()
     bob.subscribe("a", 1)
     bob.send("a", b"small", 1)
     assert bob.next().payload == b"small"  # before another client's: brokers keep the order of one alone
-    alice = guest("alice", protocol=5).enter()
+    alice = new_client("alice", protocol=5).connect()
     alice.publish("a", b"x" * 500, 1)
     alice.publish("a", b"small again", 1)
     assert bob.next().payload == b"small again"
 
 
 @both_versions
-def test_a_client_without_a_name_is_let_in(guest, protocol):
-    nameless = guest("", protocol=protocol).enter()
+def test_a_client_without_a_name_is_let_in(new_client, protocol):
+    nameless = new_client("", protocol=protocol).connect()
     nameless.subscribe("a", 1)
     nameless.publish("a", b"x", 1)
     assert nameless.next().payload == b"x"
@@ -353,10 +368,10 @@ CONNECT_311 = v311.write(mqtt5.ConnectPacket("mallory", clean_start=True))
         CONNECT_311,
     ],
 )
-def test_a_client_that_breaks_the_protocol_is_cut_off_alone(port, guest, raw, connect, bad):
+def test_a_client_that_breaks_the_protocol_is_cut_off_alone(port, new_client, raw, connect, bad):
     if not connect and bad in (CONNECT_5, CONNECT_311):
         bad += bad
-    bob = guest("bob", protocol=5).enter()
+    bob = new_client("bob", protocol=5).connect()
     mallory = raw(port, connect + bad)
     assert ends(mallory)
     bob.subscribe("a", 1)

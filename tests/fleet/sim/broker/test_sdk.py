@@ -25,8 +25,8 @@ def sdk(broker):
     end(client)
 
 
-def test_a_command_gets_its_answer(sdk, broker, guests):
-    driver = guests(broker.port, "driver", protocol=5).enter()
+def test_a_command_gets_its_answer(sdk, broker, clients):
+    driver = clients(broker.port, "driver", protocol=5).connect()
     driver.subscribe(f"cyberwave/twin/{TWIN}/command", 1)
 
     def answer(client, _data, message):
