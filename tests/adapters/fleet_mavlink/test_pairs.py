@@ -28,7 +28,7 @@ ROVER_SECOND = [name for name in pairs.SECOND if name not in pairs.NOT_FOR_ROVER
 def _one_thread(monkeypatch):
     """Write halts on the loop's thread: others do not know of its time."""
     monkeypatch.setattr(
-        "fleet.host.robot.controller.run_in_turn", lambda calls, wait: [call() for call in calls]
+        "fleet.host.robot.controller.call_sequentially", lambda calls, wait: [call() for call in calls]
     )
 
 
