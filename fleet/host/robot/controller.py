@@ -61,6 +61,7 @@ class RobotController:
         self.name, self.last, self.can = config.name, LastCommand(), capabilities
         self._clock, self._journal = clock, journal
         self._repeats = journal.repeats(clock.monotonic())
+        self._unheard_stop = False  # an emergency stop that may not have reached the robot
         limits = config.limits.over(capabilities.limits)
         self.attached = attached = AttachedAdapter(config.name)
         self.speeds, self.latch = VerbSpeeds(limits), EmergencyStopLatch(journal.latched, journal.latch)
@@ -159,12 +160,14 @@ class RobotController:
         self.attached.answers()
         self._admission.fault = ""
         self.motion.found()
+        self._stop_again()
 
     def faulted(self, why: str) -> None:
         """Handle a fault that the robot reports: it is halted until ``found``; a landing continues."""
         before, self._admission.fault = self._admission.fault, why
         self.attached.answers()
         self.motion.found()
+        self._stop_again()
         if before or self.motion.executor.safe:
             return
         if self.motion.in_control:
@@ -226,6 +229,7 @@ class RobotController:
         self._admission.stopped(ask)
         self.event_reporter.stops(ask)
         if self.attached.reachable is None:
+            self._unheard_stop |= ask.name == EMERGENCY
             outcome = self.attached.halt_unheard(ask.name, wait=HALT_WAIT)
             receipt.reject(f"{self.attached.unreachable_refusal}; {outcome}")
         else:
@@ -233,6 +237,12 @@ class RobotController:
         self.last.follow(ask.name, receipt)
         if ask.name == EMERGENCY and self.latch.is_first_report():  # last: logging may block
             self.event_reporter.emergency_stop(ask, self.latch.why)
+
+    def _stop_again(self) -> None:
+        """Repeat an emergency stop that was requested while the robot could not be reached."""
+        unheard, self._unheard_stop = self._unheard_stop, False
+        if unheard and self.latched:
+            self.motion.settle_later(EMERGENCY, anyway=True)
 
     # -- requests ------------------------------------------------------------------------------------
 

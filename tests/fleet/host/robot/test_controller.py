@@ -1059,6 +1059,29 @@ async def test_a_stop_of_a_robot_that_is_not_heard_says_no_more_than_is_true(
     assert answer.reason.endswith("the stop was not written: no link to it is open")
 
 
+@pytest.mark.parametrize(
+    ("released", "expected"), [(False, ["emergency_stop"]), (True, [])], ids=["set", "released"]
+)
+async def test_an_emergency_stop_of_a_robot_that_is_not_heard_is_repeated_once_when_it_is_back(
+    bench, asks, monkeypatch, released, expected
+):
+    reasons = []
+
+    async def stop(reason):
+        reasons.append(reason)
+
+    monkeypatch.setattr(bench.adapter, "stop", stop)
+    bench.controller.lost("silent")
+    bench.ask(asks.command("emergency_stop"))
+    if released:
+        bench.ask(asks.command("release_emergency_stop"))
+    for _ in range(2):
+        bench.controller.found()
+        await asks.settle()
+        bench.controller.lost("silent")
+    assert reasons == expected
+
+
 async def test_a_stop_that_a_blocked_link_has_not_taken_is_not_called_written(make_bench, asks, monkeypatch):
     bench, free = make_bench(), threading.Event()
     monkeypatch.setattr("fleet.host.robot.controller.HALT_WAIT", 0.01)
