@@ -7,11 +7,10 @@ import importlib.util
 import itertools
 import json
 import shutil
-import socket
 import sys
 import tempfile
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -179,8 +178,7 @@ def demo(  # noqa: PLR0917 - click's options
     with contextlib.ExitStack() as stack:
         host, port = _address(broker) if broker else ("127.0.0.1", 0)
         if broker is None:
-            cloud = BrokerThread(host=host, port=_port(), tells_unheard=False)
-            port = stack.enter_context(cloud).port
+            port = stack.enter_context(_own_broker(host)).port
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fleet-demo-")))
         path = folder / "fleet.yaml"
         path.write_text(demo_file(drones, host, port, ugvs=ugvs, dogs=dogs, edge=edge_id), encoding="utf-8")
@@ -239,15 +237,18 @@ def fleet_program() -> str:
     return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
-def _port() -> int:
-    """Return the standard port of MQTT if it is free, else 0 (any)."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+@contextlib.contextmanager
+def _own_broker(host: str) -> Iterator[BrokerThread]:
+    """Run a broker on the standard port of MQTT, or on any port if that is taken.
+
+    It is not asked first whether the port is free: another demo that starts now could take it meanwhile.
+    """
+    with contextlib.ExitStack() as stack:
         try:
-            probe.bind(("127.0.0.1", MQTT_PORT))
+            broker = stack.enter_context(BrokerThread(host=host, port=MQTT_PORT, tells_unheard=False))
         except OSError:
-            return 0
-    return MQTT_PORT
+            broker = stack.enter_context(BrokerThread(host=host, port=0, tells_unheard=False))
+        yield broker
 
 
 def _address(text: str) -> tuple[str, int]:

@@ -85,7 +85,10 @@ class Running:
     def _read_states(self) -> None:
         for line in self.process.stdout:
             state = json.loads(line)
-            self.states[state["name"]] = state
+            if "name" in state:
+                self.states[state["name"]] = state
+            else:
+                self.errors.append(line.rstrip())  # why it ended
 
     def _read_errors(self) -> None:
         for line in self.process.stderr:

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fleet.cli.demo import TRIES, _write_examples, demo_file, twin_of
+from fleet.cli.demo import TRIES, _own_broker, _write_examples, demo_file, twin_of
 from fleet.config.load import load
 
 
@@ -32,6 +32,13 @@ def test_a_demo_of_nothing_is_a_usage_error_and_starts_nothing(fleet):
     result = fleet("demo", "--drones", "0", "--ugvs", "0", "--dogs", "0")
     assert result.code == 2
     assert "ask for one of --drones, --ugvs, --dogs" in result.err
+
+
+def test_its_broker_takes_any_port_when_the_standard_one_is_taken(monkeypatch, free_port):
+    monkeypatch.setattr("fleet.cli.demo.MQTT_PORT", free_port)
+    with _own_broker("127.0.0.1") as first, _own_broker("127.0.0.1") as second:
+        assert first.port == free_port
+        assert second.port not in {0, free_port}
 
 
 def test_every_robot_of_the_demo_has_a_place_of_its_own():
