@@ -81,8 +81,9 @@ class VelocityStream:
         moves = not velocity.is_zero
         if not moves and self.phase is IDLE:
             return
+        flavour = self._vehicle.flavour
         if moves:
-            self._require(velocity)
+            self._require(velocity, flavour)
         if moves or not self._wanted.is_zero:
             self._since = self._vehicle.now()
         self._wanted = velocity
@@ -92,7 +93,7 @@ class VelocityStream:
             self._again_at = -math.inf if self._refusal is None else self._again_at
             self._to(STARTING)
         if self.phase is not BRAKING and (moves or self._is_ours()):
-            self._stream()
+            self._stream(flavour)
 
     def rest(self) -> bool:
         """End a drive gently: zero velocity now, the hold a moment later; False without a drive.
@@ -104,21 +105,20 @@ class VelocityStream:
         self.drive(ZERO_VELOCITY)
         return True
 
-    def _require(self, velocity: Velocity) -> None:
+    def _require(self, velocity: Velocity, flavour: Flavour | None) -> None:
         """Raise unless we may move the vehicle now."""
         linear = velocity.linear
         if not math.isfinite(linear.x + linear.y + linear.z + velocity.yaw_rate):
             raise Refused("a velocity must be made of finite numbers")
-        self._require_possible(velocity)
+        self._require_possible(velocity, flavour)
         require_movable(self._vehicle, self._authority)
         if self._refusal is not None and self._vehicle.now() < self._again_at:
             raise NotReady(f"the vehicle does not take velocities: {self._refusal}")
 
-    def _require_possible(self, velocity: Velocity) -> None:
+    def _require_possible(self, velocity: Velocity, flavour: Flavour | None) -> None:
         """Raise Unsupported for a motion that this vehicle lacks."""
-        vehicle, flavour = self._vehicle, self._vehicle.flavour
-        why = flavour.cannot(velocity, turns_in_place=vehicle.turns_in_place) if flavour else ""
-        if why:
+        turns_in_place = self._vehicle.turns_in_place
+        if flavour and (why := flavour.cannot(velocity, turns_in_place=turns_in_place)):
             raise Unsupported(why)
 
     def brake(self) -> None:
@@ -163,20 +163,20 @@ class VelocityStream:
             if self._authority.asked_before(mode):  # or it is shown late, and has been left since
                 self._again_at = self._vehicle.now() + _LATE
         if self.phase is not IDLE:
-            self._stream()
+            self._stream(flavour)
             _STEPS[self.phase](self, flavour, mode)
 
     def _is_ours(self) -> bool:
         """Return True if setpoints may be sent."""
         return self._vehicle.connected and not self._vehicle.clashing and not self._authority.lost_to
 
-    def _stream(self) -> None:
+    def _stream(self, flavour: Flavour | None) -> None:
         """Send the requested velocity, or zero while braking.
 
         It is also sent before the mode is shown: the vehicle follows as soon as it accepts setpoints, and the
         heartbeat that shows the mode arrives up to a second later.
         """
-        state, flavour = self._vehicle.state, self._vehicle.flavour
+        state = self._vehicle.state
         knows_where = state.knows_where(self._vehicle.now())
         moves = self.phase is not BRAKING and knows_where
         if moves and flavour is not None and state.attitude is not None:

@@ -56,7 +56,9 @@ class _Scanner:
         self.number()  # skip the remaining length: the packet is complete
 
     def packet(self) -> None:
-        """Scan the whole packet."""
+        """Scan the whole packet; one of ASCII characters only has no broken text."""
+        if bytes(self._packet[self._at :]).isascii():
+            return
         kind, flags = self._packet[0] >> 4, self._packet[0]
         for part in _LAYOUTS.get(kind, ""):
             match part:

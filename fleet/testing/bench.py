@@ -114,7 +114,7 @@ def _unblocked() -> Iterator[None]:
     def watch() -> None:
         silence = LoopSilence(POLL_INTERVAL)
         while not done.wait(POLL_INTERVAL):
-            silence.update(time.monotonic(), turned[0], seen.cpu(), seen.waited())
+            silence.update(time.monotonic(), turned[0], seen.cpu(), seen.waited)
             if silence.attributable > BLOCKS:
                 places.add(seen.place())
 

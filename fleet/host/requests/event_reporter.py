@@ -79,7 +79,10 @@ class EventReporter:
 
     def _hear(self, why: str) -> None:
         """Pass on that something moves or stops the robot."""
-        log_exceptions(log, "motion or a stop of a robot could not be passed on")(self.heard)(why)
+        try:
+            self.heard(why)
+        except Exception:
+            log.exception("motion or a stop of a robot could not be passed on")
 
     def moves(self, ask: Ask) -> None:
         """Record the request for which the robot moves from now on."""

@@ -65,23 +65,32 @@ class LoopSilence:
         self._awake = 0.0
         self._looked = 0.0
         self._cpu = 0.0
-        self._waited = 0.0
+        self._waited: float | None = None  # None until it is read
         self.attributable = 0.0  # s of it in which the loop could have run but did not
 
-    def update(self, now: float, beat: float, cpu: float, waited: float) -> float:
+    def update(self, now: float, beat: float, cpu: float, waited: Callable[[], float]) -> float:
         """Return the seconds of silence that count, at ``now`` (monotonic s).
 
         ``beat``: the loop's last tick (monotonic s); ``cpu`` and ``waited``: totals of its thread, from
-        ``LoopMonitor``.
+        ``LoopMonitor``. ``waited`` is called only once the loop has been silent for two periods: it reads a
+        file, for which a thread gives the interpreter lock away and takes it from the loop again.
         """
         if beat != self._beat:
-            self._beat, self._cpu, self._waited = beat, cpu, waited
+            self._beat, self._cpu, self._waited = beat, cpu, None
             self._awake, self._looked = 0.0, now
         self._awake += min(now - self._looked, 2 * self._period)
         self._looked = now
         silent = min(now - beat, max(self._awake, cpu - self._cpu))
-        self.attributable = max(silent - (waited - self._waited), cpu - self._cpu)
+        lacked = self._lacked(waited) if silent > 2 * self._period else 0.0
+        self.attributable = max(silent - lacked, cpu - self._cpu)
         return silent
+
+    def _lacked(self, waited: Callable[[], float]) -> float:
+        """Return the seconds without a processor since this was first called in this silence."""
+        total = waited()
+        if self._waited is None:
+            self._waited = total
+        return total - self._waited
 
 
 def _is_library(filename: str) -> bool:

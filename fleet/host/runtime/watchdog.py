@@ -142,7 +142,7 @@ class Watchdog:
 
         Time in which the computer gave the loop no processor counts against no robot.
         """
-        silent = self._silence.update(now, self._loop.beat(), self._loop.cpu(), self._loop.waited())
+        silent = self._silence.update(now, self._loop.beat(), self._loop.cpu(), self._loop.waited)
         if silent < BLOCKED:
             self._named = ""
             return
