@@ -113,7 +113,8 @@ class AdapterContract:
 
     def test_the_config_names_its_adapter(self) -> None:
         names = typing.get_args(self.adapter.Config.model_fields["adapter"].annotation)
-        assert names == (self.make_config().model_dump()["adapter"],)
+        said = self.make_config().model_dump()["adapter"]
+        assert names == (said,), f"Config declares adapter: {names}, the example config says {said!r}"
 
     def test_an_unknown_config_field_is_refused(self) -> None:
         with pytest.raises(ValidationError, match="no_such_field"):
@@ -122,25 +123,30 @@ class AdapterContract:
     def test_every_config_field_of_its_own_is_described(self) -> None:
         fields = self.adapter.Config.model_fields
         own = fields.keys() - AdapterConfig.model_fields.keys() - {"adapter"}
-        assert [name for name in sorted(own) if not fields[name].description] == []
+        bare = [name for name in sorted(own) if not fields[name].description]
+        assert not bare, f"Config needs Field(description=...) for {', '.join(bare)}"
 
     def test_the_adapter_says_what_it_is_for(self) -> None:
-        assert (self.adapter.__doc__ or "").strip()
+        assert (self.adapter.__doc__ or "").strip(), f"{self.adapter.__name__} needs a docstring"
 
     def test_every_command_has_a_plain_name_and_a_bounded_time(self) -> None:
         for name, spec in capabilities(self.adapter).commands.items():
-            assert re.fullmatch(r"[a-z][a-z0-9_]*", name), name
-            assert 0 < spec.timeout < math.inf, name
+            assert re.fullmatch(r"[a-z][a-z0-9_]*", name), f"{name!r}: small letters, digits and _ only"
+            assert 0 < spec.timeout < math.inf, f"{name} needs a timeout in seconds, not {spec.timeout}"
 
     def test_every_command_method_says_what_it_does(self) -> None:
-        assert [name for name, spec in capabilities(self.adapter).commands.items() if not spec.summary] == []
+        bare = [name for name, spec in capabilities(self.adapter).commands.items() if not spec.summary]
+        assert not bare, f"these commands need a docstring, which is their help: {', '.join(bare)}"
 
     def test_every_number_of_a_command_has_a_range_and_a_unit(self) -> None:
         for name, spec in capabilities(self.adapter).commands.items():
             fields = msgspec.structs.fields(spec.parameters)
             numbers = [field.name for field in fields if _is_number(field.type)]
-            assert [each for each in numbers if each not in spec.ranges] == [], f"{name} needs a Range"
-            assert all(bounds.unit and bounds.least < bounds.most for bounds in spec.ranges.values()), name
+            bare = [each for each in numbers if each not in spec.ranges]
+            assert not bare, f"{name}: {', '.join(bare)} needs a Range"
+            for each, bounds in spec.ranges.items():
+                assert bounds.unit, f"{name}: the Range of {each} needs a unit"
+                assert bounds.least < bounds.most, f"{name}: the Range of {each} is empty: {bounds}"
 
     def test_data_that_a_command_does_not_know_is_refused_before_anything_moves(self) -> None:
         for spec in capabilities(self.adapter).commands.values():
@@ -188,11 +194,12 @@ class AdapterContract:
 
     def test_a_robot_that_drives_says_how_fast(self) -> None:
         can = capabilities(self.adapter)
-        assert can.limits.speed or not can.drives
+        assert can.limits.speed or not can.drives, "declare limits = Limits(speed=...) in m/s: it has drive"
 
     def test_two_robots_share_no_state(self) -> None:
         mine, other = self.make(), self.make()
-        assert containers_of(mine).isdisjoint(containers_of(other))
+        shared = containers_of(mine) & containers_of(other)
+        assert not shared, "robots share a list, a set or another object of the class: make it in __init__"
 
 
 class FrameContract(AdapterContract):
@@ -224,7 +231,7 @@ class FrameContract(AdapterContract):
             config = self.make_config(link=f"memory:{self.machine.name}")
             robot = RecordingRobot(limits=config.limits.over(self.adapter.limits))
             async with connected(create_adapter(self.adapter, config, robot), robot) as bench:
-                assert await bench.until(lambda: robot.is_connected, ONLINE_WITHIN)
+                assert await bench.until(lambda: robot.is_connected, ONLINE_WITHIN), "connect does not return"
                 talking = _ExampleSender(self.machine, self.said)
                 robot.every(TALKS, talking.say)
                 assert await bench.until(lambda: bench.is_online, ONLINE_WITHIN), (
@@ -248,7 +255,7 @@ class FrameContract(AdapterContract):
         for spec in still if self.adapter.drives() else ():
             frames = unless_refused(self._performed, self.inner(), spec) or []
             moving = [frame for frame in frames if isinstance(frame, bytes) and self._moves(frame)]
-            assert moving == [], f"{spec.name} says moves=False"
+            assert not moving, f"{spec.name} says moves=False, but yields {moving}, which moves it"
 
     def _moves(self, frame: bytes) -> bool:
         """Return True for a frame that sets a velocity other than zero."""
@@ -270,25 +277,26 @@ class FrameContract(AdapterContract):
         return [frame for piece in self.said for frame in cutter.feed(piece)]
 
     def test_its_config_has_a_link(self) -> None:
-        assert "link" in self.adapter.Config.model_fields
+        assert "link" in self.adapter.Config.model_fields, "Config needs a field link: LinkText"
 
     def test_each_example_of_what_the_robot_says_means_something(self) -> None:
         assert len(self.frames()) == len(self.said) > 0, "each item of said must be one whole frame"
         silent = [frame for frame in self.frames() if not list(self.inner().decode(frame, STAMP))]
-        assert silent == [], "decode yields nothing for these: leave frames without a report out of said"
+        assert not silent, f"decode yields nothing for {silent}: leave frames without a report out of said"
 
     def test_frames_are_the_same_however_the_line_cuts_them(self) -> None:
         cutter = self.adapter.framing.cutter()
         wire = Datagrams() if isinstance(self.adapter.framing, DatagramFraming) else OneByteAtATime()
         pieces = [piece for data in self.said for piece in wire.carry(data)]
-        assert [frame for piece in pieces for frame in cutter.feed(piece)] == self.frames()
+        found = [frame for piece in pieces for frame in cutter.feed(piece)]
+        assert found == self.frames(), f"in pieces the framing cuts {found}, at once {self.frames()}"
 
     def test_halt_is_never_empty_and_works_at_any_time(self) -> None:
         inner = self.inner()
         for _ in range(3):
             frames = in_time(lambda: list(inner.halt()))
-            assert frames
-            assert all(isinstance(frame, bytes) and frame for frame in frames)
+            assert frames, "halt yields no frame: nothing stops the robot"
+            self._expect_frames("halt", frames)
             unless_refused(self._encoded, inner, Velocity(Vector3(1.0), 1.0))
 
     def test_every_velocity_becomes_frames_or_is_refused(self) -> None:
@@ -301,18 +309,19 @@ class FrameContract(AdapterContract):
             assert frames != [], f"drive({velocity}) yields no frame"
 
     def test_standing_still_is_never_refused(self) -> None:
-        assert self._encoded(self.inner(), ZERO_VELOCITY) if self.adapter.drives() else True
+        if self.adapter.drives():
+            assert self._encoded(self.inner(), ZERO_VELOCITY), "drive yields no frame for a velocity of zero"
 
     def test_hello_and_tick_yield_frames(self) -> None:
         inner = self.inner()
-        frames = in_time(lambda: [*inner.hello(), *inner.tick()])
-        assert all(isinstance(frame, bytes) and frame for frame in frames)
+        self._expect_frames("hello and tick", in_time(lambda: [*inner.hello(), *inner.tick()]))
 
     def test_decode_survives_whatever_arrives(self) -> None:
         inner = self.inner()
         noise = corrupted_frames(self.frames())
         reports = in_time(lambda: [report for frame in noise for report in inner.decode(frame, STAMP)])
-        assert [flaw for report in reports if (flaw := implausible(report, STAMP))] == []
+        flaws = [flaw for report in reports if (flaw := implausible(report, STAMP))]
+        assert not flaws, f"decode must yield nothing for a damaged frame, but: {'; '.join(flaws[:3])}"
 
     def test_one_robots_frames_do_not_change_another(self) -> None:
         def frames_written() -> list[bytes]:
@@ -325,7 +334,14 @@ class FrameContract(AdapterContract):
             list(used.decode(frame, STAMP))
         for velocity in trial_velocities(self.make_config(), self.adapter) if self.adapter.drives() else ():
             self._encoded(used, velocity)
-        assert frames_written() == before
+        now = frames_written()
+        assert now == before, f"another robot changed what a new one writes from {before} to {now}"
+
+    @staticmethod
+    def _expect_frames(method: str, frames: list[bytes]) -> None:
+        """Check that a method yielded bytes only, none of them empty."""
+        wrong = [frame for frame in frames if not (isinstance(frame, bytes) and frame)]
+        assert not wrong, f"{method} must yield bytes that are not empty, not {wrong}"
 
     @staticmethod
     def _encoded(inner: FrameAdapter[Any], velocity: Velocity) -> list[bytes]:

@@ -14,7 +14,7 @@ from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.model.report import BatteryReport
 from fleet.robot_config import Limits
 from fleet.testing import probes
-from fleet.testing.contract import AdapterContract, FrameContract
+from fleet.testing.contract import STAMP, AdapterContract, FrameContract
 
 
 class GoodConfig(AdapterConfig):
@@ -153,6 +153,21 @@ def test_a_broken_frame_adapter_is_caught(test, changes):
             "every_velocity_becomes_frames_or_is_refused",
             {"drive": lambda self, velocity: [struct.pack("<h", round(velocity.linear.x))]},
             "clamp it, or raise Refused",
+        ),
+        (
+            "decode_survives_whatever_arrives",
+            {"decode": lambda self, *_: [BatteryReport(STAMP, percent=250.0)]},
+            r"BatteryReport.percent is \[250.0\], beyond 0 to 100",
+        ),
+        (
+            "halt_is_never_empty_and_works_at_any_time",
+            {"halt": lambda self: [b""]},
+            r"halt must yield bytes that are not empty, not \[b''\]",
+        ),
+        (
+            "every_command_method_says_what_it_does",
+            {"wave": command("wave")(lambda self: ())},
+            "need a docstring, which is their help: wave",
         ),
     ],
 )
