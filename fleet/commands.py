@@ -278,6 +278,7 @@ def _plainly(words: str, spec: CommandSpec) -> str:
         return f"{beyond[1]} must be {spec.ranges[beyond[1]]}"
     if wrong := _WRONG_TYPE.fullmatch(words):
         wanted = " or ".join(_TYPES.get(each, each) for each in wrong[1].split(" | ") if each != "null")
-        return f"{wrong[3] or 'its data'} must be {wanted}, not {_TYPES.get(wrong[2], wrong[2])}"
+        bounds = f" ({spec.ranges[wrong[3]]})" if wrong[3] in spec.ranges else ""
+        return f"{wrong[3] or 'its data'} must be {wanted}, not {_TYPES.get(wrong[2], wrong[2])}{bounds}"
     missing = _MISSING.match(words)
     return f"{missing[1]} is missing" if missing else words

@@ -223,7 +223,10 @@ class AdapterConfig(TopicsConfig):
         "edge_leader.",
     )
     accepts: Accepts = Field(Accepts(), description="Whose commands the robot obeys.")
-    limits: Limits = Field(Limits(), description="Over the adapter's own limits.")
+    limits: Limits = Field(
+        Limits(),
+        description="They take precedence over the adapter's own limits, also where they are higher.",
+    )
     fence: FenceConfig | None = Field(None, description="Where the robot may be.")
     battery_policy: BatteryPolicy | None = Field(
         None, description="Reaction to a low battery; left out: none."

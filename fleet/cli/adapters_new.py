@@ -103,7 +103,8 @@ def new(out: Output, name: str, kind: str, into: pathlib.Path) -> None:
     out.data({"written": [str(place / path) for path in files], "adapter": name})
     for path in files:
         out.say(f"wrote {place / path}")
-    out.note(f"next: cd {place} && {_install()} -e '.[test]' && python -m pytest")
+    python, install = _next_programs()
+    out.note(f"next: cd {place} && {install} -e '.[test]' && {python} -m pytest")
 
 
 def package(name: str, kind: str) -> dict[str, str]:
@@ -136,11 +137,12 @@ def _filled(text: str, tokens: Mapping[str, str]) -> str:
     return text
 
 
-def _install() -> str:
-    """Return the command that installs into this environment; environments made by uv have no pip."""
+def _next_programs() -> tuple[str, str]:
+    """Return this environment's interpreter and installer; environments made by uv have no pip."""
     if importlib.util.find_spec("pip"):
-        return "python -m pip install"
-    return f"uv pip install --python {shlex.quote(sys.executable)}"
+        return "python", "python -m pip install"
+    python = shlex.quote(sys.executable)
+    return python, f"uv pip install --python {python}"
 
 
 def _check_name(name: str) -> None:

@@ -63,7 +63,7 @@ def _reloaded(out: Output, edges: Edges, edge: str, worker: str, name: str) -> b
         mine = [state for state in edges.states() if (state.edge, state.worker) == (edge, worker)]
         here = bool(mine) and all(state.reachable for state in mine)
         if here and gone:
-            out.say(f"worker {worker}: reloaded; back are {', '.join(state.name for state in mine)}")
+            out.say(f"worker {worker}: reloaded; running again: {', '.join(state.name for state in mine)}")
             return True
         gone = gone or not here
         time.sleep(_POLL_EVERY)

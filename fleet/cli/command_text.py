@@ -28,7 +28,7 @@ def show(out: Output, one: CommandDescription) -> None:
         rows = [(each.name, each.type, _range(each), _default(each)) for each in one.parameters]
         out.table(("parameter", "type", "range", "default"), rows)
     traits = [
-        "may move the robot" if one.moves else "moves nothing",
+        "may move the robot" if one.moves else "does not move the robot",
         "taken during an emergency stop" if one.safe else "",
         f"given up after {one.timeout:g} s" if one.timeout else "",
     ]

@@ -40,7 +40,9 @@ def describe(out: Output, robot: str, command: str | None, *, file: str | None) 
     named = {one.name: one for one in found.commands}
     if command not in named:
         near = nearest(command, named) or f"fleet describe {robot} lists what it takes"
-        raise Refused(f"{robot} has no {command!r}", hint=near)
+        if command in found.verbs:
+            near = f"it is a verb; fleet describe {robot} shows the parameters of all verbs"
+        raise Refused(f"{robot} has no command {command!r}", hint=near)
     out.data(msgspec.to_builtins(named[command]))
     _show_one(out, robot, named[command])
     return ExitCode.OK

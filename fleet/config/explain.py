@@ -142,13 +142,18 @@ def _report_one(error: _Error, model: type[BaseModel], path: Path, document: Doc
     if kind == "missing":
         field = _field(model, location)
         hint = (field.description or "") if field else ""
-        document.report(_place(path, document), f"the key {location[-1]!r} is missing", hint)
+        document.report(_place(path, document), f"{_missing(location[-1])} is missing", hint)
         return
     if location and location[-1] == "[key]":
         document.report(document.keys[path], _message(error, context), _hint(error, None))
         return
     place = document.keys.get((*path, context.get("key", "")), _place(path, document))
     document.report(place, _message(error, context), _hint(error, _field(model, location)))
+
+
+def _missing(last: str | int) -> str:
+    """Return the words for a missing key, or for a missing item of a list."""
+    return f"item {last + 1} of the list" if isinstance(last, int) else f"the key {last!r}"
 
 
 def _place(path: Path, document: Document) -> Mark:

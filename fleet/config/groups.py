@@ -22,7 +22,9 @@ class GroupConfig(Model):
 
     robots: tuple[Name, ...] = Field(description="Its robots.")
     accepts: Accepts | None = Field(None, description="Whose commands each of them obeys.")
-    limits: Limits | None = Field(None, description="Of each of them, over the adapter's own limits.")
+    limits: Limits | None = Field(
+        None, description="Of each of them; they take precedence over the adapter's own."
+    )
 
 
 def _form(given: Any) -> str:

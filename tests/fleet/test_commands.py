@@ -137,6 +137,11 @@ class Arm:
 ARM = commands_of(Arm)
 
 
+def test_text_where_a_number_belongs_is_refused_with_the_range_and_unit():
+    with pytest.raises(Refused, match=r"height must be a number, not text \(0.1 to 2 m\)"):
+        arguments(ARM["reach"], {"height": "1m"})
+
+
 def test_a_command_tells_the_ranges_and_units_of_its_numbers():
     ranges = {name: str(bounds) for name, bounds in ARM["reach"].ranges.items()}
     assert ranges == {"height": "0.1 to 2 m", "turn": "-90 to 90 degrees", "lamps": "0 to 255 of 255"}

@@ -246,7 +246,7 @@ class AdapterRunner:
             Health(
                 Level.FAULT,
                 f"quarantined after {STRIKES} failures in {STRIKE_WINDOW:g} s, the last: {health.cause}; "
-                f"fleet send {self.controller.name} restart_adapter",
+                f"fleet logs shows where, then: fleet send {self.controller.name} restart_adapter",
             )
         )
         self._lifted.clear()

@@ -27,10 +27,10 @@ Refusal = Callable[[str, CommandSpec | None], str]
 _WORDS: Mapping[object, str] = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 _HOST = {
     "release_emergency_stop": "Let the robot move again after an emergency stop.",
-    "restart_adapter": "End its adapter's run and begin anew; ends a quarantine.",
+    "restart_adapter": "Start its adapter anew, also after a quarantine; a changed file is not loaded.",
     "follow_leader": "Lead its joints where its leader's are, until any stop.",
-    "set_linear_velocity": "Store the speed of later verbs, m/s.",
-    "set_angular_velocity": "Store the turning speed of later verbs, rad/s.",
+    "set_linear_velocity": "Store the speed of later verbs: linear=..., m/s.",
+    "set_angular_velocity": "Store the turning speed of later verbs: angular=..., rad/s.",
     "stop": "Bring the robot to a standstill and hold it.",
     "emergency_stop": "Stop at once, and take no motion until released.",
     "hover": "As stop.",

@@ -13,6 +13,8 @@ import pytest
 from fleet.cli.adapters_new import KINDS, package
 from fleet.plugins.registry import Registry
 
+HERE = shlex.quote(sys.executable)
+
 
 @pytest.fixture(params=list(KINDS))
 def kind(request):
@@ -53,14 +55,14 @@ def test_it_says_what_it_wrote_and_what_comes_next(fleet, place):
     assert all((place / line.removeprefix("wrote ")).is_file() for line in written)
     assert len(written) == len(list((place / "six-wheeler").rglob("*.*")))
     assert result.err.startswith("next: cd six-wheeler && ")
-    assert result.err.endswith(" -e '.[test]' && python -m pytest\n")
+    assert result.err.endswith("python -m pytest\n")
 
 
 @pytest.mark.parametrize(
     ("pip", "expected"),
     [
-        (True, "&& python -m pip install -e"),
-        (False, f"&& uv pip install --python {shlex.quote(sys.executable)} -e"),
+        (True, "&& python -m pip install -e '.[test]' && python -m pytest"),
+        (False, f"&& uv pip install --python {HERE} -e '.[test]' && {HERE} -m pytest"),
     ],
 )
 def test_the_installer_that_comes_next_is_one_that_the_environment_has(

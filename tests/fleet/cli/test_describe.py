@@ -59,6 +59,12 @@ def test_a_misspelt_command_is_reported_with_the_nearest(fleet):
 
 
 @pytest.mark.usefixtures("kestrel")
+def test_a_verb_is_not_called_unknown(fleet):
+    result = fleet("describe", "kestrel", "move_forward")
+    assert (result.code, "it is a verb; fleet describe kestrel shows" in result.err) == (5, True)
+
+
+@pytest.mark.usefixtures("kestrel")
 def test_a_robot_whose_process_is_silent_is_reported_as_such(fleet):
     result = fleet("describe", "rex")
     assert (result.code, "its worker is silent" in result.err) == (6, True)

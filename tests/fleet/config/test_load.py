@@ -120,6 +120,11 @@ def test_robots_that_are_no_list_are_reported(yard, robots, expected):
     assert yard.problems(f"{{edge: {{id: e}}, {robots}}}")[0].startswith(f"fleet.yaml:{expected}")
 
 
+def test_a_missing_item_of_a_list_is_reported_by_its_number(yard):
+    problem = yard.problems(small(ROBOT.replace("adapter: toy", "adapter: toy, start: [0, 0]")))[0]
+    assert "robots[0].start: item 3 of the list is missing" in problem
+
+
 @pytest.mark.parametrize(
     ("second", "expected"),
     [

@@ -74,7 +74,7 @@ async def test_a_changed_file_is_in_use_after_it_and_the_edge_runs_on(field):
     (before,) = field.place.processes("arm")
     field.change('self.note("run")', 'self.note("run"); self.note("changed")')
     code, out, _ = await fleet("adapters", "reload", "toy", "-f", str(field.place.file))
-    assert (code, out) == (7, "worker limbs: reloaded; back are arm, leg\n")  # 7: rex has no worker
+    assert (code, out) == (7, "worker limbs: reloaded; running again: arm, leg\n")  # 7: rex has no worker
     await field.until(lambda: all(state.health == "ok" for state in field.edge.states()))
     assert field.place.processes("arm")[-1] != before
     assert "changed" in field.place.words("arm")
