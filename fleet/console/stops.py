@@ -195,7 +195,7 @@ class StopTracker:
         names = tuple(robot.rpartition("/")[2] for robot in target.robots)
         loop = asyncio.get_running_loop()
 
-        def ask() -> list[tuple[str, str, bool]]:
+        def send() -> list[tuple[str, str, bool]]:
             return [
                 (answer.edge, name, answer.kept)
                 for directory in self._directories()
@@ -204,7 +204,7 @@ class StopTracker:
             ]
 
         try:
-            for edge, name, kept in await loop.run_in_executor(self._threads, ask):
+            for edge, name, kept in await loop.run_in_executor(self._threads, send):
                 if not kept:
                     record.acknowledge(id_of(edge, name), self._clock.monotonic(), "supervisor")
                 else:

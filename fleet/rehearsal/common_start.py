@@ -32,7 +32,7 @@ class SimulatedStart:
     ) -> None:
         """Check whether a robot can begin; ``heard`` receives the result and the replies after the start."""
         found = self._robots[robot]
-        request = found.read(kind, payload, transport=transport, request_id=identity, waits=True)
+        prepared = found.read(kind, payload, transport=transport, request_id=identity, waits=True)
         try:
             ask = found.requests.ask_of(kind, payload, transport=transport, request_id=identity)
             if isinstance(ask, Command | Navigate):
@@ -41,8 +41,8 @@ class SimulatedStart:
                 trouble = "a velocity is not started together"
         except WireError as error:
             trouble = str(error)
-        if request is not None and not trouble:
-            self._prepared[robot] = request, heard
+        if prepared is not None and not trouble:
+            self._prepared[robot] = prepared, heard
         status = ReplyStatus.REJECTED if trouble else ReplyStatus.ACCEPTED
         self._soon(lambda: heard(Reply(kind, status, trouble)))
 

@@ -90,11 +90,11 @@ def _set_mode(pilot: ArduPilot, ask: CommandRequest) -> int:
     return _result(pilot.change_mode(whole(ask.p2)))
 
 
-def _return(pilot: ArduPilot, _ask: CommandRequest) -> int:
+def _return(pilot: ArduPilot, _command: CommandRequest) -> int:
     return _result(pilot.change_mode(MODES["RTL"].custom))
 
 
-def _land(pilot: ArduPilot, _ask: CommandRequest) -> int:
+def _land(pilot: ArduPilot, _command: CommandRequest) -> int:
     return _result(pilot.change_mode(MODES["LAND"].custom))
 
 
@@ -222,7 +222,7 @@ def _request(pilot: ArduPilot, ask: CommandRequest) -> int:
     return ACCEPTED if message is not None or whole(ask.p1) in BUILDERS else FAILED
 
 
-def _check(pilot: ArduPilot, _ask: CommandRequest) -> int:
+def _check(pilot: ArduPilot, _command: CommandRequest) -> int:
     """RUN_PREARM_CHECKS: send the reasons against arming at once."""
     if pilot.armed:
         return TEMPORARILY_REJECTED
@@ -231,7 +231,7 @@ def _check(pilot: ArduPilot, _ask: CommandRequest) -> int:
     return ACCEPTED
 
 
-def _start_compass(pilot: ArduPilot, _ask: CommandRequest) -> int:
+def _start_compass(pilot: ArduPilot, _command: CommandRequest) -> int:
     if pilot.armed:
         pilot.say(CRITICAL, "Disarm to allow calibration")
         return FAILED
@@ -239,7 +239,7 @@ def _start_compass(pilot: ArduPilot, _ask: CommandRequest) -> int:
     return ACCEPTED
 
 
-def _cancel_compass(pilot: ArduPilot, _ask: CommandRequest) -> int:
+def _cancel_compass(pilot: ArduPilot, _command: CommandRequest) -> int:
     pilot.equipment.compass.cancel(pilot)
     return ACCEPTED
 

@@ -95,14 +95,14 @@ def _set_mode(pilot: SimPx4, ask: CommandRequest) -> None:
     pilot.acknowledge_again(ask, pilot.change_mode(mode) if custom and mode else ACCEPTED)
 
 
-def _return(pilot: SimPx4, _ask: CommandRequest) -> int:
+def _return(pilot: SimPx4, _command: CommandRequest) -> int:
     result = pilot.change_mode(MODES["RTL"])
     if result == ACCEPTED:
         pilot.say(INFO, "Returning to launch")
     return result
 
 
-def _land(pilot: SimPx4, _ask: CommandRequest) -> int:
+def _land(pilot: SimPx4, _command: CommandRequest) -> int:
     """Land; accepted also without a position."""
     result = pilot.change_mode(MODES["LAND"])
     if result == ACCEPTED:
@@ -110,16 +110,16 @@ def _land(pilot: SimPx4, _ask: CommandRequest) -> int:
     return result
 
 
-def _orbit(pilot: SimPx4, _ask: CommandRequest) -> int:
+def _orbit(pilot: SimPx4, _command: CommandRequest) -> int:
     """Show the mode; the circle is not flown."""
     return pilot.change_mode(MODES["ORBIT"])
 
 
-def _unanswered(_pilot: SimPx4, _ask: CommandRequest) -> None:
+def _unanswered(_pilot: SimPx4, _command: CommandRequest) -> None:
     """Do nothing and send nothing: no module on the simulated board handles it."""
 
 
-def _start_mission(pilot: SimPx4, _ask: CommandRequest) -> int:
+def _start_mission(pilot: SimPx4, _command: CommandRequest) -> int:
     """Start the mission; arms if necessary."""
     if not pilot.missions.loaded:
         return DENIED
@@ -208,7 +208,7 @@ def _request(pilot: SimPx4, ask: CommandRequest) -> int:
     return ACCEPTED
 
 
-def _check(pilot: SimPx4, _ask: CommandRequest) -> int:
+def _check(pilot: SimPx4, _command: CommandRequest) -> int:
     """RUN_PREARM_CHECKS: send the reasons against arming at once."""
     if pilot.armed:
         return TEMPORARILY_REJECTED

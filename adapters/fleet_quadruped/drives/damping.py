@@ -9,8 +9,8 @@ from typing import TypeVar
 
 from fleet import CanBus, CanFrame
 from fleet_quadruped.body.measured import Targets
-from fleet_quadruped.drives.asking import DriveRequester
 from fleet_quadruped.drives.base import Power
+from fleet_quadruped.drives.drive_requester import DriveRequester
 from fleet_quadruped.drives.group import DriveGroup, ReportingDrive
 from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.robot.description import DogDescription

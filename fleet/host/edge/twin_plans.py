@@ -271,9 +271,9 @@ class TwinPlans:
         origin: Origin = ask.origin
         sender = {"session_id": origin.session, "source_type": origin.source_type, "timestamp": ask.stamp}
         payload = msgspec.json.encode(message | without_nulls(sender))
-        request = robot.read("command", payload, transport=origin.transport, waits=True)
-        if request is not None:
-            request(answer)
+        command = robot.read("command", payload, transport=origin.transport, waits=True)
+        if command is not None:
+            command(answer)
 
     def _run_of(self, robot: str, execution: str) -> Run | None:
         """Return the run that a control message means: one of the cloud, of this twin's plan."""

@@ -58,10 +58,8 @@ class VideoRelay:
             waited = self._clock.monotonic() - asked  # now: a busy loop must not look like a silent program
             self._loop.call_soon_threadsafe(self._ended, waited, receipt, refusals)
 
-        request = video_request(ask)
-        self._bus_session.ask_later(
-            self._key, request, timeout=ANSWER_WITHIN, on_answer=answered, on_end=ended
-        )
+        query = video_request(ask)
+        self._bus_session.ask_later(self._key, query, timeout=ANSWER_WITHIN, on_answer=answered, on_end=ended)
 
     def _answered(self, payload: bytes, receipt: Receipt, refusals: list[str]) -> None:
         """Process one program's reply; there may be one program per camera, and one success is enough."""

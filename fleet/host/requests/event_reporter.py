@@ -13,7 +13,8 @@ from typing import TypeVar
 import msgspec
 
 from fleet.clock import Clock
-from fleet.model.command import Command, JointSetpoint, Origin, Setpoint, Transport
+from fleet.host.requests.decode import Ask
+from fleet.model.command import Command, Origin, Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.navigation import Navigate
 from fleet.model.report import Report, TelemetryReport
@@ -34,7 +35,6 @@ LEVELS = MappingProxyType(
 )
 
 _OURS = frozenset({Transport.MISSION, Transport.LOCAL})  # no message from outside can claim these
-Ask = Command | Setpoint | JointSetpoint | Navigate
 AnyAsk = TypeVar("AnyAsk", bound=Ask)
 
 

@@ -14,7 +14,8 @@ from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
 from fleet.host.journal.journal import RobotJournal
-from fleet.host.requests.event_reporter import Ask, EventReporter
+from fleet.host.requests.decode import Ask
+from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.last_command import LastCommand
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import Capabilities

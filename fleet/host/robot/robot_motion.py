@@ -9,7 +9,8 @@ from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import CommandError, TimedOut
 from fleet.host.journal.journal import RobotJournal
-from fleet.host.requests.event_reporter import Ask, EventReporter
+from fleet.host.requests.decode import Ask
+from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.attached_adapter import AttachedAdapter
 from fleet.host.robot.executor import Executor

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Sequence
 
 from fleet import CanFrame, LinkRefused
-from fleet_quadruped.drives.asking import DriveRequester
+from fleet_quadruped.drives.drive_requester import DriveRequester
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.motor import MitMotor
 from fleet_quadruped.drives.mit.profiles import profile_name

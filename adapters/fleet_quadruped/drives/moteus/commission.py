@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from fleet import CanFrame, LinkRefused
-from fleet_quadruped.drives.asking import DriveRequester
 from fleet_quadruped.drives.base import NEVER
+from fleet_quadruped.drives.drive_requester import DriveRequester
 from fleet_quadruped.drives.moteus import frames as wire
 from fleet_quadruped.drives.moteus.servo import MoteusServo
 

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Sequence
 
 from fleet import CanFrame, LinkRefused
-from fleet_quadruped.drives.asking import DriveRequester
+from fleet_quadruped.drives.drive_requester import DriveRequester
 from fleet_quadruped.drives.odrive import frames as wire
 from fleet_quadruped.drives.odrive.axis import OdriveAxis
 from fleet_quadruped.drives.odrive.frames import OdriveCommand
