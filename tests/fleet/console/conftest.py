@@ -38,9 +38,9 @@ class Page:
         self.answers = []
         self.entries = {}
 
-    def ask(self, ask, **fields):
+    def ask(self, kind, /, **fields):
         """Ask for something."""
-        self.socket.send(json.dumps({"ask": ask, **fields}))
+        self.socket.send(json.dumps({"ask": kind, **fields}))
 
     def _take(self):
         message = json.loads(self.socket.recv(timeout=DEADLINE))
