@@ -17,7 +17,8 @@ from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.drives.moteus.frames import to_servo
 from fleet_quadruped.frames import FrameDecoder
 from fleet_quadruped.robot import parts
-from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.selfwalk.description import SelfWalker

@@ -24,7 +24,8 @@ from fleet import CanBus, Clock, Fault, LinkError, LinkLost, Refused
 from fleet_quadruped.bench_tools import BenchSession, problems
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.drives.base import JointFeedback, Power
-from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.joint import Joint
 
 log = logging.getLogger(__name__)
 

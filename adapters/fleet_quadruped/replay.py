@@ -8,7 +8,8 @@ from fleet import CanFrame
 from fleet_quadruped.can.capture import Captured
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback
-from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.joint import Joint
 
 _EVERY = 0.1  # s between two lines about a joint
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fleet_quadruped.drives.base import HOLDING, JointsFeedback, Power
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 
 _OFF = frozenset({Power.DISABLED, Power.FAULT})
 

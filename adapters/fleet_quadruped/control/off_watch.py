@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from fleet_quadruped.control.holding import all_off, holding
 from fleet_quadruped.drives.base import JointsFeedback
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 
 _SEEN_OFF = 1.0  # s within which the drives must report that their torque is off
 

@@ -9,12 +9,15 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
-from typing import Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from fleet import CanBus, ConfigError
 from fleet_quadruped.drives.base import JointDrive
-from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import CanBusConfig, Drive
+
+if TYPE_CHECKING:
+    from fleet_quadruped.robot.description import DogDescription  # it is validated with the drives
 
 DRIVES = "fleet.quadruped_drives"
 SIMULATED_DRIVES = "fleet.quadruped_simulated_drives"

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 from fleet import CanFrame
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.can.bus_guard import Address
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 
 
 class Power(enum.StrEnum):

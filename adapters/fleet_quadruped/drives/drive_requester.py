@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, TypeVar
 
 from fleet import CanBus, CanFrame, LinkLost
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 
 _TRIES, _LISTENS, _WAIT = 5, 20, 0.02  # rounds of requests, receptions per round, s per reception
 

@@ -11,7 +11,8 @@ from typing import Generic, TypeVar
 from fleet import CanBus
 from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.base import NEVER, JointsFeedback, Power
-from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.joint import Joint
 
 
 @dataclass(slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 
 
 class Units:

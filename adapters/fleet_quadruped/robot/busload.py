@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 
 from fleet import STANDARD_ID
+from fleet_quadruped.drives import drive_kind
 from fleet_quadruped.robot.parts import CanBusConfig, DogBattery, Drive, Sensor
 
 HIGHEST = 0.6  # share of a bus; beyond it, frames are late
@@ -36,8 +37,6 @@ def bus_loads(
     drive: Drive, joints: Counter[str], sensors: list[Sensor], buses: Mapping[str, CanBusConfig]
 ) -> dict[str, float]:
     """Return the load of each bus as a share; ``joints``: number of drives on each bus."""
-    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - import cycle
-
     load = drive_kind(drive.protocol).load
     loads = {name: load(drive, joints[name], bus) if joints[name] else 0.0 for name, bus in buses.items()}
     for sensor in sensors:

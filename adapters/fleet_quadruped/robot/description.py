@@ -6,13 +6,14 @@ from collections import Counter
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 from pydantic import Field, model_validator
 
 from fleet import ConfigError
 from fleet_quadruped.body.legs import Angles, DogLeg
+from fleet_quadruped.drives import drive_kind
 from fleet_quadruped.robot.busload import HIGHEST, bus_loads
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.names import (
     EULER,
     JOINTS,
@@ -43,27 +44,6 @@ from fleet_quadruped.robot.parts import (
 from fleet_quadruped.robot.reading import checked, read_tree
 
 EXAMPLE = Path(__file__).parents[1] / "robots" / "example.yaml"
-
-
-class Joint(NamedTuple):
-    """One joint with its drive, in the form that the control loop uses."""
-
-    name: str
-    bus: str
-    id: int
-    sign: int
-    offset: float
-    low: float
-    high: float
-    kind: Actuator
-
-    def motor(self, angle: float) -> float:
-        """Return the motor angle for a joint angle, rad."""
-        return (self.sign * angle + self.offset) * self.kind.ratio
-
-    def angle(self, motor: float) -> float:
-        """Return the joint angle for a motor angle, rad."""
-        return self.sign * (motor / self.kind.ratio - self.offset)
 
 
 class DogDescription(Section):
@@ -173,8 +153,6 @@ def leg_angles(posture: Twelve, leg: int) -> Angles:
 
 def _protocol(dog: DogDescription) -> list[str]:
     """Return a problem if no drive kind implements the protocol."""
-    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - import cycle
-
     try:
         drive_kind(dog.drive.protocol)
     except ConfigError as error:
@@ -184,8 +162,6 @@ def _protocol(dog: DogDescription) -> list[str]:
 
 def _drives(dog: DogDescription) -> list[str]:
     """Return the settings that the drives do not support."""
-    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - import cycle
-
     return drive_kind(dog.drive.protocol).problems(dog)
 
 
@@ -229,8 +205,6 @@ def _addresses(dog: DogDescription) -> list[str]:
 
 def _users(dog: DogDescription) -> Iterator[tuple[str, str, tuple[int, ...]]]:
     """Yield name, bus and identifiers of the drive protocol, each drive, the sensors and the lamp."""
-    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - import cycle
-
     kind = drive_kind(dog.drive.protocol)
     for bus in dict.fromkeys(joint.bus for joint in dog.all_joints):
         yield "the drives' protocol", bus, kind.shared(dog)
@@ -245,8 +219,6 @@ def _users(dog: DogDescription) -> Iterator[tuple[str, str, tuple[int, ...]]]:
 
 def _ranges(dog: DogDescription) -> list[str]:
     """Return the joints whose limits exceed the range of their drives' frames, which would saturate."""
-    from fleet_quadruped.drives import drive_kind  # noqa: PLC0415 - import cycle
-
     problems, kind = [], drive_kind(dog.drive.protocol)
     for joint in dog.all_joints:
         most = kind.farthest(joint, dog.drive)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import msgspec
 
 from fleet_quadruped.body.measured import Targets
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.robot.parts import Safety
 

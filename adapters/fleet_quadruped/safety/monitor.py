@@ -10,7 +10,8 @@ import msgspec
 
 from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.drives.base import JointsFeedback, Power
-from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.stages import POSITIONED, UPRIGHT, BodyMode, StopStage, Trip
 

@@ -11,7 +11,7 @@ from fleet import CanFrame
 from fleet_quadruped.drives.cia402 import frames as wire
 from fleet_quadruped.drives.cia402.states import FOLLOWS, DriveState
 from fleet_quadruped.robot.busload import SLOW_EVERY
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.brakes import DAMPING, STIFF, release
 from fleet_quadruped.sim.cia402_dictionary import ERROR_BEHAVIOUR, Cia402Dictionary, DriveConfiguration

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from fleet import CanFrame
 from fleet_quadruped.drives.cia402.setup import MAX_TORQUE, MODE_DISPLAY, OPTIONAL, mapping_objects
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.brakes import DISABLE_OPTION, FAULT_OPTION, QUICK_STOP_OPTION, STIFF
 from fleet_quadruped.sim.sdo import DictionaryEntry, SdoServer

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from fleet import CanFrame
 from fleet.sim.faults import check_fault
 from fleet_quadruped.drives import SIMULATED_DRIVES, load_entry
-from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.sim.cia402 import SimDrive
 from fleet_quadruped.sim.drive import AnyDrive, Hears
 from fleet_quadruped.sim.faults import ALL_FAULTS, ON_CIA402, ON_DRIVE

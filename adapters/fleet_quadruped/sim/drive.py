@@ -7,7 +7,7 @@ from typing import Protocol
 
 from fleet import CanFrame
 from fleet_quadruped.drives.motor_units import Units
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.sim.brakes import release
 from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import SimMotor

@@ -10,7 +10,7 @@ from fleet import CanFrame
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import Command, MitCommand
 from fleet_quadruped.drives.mit.profiles import profile_of
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.drive import SimDampingDrive
 from fleet_quadruped.sim.world import SimMotor

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from fleet import CanFrame
 from fleet_quadruped.drives.odrive import frames as wire
 from fleet_quadruped.drives.odrive.frames import OdriveCommand, State
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.drive import SimDampingDrive
 from fleet_quadruped.sim.world import SimMotor

@@ -26,7 +26,7 @@ from fleet_quadruped.drives.cia402.setup import (
     all_objects,
     final_values,
 )
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import Drive
 
 Given = TypeVar("Given")

@@ -31,7 +31,8 @@ from fleet_quadruped.drives.cia402.setup import TORQUE_OFFSET
 from fleet_quadruped.drives.cia402.states import DriveGoal, DriveState, control_words
 from fleet_quadruped.drives.group import DriveGroup
 from fleet_quadruped.robot.busload import SLOW_EVERY, frame_bits
-from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.robot.parts import CanBusConfig, Drive
 

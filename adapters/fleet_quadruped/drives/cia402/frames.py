@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
-from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.joint import Joint
 
 NMT = 0x000
 NMT_START = 0x01

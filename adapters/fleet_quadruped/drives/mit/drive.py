@@ -16,7 +16,8 @@ from fleet_quadruped.drives.mit.profiles import PROFILES, MotorProfile, profile_
 from fleet_quadruped.drives.mit.registers import DamiaoRegisters
 from fleet_quadruped.drives.motor_units import Units, near
 from fleet_quadruped.robot.busload import frame_bits
-from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import CanBusConfig, Drive
 
 log = logging.getLogger(__name__)

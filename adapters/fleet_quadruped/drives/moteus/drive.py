@@ -20,7 +20,8 @@ from fleet_quadruped.drives.moteus.frames import Demand
 from fleet_quadruped.drives.moteus.servo import MoteusServo
 from fleet_quadruped.drives.motor_units import Units
 from fleet_quadruped.robot.busload import fd_frame_seconds
-from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import CanBusConfig, Drive
 
 _COMMAND_BYTES, _REPLY_BYTES = 48, 32

@@ -19,7 +19,8 @@ from fleet_quadruped.drives.odrive.axis import OdriveAxis
 from fleet_quadruped.drives.odrive.commission import commission
 from fleet_quadruped.drives.odrive.frames import OdriveCommand, State
 from fleet_quadruped.robot.busload import frame_bits
-from fleet_quadruped.robot.description import DogDescription, Joint
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import CanBusConfig, Drive
 
 _STATE_EVERY = 3  # cycles between two polls for the state of one drive
