@@ -138,10 +138,10 @@ class Robot(Protocol):
         """
 
 
-ADAPTER_API = 1
-"""The version of this API. An adapter for another version is refused when it is loaded.
+ADAPTER_API, OLDEST_ADAPTER_API = 1, 1
+"""The version of this API, and the oldest that is accepted, with a warning; others are refused when loaded.
 
-A breaking change increments it; for one minor release the version before is accepted with a warning.
+A breaking change increments the first number; one minor release later the second one follows.
 """
 
 

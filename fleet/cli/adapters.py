@@ -115,7 +115,8 @@ def _detail(plugin: Plugin) -> str:
         *(["goals"] if can.navigates else []),
         *(command.name for command in can.commands),
     ]
-    return f"{', '.join(words) or 'nothing'} [{plugin.origin}]"
+    warning = f"; {plugin.report}" if plugin.report else ""
+    return f"{', '.join(words) or 'nothing'}{warning} [{plugin.origin}]"
 
 
 def _description(plugin: Plugin) -> AdapterDescription | None:

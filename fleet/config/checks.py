@@ -22,6 +22,7 @@ from fleet.config.problems import Mark
 from fleet.config.schema import BusConfig, Sections
 from fleet.config.text import nearest
 from fleet.config.yaml import Document
+from fleet.plugins.registry import Plugin
 from fleet.robot_config import MAIN, AdapterConfig
 
 MOST_NAMED = 5
@@ -63,6 +64,14 @@ def _place(index: int, key: str, document: Document) -> Mark:
     mark = document.marks.get(("robots", index, key))
     robot = document.marks["robots", index]
     return mark if mark and mark.path[:2] == robot.path else robot
+
+
+def warn_of_adapters(plugins: Mapping[int, Plugin], document: Document) -> None:
+    """Warn of each adapter that a later fleet refuses, at its first robot."""
+    first: dict[str, int] = {}
+    for index, plugin in plugins.items():
+        if plugin.report and first.setdefault(plugin.name, index) == index:
+            document.warn(_place(index, "adapter", document), plugin.report)
 
 
 def warn_of_batteries(robots: Mapping[int, AdapterConfig], document: Document) -> None:

@@ -24,6 +24,7 @@ from fleet.config.checks import (
     check_names,
     check_robots,
     check_workers,
+    warn_of_adapters,
     warn_of_batteries,
     warn_of_drop_ins,
     warn_of_places,
@@ -171,6 +172,7 @@ def _check_together(document: Document, sections: Sections | None, robots: Mappi
 def _warn(document: Document, sections: Sections | None, robots: Mapping[int, _ValidRobot]) -> None:
     """Add warnings that need a person's attention."""
     configs = {index: robot.config for index, robot in robots.items()}
+    warn_of_adapters({index: made.plugin for index, made in robots.items()}, document)
     warn_of_batteries(configs, document)
     warn_of_drop_ins({index: made.config for index, made in robots.items() if made.plugin.file}, document)
     at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]

@@ -20,7 +20,7 @@ from types import CodeType, ModuleType
 
 import msgspec
 
-from fleet.adapter import ADAPTER_API, Adapter, AnyAdapter, FrameAdapter
+from fleet.adapter import ADAPTER_API, OLDEST_ADAPTER_API, Adapter, AnyAdapter, FrameAdapter
 from fleet.commands import BadDeclaration
 from fleet.robot_config import AdapterConfig, Limits
 
@@ -141,13 +141,25 @@ def checked(adapter: object) -> str:
 
 
 def _check_api(adapter: type[AnyAdapter]) -> None:
-    """Refuse a class written for another version of the adapter API."""
-    if adapter.api != ADAPTER_API:
-        newer = isinstance(adapter.api, int) and adapter.api > ADAPTER_API
+    """Refuse a class written for a version of the adapter API that is not supported."""
+    known = isinstance(adapter.api, int)
+    if not known or not OLDEST_ADAPTER_API <= adapter.api <= ADAPTER_API:
+        newer = known and adapter.api > ADAPTER_API
         raise Unusable(
             f"{adapter.__name__} was written for version {adapter.api!r} of the adapter API, this fleet has "
             f"version {ADAPTER_API}: " + ("upgrade fleet" if newer else "upgrade the adapter")
         )
+
+
+def outdated(adapter: type[AnyAdapter]) -> str:
+    """Return a warning for a class written for an older version of the adapter API; empty for the present."""
+    if adapter.api == ADAPTER_API:
+        return ""
+    return (
+        f"{adapter.__name__} was written for version {adapter.api} of the adapter API, this fleet has "
+        f"version {ADAPTER_API}, and the next minor release refuses it: upgrade the adapter, or change it "
+        f"for version {ADAPTER_API} and set api = {ADAPTER_API} in its class"
+    )
 
 
 def _check_fields(config: type[AdapterConfig]) -> None:

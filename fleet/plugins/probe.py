@@ -45,7 +45,10 @@ class ProbeError(Exception):
 
 
 class AdapterDescription(msgspec.Struct, frozen=True):
-    """Description of a kind of robot: its vocabulary and the JSON Schema of its Config, or None."""
+    """Description of a kind of robot: its vocabulary and the JSON Schema of its Config, or None.
+
+    ``warning``: why a later fleet refuses it.
+    """
 
     name: str
     cls: str
@@ -54,6 +57,7 @@ class AdapterDescription(msgspec.Struct, frozen=True):
     limits: dict[str, float]
     commands: tuple[CommandDescription, ...]
     schema: dict[str, Any] | None = None
+    warning: str = ""
 
 
 class DropInContent(msgspec.Struct, frozen=True):

@@ -20,7 +20,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.adapter import AnyAdapter
-from fleet.plugins.drop_in_file import Unusable, checked, insecure, why
+from fleet.plugins.drop_in_file import Unusable, checked, insecure, outdated, why
 from fleet.plugins.probe import AdapterDescription, CheckedConfig, ConfigCase, Probe, ProbeError
 
 log = logging.getLogger(__name__)
@@ -42,7 +42,7 @@ class Plugin(msgspec.Struct, frozen=True):
     """A plugin that the registry found, and its state.
 
     ``origin`` is its file or package. A loaded plugin has an ``adapter``, or, for a drop-in ``file``, a
-    ``description``.
+    ``description``; its ``report``, if any, is a warning.
     """
 
     name: str
@@ -135,7 +135,9 @@ class Registry:
         for report in found.reports:
             self._broken.append(Plugin(path.stem, str(path), PluginState.FAILED, report))
         for kind in found.kinds:
-            self._add(Plugin(kind.name, str(path), PluginState.LOADED, description=kind, file=path))
+            self._add(
+                Plugin(kind.name, str(path), PluginState.LOADED, kind.warning, description=kind, file=path)
+            )
 
     def check(self, plugin: Plugin, case: ConfigCase) -> CheckedConfig:
         """Validate a robot's config with the Config of a drop-in file; raises ProbeError."""
@@ -176,7 +178,9 @@ def _loaded(plugin: Plugin, point: EntryPoint) -> Plugin:
         log.debug("adapter %s failed to load", plugin.name, exc_info=True)
         report = why(error, None) + _install_hint(error, point)
         return msgspec.structs.replace(plugin, state=PluginState.FAILED, report=report)
-    return msgspec.structs.replace(plugin, state=PluginState.LOADED, adapter=adapter)
+    return msgspec.structs.replace(
+        plugin, state=PluginState.LOADED, report=outdated(adapter), adapter=adapter
+    )
 
 
 def _check_name(config_says: str, entry_point: str) -> None:

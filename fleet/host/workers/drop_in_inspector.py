@@ -23,7 +23,7 @@ from fleet.config.problems import Mark
 from fleet.config.yaml import Document
 from fleet.host.robot.adapter_factory import AdapterClass, capabilities
 from fleet.host.robot.command_descriptions import command_of
-from fleet.plugins.drop_in_file import Imported, import_file
+from fleet.plugins.drop_in_file import Imported, import_file, outdated
 from fleet.plugins.probe import (
     AdapterDescription,
     CheckedConfig,
@@ -56,7 +56,7 @@ def described(name: str, adapter: AdapterClass, *, schema: bool = True) -> Adapt
     limits = msgspec.to_builtins(can.limits.model_dump(exclude_none=True))
     cls = f"{adapter.__module__}:{adapter.__qualname__}"
     made = _schema(adapter.Config) if schema else None
-    return AdapterDescription(name, cls, can.drives, can.navigates, limits, commands, made)
+    return AdapterDescription(name, cls, can.drives, can.navigates, limits, commands, made, outdated(adapter))
 
 
 def _schema(config: type[AdapterConfig]) -> dict[str, object] | None:

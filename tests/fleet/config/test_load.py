@@ -28,6 +28,17 @@ def test_a_fleet_needs_no_cloud(yard):
     assert yard.load(small()).config.cloud is None
 
 
+def test_an_adapter_for_the_version_before_of_the_api_is_one_warning_for_all_its_robots(
+    yard, fleet_text, monkeypatch
+):
+    monkeypatch.setattr("fleet.plugins.drop_in_file.ADAPTER_API", 2)
+    loaded = yard.load(fleet_text)
+    found = [str(each) for each in loaded.warnings if "version 1 of the adapter API" in str(each)]
+    assert [line.replace(f"{yard.folder}/", "").partition(" was")[0] for line in found] == [
+        "fleet.yaml:18:14: robots[0].adapter: Toy"
+    ]
+
+
 def test_defaults_stand_under_each_robot_and_its_own_words_win(yard, fleet_text):
     rex = yard.load(fleet_text).config.robots[1]
     assert (rex.limits.speed, rex.limits.altitude) == (5.0, 60.0)

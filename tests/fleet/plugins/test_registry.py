@@ -98,6 +98,21 @@ def test_a_file_that_cannot_be_used_is_a_report_with_the_place(folder, tmp_path,
     assert report.format(file=tmp_path / "broken.py") in plugin.report
 
 
+OUTDATED = (
+    "was written for version 1 of the adapter API, this fleet has version 2, and the next minor release"
+)
+
+
+def test_a_file_for_the_version_before_of_the_api_is_used_with_a_warning(folder):
+    raised = "import fleet.plugins.drop_in_file as loader\nloader.ADAPTER_API = 2\n"
+    plugin = folder(old=raised + body("old")).get("old")
+    assert plugin.state is PluginState.LOADED
+    assert f"oldAdapter {OUTDATED}" in plugin.report
+    assert plugin.report.endswith("change it for version 2 and set api = 2 in its class")
+    new = folder(new=raised + body("new") + "    api = 2\n").get("new")
+    assert (new.state, new.report) == (PluginState.LOADED, "")
+
+
 def test_a_broken_file_costs_only_itself(folder):
     registry = folder(a_broken="1/0", blinky=body("blinky"))
     assert registry.get("blinky").state is PluginState.LOADED
@@ -154,6 +169,21 @@ class TestEntryPoints:
         plugin = Registry([point("registry_toy_a:toyAdapter")]).get("toy")
         assert plugin.state is PluginState.LOADED
         assert plugin.adapter.__name__ == "toyAdapter"
+
+    def test_one_for_the_version_before_of_the_api_is_used_with_a_warning(self, module, monkeypatch):
+        monkeypatch.setattr("fleet.plugins.drop_in_file.ADAPTER_API", 2)
+        module("registry_toy_e", body("toy"))
+        plugin = Registry([point("registry_toy_e:toyAdapter")]).get("toy")
+        assert plugin.state is PluginState.LOADED
+        assert f"toyAdapter {OUTDATED}" in plugin.report
+
+    def test_one_for_a_version_that_is_no_longer_accepted_is_refused(self, module, monkeypatch):
+        monkeypatch.setattr("fleet.plugins.drop_in_file.ADAPTER_API", 3)
+        monkeypatch.setattr("fleet.plugins.drop_in_file.OLDEST_ADAPTER_API", 2)
+        module("registry_toy_f", body("toy"))
+        plugin = Registry([point("registry_toy_f:toyAdapter")]).get("toy")
+        assert plugin.state is PluginState.FAILED
+        assert "version 1 of the adapter API, this fleet has version 3: upgrade the adapter" in plugin.report
 
     @pytest.mark.parametrize(
         ("value", "report"),
