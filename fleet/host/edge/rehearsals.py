@@ -24,7 +24,7 @@ from fleet.clock import Clock
 from fleet.config.load import Loaded
 from fleet.config.missions import Mission
 from fleet.config.places import places_of
-from fleet.errors import Refused
+from fleet.errors import Refused, StateNewer
 from fleet.host.edge.rehearsal_task import PlacedRobot, RehearsalLine, RehearsalTask
 from fleet.host.workers.worker_task import RobotTask
 from fleet.missions.filling import Filling
@@ -47,12 +47,14 @@ from fleet.model.command import Transport
 from fleet.model.geodesy import GeoOrigin
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
+from fleet.runtime.state_format import format_of, refuse_newer
 from fleet.spool.state_folder import create_folder
 from fleet.version import __version__
 
 log = logging.getLogger(__name__)
 
 PASSES = "rehearsals.json"
+FORMAT = 1
 KEPT = 100
 LARGEST = 1 << 24  # bytes of the longest line
 UNHEARD = 15.0  # s without a query after which a rehearsal is ended
@@ -60,6 +62,13 @@ POLL_INTERVAL = 1.0  # s
 SILENT = 120.0  # s without output after which its process is killed
 COMMAND = (sys.executable, "-P", "-m", "fleet.rehearsal")
 _encode = msgspec.json.Encoder().encode
+
+
+class _PassesFile(msgspec.Struct, frozen=True):
+    """Content of the file of passes."""
+
+    format: int
+    passes: list[Passed]
 
 
 class Rehearsals:
@@ -167,7 +176,7 @@ class Rehearsals:
         """Store a pass, on disk for the next process of this edge."""
         self._passes = [*self._passes, passed][-KEPT:]
         try:
-            await asyncio.to_thread(_write, self._file, _encode(self._passes))
+            await asyncio.to_thread(_write, self._file, _encode(_PassesFile(FORMAT, self._passes)))
         except OSError as error:
             log.error("a rehearsal that was passed counts until this edge ends: %s", error)  # noqa: TRY400
 
@@ -292,10 +301,14 @@ def _task_of(loaded: Loaded, at: int) -> RobotTask:
 def read_passes(path: Path) -> list[Passed]:
     """Return the passes of an earlier process; none if they cannot be read."""
     try:
-        return decode_json(path.read_bytes(), list[Passed])
+        data = path.read_bytes()
+        if data.startswith(b"["):  # of a fleet before format 1
+            return decode_json(data, list[Passed])
+        refuse_newer(format_of(data), FORMAT)
+        return decode_json(data, _PassesFile).passes
     except FileNotFoundError:
         return []
-    except (OSError, msgspec.DecodeError) as error:
+    except (OSError, msgspec.DecodeError, StateNewer) as error:
         log.warning("%s cannot be read: missions must be rehearsed again: %s", path, error)
         return []
 

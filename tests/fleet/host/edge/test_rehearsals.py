@@ -81,6 +81,7 @@ async def test_a_pass_outlives_the_edge_but_not_a_change_of_fleet_yaml(ready, fl
         assert (await fleet("mission", "rehearse", "patrol"))[0] == 0
     kept = state_folder(place.id) / rehearsals.PASSES
     assert kept.stat().st_mode & 0o777 == 0o600
+    assert json.loads(kept.read_text())["format"] == rehearsals.FORMAT
     async with ready() as (_, edge):
         assert (await fleet("mission", "run", "patrol", "--detach"))[0] == 0
         assert (await fleet("mission", "abort"))[0] == 0
@@ -94,9 +95,25 @@ def test_passes_that_cannot_be_read_are_none(tmp_path, caplog):
     kept = tmp_path / rehearsals.PASSES
     assert rehearsals.read_passes(kept) == []
     assert caplog.text == ""
-    kept.write_text("[{}]")
+    for damaged in ("[{}]", "{}", '{"passes": []}'):
+        kept.write_text(damaged)
+        assert rehearsals.read_passes(kept) == []
+        assert "missions must be rehearsed again" in caplog.text
+        caplog.clear()
+    kept.write_text('{"format": 99, "passes": []}')
     assert rehearsals.read_passes(kept) == []
-    assert "missions must be rehearsed again" in caplog.text
+    assert "it has format 99, of a newer fleet; this one reads up to format 1" in caplog.text
+
+
+def test_passes_from_before_the_format_number_are_read(tmp_path):
+    kept = tmp_path / rehearsals.PASSES
+    passed = {"mission": "patrol", "program": "a", "config": "b", "roles": {"eye": ["rex"]}}
+    passed |= {"places": {"rex": [1.0, 2.0, 0.0]}, "stamp": 5.0}
+    kept.write_text(json.dumps([passed]))
+    (before,) = rehearsals.read_passes(kept)
+    assert (before.mission, before.places) == ("patrol", {"rex": (1.0, 2.0, 0.0)})
+    kept.write_text(json.dumps({"format": 1, "passes": [passed]}))
+    assert rehearsals.read_passes(kept) == [before]
 
 
 async def test_a_rehearsal_that_fails_keeps_no_pass(ready, fleet):
