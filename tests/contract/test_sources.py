@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 import typing
 
 import pytest
@@ -34,16 +35,20 @@ def test_all_public_names_are_loaded_from_where_they_live():
 
 
 # What the packages of robots may import: the API, and the tools for simulators and tests.
-PUBLIC = ("fleet", "fleet.sim", "fleet.testing")
+PUBLIC = ("fleet.sim", "fleet.testing")
 
 
-def _imports(path):
+def _imports(text):
     """Yield (line, module) of each import of a source."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.ImportFrom):
             yield node.lineno, node.module or ""
         elif isinstance(node, ast.Import):
             yield from ((node.lineno, each.name) for each in node.names)
+
+
+def _is_public(module, public=PUBLIC):
+    return module == "fleet" or any(f"{module}.".startswith(f"{each}.") for each in public)
 
 
 def test_adapters_and_plugins_import_only_what_is_public(root):
@@ -52,12 +57,34 @@ def test_adapters_and_plugins_import_only_what_is_public(root):
     for folder in ("adapters", "plugins", "examples"):
         for path in (root / folder).rglob("*.py"):
             own = path.relative_to(root / folder).parts[0]
-            for line, module in _imports(path):
+            for line, module in _imports(path.read_text()):
                 top = module.split(".")[0]
-                deep = top == "fleet" and not (module == "fleet" or module.startswith(PUBLIC[1:]))
+                deep = top == "fleet" and not _is_public(module)
                 foreign = top.startswith("fleet_") and top not in (own, module)
                 if deep or foreign:
                     found.add(f"{path.relative_to(root)}:{line} {module}")
+    assert found == set()
+
+
+def _shown(root):
+    """Yield (place, source) of what authors copy: the Python blocks of the pages, and the scaffold."""
+    for page in (root / "README.md", *(root / "docs").rglob("*.md"), *(root / "plugins").rglob("*.md")):
+        text = page.read_text()
+        for block in re.finditer(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+            yield f"{page.relative_to(root)}:{text[: block.start()].count(chr(10)) + 1}", block[1]
+    for template in (root / "fleet" / "cli" / "scaffold").rglob("*.py.txt"):
+        yield template.relative_to(root), re.sub(r"@(\w+)@", r"own_\1", template.read_text())
+
+
+def test_guides_and_the_scaffold_import_only_what_is_public(root):
+    shown = list(_shown(root))
+    assert len(shown) > 20
+    found = {
+        f"{place}: {module}"
+        for place, source in shown
+        for _, module in _imports(source)
+        if module.split(".")[0].startswith("fleet") and not _is_public(module, (*PUBLIC, "fleet.client"))
+    }
     assert found == set()
 
 
