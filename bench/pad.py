@@ -12,10 +12,10 @@ from fleet.bus.settings import runtime_dir
 from fleet.console.links import LinkAsked, ask_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
-from fleet.testing.waiting import wait_until
 from tests.browser import open_page
 from tests.programs import find
 from tests.tools.pad_wire import LEASE, RELEASED, RobotWire, drive, kill_tab, release
+from tests.tools.waiting import wait_until
 
 ROUNDS = 40
 KILLS = 5

@@ -29,10 +29,10 @@ from fleet_quadruped.robot.description import EXAMPLE, DogDescription, load_desc
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
-from fleet_quadruped.sim.planted import as_built, checked, with_offset, with_sign
 from fleet_quadruped.sim.rig import Rig
 from fleet_quadruped.sim.tune import random_turn, tries_needed
-from fleet_quadruped.sim.wander import wander
+from tests.tools.planted import as_built, checked, with_offset, with_sign
+from tests.tools.wander import wander
 
 SEEDS = 10  # each with its own friction and lost frames
 WANDER_TIME = 20.0  # s

@@ -153,7 +153,6 @@ ELSEWHERE = {
     "testing/bench.py": "fleet/testing/test_planted_bugs.py",
     "testing/motion.py": "fleet/testing/test_contract.py",
     "testing/probes.py": "fleet/testing/test_contract.py",
-    "testing/waiting.py": "system/test_sdk.py",
     "video/peer.py": "fleet/video/test_sender.py",
     "video/track.py": "fleet/video/test_sender.py",
     "wire/encoding.py": "fleet/wire/test_arrays.py",

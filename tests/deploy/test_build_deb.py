@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from deploy.build_deb import PLACE, SCRIPTS, control_text, relocate, version_in
-from fleet.testing.waiting import wait_until
 from fleet.version import __version__
+from tests.tools.waiting import wait_until
 
 ROOT = Path(__file__).parents[2]
 

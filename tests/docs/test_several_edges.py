@@ -11,7 +11,7 @@ import pytest
 from fleet.bus import keys
 from fleet.bus.settings import BusSettings, zenoh_settings
 from fleet.bus.zenoh_session import ZenohSession
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 PAGE = pathlib.Path(__file__).parents[2] / "docs" / "how-to" / "several-edges.md"
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"

@@ -22,11 +22,11 @@ import paho.mqtt.client as mqtt
 import pytest
 
 from fleet.cli.demo import twin_of
-from fleet.testing.waiting import DEADLINE, wait_until
 from fleet.wire.topics import Topics
 from fleet_ugv.sim.port import SimPort
 from fleet_ugv.sim.server import Bases
 from fleet_ugv.sim.spec import BaseSpec
+from tests.tools.waiting import DEADLINE, wait_until
 
 HERE = Path(__file__).parent
 REAL_TIME = (

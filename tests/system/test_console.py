@@ -13,7 +13,7 @@ import pytest
 from fleet.console.links import LinkAsked, ask_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 PLUGINS = Path(__file__).parents[2] / "tests" / "tools" / "plugins"
 

@@ -15,9 +15,9 @@ from cyberwave.data.config import get_backend
 from cyberwave.mqtt import CyberwaveMQTTClient
 from cyberwave_contracts import MODELS_BY_CONTRACT_ID
 
-from fleet.testing.waiting import wait_until
 from tests.tools.command_client import PUPPETS
 from tests.tools.sdk import end
+from tests.tools.waiting import wait_until
 
 TWIN, OTHER = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7ba1", "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7ba2"
 PLACE = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7bb0"

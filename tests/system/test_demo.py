@@ -13,7 +13,7 @@ import sys
 import termios
 from pathlib import Path
 
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 README = Path(__file__).parents[2] / "README.md"
 WITHIN = 60.0  # s

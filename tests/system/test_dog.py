@@ -7,8 +7,8 @@ import time
 import pytest
 from cyberwave import Cyberwave
 
-from fleet.testing.waiting import wait_until
 from tests.tools.sdk import end
+from tests.tools.waiting import wait_until
 
 TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8d"
 

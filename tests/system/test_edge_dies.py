@@ -8,8 +8,8 @@ import uuid
 import psutil
 import pytest
 
-from fleet.testing.waiting import wait_until
 from tests.tools.command_client import PUPPETS
+from tests.tools.waiting import wait_until
 
 TWINS = {name: str(uuid.uuid4()) for name in ("rex", "max", "ada")}
 PASSWORD = "not-in-any-argv"

@@ -5,10 +5,10 @@ import time
 
 import pytest
 
-from fleet.testing.waiting import wait_until
 from tests.tools.command_client import PUPPETS, CommandClient, counted, executed
 from tests.tools.promises import Rules, What, broken
 from tests.tools.proxy import TcpProxy
+from tests.tools.waiting import wait_until
 
 TWINS = {f"puppet-{n}": f"6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7c{n:02d}" for n in range(4)}
 SLACK = 0.9  # s of a busy computer between the check of an age and the journal; less than what comes too late

@@ -11,7 +11,7 @@ import uuid
 
 import pytest
 
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 ALIVE = (
     "position",

@@ -8,7 +8,7 @@ import pytest
 from cyberwave.data import DataBus
 from cyberwave.data.config import get_backend
 
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 LEADER, FOLLOWER = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b81", "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b82"
 JOINTS = "joint:update"

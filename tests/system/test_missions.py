@@ -17,7 +17,7 @@ import pytest
 from fleet.client import mission_requests
 from fleet.client.edges import Edges
 from fleet.errors import FleetError
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 KILLS, SOAK_KILLS = 3, 200  # three: one for each policy
 SEED = 7

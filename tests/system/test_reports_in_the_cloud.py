@@ -8,7 +8,7 @@ import uuid
 import psutil
 import pytest
 
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 CLIMBER = '''
 import asyncio

@@ -11,8 +11,8 @@ import uuid
 import pytest
 
 from fleet.rollout.accounts import server_accounts
-from fleet.testing.waiting import wait_until
 from tests.tools.lease_service import lease_service
+from tests.tools.waiting import wait_until
 
 BUSY = """
 import asyncio

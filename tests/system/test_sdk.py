@@ -10,8 +10,8 @@ import pytest
 from cyberwave import Cyberwave
 from cyberwave.twin.factory import create_twin
 
-from fleet.testing.waiting import DEADLINE, wait_until
 from tests.tools.sdk import back_end, drive, end
+from tests.tools.waiting import DEADLINE, wait_until
 
 DRONE_ASSET = "dji/mini-4-pro"
 TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8a"

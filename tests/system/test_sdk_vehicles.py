@@ -13,10 +13,10 @@ from cyberwave import Cyberwave
 from cyberwave.twin.factory import create_twin
 
 from fleet.cli.demo import twin_of
-from fleet.testing.waiting import wait_until
 from tests.system.conftest import Pilot, Running, subscribers
 from tests.system.test_sdk import DRONE_ASSET, IDENTITIES, ended
 from tests.tools.sdk import back_end, drive, end
+from tests.tools.waiting import wait_until
 
 ROVER_ASSET = "waveshare/ugv-beast"
 LONG = 120.0  # s for what a vehicle does for a minute of its own time

@@ -30,9 +30,9 @@ from fleet.errors import BusError
 from fleet.model.command import Reply
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
-from fleet.testing.waiting import wait_until
 from tests.tools.lease_service import lease_service
 from tests.tools.proxy import TcpProxy
+from tests.tools.waiting import wait_until
 
 ROUNDS, SOAK_ROUNDS = 3, 50
 TAKEN_WITHIN = 6.0  # s in which the standby hears the robot

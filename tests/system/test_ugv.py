@@ -10,8 +10,8 @@ import pytest
 from cyberwave import Cyberwave
 from cyberwave.twin.factory import create_twin
 
-from fleet.testing.waiting import wait_until
 from tests.tools.sdk import drive, end
+from tests.tools.waiting import wait_until
 
 TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8b"
 SQUARE = ((0.6, 0.0), (0.6, 0.6), (0.0, 0.6), (0.0, 0.0))

@@ -10,7 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 PLUGINS = Path(__file__).parents[2] / "tests" / "tools" / "plugins"
 

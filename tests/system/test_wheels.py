@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from fleet.config.load import load
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8c"
 

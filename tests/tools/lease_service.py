@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 
 @contextlib.contextmanager

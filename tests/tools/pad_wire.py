@@ -7,7 +7,7 @@ import time
 
 from playwright.sync_api import Error
 
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 LEASE = 0.5  # s, the default of fleet.yaml
 MOVES, STANDS = b"drive 0.5", (b"drive 0", b"halt")

@@ -12,7 +12,7 @@ from typing import Any
 
 import paho.mqtt.client as mqtt
 
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 Publish = Callable[[str, dict[str, Any]], None]
 

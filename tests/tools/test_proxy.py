@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from fleet.testing.waiting import DEADLINE
 from tests.tools.proxy import TcpProxy
+from tests.tools.waiting import DEADLINE
 
 
 @pytest.fixture

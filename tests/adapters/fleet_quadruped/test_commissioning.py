@@ -7,7 +7,7 @@ from fleet.model.geometry import quaternion_from_euler
 from fleet_quadruped.body.probing import lean_angles, lean_tests
 from fleet_quadruped.commissioning import Observation, at_rest, problems
 from fleet_quadruped.robot.names import JOINTS
-from fleet_quadruped.sim.planted import as_built, checked, with_offset, with_sign
+from tests.tools.planted import as_built, checked, with_offset, with_sign
 
 
 def seen(dog):

@@ -15,9 +15,9 @@ import can
 import pytest
 
 from fleet import Fault, LinkLost, NotReady, TimedOut, Vector3, Velocity
-from fleet.testing.waiting import DEADLINE
 from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, unpack_status_pdo
 from fleet_quadruped.drives.cia402.states import DriveState, state_of
+from tests.tools.waiting import DEADLINE
 
 pytestmark = pytest.mark.real_time
 TRIES = 3

@@ -15,11 +15,11 @@ from fleet.cloud.values import CloudSettings, CloudState
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.report import TelemetryReport
 from fleet.model.state import EdgeState, RobotState
-from fleet.testing.waiting import wait_until
 from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import rulebook, twin_rules
 from fleet.wire.rules import INWARD, NOT_OF_A_TWIN, TrafficClass
 from tests.tools.sdk import end
+from tests.tools.waiting import wait_until
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"

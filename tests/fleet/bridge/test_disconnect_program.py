@@ -13,8 +13,8 @@ from fleet.bridge import disconnect_program
 from fleet.bridge.disconnect_program import DisconnectPlan, publish_disconnected
 from fleet.clock import SystemClock
 from fleet.cloud.values import CloudSettings, Will
-from fleet.testing.waiting import wait_until
 from tests.tools.mqtt import Mqtt
+from tests.tools.waiting import wait_until
 
 
 @pytest.fixture(params=["broker", "mosquitto"])

@@ -11,9 +11,9 @@ from fleet.cloud.values import CloudSettings, CloudState
 from fleet.model.navigation import ActionState
 from fleet.model.report import NavigationReport
 from fleet.spool.spool import Spool, SpoolSettings
-from fleet.testing.waiting import wait_until
 from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import rulebook, twin_rules
+from tests.tools.waiting import wait_until
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 POSITION = f"cw/{TWIN}/data/position"

@@ -33,11 +33,11 @@ from fleet.model.report import (
 )
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import DEADLINE
 from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import ExtraChannel, RuleChange, RuleChanges, of_an_environment, rulebook, twin_rules
 from fleet.wire.rules import CHANNEL_SUFFIXES, KIB, RULES, TrafficClass
 from fleet.wire.topics import Topics
+from tests.tools.waiting import DEADLINE
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c99"

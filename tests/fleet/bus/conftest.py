@@ -11,7 +11,7 @@ import pytest
 
 from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 EDGE = """
 import json, sys

@@ -17,7 +17,7 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.errors import BusError
 from fleet.model.permission import Permission
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 OURS = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 THEIRS = "0b7e7a52-3c1d-4f08-8f6e-5d2a9c4b1e73"

@@ -11,7 +11,7 @@ from fleet.bus.bus import join, join_control, open_edge
 from fleet.bus.settings import BusSettings, BusTls
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.errors import BusError
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 STOPS = 40
 FLOOD = 20_000

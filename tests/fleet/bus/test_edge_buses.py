@@ -12,7 +12,7 @@ from fleet.bus.bus import open_edge
 from fleet.bus.edge_buses import EdgeBuses
 from fleet.bus.settings import BusSettings
 from fleet.clock import SystemClock
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 
 @pytest.fixture

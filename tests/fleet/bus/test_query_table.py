@@ -12,7 +12,7 @@ from fleet.bus import keys
 from fleet.bus.bus import join_control, open_edge
 from fleet.bus.query_table import QueryTable, asked_keys
 from fleet.bus.settings import BusSettings
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 NAMES = ("rex", "max", "re", "rex-2")
 ALL = keys.command("*", "*")

@@ -12,7 +12,7 @@ from fleet.bus.settings import BusSettings
 from fleet.host.robot.report_queue import ReportQueue
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import PoseReport
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 PROGRAM = """
 import sys

@@ -8,7 +8,7 @@ from fleet.bus.bus import join, join_control
 from fleet.bus.settings import BusSettings
 from fleet.bus.zenoh_session import AT_ONCE, ZenohSession
 from fleet.errors import BusError
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 
 @pytest.fixture

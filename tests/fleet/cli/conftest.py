@@ -25,7 +25,7 @@ from fleet.bus.settings import BusSettings
 from fleet.cli.main import main
 from fleet.model.state import EdgeState, RobotState
 from fleet.model.summary import Summary, encode
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 TOY = """
 from typing import Annotated, Literal

@@ -14,7 +14,7 @@ from fleet.bus.settings import BusTls
 from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.console.passwords import hash_password
 from fleet.console.people import Person, add_person
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 LINK = re.compile(r"http://127\.0\.0\.1:\d+/#token=\S{40,}")
 

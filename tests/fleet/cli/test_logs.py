@@ -17,7 +17,7 @@ import pytest
 from fleet.host.logs.folders import show_log
 from fleet.host.logs.line_format import JsonFormatter
 from fleet.host.logs.rotating_file import RotatingLogFile
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 NOW = time.time()
 

@@ -9,8 +9,8 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.spool.message import Outgoing
 from fleet.spool.spool import Spool, SpoolSettings
-from fleet.testing.waiting import wait_until
 from fleet.wire.rules import TrafficClass
+from tests.tools.waiting import wait_until
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from fleet.cli.stop import _outcomes
 from fleet.client.edges import decoded
 from fleet.errors import BusError
 from fleet.supervisor.protocol import StopAnswer
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 
 @pytest.fixture

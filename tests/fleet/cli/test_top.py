@@ -16,7 +16,7 @@ from fleet.clock import SystemClock
 from fleet.errors import MetricsError
 from fleet.health.rollup import Reach, SeenEdge
 from fleet.model.summary import Summary, Trouble
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 HUB = Trouble("offline", "No such device; is it plugged in?", 1.0, 3, "ugv", "serial:/dev/ttyUSB3", ("a",))
 CHAIN = "3 ugv robots offline <- serial:/dev/ttyUSB3: No such device; is it plugged in? <- edge-b"

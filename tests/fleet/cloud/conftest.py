@@ -8,8 +8,8 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.cloud.client import CloudClient
 from fleet.cloud.values import CloudSettings, CloudState
-from fleet.testing.waiting import wait_until
 from tests.tools.proxy import TcpProxy
+from tests.tools.waiting import wait_until
 
 WITHIN = 60.0  # s
 

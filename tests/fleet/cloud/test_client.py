@@ -10,8 +10,8 @@ from fleet.cloud.packets import PacketDecoder
 from fleet.cloud.values import CloudState, Will
 from fleet.errors import CloudError
 from fleet.spool.spool import Spool, SpoolSettings
-from fleet.testing.waiting import wait_until
 from fleet.wire.rules import TrafficClass
+from tests.tools.waiting import wait_until
 
 WITHIN = 60.0  # s
 CONNECTED, DISCONNECTED = CloudState.CONNECTED, CloudState.DISCONNECTED

@@ -17,7 +17,7 @@ from fleet.console.program import serve
 from fleet.console.task import ConsoleTask, link_socket
 from fleet.model.permission import Permission
 from fleet.runtime.event_loop import BackgroundLoop
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 
 @pytest.fixture(scope="module")

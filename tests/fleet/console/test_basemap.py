@@ -14,7 +14,7 @@ from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import Vector3
 from fleet.model.site import Placement
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 ORIGIN = (47.397742, 8.545594, 488.0)
 ZOOM = 19

@@ -10,7 +10,7 @@ from fleet.console.child import ConsoleChild
 from fleet.console.links import LinkAsked, answers
 from fleet.console.task import ConsoleTask, link_socket
 from fleet.model.permission import Permission
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 ASKED = LinkAsked("anna", Permission.ADMIN)
 

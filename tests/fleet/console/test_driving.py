@@ -6,7 +6,7 @@ import pytest
 
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.permission import Permission
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 
 @pytest.fixture(scope="module")

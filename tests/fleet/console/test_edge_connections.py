@@ -1,6 +1,6 @@
 """Edges that come, go, and say what cannot be read."""
 
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 
 def test_an_edge_that_starts_later_is_shown_and_so_is_its_end(runtime, serve_console, play_edge):

@@ -12,8 +12,8 @@ from fleet.console.sessions import ConsoleUser
 from fleet.errors import Refused
 from fleet.model.permission import Permission
 from fleet.record.export import recorded
-from fleet.testing.waiting import DEADLINE, wait_until
 from tests.tools.recordings import write_recording
+from tests.tools.waiting import DEADLINE, wait_until
 
 BEGINS, SECONDS = 1_795_000_000.0, 10
 ADAM = ConsoleUser("adam", Permission.ADMIN)

@@ -24,7 +24,7 @@ from fleet.console.task import LoginTask
 from fleet.history.event_filter import EventFilter
 from fleet.history.reader import read
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 PASSWORD = "correct horse battery"
 WAIT = 60_000  # ms; busy computers are slow

@@ -19,7 +19,7 @@ from fleet.model.geometry import Vector3
 from fleet.model.permission import Permission
 from fleet.model.site import Placement
 from fleet.model.state import RobotState
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 WAIT = 60_000  # ms; busy computers are slow
 AXE = Path(__file__).parents[2] / "data" / "axe" / "axe.min.js"  # axe-core 4.14.1, unchanged

@@ -8,12 +8,12 @@ import pytest
 from fleet.model.description import RobotDescription
 from fleet.model.geometry import Quaternion, Vector3, quaternion_from_yaw
 from fleet.model.report import JointReport, PoseReport
-from fleet.testing.waiting import wait_until
 from fleet.wire.databus import encode_report
 from fleet_quadruped.robot.description import EXAMPLE, DogDescription
 from fleet_quadruped.robot.drawing import body_parts
 from fleet_quadruped.robot.names import JOINTS, LEGS
 from fleet_quadruped.robot.reading import checked, read_tree
+from tests.tools.waiting import wait_until
 
 WAIT = 60_000  # ms; busy computers are slow
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"

@@ -6,8 +6,8 @@ import time
 import pytest
 
 from fleet.model.report import PhotoReport
-from fleet.testing.waiting import wait_until
 from fleet.wire.databus import encode_report
+from tests.tools.waiting import wait_until
 
 WAIT = 60_000  # ms; busy computers are slow
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"

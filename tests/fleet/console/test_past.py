@@ -12,9 +12,9 @@ from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.permission import Permission
 from fleet.model.report import PoseReport
 from fleet.record.export import recorded
-from fleet.testing.waiting import wait_until
 from fleet.wire.databus import encode_report
 from tests.tools.recordings import TWINS, write_recording
+from tests.tools.waiting import wait_until
 
 AXE = Path(__file__).parents[2] / "data" / "axe" / "axe.min.js"
 WAIT = 60_000  # ms; busy computers are slow

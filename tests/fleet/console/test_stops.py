@@ -6,7 +6,7 @@ import pytest
 
 from fleet.console.stops import NO_ANSWER, NOT_SEEN, StopRecord, StopTarget
 from fleet.supervisor.protocol import StopAnswer
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 
 @pytest.fixture(scope="module")

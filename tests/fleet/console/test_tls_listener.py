@@ -11,7 +11,7 @@ from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.console import tls_listener
 from fleet.console.links import ConsoleError
 from fleet.console.tls_listener import TlsListener, listen, tls_context
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 ADDRESS = "https://console.test:8443/"
 

@@ -27,7 +27,7 @@ from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.spool.state_folder import create_folder, locked
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 ANNA = Requester(Transport.CLOUD, "anna", "tele")
 

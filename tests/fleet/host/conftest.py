@@ -35,8 +35,8 @@ from fleet.plugins import registry
 from fleet.robot_config import Limits
 from fleet.testing.clock import ManualClock
 from fleet.testing.robot import RecordingRobot
-from fleet.testing.waiting import DEADLINE
 from tests.tools.shared_probe import SharedProbe
+from tests.tools.waiting import DEADLINE
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 

@@ -26,9 +26,9 @@ from fleet.model.geometry import Velocity
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.testing.clock import ManualClock
 from fleet.testing.robot import RecordingRobot
-from fleet.testing.waiting import wait_until
 from fleet.wire.rulebook import rulebook, twin_rules
 from fleet.wire.topics import Topics
+from tests.tools.waiting import wait_until
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 US = "fleet_us"

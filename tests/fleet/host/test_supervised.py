@@ -18,7 +18,7 @@ from fleet.bus import keys
 from fleet.errors import BusError
 from fleet.supervisor.sockets import users
 from fleet.supervisor.stop_request import stop_all
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 CART = '''
 """A cart without a watchdog of its own: it drives on until it is told something else."""

@@ -11,7 +11,7 @@ import pytest
 from fleet.plugins.drop_in_file import import_file, insecure
 from fleet.plugins.probe import ConfigCase, Probe, ProbeError, ProblemPlace, bare_environment
 from fleet.plugins.registry import PluginState, Registry
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 TOY = """
 from typing import Literal

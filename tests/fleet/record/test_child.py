@@ -8,7 +8,7 @@ import signal
 from fleet.clock import SystemClock
 from fleet.record.child import RecorderChild
 from fleet.record.task import Bounds, RecordTask
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 
 @contextlib.asynccontextmanager

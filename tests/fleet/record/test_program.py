@@ -13,8 +13,8 @@ from fleet.link.tap import LinkFrame, LinkFrames
 from fleet.model.report import BatteryReport
 from fleet.record.ring import files_in
 from fleet.record.task import Bounds, RecordTask
-from fleet.testing.waiting import DEADLINE, wait_until
 from fleet.wire.databus import encode_report
+from tests.tools.waiting import DEADLINE, wait_until
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 TOPIC = "/yard-1/rex/battery"

@@ -15,8 +15,8 @@ from fleet.model.report import BatteryReport
 from fleet.model.schedule import ScheduleAnswer
 from fleet.record.recording import record
 from fleet.record.task import Bounds, RecordTask
-from fleet.testing.waiting import DEADLINE
 from fleet.wire.databus import encode_report
+from tests.tools.waiting import DEADLINE
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 

@@ -19,8 +19,8 @@ from fleet.record.reading import ReadMessage
 from fleet.replay.recorded_robot import recording_of
 from fleet.runtime.decoding import decode_json
 from fleet.testing.robot import LoopRobot, serve
-from fleet.testing.waiting import DEADLINE
 from fleet.wire.databus import encode_report
+from tests.tools.waiting import DEADLINE
 
 
 class RoverConfig(fleet.AdapterConfig):

@@ -22,8 +22,8 @@ from fleet.record.messages import Message, report_messages
 from fleet.record.samples import event_message
 from fleet.replay.player import PlayedWindow, play, replay_directory
 from fleet.runtime.decoding import decode_json
-from fleet.testing.waiting import DEADLINE
 from fleet.wire.databus import decode_report, encode_report
+from tests.tools.waiting import DEADLINE
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 T = 1_800_000_000.0

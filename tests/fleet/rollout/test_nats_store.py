@@ -22,9 +22,9 @@ from fleet.rollout.settings import RolloutSettings
 from fleet.rollout.signature import by_name, new_key
 from fleet.rollout.store import PART, StoreError
 from fleet.rollout.waves import RolloutPhase
-from fleet.testing.waiting import wait_until
 from tests.tools.lease_service import lease_service
 from tests.tools.rollout import FakeEdge, bundle_of, rollout_of
+from tests.tools.waiting import wait_until
 
 NOW = datetime.now(UTC)
 TLS = """

@@ -32,8 +32,8 @@ from fleet.spool.message import DeliveryOutcome
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.spool.state_folder import JOURNAL, SPOOL
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import wait_until
 from fleet_mavlink.events import EventDictionary
+from tests.tools.waiting import wait_until
 
 KEPT = Path(__file__).parents[2] / "data" / "state-0.1.0"
 KILLED_AT = 1795386999.0  # Unix s

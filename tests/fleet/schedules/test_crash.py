@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from fleet.schedules.store import DUE, SKIPPED, STARTED, FiringStore
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 KILLS = int(os.environ.get("FLEET_SOAK_KILLS", "5"))
 SCRIPT = Path(__file__).with_name("scheduled.py")

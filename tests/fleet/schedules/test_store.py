@@ -6,7 +6,7 @@ import pytest
 
 from fleet.errors import StateError
 from fleet.schedules.store import FiringStore
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 
 def test_closing_waits_for_the_thread_that_uses_it_and_later_use_is_refused(tmp_path):

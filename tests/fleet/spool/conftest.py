@@ -5,8 +5,8 @@ from fleet.spool.message import DeliveryOutcome, Outgoing
 from fleet.spool.queue import NEWEST_FIRST, SpoolQueue
 from fleet.spool.spool import AGES, Spool, SpoolSettings
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import wait_until
 from fleet.wire.rules import TrafficClass
+from tests.tools.waiting import wait_until
 
 
 class Opened:

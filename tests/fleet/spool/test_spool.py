@@ -20,8 +20,8 @@ from fleet.spool.spool import AGES
 from fleet.spool.state_folder import SPOOL
 from fleet.spool.store import LEAST_EVICTED, SpoolFile
 from fleet.spool.unwritten import MOST_ROWS
-from fleet.testing.waiting import wait_until
 from fleet.wire.rules import TrafficClass
+from tests.tools.waiting import wait_until
 
 KILLED = """
 import os, signal, sys

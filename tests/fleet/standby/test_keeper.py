@@ -8,7 +8,7 @@ import pytest
 from fleet.errors import StateError
 from fleet.standby.keeper import LeaseKeeper
 from fleet.standby.lease import Lease, LeaseState, Terms
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 TERMS = Terms(length=0.9, renewed_every=0.1, standstill=0.3, margin=0.05)
 

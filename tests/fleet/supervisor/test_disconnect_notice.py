@@ -5,7 +5,7 @@ import tempfile
 import pytest
 
 from fleet.supervisor.disconnect_notice import DisconnectNotice
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 WRITES = "import sys; open(sys.argv[1], 'w').write(sys.stdin.read())"
 HANGS = "import time; time.sleep(60)"

@@ -22,7 +22,7 @@ from fleet.supervisor.service_manager import ServiceManager
 from fleet.supervisor.sockets import connected, socket_of
 from fleet.supervisor.stop_request import stop_all
 from fleet.supervisor.supervisor import Supervisor
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 ENDS_ON_REQUEST = """
 import socket, sys

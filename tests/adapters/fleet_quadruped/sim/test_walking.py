@@ -10,7 +10,7 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
-from fleet_quadruped.sim.wander import wander
+from tests.tools.wander import wander
 
 
 @pytest.fixture

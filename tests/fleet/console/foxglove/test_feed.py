@@ -24,8 +24,8 @@ from fleet.errors import BusError
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.permission import Permission
 from fleet.model.report import LogReport, PoseReport
-from fleet.testing.waiting import DEADLINE, wait_until
 from fleet.wire.databus import encode_report
+from tests.tools.waiting import DEADLINE, wait_until
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 POSITION, LOG = f"cw/{TWIN}/data/position", f"cw/{TWIN}/data/driverlog"

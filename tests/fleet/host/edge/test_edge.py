@@ -22,7 +22,7 @@ from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
 from fleet.rollout.edge_here import LocalEdge
 from fleet.rollout.faults import PartFault
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 POOLS = ("asyncio", "uvloop")  # whose threads stay for the next one
 HERE = {"worker": "main"}

@@ -17,7 +17,7 @@ from fleet.host.edge.notifier import NoticeTarget, Notifier, run_program
 from fleet.host.edge.webhook import Webhook
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 STOP = EventReport(1000.0, EventKind.STOP, "stop asked", Severity.WARNING)
 

@@ -13,7 +13,7 @@ from fleet.host.safety.emergency_stop import EmergencyStopLatch
 from fleet.standby.lease import LeaseEntry
 from fleet.standby.stops import AGAIN_AFTER
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 
 class Robot:

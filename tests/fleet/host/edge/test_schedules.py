@@ -14,7 +14,7 @@ from fleet.cli.main import main
 from fleet.model.event import EventKind, EventReport
 from fleet.schedules.runner import Schedules, StartResult
 from fleet.schedules.store import FiringStore
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 HERE = {"worker": "main"}
 DAWN = {"mission": "patrol", "every": 3600.0}

@@ -26,7 +26,7 @@ from fleet.model.navigation import Navigate, RelativeMove
 from fleet.model.report import NavigationReport
 from fleet.spool.state_folder import JOURNAL, locked
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 ACCEPTED, REJECTED = ReplyStatus.ACCEPTED, ReplyStatus.REJECTED
 
@@ -431,7 +431,7 @@ import os, signal, sys
 from pathlib import Path
 from fleet.testing.clock import ManualClock
 from fleet.host.journal.journal import Journal
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 def main():
     folder, memory = map(Path, sys.argv[1:])

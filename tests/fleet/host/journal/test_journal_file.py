@@ -11,7 +11,7 @@ from fleet.host.journal.journal import RETRY, Journal
 from fleet.host.journal.journal_file import LOST
 from fleet.spool.state_folder import JOURNAL
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 BEGUN = "begun.main"
 

@@ -13,7 +13,7 @@ from fleet.host.logs.line_format import JsonFormatter, LogLine, TextFormatter, a
 from fleet.host.logs.rotating_file import RotatingLogFile, log_and_flush, rotated
 from fleet.host.logs.setup import LogSettings, start_logging
 from fleet.runtime.event_loop import OWNER
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 
 def record(message="hello", level=logging.INFO, name="fleet.robot.rex", error=None):

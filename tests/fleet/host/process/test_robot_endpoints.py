@@ -11,7 +11,7 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.host.process.robot_endpoints import RobotEndpoints
 from fleet.model.command import Reply
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 THOUSAND = 1000
 HERE = {"worker": "main"}

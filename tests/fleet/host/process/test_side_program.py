@@ -7,7 +7,7 @@ import signal
 
 from fleet.clock import SystemClock
 from fleet.host.process.side_program import SideProgram, until_ended
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 SHORT = "calendar"  # a module of Python that prints something and ends
 

@@ -14,7 +14,7 @@ from fleet.host.process.stop_inputs import SILENT_AFTER, HeldByEdge, StopInput, 
 from fleet.host.safety.emergency_stop import RELEASE, EmergencyStopLatch
 from fleet.model.command import Transport
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 HERE = {"worker": "main"}
 TIMEOUT = 1.0  # s; a busy computer may keep the button's thread waiting for a part of it

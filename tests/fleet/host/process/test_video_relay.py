@@ -11,8 +11,8 @@ from fleet.host.process.video_relay import ANSWER_WITHIN, VideoRelay
 from fleet.host.requests.receipt import Receipt
 from fleet.model.command import Command, Reply, ReplyStatus
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import wait_until
 from fleet.wire.samples import json_payload
+from tests.tools.waiting import wait_until
 
 
 class FakeSession:

@@ -7,8 +7,8 @@ from fleet.host.robot.report_queue import WAITING, ReportQueue
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
 from fleet.model.report import BatteryReport, DepthReport, LogReport, NavigationReport, PoseReport
-from fleet.testing.waiting import wait_until
 from fleet.wire.databus import decode_report, encode_report
+from tests.tools.waiting import wait_until
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"

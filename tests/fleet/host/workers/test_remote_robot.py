@@ -12,7 +12,7 @@ from fleet.host.workers.remote_robot import AGAIN, SILENT_AFTER, RemoteRobot
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 ANNA = local_cause("anna", "smoke", "r1")

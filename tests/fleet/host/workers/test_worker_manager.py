@@ -26,7 +26,7 @@ from fleet.host.workers.worker_manager import WorkerManager, names_of
 from fleet.model.command import Reply, Transport
 from fleet.supervisor.client import SupervisorClient
 from fleet.supervisor.protocol import StopRequest
-from fleet.testing.waiting import DEADLINE, wait_until
+from tests.tools.waiting import DEADLINE, wait_until
 
 MOVE = {"command": "move_forward", "data": {"linear_x": 1.0}}
 GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}

@@ -5,7 +5,7 @@ import time
 import mqtt5
 import pytest
 
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 NOT_AUTHORIZED = 0x87
 SHUTTING_DOWN = 0x8B

@@ -5,7 +5,7 @@ import pytest
 
 from fleet.sim.broker import BrokerThread, ClientLimits
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import wait_until
+from tests.tools.waiting import wait_until
 
 BAD_LOGIN = 0x86
 QUOTA_EXCEEDED = 0x97

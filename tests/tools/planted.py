@@ -35,7 +35,7 @@ class BuiltWorld(MujocoWorld):
 
 def as_built(dog: DogDescription, seed: int) -> tuple[DogDescription, BuiltWorld]:
     """Return a robot with small manufacturing errors, and its world with a random friction."""
-    rng = random.Random(seed)  # noqa: S311 - reproducible
+    rng = random.Random(seed)
     joints = {
         name: wiring.model_copy(update={"offset": wiring.offset + rng.uniform(-_OFFSET, _OFFSET)})
         for name, wiring in dog.joints.items()
