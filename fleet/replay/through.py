@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import contextvars
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -138,16 +137,22 @@ class _RobotReplay:
         except (asyncio.CancelledError, *_ENDS):
             pass
         except Exception as error:  # noqa: BLE001 - a replay is meant to find failures of the adapter
-            what = f"the adapter failed: {type(error).__name__}: {error}"
-            self._failure = self._failure or Difference(
-                self._clock.time(), self._config.name, "adapter", what
-            )
-        with contextlib.suppress(Exception):
+            self._note_failure("the adapter failed", error)
+        try:
             await self._robot.close()
+        except _ENDS:
+            pass
+        except Exception as error:  # noqa: BLE001 - likewise: the contexts are the adapter's own code
+            self._note_failure("the adapter failed to close what it had entered", error)
         for channel, reports in self._robot.said.items():
             self._said.setdefault(channel, []).extend(reports)
         for number, channels in self._robot.channels.items():
             self._learned[number] = self._learned.get(number, frozenset()) | channels
+
+    def _note_failure(self, what: str, error: Exception) -> None:
+        """Store the first failure of the adapter as a difference."""
+        text = f"{what}: {type(error).__name__}: {error}"
+        self._failure = self._failure or Difference(self._clock.time(), self._config.name, "adapter", text)
 
 
 async def _turns() -> None:

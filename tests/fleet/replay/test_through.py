@@ -1,5 +1,7 @@
 """Recorded frames through today's adapters: nothing differs, until the adapter does."""
 
+import contextlib
+
 import msgspec
 import pytest
 
@@ -68,6 +70,39 @@ def test_an_adapter_that_fails_on_a_frame_is_found(rover, rover_config, recorded
         each.what.partition("'")[0].rstrip(": ")
         for each in replay(Failing, rover_config, recorded_rover).found
     }
+
+
+def test_an_adapter_that_fails_to_close_what_it_entered_is_found(rover_config, recorded_rover):
+    class Closing(fleet.Adapter):
+        Config = type(rover_config)
+
+        @staticmethod
+        def replayed(config, robot):
+            return Closing(config, robot)
+
+        @contextlib.asynccontextmanager
+        async def session(self):
+            yield
+            raise self.error
+
+        async def connect(self):
+            await self.robot.enter(self.session())
+
+        async def stop(self, reason):
+            pass
+
+        def halt(self):
+            pass
+
+    def failures(error):
+        Closing.error = error
+        found = replay(Closing, rover_config, recorded_rover).found
+        return [each.what for each in found if each.channel == "adapter"]
+
+    assert failures(KeyError("closed")) == [
+        "the adapter failed to close what it had entered: KeyError: 'closed'"
+    ]
+    assert failures(fleet.LinkLost("the link is gone")) == []
 
 
 def test_of_a_recording_that_begins_later_the_first_seconds_are_left_out(rover, rover_config, recorded_rover):
