@@ -1,6 +1,8 @@
 """Each code block of the documents is checked by its language; one without a language fails."""
 
+import ast
 import contextlib
+import importlib
 import importlib.util
 import json
 import pathlib
@@ -22,11 +24,14 @@ from fleet_quadruped.robot.description import DogDescription
 
 ROOT = pathlib.Path(__file__).parents[2]
 PAGES = [
-    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "plugins/README.md")),
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md")),
+    *(ROOT / name for name in ("bench/README.md", "plugins/README.md")),
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 FENCE = re.compile(r"^( *)```([^\n]*)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 LANGUAGES = {"python", "yaml", "yaml fragment", "sh", "json", "toml", "text", "mermaid"}
+VENDORS = {"my_sdk"}
+"""Modules of examples that stand for the SDK of a robot."""
 OTHER_PROGRAMS = {"cd", "export", "source", "git", "uv", "pip", "mosquitto_pub", "nc"}
 BASE = {
     "edge": {"id": "yard-1"},
@@ -67,8 +72,30 @@ def test_a_block_names_a_language_that_is_checked(block):
 
 
 @pytest.mark.parametrize("text", blocks("python"))
-def test_python_compiles(text):
+def test_python_compiles_and_its_imports_exist(text):
     compile(text, "block", "exec")
+    check_imports(text)
+
+
+def check_imports(text):
+    """Import each module that a block imports, and look up each name that it imports from one."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            for name in node.names:
+                importlib.import_module(name.name)
+        elif isinstance(node, ast.ImportFrom) and node.module not in VENDORS:
+            module = importlib.import_module(node.module)
+            for name in node.names:
+                if not hasattr(module, name.name):
+                    importlib.import_module(f"{node.module}.{name.name}")
+
+
+@pytest.mark.parametrize(
+    "line", ["import fleet.flying", "from fleet import Flying", "from fleet.clint import connect"]
+)
+def test_an_import_that_does_not_exist_is_found(line):
+    with pytest.raises(ImportError):
+        check_imports(line)
 
 
 @pytest.mark.parametrize("text", blocks("json"))
@@ -157,6 +184,7 @@ def test_the_commands_and_options_of_a_shell_block_exist(text):
 def check_command(words):
     """Check one command of a shell block."""
     program, *rest = words
+    program = "python" if program.endswith("/bin/python") else program
     if program == "fleet":
         check_fleet(words)
     elif program == "sudo":

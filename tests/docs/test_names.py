@@ -55,6 +55,12 @@ def test_the_map_of_the_tree_draws_each_folder_and_says_what_it_is_for(folder):
     assert f"**`{folder.relative_to(ROOT)}`**" in page
 
 
+@pytest.mark.parametrize("name", sorted(path.name for path in (ROOT / "fleet").glob("[!_]*.py")))
+def test_the_map_of_the_tree_draws_each_module_beside_the_folders(name):
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    assert name == "version.py" or re.search(rf"[├└]── {name} +\w", page)
+
+
 @pytest.mark.parametrize("folder", [str(path.relative_to(ROOT)) for path in FOLDERS])
 def test_each_module_that_the_architecture_names_for_a_folder_is_in_it(folder):
     page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
