@@ -1,4 +1,4 @@
-"""The program ``fleet``. Asking for its version loads nothing else."""
+"""The program ``fleet``. ``--version`` loads no other module."""
 
 from __future__ import annotations
 

@@ -313,11 +313,11 @@ class Adapter(AdapterBase[ConfigT]):
         self.halt()
 
     def halt_unheard(self, reason: str) -> bool:
-        """Write a requested stop to a robot that does not answer: it may still hear; rules as for ``halt``.
+        """Write a requested stop to a robot that does not answer but may receive; rules as for ``halt``.
 
         ``reason`` is the requested stop: ``stop``, ``emergency_stop`` and others. Returns True if the bytes
-        were handed to an open link, False if the adapter cannot tell. Raises LinkError or a CommandError with
-        the reason if nothing was written.
+        were handed to an open link, False if the adapter does not know. Raises LinkError or a CommandError
+        with the reason if nothing was written.
         """
         (self.emergency_halt if reason == EMERGENCY else self.halt)()
         return False

@@ -1,4 +1,4 @@
-"""What all tests share: MQTT brokers, other programs, Hypothesis without clocks (the machines are busy)."""
+"""Fixtures of all tests: MQTT brokers, external programs, Hypothesis without deadlines (busy machines)."""
 
 import contextlib
 import gc
@@ -18,7 +18,7 @@ from fleet.runtime import interpreter
 from fleet.runtime.event_loop import BackgroundLoop, FleetLoop
 from fleet.sim.broker import BrokerThread
 
-# The same examples in every run: what fails here fails everywhere, always. --soak looks for others.
+# The same examples in every run, so that a failure is reproducible; --soak tries others.
 settings.register_profile(
     "fleet", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
 )
@@ -28,14 +28,14 @@ settings.load_profile("fleet")
 def keep_bytecode():
     """Compile each module once, also where PYTHONDONTWRITEBYTECODE is set, as in many containers.
 
-    Without it each process that a test starts compiles all that it imports: a second of processor time.
+    Otherwise each process that a test starts compiles all its imports again: a second of processor time.
     """
     sys.dont_write_bytecode = False
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 keep_bytecode()
-# Seldom look at all objects of a process that has imported all tests: a fifteenth of its processor time.
+# Collect garbage seldom: with all tests imported, the default takes a fifteenth of the processor time.
 gc.set_threshold(10_000, 10, 50)
 
 
@@ -50,10 +50,10 @@ def _load(path):
 PROGRAMS = _load(Path(__file__).with_name("programs.py"))
 TIERS = _load(Path(__file__).with_name("tiers.py"))
 HANGS = _load(Path(__file__).with_name("hangs.py"))
-MISSING = "missing program: "  # begins the reason of each test that does not run for want of a program
+MISSING = "missing program: "  # prefix of the reason of each test that is skipped for a missing program
 
 MOSQUITTO = (
-    "user root",  # which only root reads; without it root's mosquitto may not open a test's certificates
+    "user root",  # else mosquitto, started by root, changes its user and cannot read a test's certificates
     "allow_anonymous true",
     "set_tcp_nodelay true",
     "connection_messages false",
@@ -65,14 +65,14 @@ MOSQUITTO = (
 
 @pytest.fixture(scope="session")
 def background_loop():
-    """Turn a loop for what needs one in tests that have none: ``background_loop.call(start)``."""
+    """Run an event loop on a thread for tests without one: ``background_loop.call(start)``."""
     with BackgroundLoop("background") as loop:
         yield loop
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _state_home(tmp_path_factory):
-    """Keep the lasting state of all edges, those in processes of their own too, away from the user's."""
+    """Keep the state of all edges, also in child processes, out of the user's state folder."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield
@@ -80,7 +80,7 @@ def _state_home(tmp_path_factory):
 
 @pytest.fixture(scope="session", autouse=True)
 def _no_collection_for_each_edge():
-    """Let an edge begin without collecting the garbage of all tests, a third of a second each time."""
+    """Start edges without a garbage collection, which takes a third of a second with all tests imported."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(interpreter, "collect_garbage", lambda: None)
         yield
@@ -88,16 +88,16 @@ def _no_collection_for_each_edge():
 
 @pytest.fixture(scope="session", autouse=True)
 def _interruptible():
-    """Let the programs that tests start be ended by Ctrl-C, also where the tests run in the background."""
+    """Let Ctrl-C end the programs that tests start, also if the tests run in the background."""
     before = signal.getsignal(signal.SIGINT)
-    if before is signal.SIG_IGN:  # as a shell leaves it to what it runs with &
+    if before is signal.SIG_IGN:  # as set by a shell for programs started with &
         signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
 
 
 class Mosquitto:
-    """A Mosquitto broker on 127.0.0.1 at ``port``, for as long as a ``with`` block lasts."""
+    """A Mosquitto broker on 127.0.0.1 at ``port``; a context manager."""
 
     def __init__(self, program, folder, *lines):
         self._program = program
@@ -121,7 +121,7 @@ class Mosquitto:
         self._process.stderr.close()
 
     def _starts(self):
-        """Start it on a port that is free, and tell whether it still was."""
+        """Start it on a free port; returns False if another program took the port meanwhile."""
         with socket.create_server(("127.0.0.1", 0)) as probe:
             self.port = probe.getsockname()[1]
         self._config.write_text("\n".join((f"listener {self.port} 127.0.0.1", *MOSQUITTO, *self._lines)))
@@ -139,14 +139,14 @@ class Mosquitto:
 
 @pytest.fixture
 def free_port():
-    """Find a TCP port that nobody uses."""
+    """Find an unused TCP port."""
     with socket.create_server(("127.0.0.1", 0)) as probe:
         return probe.getsockname()[1]
 
 
 @pytest.fixture
 def free_udp_port():
-    """Find a UDP port that nobody uses."""
+    """Find an unused UDP port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
@@ -154,7 +154,7 @@ def free_udp_port():
 
 @pytest.fixture(scope="session")
 def program():
-    """Find a program outside Python: ``program("openssl")``; without it the test does not run."""
+    """Find an external program: ``program("openssl")``; a missing one skips the test."""
 
     def find(name):
         path = PROGRAMS.find(name)
@@ -167,7 +167,7 @@ def program():
 
 @pytest.fixture
 def page(program):
-    """Open a page in a real browser; an error in its console, or one that is not caught, fails the test."""
+    """Open a page in a real browser; an uncaught error, or one in its console, fails the test."""
     browser = program("chromium")
     with _load(Path(__file__).with_name("browser.py")).open_page(browser) as page:
         yield page
@@ -183,13 +183,13 @@ def run_mosquitto(tmp_path, program):
 
 @pytest.fixture
 def mosquitto(run_mosquitto):
-    """Run Mosquitto, where everybody may come in."""
+    """Run Mosquitto with anonymous access."""
     return run_mosquitto()
 
 
 @pytest.fixture
 def broker():
-    """Run the demo broker, where everybody may come in."""
+    """Run the demo broker with anonymous access."""
     with BrokerThread() as running:
         yield running
 
@@ -203,13 +203,13 @@ def shared_broker():
 
 @pytest.fixture
 def foreign_broker(request):
-    """Run a broker outside the demo: Mosquitto, or the demo broker where there is no Mosquitto."""
+    """Run Mosquitto, or the demo broker if Mosquitto is missing."""
     return request.getfixturevalue("mosquitto" if PROGRAMS.find("mosquitto") else "broker")
 
 
 @pytest.fixture(scope="module")
 def shared_foreign_broker(request, tmp_path_factory):
-    """Run such a broker for all tests of a module."""
+    """Run a ``foreign_broker`` for all tests of a module."""
     path = PROGRAMS.find("mosquitto")
     if path is None:
         yield request.getfixturevalue("shared_broker")
@@ -224,13 +224,13 @@ def pytest_xdist_auto_num_workers():
 
 
 def pytest_addoption(parser, pluginmanager):
-    """Add the tiers of the tests, and the end of those that hang."""
+    """Register the plugins for tiers and for tests that hang."""
     pluginmanager.register(TIERS, "tiers")
     pluginmanager.register(HANGS, "hangs")
 
 
 def missing_programs(config):
-    """Return how many tests did not run, by the program that was missing; nothing in an xdist worker."""
+    """Count the skipped tests by missing program; empty in an xdist worker."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     skipped = [] if hasattr(config, "workerinput") else reporter.stats.get("skipped", [])
     reasons = [report.longrepr[2].partition(MISSING) for report in skipped]
@@ -238,13 +238,13 @@ def missing_programs(config):
 
 
 def pytest_sessionfinish(session):
-    """Fail where everything must run (CI=true) and something did not."""
+    """Fail with CI=true if a test was skipped for a missing program."""
     if missing_programs(session.config) and os.environ.get("CI") == "true":
         session.exitstatus = session.exitstatus or pytest.ExitCode.TESTS_FAILED
 
 
 def pytest_unconfigure(config):
-    """Say last how many tests did not run and why."""
+    """Print at the end how many tests did not run, and why."""
     missing = missing_programs(config)
     if missing:
         programs = ", ".join(f"{name} is missing ({count})" for name, count in sorted(missing.items()))
@@ -253,7 +253,7 @@ def pytest_unconfigure(config):
 
 
 def pytest_asyncio_loop_factories():
-    """Run tests on the loop that a fleet process runs on."""
+    """Run tests on the event loop of a fleet process."""
     return {"fleet": FleetLoop}
 
 

@@ -1,10 +1,10 @@
-"""The tiers of the tests: ``--fast`` and ``--soak`` of ``run.py test``, and the robots that need real time.
+"""The tiers of the tests: ``--fast`` and ``--soak`` of ``run.py test``, and the tests that need real time.
 
-Where the values of several parameters are tried on a long test (the mark ``combinations``), each value is in
-every run, and each combination with ``--soak``.
+A long test over combinations of several parameters has the mark ``combinations``: every run tries each value
+once, ``--soak`` tries all combinations.
 
-The fast tier is for the minute between two changes: protocol, safety and translation, which are functions and
-tables. It starts no program and waits for no socket; a test of its folders that does has the mark ``waits``.
+The fast tier takes a minute: protocol, safety and translation, which are functions and tables. Its tests
+start no program and wait for no socket; a test in its folders that does so has the mark ``waits``.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FAST = (
     "fleet/wire",
     "plugins",
 )
-"""Folders below tests/ whose tests are fast, but for these and those with the mark ``waits``."""
+"""Folders below tests/ of the fast tier; it leaves out ``BUT`` and tests with the mark ``waits``."""
 BUT = (
     # start programs, or wait for sockets and devices
     "adapters/fleet_mavlink/sim/test_foreign_clients.py",
@@ -56,7 +56,7 @@ BUT = (
     "fleet/link/test_tcp.py",
     "fleet/link/test_udp.py",
     "fleet/spool/test_spool.py",
-    # wait for nothing, but walk and fly for seconds of processor time
+    # simulate walking and flying, which takes seconds of processor time
     "adapters/fleet_quadruped/body/test_posing.py",
     "adapters/fleet_quadruped/can/test_capture.py",
     "adapters/fleet_mavlink/test_wings.py",
@@ -70,13 +70,13 @@ BUT = (
     "adapters/fleet_ugv/test_navigation.py",
 )
 REAL_TIME = "real time"
-"""The group of pytest-xdist of which one test runs at a time: two robots at once get their time too late."""
+"""Group of pytest-xdist whose tests run one at a time: two robots at once miss their deadlines."""
 WAITS = {"socket.bind", "socket.connect", "subprocess.Popen", "os.posix_spawn", "pty.spawn"}
-"""Audit events of what a test of the fast tier must not do; the event loop's own socket pair is none."""
+"""Audit events that are forbidden in the fast tier; the event loop's own socket pair causes none of them."""
 SOAK = 50
-"""How many times as many examples Hypothesis tries with ``--soak``."""
+"""Factor for the number of Hypothesis examples with ``--soak``."""
 FAST_SHARE = 0.2
-"""Which share of its examples Hypothesis tries with ``--fast``."""
+"""Factor for the number of Hypothesis examples with ``--fast``."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -87,7 +87,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave out of the fast tier what is outside its folders: to import all tests takes half a minute."""
+    """Collect only the folders of the fast tier: importing all tests takes half a minute."""
     if not config.getoption("--fast") or collection_path == ROOT or ROOT not in collection_path.parents:
         return None
     path = collection_path.relative_to(ROOT).as_posix()
@@ -102,10 +102,10 @@ def is_fast(item: pytest.Item) -> bool:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Choose the tests of the tier, and keep robots that need real time apart.
+    """Select the tests of the tier, and put tests that need real time into one group.
 
-    Those begin first, then the other tests of whole fleets: at the end each would keep one processor busy
-    for minutes while the other waits.
+    Those run first, then the tests of whole fleets. If they ran last, one processor would be busy for minutes
+    while the others have nothing to do.
     """
     for item in items:
         if item.get_closest_marker("real_time"):
@@ -123,9 +123,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def scale_examples(test: object, factor: float) -> None:
-    """Have Hypothesis try a test with more examples, others each time, or with fewer.
+    """Scale a test's number of Hypothesis examples; with more of them, they differ in each run.
 
-    Its ``settings`` decorator cannot be put on twice.
+    The private attribute is set because the ``settings`` decorator can be applied only once.
     """
     function = getattr(test, "__func__", test)
     if not getattr(function, "is_hypothesis_test", False):
@@ -138,7 +138,7 @@ def scale_examples(test: object, factor: float) -> None:
 
 
 def each_value_once(items: list[pytest.Item]) -> list[pytest.Item]:
-    """Leave out combinations of a test with the mark ``combinations``, so that each value is still tried."""
+    """Drop combinations of tests with the mark ``combinations``; each value is still tried once."""
     left_out: set[pytest.Item] = set()
     for _, group in itertools.groupby(items, key=lambda item: item.nodeid.partition("[")[0]):
         tests = list(group)
@@ -148,7 +148,7 @@ def each_value_once(items: list[pytest.Item]) -> list[pytest.Item]:
 
 
 def covering(tests: list[pytest.Item]) -> Iterator[pytest.Item]:
-    """Yield few of a test's combinations, in which each value of each parameter is: always the same ones."""
+    """Yield a few combinations of a test that contain each value of each parameter; the same in each run."""
     values = {
         test: {(name, id(value)) for name, value in test.callspec.params.items()}
         for test in tests
@@ -162,7 +162,7 @@ def covering(tests: list[pytest.Item]) -> Iterator[pytest.Item]:
 
 
 class Waiting:
-    """Notes what a test does that the fast tier must not; an audit hook cannot be taken off again."""
+    """Recorder of forbidden audit events; never removed, because an audit hook cannot be removed."""
 
     def __init__(self) -> None:
         self.watching = False
@@ -170,14 +170,14 @@ class Waiting:
         sys.addaudithook(self._audit)
 
     def _audit(self, event: str, arguments: tuple[object, ...]) -> None:
-        """Take an event of the interpreter."""
+        """Record an audit event of the interpreter."""
         if self.watching and event in WAITS:
             self.seen.append(f"{event}{arguments[1:2]}")
 
 
 @pytest.fixture(autouse=True, scope="session")
 def _waiting(request: pytest.FixtureRequest) -> Waiting | None:
-    """Watch the tests of the fast tier, where they are run alone."""
+    """Watch for forbidden events if only the fast tier runs."""
     return Waiting() if request.config.getoption("--fast") else None
 
 

@@ -43,7 +43,7 @@ class Brakes:
         require_heartbeat(vehicle)
         kind = vehicle.kind
         if kind is None:
-            raise NotReady("it is not known yet what it is")
+            raise NotReady("its vehicle type is not known yet")
         began, speed = vehicle.now(), self._speed(vehicle.state)
         shown = await self._engage(kind) if vehicle.state.armed else "the disarming"
         left = max(_AT_LEAST, _WITHIN - (vehicle.now() - began))
@@ -55,8 +55,9 @@ class Brakes:
     def messages(self) -> Iterator[MavlinkMessage]:
         """Yield the best braking messages for a vehicle that is not moved here; from any thread.
 
-        One that was never heard may be anything: it gets a zero velocity, which every autopilot follows in
-        its external mode and ignores in the others, and a pause. A mode has other numbers on each of them.
+        One from which nothing was received may be of any kind: it gets a zero velocity, which every autopilot
+        follows in its external mode and ignores in the others, and a pause. Each autopilot has other numbers
+        for its modes.
         """
         state, kind = self._vehicle.state, self._vehicle.kind
         if kind is None:
@@ -101,7 +102,7 @@ class Brakes:
             return
         now = self._speed(vehicle.state)
         if now is None or before is None or now > max(kind.slows_to(before), _SLOW):
-            seen = "does not tell how fast it is" if now is None else f"still moves at {now:.1f} m/s"
+            seen = "reports no speed" if now is None else f"still moves at {now:.1f} m/s"
             raise TimedOut(f"{vehicle.what} took {shown} and {seen}", hint="stop it by other means")
 
     async def _see_hover(self, seconds: float, shown: str) -> None:

@@ -40,7 +40,7 @@ class CameraComponent:
         require_connection(self._vehicle)
         camera = self._vehicle.camera
         if camera is None:
-            raise Unsupported("no camera is heard beside the autopilot")
+            raise Unsupported("no camera of this vehicle has sent a heartbeat")
         require_connection(camera)
         with camera.hearing(CameraImageCaptured) as heard:
             self._taken += 1
@@ -54,7 +54,7 @@ class CameraComponent:
             await self._commander_of(camera).ask(ask, tries=1)
             taken = await heard.next(_TAKEN_WITHIN)
         if taken is None:
-            raise TimedOut("the camera took the command but tells of no picture")
+            raise TimedOut("the camera accepted the command but reported no picture")
         if taken.capture_result != 1:
             raise Fault("the camera could not take the picture", hint="is its card full?")
         return Photo(taken.image_index, taken.file_url)

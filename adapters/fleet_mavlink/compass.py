@@ -66,7 +66,7 @@ class Compass:
         while True:
             said = await heard.next(_SILENCE)
             if said is None:
-                raise TimedOut(f"nothing was heard of the calibration for {_SILENCE:g} s")
+                raise TimedOut(f"no progress of the calibration was received for {_SILENCE:g} s")
             if said is _CANCELLED:
                 raise Refused("it was stopped")
             step = step_of(said)

@@ -62,8 +62,8 @@ class MavlinkConfig(AdapterConfig):
     backup_links: tuple[Annotated[str, AfterValidator(_checked_link)], ...] = Field(
         (),
         max_length=3,
-        description="More ways to the same vehicle, in the order in which they are taken when it is not "
-        "heard by the ones before; none of them sim:.",
+        description="More links to the same vehicle, in the order in which they are used when nothing is "
+        "received on those before; none of them sim:.",
     )
     system_id: int = Field(1, ge=1, le=250, description="The vehicle's MAVLink system id.")
     own_system: int = Field(
@@ -84,12 +84,12 @@ class MavlinkConfig(AdapterConfig):
 
     failsafes: Keeping | None = Field(
         None,
-        description="The autopilot's fail-safe parameters: check tells what is wrong, set also writes it, "
-        "ignore does neither. Left out: check for a real vehicle, set for a simulated one.",
+        description="The autopilot's fail-safe parameters: check reports wrong values, set also corrects "
+        "them, ignore does neither. Left out: check for a real vehicle, set for a simulated one.",
     )
     link_loss: LinkLoss = Field(
         "return_to_home",
-        description="What the autopilot must do by itself when this edge is not heard any more.",
+        description="Action of the autopilot when it receives nothing more from this edge.",
     )
     signing_key: SecretStr | None = Field(
         None,
@@ -110,8 +110,8 @@ class MavlinkConfig(AdapterConfig):
 
     traffic: Literal["off", "tell"] = Field(
         "off",
-        description="tell: the autopilot is told, as by ADS-B, where the other aircraft of this process are. "
-        "What it does about them is set in its own parameters.",
+        description="tell: the autopilot gets the positions of the other aircraft of this process as ADS-B "
+        "messages. Its own parameters define how it reacts.",
     )
     remote_id: RemoteIdConfig | None = Field(
         None,

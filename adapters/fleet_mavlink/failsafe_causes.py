@@ -79,5 +79,5 @@ def position_troubles(state: VehicleState, now: float) -> tuple[str, ...]:
     if state.had_estimate and state.estimator_has_position is False:
         flags = state.estimator_flags or 0
         missing = ", ".join(word for bit, word in _NEEDED if not flags & bit)
-        troubles.append(f"its estimator lost {missing}: what it tells of its position is not to be trusted")
+        troubles.append(f"its estimator lost {missing}: its reported position is not reliable")
     return tuple(troubles)

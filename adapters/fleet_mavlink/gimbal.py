@@ -146,7 +146,7 @@ class Gimbal:
                 raise Unsupported("the autopilot has no gimbal", device_result=error.device_result) from None
             found = await heard.next(_INFORMED_WITHIN)
         if found is None:
-            raise Unsupported("the autopilot tells of no gimbal")
+            raise Unsupported("the autopilot reports no gimbal")
         return found
 
     async def _ask(

@@ -41,9 +41,9 @@ class Halts:
     def halt(self, *, asked: bool = False, takes_over: bool = False) -> bool:
         """Write the messages that stop the vehicle now; from any thread. The next tick continues from there.
 
-        Motion that was asked for and is not confirmed yet is not asked for again. ``asked``: somebody wants
-        this stop. Otherwise the mode of a vehicle that does not answer is not changed, because it may be in
-        its own fail-safe, and one that comes down is left alone. One under somebody else's control is left
+        Requested motion that is not confirmed yet is not requested again. ``asked``: a sender requested this
+        stop. Otherwise the mode of a vehicle that does not answer is not changed, because it may be in its
+        own fail-safe, and one that comes down is left alone. One under another operator's control is left
         alone unless ``takes_over``, which implies ``asked``. Returns False if nothing was written; raises
         LinkLost.
         """
@@ -58,7 +58,7 @@ class Halts:
     def _halting(self, *, asked: bool) -> list[MavlinkMessage]:
         """Return the messages that stop the vehicle, none for one on the ground.
 
-        One that is silent may have been armed since it was heard, and may still hear.
+        A silent one may have been armed since its last message, and may still receive.
         """
         vehicle, flavour = self._vehicle, self._vehicle.flavour
         heard = vehicle.connected
@@ -79,7 +79,7 @@ class Halts:
         return messages
 
     def write(self, *, takes_over: bool) -> None:
-        """Write a requested stop to a vehicle that may not be heard; from any thread.
+        """Write a requested stop to a vehicle that may be silent; from any thread.
 
         Raises Refused with the reason if it is not written, LinkLost if the link does not take it.
         """
@@ -87,7 +87,7 @@ class Halts:
         if self._vehicle.connected and not self._vehicle.state.armed:
             raise Refused("its motors are off")
         if not self.halt(asked=True, takes_over=takes_over):
-            raise LinkLost(f"nobody was heard on {self._hub.link.url} yet to whom it could be sent")
+            raise LinkLost(f"the vehicle's address on {self._hub.link.url} is not known yet: it sent nothing")
 
 
 def require_ours(authority: Authority, *, takes_over: bool) -> None:

@@ -74,7 +74,7 @@ class VehicleHome:
             )
         )
         if not await self._vehicle.until(shown, _HOME_WITHIN):
-            raise TimedOut("it took the command but tells another home")
+            raise TimedOut("it accepted the command but reports another home position")
 
 
 def _require_place(latitude: float, longitude: float, altitude: float) -> None:

@@ -47,7 +47,7 @@ class LinkHub:
 
     @property
     def heard(self) -> tuple[int, ...]:
-        """System ids of the autopilots heard on this link within the last 3 s."""
+        """System ids of the autopilots received on this link within the last 3 s."""
         now = self._clock.monotonic()
         return tuple(sorted(system for system, at in self._heard.items() if now - at <= SILENCE))
 
@@ -143,7 +143,7 @@ class LinkHub:
     def send_from_any_thread(self, messages: list[MavlinkMessage], vehicle: Vehicle) -> bool:
         """Send messages to a vehicle off the event loop, with their own sequence numbers; raises LinkLost.
 
-        Returns False if there were none, or one was dropped: nobody was heard yet whom it could be sent to.
+        Returns False if there were none, or if one was dropped because no address is known yet.
         """
         settings = msgspec.structs.replace(vehicle.trust.frame_settings, link=_BESIDE)
         frames = [

@@ -69,7 +69,7 @@ class LogReader:
             require_connection(self._vehicle)
         if found:
             return found
-        raise TimedOut(f"system {self._vehicle.system} does not tell its logs", hint="has it a card?")
+        raise TimedOut(f"system {self._vehicle.system} does not list its logs", hint="has it a card?")
 
     def _require_ground(self) -> None:
         """Raise NotReady unless it answers, Refused while it is armed."""

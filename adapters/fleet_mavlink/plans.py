@@ -186,9 +186,9 @@ class Plans:
             if isinstance(said, MissionCount):
                 return said.count
             if isinstance(said, MissionAck) and said.type != _DENIED:
-                _require_accepted(said, f"to tell its {kind.name.lower()}")
+                _require_accepted(said, f"to send its {kind.name.lower()}")
             await asyncio.sleep(_SILENCE)
-        raise Refused(f"system {self._vehicle.system} does not tell its {kind.name.lower()}")
+        raise Refused(f"system {self._vehicle.system} does not send its {kind.name.lower()}")
 
     async def _item(self, kind: PlanType, seq: int, heard: ReceivedMessages[_Said]) -> MissionItemInt:
         """Return one item."""
@@ -201,7 +201,7 @@ class Plans:
             ),
         )
         if not isinstance(said, MissionItemInt):
-            raise Refused(f"system {self._vehicle.system} does not tell item {seq}: {_name(said)}")
+            raise Refused(f"system {self._vehicle.system} does not send item {seq}: {_name(said)}")
         return said
 
     async def _answer(

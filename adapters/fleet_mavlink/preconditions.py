@@ -76,7 +76,7 @@ def is_standing(state: VehicleState) -> bool:
 def not_moved(vehicle: Vehicle) -> Unsupported:
     """Return the error for a vehicle that can be monitored and stopped here, but not moved."""
     beat = vehicle.state.heartbeat
-    return Unsupported("it is not known yet what it is" if beat is None else not_moved_words(beat))
+    return Unsupported("its vehicle type is not known yet" if beat is None else not_moved_words(beat))
 
 
 def require_has(vehicle: Vehicle, name: str) -> None:

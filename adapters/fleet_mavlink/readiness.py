@@ -99,11 +99,11 @@ def _mode_words(mode: str, flavour: Flavour) -> str:
 
 
 def _remote_control(state: VehicleState) -> tuple[ReadinessCheck, ...]:
-    """Look whether the pilot's remote control is heard, where the vehicle has a receiver for one."""
+    """Check whether the pilot's remote control is received, if the vehicle has a receiver."""
     heard = state.remote_control
     if heard is None:
         return ()
-    return (ReadinessCheck("remote control", heard, () if heard else ("it is not heard",)),)
+    return (ReadinessCheck("remote control", heard, () if heard else ("no signal from it is received",)),)
 
 
 def _remote_id(state: VehicleState, now: float, *, wanted: bool) -> tuple[ReadinessCheck, ...]:

@@ -35,13 +35,13 @@ _GOOD = 0
 def trouble_of(state: VehicleState, now: float, *, wanted: bool) -> str | None:
     """Return the problem of the Remote ID transmission, empty without one.
 
-    None: no transmitter was heard, and fleet.yaml does not require one.
+    None: no transmitter was received, and fleet.yaml does not require one.
     """
     status, at = state.remote_id, state.remote_id_at
     if status is None:
-        return "its Remote ID transmitter is not heard" if wanted else None
+        return "nothing is received from its Remote ID transmitter" if wanted else None
     if now - at > _FRESH:
-        return f"its Remote ID transmitter was not heard for {now - at:.0f} s"
+        return f"nothing was received from its Remote ID transmitter for {now - at:.0f} s"
     return "" if status.status == _GOOD else f"Remote ID: {status.error.strip() or 'not ready'}"
 
 

@@ -192,11 +192,11 @@ class VehicleSession:
         """Brake and hold; returns once the hold is shown. On the ground there is nothing to do.
 
         The plain stop of a drive returns once the vehicle stands; the hold follows a moment later, or at once
-        when it does not stand. A vehicle under somebody else's control is left alone unless ``takes_over``,
-        because the plain stop at the end of a drive must not take it from its pilot; raises Refused then. A
-        vehicle that is not moved here is braked whoever moves it. To one that is not heard the stop is only
-        written; raises NotReady then: it is unknown whether it stops. A failed stop stays in health until
-        one succeeds, or the motors are off.
+        when it does not stand. A vehicle under another operator's control is left alone unless
+        ``takes_over``, because the plain stop at the end of a drive must not take it from its pilot; raises
+        Refused then. A vehicle that is not moved here is braked under any control. To a silent one the stop
+        is only written; raises NotReady then: it is unknown whether it stops. A failed stop stays in health
+        until one succeeds, or the motors are off.
         """
         if self.authority.lost_to and not takes_over:
             self.commander.turns.supersede(reason)
@@ -213,7 +213,7 @@ class VehicleSession:
         self.health.unstopped = ""
 
     async def _stop(self, reason: str, *, takes_over: bool) -> None:
-        """Brake and hold, or raise; a vehicle that is not heard gets the stop too."""
+        """Brake and hold, or raise; a silent vehicle gets the stop too."""
         if not self.vehicle.connected:
             self.halts.write(takes_over=takes_over)
             raise NotReady(
@@ -285,7 +285,7 @@ class VehicleSession:
             self._robot.log.debug("no setpoint was sent: %s", error)
 
     def _heartbeat(self) -> None:
-        """Check whether somebody else changed the mode, and whether the vehicle is back."""
+        """Check whether another operator changed the mode, and whether the vehicle is back."""
         vehicle = self.vehicle
         self.health.find_failsafe_cause()
         lacking = missing_commands(vehicle.state)
@@ -299,7 +299,7 @@ class VehicleSession:
 
     def _authority_lost(self, reason: str) -> None:
         """End all our activity; running commands are not repeated against the pilot."""
-        self.commander.turns.supersede("somebody else has the vehicle")
+        self.commander.turns.supersede("another operator has control of the vehicle")
         self.driver.end()
         if self.vehicle.state.failsafe and not self.health.cause.text:
             self._spawn(self._report_loss(reason))  # only the report waits for the reason

@@ -68,7 +68,7 @@ SETTINGS = frozenset(
         "WP_LOITER_RAD",
     }
 )
-"""Parameters that winged vehicles need for moving; their values are kept whoever reads or sets them."""
+"""Parameters that winged vehicles need for moving; their values are kept after each read or write."""
 _AIRBORNE = 0.5  # m above home; used if the autopilot does not report whether it flies
 
 

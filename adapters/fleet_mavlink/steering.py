@@ -32,7 +32,7 @@ class SteeringSettings:
             try:
                 found = await self._parameters.read(_OUTPUTS)
             except CommandError as error:
-                vehicle.log.info("it does not tell how it steers: %s", error)
+                vehicle.log.info("its steering could not be read: %s", error)
                 wait = _AGAIN if error.device_result is None else _FOREVER
             else:
                 vehicle.turns_in_place = turns_in_place(int(each.value) for each in found)

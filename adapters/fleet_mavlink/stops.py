@@ -9,9 +9,9 @@ from fleet_mavlink.session import GENTLE
 from fleet_mavlink.session_adapter import SessionAdapter
 
 _TAKE_OVER = frozenset({"hover", "brake", "emergency_stop"})
-"""The stops that mean the vehicle itself, whoever has it; the others end what we do with it."""
+"""Stops of the vehicle itself, also under another operator's control; the others end only our own motion."""
 _ASKED = _TAKE_OVER | {GENTLE, "pause"}
-"""The stops that somebody asked for; the others are the host's own, when something failed or ends."""
+"""Stops that a sender requested; the host itself causes the others, after a failure or at its end."""
 
 
 class StopCommands(SessionAdapter):
@@ -29,7 +29,7 @@ class StopCommands(SessionAdapter):
         try:
             await self._session.stop(reason, takes_over=reason in _TAKE_OVER)
         except LinkError as error:
-            raise NotReady(f"nobody knows whether it stops: {error}") from error
+            raise NotReady(f"it is unknown whether it stops: {error}") from error
 
     def halt(self) -> None:
         """Write zero velocity, or the hold command, at once; from any thread. A landing goes on."""
@@ -37,11 +37,11 @@ class StopCommands(SessionAdapter):
             self._session.halts.halt()
 
     def emergency_halt(self) -> None:
-        """Write the same, whatever it does and whoever has it; from any thread."""
+        """Write the same in any state and under any control; from any thread."""
         with contextlib.suppress(LinkError):
             self._session.halts.halt(takes_over=True)
 
     def halt_unheard(self, reason: str) -> bool:
-        """Write a requested stop to a vehicle that is not heard, or was heard long ago; from any thread."""
+        """Write a requested stop to a silent vehicle; from any thread."""
         self._session.halts.write(takes_over=reason in _TAKE_OVER)
         return True

@@ -36,8 +36,8 @@ class TransitionCommands(SessionAdapter):
 async def _begin(flight: Flight, to: To) -> None:
     """Request a transition, unless it is in progress already.
 
-    It is also requested of a vehicle that flies so: it may have begun the opposite one unseen. It then holds,
-    because the host has ended what it did before.
+    It is also requested of a vehicle that flies so: it may have started the opposite one without reporting
+    it. It then holds, because the host has ended its previous motion.
     """
     vehicle, flavour = flight.vehicle, flight.flavour
     mode = flavour.transitions[to]

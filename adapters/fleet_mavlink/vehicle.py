@@ -106,11 +106,11 @@ class Vehicle:
         return self.clashed(self.now())
 
     def clashed(self, now: float) -> bool:
-        """Return True if a second vehicle with the same system id was heard recently."""
+        """Return True if a second vehicle with the same system id sent recently."""
         return now - self._clash_at <= SILENCE
 
     def send(self, message: MavlinkMessage) -> None:
-        """Send to the vehicle, at the address it was heard from; raises LinkLost."""
+        """Send to the vehicle, at the address of its last message; raises LinkLost."""
         self._send(message, self.address)
 
     def take(self, message: MavlinkMessage, address: Address) -> None:

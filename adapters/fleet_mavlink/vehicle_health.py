@@ -76,11 +76,11 @@ class VehicleHealth:
         return (*troubles, *self._settings_troubles())
 
     def _absence(self) -> str:
-        """Return which system is not heard, and which ones are heard instead."""
+        """Return which system is silent, and which others are received instead."""
         system = self._vehicle.system
         where = f"system {system} on {self._hub.link.url}"
         others = [str(each) for each in self._hub.unclaimed]
-        hint = f"; systems {', '.join(others)} are heard: see system_id" if others else ""
+        hint = f"; received system {', '.join(others)} instead: check system_id" if others else ""
         if self._vehicle.state.heartbeat is not None:
             return f"no heartbeat from {where} for {SILENCE:g} s{hint}"
         refused = [why for why in (UNSIGNED, FALSE) if self._vehicle.trust.counts[why]]

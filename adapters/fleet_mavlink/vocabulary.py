@@ -21,7 +21,7 @@ _NO_TRANSITION = "it has one way to move only: it is no VTOL"
 _UNSET = "a QuadPlane is moved only with Q_GUIDED_MODE 1: send set_failsafes, or set it, on the ground"
 ON_WINGS = "it flies on its wings and never stands: it takes goals, which it circles, and no velocities"
 NO_VELOCITIES = "ArduPlane takes no velocities, in its hover either: send a goal"
-PX4_ROVER = ", because nobody has measured how a rover on PX4 holds and stops; one on ArduPilot is moved"
+PX4_ROVER = ", because holding and stopping of PX4 rovers was never measured; rovers on ArduPilot are moved"
 NO_TRANSITION: Mapping[str, str] = {"transition": _NO_TRANSITION}
 """Lacking on all vehicles but VTOLs."""
 SURFACE: Mapping[str, str] = {

@@ -53,7 +53,7 @@ class Allowance:
 
 
 class Watcher:
-    """The stations behind one link; ``stations``: those heard, by system and component id."""
+    """The stations behind one link; ``stations``: those received, by system and component id."""
 
     def __init__(self, url: str, clock: Clock) -> None:
         self.url = url
@@ -92,7 +92,7 @@ class Watcher:
             self._timer = asyncio.get_running_loop().call_later(_COLLECTED, self._flush)
 
     def _is_here(self, system: int, component: int) -> bool:
-        """Return True if a station with this address was heard on this link."""
+        """Return True if a station with this address was received on this link."""
         if component:
             return (system, component) in self.stations
         return any(station == system for station, _ in self.stations)
@@ -139,7 +139,7 @@ class Watcher:
         if frame.system in self._vehicles:
             self._notices.add(
                 "a vehicle's id",
-                f"{self.url}: a station with the id of a vehicle, {frame.system}, is not heard",
+                f"{self.url}: a station with system id {frame.system}, that of a vehicle, is ignored",
             )
             return
         self._meet(frame)

@@ -185,7 +185,7 @@ class MachineValues(NamedTuple):
 def listen(
     walker: SelfWalker, buses: Mapping[str, CanBus], clock: Clock, seconds: float = 1.0
 ) -> MachineValues:
-    """Listen to a self-walking machine for a while; it is asked for its state, nothing else is sent."""
+    """Listen to a self-walking machine for a while; only requests for its state are sent."""
     controller = SelfWalkController(walker, buses)
     require_sole_controller(buses, controller.addresses, clock)
     if walker.wire.node is not None:

@@ -99,7 +99,9 @@ def _checked(dog: DogDescription, buses: Mapping[str, CanBus], *, move: bool) ->
     if found or not move:
         return found, "all twelve drives answer, within their joints' limits; --move shows signs and offsets"
     click.echo("It will fold its legs, crouch, and lean by up to 10 degrees. Any key stops it.", err=True)
-    click.confirm("Does it lie on its belly on a level floor, and is everybody clear?", abort=True, err=True)
+    click.confirm(
+        "Does it lie on its belly on a level floor, and do all people keep clear?", abort=True, err=True
+    )
     pressed, controller = AbortInput(), Controller(dog, buses)
     controller.configure()
     with pressed.watching():
@@ -203,7 +205,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
         f"with at most {jog.torque:.1f} N m. Any key stops it.",
         err=True,
     )
-    click.confirm("Does the dog hang free, and is everybody clear?", abort=True, err=True)
+    click.confirm("Does the dog hang free, and do all people keep clear?", abort=True, err=True)
     pressed = AbortInput()
     with open_buses(_urls(dog, buses), dog.buses, SystemClock()) as opened:
         jogger = Jogger(dog, opened, SystemClock(), jog, pressed)

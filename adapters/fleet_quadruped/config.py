@@ -52,7 +52,7 @@ class QuadrupedConfig(AdapterConfig):
 
     captures: NewPath | None = Field(
         None,
-        description="Folder for what was on the buses before each of the last 5 faults, 1 MB each. "
+        description="Folder for the bus traffic before each of the last 5 faults, 1 MB each. "
         "Left out: fleet/captures/<name> in XDG_STATE_HOME, ~/.local/state.",
     )
 

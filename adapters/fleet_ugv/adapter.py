@@ -106,7 +106,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         except TimeoutError:
             raise TimedOut(
                 f"the wheels were not seen to stand within {STANDSTILL:g} s; "
-                f"the last that was heard of them: {self._board.observer.speed:.2f} m/s",
+                f"their last reported speed: {self._board.observer.speed:.2f} m/s",
                 hint="stop it by other means",
             ) from None
 

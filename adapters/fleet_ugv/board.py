@@ -179,7 +179,7 @@ class Board:
         before = self.readiness.phase
         if self.readiness.lost(now):
             raise LinkLost(
-                f"{self._config.link}: nothing heard for {self.readiness.quiet_for(now):.1f} s; "
+                f"{self._config.link}: nothing received for {self.readiness.quiet_for(now):.1f} s; "
                 "is it the right device and speed?"
             )
         if self.readiness.check(now):

@@ -47,7 +47,7 @@ Factor = Annotated[float, AfterValidator(_possible_factor)]
 class Calibration(Model):
     """Calibration measured on this individual robot; written by ``fleet calibrate``."""
 
-    track: Positive | None = Field(None, description="Effective track, m: what makes a turn a turn.")
+    track: Positive | None = Field(None, description="Effective track, m: the base of turn rates.")
     left: Factor = Field(
         1.0, description="True metres per reported metre of the left side; negative: reversed counter."
     )

@@ -1,4 +1,4 @@
-"""Readiness of a board to be driven: heard, set up, its own dead-man confirmed; pure.
+"""Readiness of a board to be driven: it sends, is set up, its own dead-man is confirmed; pure.
 
 ==========  =====================================  ==========================================
 phase       meaning                                next

@@ -37,7 +37,7 @@ set of `CYBERWAVE_MQTT_TOPIC_PREFIX`, `CYBERWAVE_TOPIC_PREFIX` and `CYBERWAVE_EN
 """
 
 CLASSES = """\
-| class | what becomes of it while the cloud is slow or away |
+| class | how it is queued while the cloud is slow or away |
 |---|---|
 | reply, status, event | kept in order on disk, sent at least once |
 | latest | only the newest is kept |
@@ -59,7 +59,7 @@ crosses, and none from before an outage arrives after it. Every other type is an
 
 LAYOUTS_TEXT = """\
 `J update` is aggregated (`positions`, `velocities`, `efforts`) unless its rule has `layout: single` (a
-message for each joint) or `flat` (positions at the top); what a report tells of who moves the joints
+message for each joint) or `flat` (positions at the top); which arm moves the joints, if a report says so
 (`source_subtype`, `workload_uuid`, `camera_frame_counters`) goes along. The `data` of `T depth` is an object,
 or with `layout: string` the image in base64 and with `list` a list of `uint16`; width, height and dtype then
 stand beside it. A pose has the `frame_id` that its report names.
@@ -138,7 +138,7 @@ never `proven`.
 
 WHAT_HAPPENED = {
     EventKind.EMERGENCY_STOP: "the emergency stop was set",
-    EventKind.AUTHORITY_LOST: "somebody else (a pilot, a remote control) took the robot",
+    EventKind.AUTHORITY_LOST: "another operator (a pilot, a remote control) took control of the robot",
     EventKind.HEALTH: "its health changed: `level`, `cause`",
     EventKind.FOUND: "it answers: `level`, `cause`",
     EventKind.LOST: "it does not answer any more: `level`, `cause`",

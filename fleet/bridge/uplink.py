@@ -269,7 +269,7 @@ class Uplink:
             log.warning("dropped %d events above the permitted rate to the cloud", lost)
 
     def _repeat(self, now: float) -> Iterator[None]:
-        """Repeat unchanged state: otherwise a subscriber cannot tell a parked robot from a lost one."""
+        """Repeat unchanged state: otherwise a parked robot looks like a lost one to a subscriber."""
         for number, outbound in enumerate(self._repeated):
             silent = now - outbound.sent >= outbound.silence
             if silent and outbound.sample and not outbound.refused and self._alive(outbound.info.robot):

@@ -44,7 +44,7 @@ class QueryTable(Generic[OwnerT]):
             self._ends[key] = self._bus_session.answer(key, self._asked_for_one, more=self._more)
 
     def remove(self, key: str) -> None:
-        """Answer no more queries on a key; no effect on an unknown one."""
+        """Stop answering queries on a key; no effect on an unknown one."""
         self._owners.pop(key, None)
         if end := self._ends.pop(key, None):
             end()

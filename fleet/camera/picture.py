@@ -106,4 +106,4 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
         if marker == _SCAN:
             break
         at += 2 if marker in _BARE else 2 + int.from_bytes(data[at + 2 : at + 4])
-    raise Refused("the camera's JPEG picture tells no size")
+    raise Refused("the camera's JPEG picture contains no size")

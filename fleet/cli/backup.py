@@ -24,7 +24,7 @@ _SECONDS = "%Y%m%d-%H%M%S"
 def backup(out: Output, file: Path, *, output: Path | None) -> None:
     """Pack state and configuration of the edge of FILE, to replace a dead computer.
 
-    The edge may run. The backup has emergency stops, begun commands, history, messages for the cloud, runs
+    The edge may run. The backup has emergency stops, started commands, history, messages for the cloud, runs
     and schedules; fleet.yaml with its included and named files beside it; and the names of secrets, not their
     values. Logs and recordings are not in it. The state of a service needs sudo.
     """

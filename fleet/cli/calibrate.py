@@ -130,7 +130,7 @@ def _place(edges: Edges, name: str) -> Vector3:
     """Return the reported position of a robot."""
     position = _robot(edges, name).position
     if position is None:
-        raise Refused(f"{name} does not tell where it is")
+        raise Refused(f"{name} reports no position")
     return position
 
 

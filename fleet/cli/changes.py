@@ -70,7 +70,7 @@ def apply(
 ) -> ExitCode:
     """Apply the changed FILE (fleet.yaml when left out) to the edge that runs with it.
 
-    Robot by robot; the others go on. A robot that is commanded, armed, moving or controlled by somebody is
+    Robot by robot; the others go on. A robot that is commanded, armed, moving or controlled by an operator is
     not rebuilt or removed; of its settings only stricter ones are applied. A failed change is reverted for
     that robot.
 

@@ -57,7 +57,7 @@ def _invalid(out: Output, file: str, error: InvalidConfig) -> ExitCode:
 
 
 def _of_login(loaded: Loaded) -> tuple[Problem, ...]:
-    """Return why nobody could log in at the console, if a login is configured."""
+    """Return why no login at the console is possible, if one is configured."""
     if loaded.config.console is None or loaded.config.console.listen is None:
         return ()
     from fleet.cli.console_login import login_problems  # noqa: PLC0415 - not needed without a login
@@ -79,7 +79,7 @@ def _of_certificates(loaded: Loaded) -> list[Problem]:
 
 
 def _moved_after(loaded: Loaded) -> dict[str, float | None]:
-    """Return the seconds after which a standby moves each robot; None: only after somebody stops it."""
+    """Return the seconds after which a standby moves each robot; None: only after an operator stops it."""
     if loaded.config.pair is None:
         return {}
     from fleet.standby.bound import Bound  # noqa: PLC0415 - not needed without a pair
@@ -91,7 +91,7 @@ def _moved_after(loaded: Loaded) -> dict[str, float | None]:
 
 def _in_words(seconds: float | None) -> str:
     """Return a bound as text."""
-    return "once somebody has stopped it from there" if seconds is None else f"{seconds:g} s"
+    return "after an operator has stopped it from there" if seconds is None else f"{seconds:g} s"
 
 
 def _summary(loaded: Loaded) -> dict[str, object]:

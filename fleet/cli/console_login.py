@@ -50,7 +50,7 @@ def basemap_of(config: Sections) -> Basemap | None:
 
 
 def login_problems(loaded: Loaded) -> tuple[Problem, ...]:
-    """Return why nobody could log in: a certificate that does not match its key, or no people."""
+    """Return why no login is possible: a certificate that does not match its key, or no people."""
     task = login_task(loaded.config)
     if task is None:
         return ()
@@ -60,7 +60,7 @@ def login_problems(loaded: Loaded) -> tuple[Problem, ...]:
     except ConsoleError as error:
         found.append(Problem(str(loaded.file), 1, 1, "console.tls", str(error)))
     try:
-        problem = f"nobody could log in: there is nobody in {task.people}"
+        problem = f"no login is possible: there are no people in {task.people}"
         why = "" if read_people(Path(task.people)) else problem
     except PeopleError as error:
         why = str(error)

@@ -102,7 +102,7 @@ def list_(out: Output, *, file: str) -> None:
     if found:
         out.table(("name", "permission"), [(person.name, person.permission) for person in found])
     else:
-        out.say(f"nobody may log in: there is nobody in {path}")
+        out.say(f"no login is possible: there are no people in {path}")
 
 
 def _hashed_password() -> str:

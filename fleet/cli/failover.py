@@ -55,7 +55,7 @@ def failover(out: Output, edge: str | None, *, accept_file: bool, file: str | No
                 raise TimedOut(f"edge {holder} still has the lease after {GIVEN_WITHIN:g} s")
             time.sleep(POLL_INTERVAL)
     out.data({"ok": True, "edge": holder})
-    out.say(f"edge {holder} has let go of its robots; the other edge of the pair takes over")
+    out.say(f"edge {holder} has released its robots; the other edge of the pair takes over")
     return ExitCode.OK
 
 

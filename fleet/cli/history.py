@@ -145,7 +145,7 @@ def who(record: Record) -> str:
     if requester is None:
         return "-"
     known = "proven" if requester.proven else "claimed"
-    name = requester.name or requester.source_type or "somebody"
+    name = requester.name or requester.source_type or "unknown sender"
     return f"{name} ({known}, {requester.transport.value})"
 
 

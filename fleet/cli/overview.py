@@ -319,7 +319,7 @@ def cloud_line(edge: EdgeState) -> str:
     parts = [
         (edge.round_trip, f"{(edge.round_trip or 0) * 1000:.0f} ms away"),
         (waiting, f"{counted(waiting, 'message')} not sent yet"),
-        (edge.unheard, f"{counted(edge.unheard, 'message')} kept until somebody subscribes"),
+        (edge.unheard, f"{counted(edge.unheard, 'message')} kept until they have a subscriber"),
         (edge.dropped, f"{edge.dropped} dropped"),
         (edge.refused, f"{edge.refused} refused"),
     ]

@@ -138,7 +138,7 @@ def abort(out: Output, store_file: Path) -> ExitCode:
 def accounts(out: Output, edges: tuple[str, ...], *, operators: tuple[str, ...]) -> None:
     """Print the accounts of a NATS server: for each of EDGES, and for the operators.
 
-    An edge may read its own desired state and write its own observed state, nothing else.
+    An edge may only read its own desired state and write its own observed state.
     """
     text = server_accounts(edges, operators)
     out.data({"configuration": text})

@@ -162,7 +162,7 @@ def _start_all(out: Output, start: CommonStartRequest, *, wait: bool, within: fl
     answers, problems = start.run(wait=wait, within=within)
     if problems:
         first, why = next(iter(problems.items()))
-        out.note(f"nobody is started: {first}: {why}")
+        out.note(f"no robot is started: {first}: {why}")
     return answers
 
 

@@ -290,7 +290,7 @@ def _report(out: Output, effort: StopEffort, edges: Edges, result: StopResult) -
     for name, why in failed.items():
         out.say(f"{name}: NOT SEEN TO STOP: {why}")
     for edge, halted in kept.items():
-        halted_now = ", ".join(halted) or "nobody"
+        halted_now = ", ".join(halted) or "none"
         out.say(f"edge {edge} is away: its stop is set when it is back; halted now: {halted_now}")
     if len(result.hit) > 1:
         out.note(f"{len(stopped)} of {len(result.hit)} seen to stop")

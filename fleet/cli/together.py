@@ -79,7 +79,7 @@ at_option = click.option(
 
 
 class CommonStartRequest:
-    """A start of several robots; as a context manager it cancels robots that have not begun."""
+    """A start of several robots; as a context manager it cancels robots that have not started."""
 
     def __init__(self, edges: Edges, asked: Sequence[Question], *, kind: str, at: float) -> None:
         self._id = uuid.uuid4().hex
@@ -93,7 +93,7 @@ class CommonStartRequest:
             bus_session = self._edges.session_of(robot)
             if bus_session is None:
                 raise Refused(
-                    f"{robot.name}: {robot.cause or 'no process reports its state'}: nobody is started"
+                    f"{robot.name}: {robot.cause or 'no process reports its state'}: no robot is started"
                 )
             if robot.edge not in self._sessions:
                 self._sessions[robot.edge] = bus_session
@@ -104,7 +104,7 @@ class CommonStartRequest:
         self._withdraw()
 
     def _withdraw(self) -> None:
-        """Drop the tokens, which cancels robots that have not begun."""
+        """Drop the tokens, which cancels robots that have not started."""
         while self._tokens:
             self._tokens.pop()()
 

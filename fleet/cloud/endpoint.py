@@ -64,7 +64,7 @@ async def _secured(opened: socket.socket, tls: ssl.SSLContext, host: str, place:
 
 
 def _is_local(host: str) -> bool:
-    """Return whether a host is this computer, so that nobody can listen in between."""
+    """Return whether a host is this computer, so that no other computer can eavesdrop."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

@@ -108,7 +108,7 @@ class MqttConnection:
 
     @property
     def full(self) -> bool:
-        """True while the network accepts no more data."""
+        """True while the network does not accept data."""
         return self._stream.full
 
     @property

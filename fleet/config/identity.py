@@ -9,7 +9,7 @@ Identity = tuple[object, str]
 
 
 def identity_of(config: AdapterConfig) -> Identity | None:
-    """Return the machine of a config, if it can tell.
+    """Return the machine of a config, if the config identifies one.
 
     A config may define ``identity() -> str | None``: equal for two configs of one class that reach the same
     machine (for example the same link and system id), None if that is not possible.

@@ -1,4 +1,4 @@
-"""Checks of steps in which robots follow others: whom, and when the step ends; pure."""
+"""Checks of steps in which robots follow others: leader and end of the step; pure."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """HTTP and WebSocket endpoints of the console: page, session, live data, and stops without a WebSocket.
 
 =========================  ==========================================================================
-``GET /`` and its files    the page, the same for everybody, without data
+``GET /`` and its files    the page, the same for all users, without data
 ``POST /api/session``      exchanges a link's token for a session cookie
 ``POST /api/login``        exchanges name and password for a session cookie, if login is configured
 ``GET /api/session``       the operator of the session

@@ -21,7 +21,7 @@ def fetch(edge: str, bus_sessions: Iterable[ZenohSession]) -> dict[str, object]:
     for bus_session in bus_sessions:
         for _, data in bus_session.ask(keys.changes(edge), asked, timeout=ANSWER_WITHIN):
             return _shown(decode_json(data, ChangesAnswer))
-    raise Refused(f"edge {edge} does not tell its configuration; it does so on its own computer alone")
+    raise Refused(f"edge {edge} does not send its configuration; it is shown only on its own computer")
 
 
 def _shown(answer: ChangesAnswer) -> dict[str, object]:

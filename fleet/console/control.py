@@ -21,7 +21,7 @@ def asked(asked: ControlAsked, view: FleetView, operator: ConsoleUser, now: floa
     if state.run:
         raise Refused(f"it is in run {state.run}; the command take takes it out of the run")
     if not state.control:
-        raise Refused("nobody has control of it: it can be commanded")
+        raise Refused("no operator has control of it: it can be commanded")
     if state.control == operator.name:
         raise Refused("you have control of it")
     entry = {"request": asked.request, "by": operator.name, "holder": state.control, "answer": ""}
@@ -32,5 +32,5 @@ def answered(asked: GiveAsked, view: FleetView, operator: ConsoleUser) -> dict[s
     """Return the request with its answer; raises Refused for an operator who was not asked."""
     found: dict[str, object] | None = view.get("requests", asked.robot)
     if found is None or found["holder"] != operator.name or found["answer"]:
-        raise Refused("nobody has asked you for it")
+        raise Refused("there is no request for it")
     return found | {"answer": "given" if asked.give else "kept"}

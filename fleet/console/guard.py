@@ -86,7 +86,7 @@ def refusal_of(method: str, headers: Headers, target: str, *, scheme: str, serve
 def _foreign(headers: Headers, origin: str) -> str:
     """Return why a request is not from a page of ours, empty if it is."""
     if headers.getlist("origin") != [origin]:
-        return "it comes from a page of another origin, or tells none"
+        return "it comes from a page of another origin, or names no origin"
     if headers.get("sec-fetch-site", "same-origin") != "same-origin":
         return "it comes from another site"
     return ""

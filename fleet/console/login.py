@@ -21,7 +21,7 @@ from fleet.console.sessions import BY_LOGIN, ConsoleUser, Opened, Sessions
 MOST_WAITING = 8  # logins that wait for their verification; further ones must retry
 WRONG = "the name or the password is wrong"
 BUSY = "too many logins at once: try again in a moment"
-UNREADABLE = "nobody can log in: the file of people cannot be read; its edge's log says why"
+UNREADABLE = "no login is possible: the file of people cannot be read; its edge's log says why"
 PREFIX = "__Host-"  # browsers accept such a cookie only over TLS, and only from this very host
 
 

@@ -43,7 +43,7 @@ class LoginServer:
         """Serve until cancelled."""
         if self._people.is_empty():
             log.warning(
-                "nobody can log in at %s: %s",
+                "no login is possible at %s: %s",
                 self.base,
                 self._people.problem or "fleet console people add NAME",
             )

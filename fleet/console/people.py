@@ -145,7 +145,7 @@ def remove_person(path: Path, name: str) -> None:
 def _named(people: dict[str, Person], name: str, path: Path) -> Person:
     """Return a person; raises PeopleError."""
     if name not in people:
-        raise PeopleError(f"nobody in {path} is named {name}: fleet console people list")
+        raise PeopleError(f"{path} has no person {name}: fleet console people list")
     return people[name]
 
 
@@ -168,7 +168,7 @@ class People:
         return self.find(person.name) == person
 
     def is_empty(self) -> bool:
-        """Return True if nobody may log in."""
+        """Return True if there are no people, so that no login is possible."""
         self._look()
         return not self._people
 

@@ -98,7 +98,7 @@ def main() -> int:
         task = decode_json(sys.stdin.buffer.read(), ConsoleTask)
         run(until_ended(task.parent, lambda ended: serve(task, runtime_dir(), ended)))
     except msgspec.DecodeError as error:
-        log.error("what this console is to run cannot be read: %s", error)  # noqa: TRY400
+        log.error("the task of this console cannot be read: %s", error)  # noqa: TRY400
         return 1
     except FleetError as error:
         log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback

@@ -258,7 +258,7 @@ _NEEDS: Mapping[type[object], Permission] = {
     VideoAnswered: Permission.OPERATE,
     ConfigAsked: Permission.ADMIN,
 }
-"""The permission that each request needs; everybody may stop."""
+"""The permission that each request needs; a stop needs none."""
 
 
 _WORDS = ("request", "robot", "command", "why", "edge", "name", "run", "sensor")

@@ -116,7 +116,7 @@ class TlsListener:
                 async with asyncio.timeout(WITHIN):
                     await self._answer_plain(taken)
         except (OSError, TimeoutError) as error:  # ssl.SSLError is an OSError
-            log.debug("a connection was not begun: %s", error)
+            log.debug("a connection could not be set up: %s", error)
         finally:
             if not passed_on:
                 taken.close()

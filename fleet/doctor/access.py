@@ -20,7 +20,7 @@ READ, WRITE = 4, 2
 
 
 class Account(msgspec.Struct, frozen=True):
-    """The user as whom the edge runs."""
+    """The user account of the edge."""
 
     name: str
     user: int
@@ -90,7 +90,7 @@ def check_readable(files: Iterable[Path], who: Account) -> list[Finding]:
 
 
 def check_plugins(folders: Iterable[Path]) -> list[Finding]:
-    """Check the folders and files of drop-in adapters: whoever can write them controls this process."""
+    """Check the folders and files of drop-in adapters: write access to them is control of this process."""
     paths = [path for folder in folders for path in (folder, *sorted(folder.glob("*.py")))]
     return [
         error(PERMISSIONS, f"others may write {path}, and so decide what runs here", f"chmod go-w {path}")

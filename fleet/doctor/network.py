@@ -123,7 +123,7 @@ def _check_certificate(opened: socket.socket, cloud: CloudConfig, place: str, no
     end = datetime.fromtimestamp(ssl.cert_time_to_seconds(until), UTC)
     if soon := ending(end, now):
         return warning(
-            BROKER, f"{place} is reached; its certificate {soon}", "tell the operator of the broker"
+            BROKER, f"{place} is reached; its certificate {soon}", "inform the operator of the broker"
         )
     return ok(BROKER, f"{place} is reached and trusted until {end:%Y-%m-%d}")
 

@@ -127,7 +127,7 @@ def _troubles(edge: SeenEdge, reach: Reach, now: float) -> Sequence[Trouble]:
     """Return the troubles of an edge and its robots, with times by the clock of the viewer."""
     if reach is Reach.GONE:
         robots = edge.summary and sum(edge.summary.robots.values())
-        cause = "not on the bus; its robots are not heard" if robots else "not on the bus"
+        cause = "not on the bus; its robots send nothing" if robots else "not on the bus"
         return (Trouble("offline", cause, min(edge.changed or edge.heard, now)),)
     if reach is Reach.SILENT:
         return (Trouble("offline", "on the bus, but it sends no summary", edge.heard or edge.changed),)

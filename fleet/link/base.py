@@ -18,7 +18,7 @@ class Link(Protocol):
         """Return the file descriptor that ``send`` writes to, -1 for a link without one."""
 
     def send(self, data: bytes, address: Address = None) -> bool:
-        """Write without blocking. Without an address, datagrams go to the peer that was last heard.
+        """Write without blocking. Without an address, datagrams go to the sender of the last one received.
 
         May be called from any thread. Returns False for data that was dropped: there is no peer or no route
         yet, or a transmit queue is full. Raises LinkLost when the link is down.

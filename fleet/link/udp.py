@@ -58,7 +58,7 @@ class UdpLink:
         return self._sock.fileno()
 
     def send(self, data: bytes, address: Address = None) -> bool:
-        """Write one datagram to ``address``, or to the peer last heard; from any thread, without blocking."""
+        """Write one datagram to ``address``, or to the last sender; from any thread, without blocking."""
         target = address or self._peer
         with self._lock:
             if self._ending.ended:
@@ -122,7 +122,7 @@ class UdpLink:
 
 
 async def open_listening(url: str, host: str, port: int, receiver: Receiver) -> UdpLink:
-    """Bind (port 0: any free port; see ``link.url``) and send to the peer that was last heard.
+    """Bind (port 0: any free port; see ``link.url``) and send to the sender of the last datagram.
 
     Raises LinkRefused when the port is in use or the address is not one of this computer.
     """

@@ -122,7 +122,10 @@ class Ending:
             elif not unseen:
                 member.outcome = PartOutcome.DONE
             else:  # the run continued at a person's word, without knowledge of the robot
-                member.outcome, member.reason = PartOutcome.UNKNOWN, f"nobody saw how step {unseen} ended"
+                member.outcome, member.reason = (
+                    PartOutcome.UNKNOWN,
+                    f"the end of step {unseen} was not observed",
+                )
                 outcome = RunOutcome.WITH_LOSSES
             self._robots.touched[f"member {member.robot}"] = member
         self._head.question = None
@@ -134,7 +137,7 @@ class Ending:
         self._robots.effects.append(Ended(outcome, reason))
 
     def _undo(self, undoable: UndoableStep, now: float) -> None:
-        """Undo one step for the robots that are still ours and had begun it."""
+        """Undo one step for the robots that are still ours and had started it."""
         step = self._program.steps[undoable.at]
         if not isinstance(step, Do) or not step.undo:
             return

@@ -1,7 +1,7 @@
 """The state machine of one mission run. It takes events and returns effects; it has no bus, disk or clock.
 
 ``handle`` takes an event with its time on the run's clock and returns the effects. The caller saves
-``changes`` before it carries out any effect, so that a saved part is never begun twice.
+``changes`` before it carries out any effect, so that a saved part is never started twice.
 """
 
 from __future__ import annotations
@@ -79,7 +79,9 @@ class Engine:
             PersonAnswer: self._answer,
             Pause: self.pausing.pause,
             Resume: self.pausing.resume,
-            Abort: lambda event: self.ending.abort(f"aborted by {event.by or 'somebody'}", self._now),
+            Abort: lambda event: self.ending.abort(
+                f"aborted by {event.by or 'an unknown sender'}", self._now
+            ),
             StopAll: self._stop_all,
         }
 
@@ -224,7 +226,7 @@ class Engine:
                 self.ending.ended(part, self._now)
 
     def _restarted(self, _event: Restarted) -> None:
-        """Restore a run of an earlier process; interrupted parts are unknown and are not begun again."""
+        """Restore a run of an earlier process; interrupted parts are unknown and are not started again."""
         cut_off = self.robots.active()
         for part in cut_off:
             seen = self.seen.words(part.robot)

@@ -28,7 +28,7 @@ def require_reach(program: Program, robots: RunRobots, edge: str, edge_of: EdgeO
         unheard = next((name for name in names if name in others), "")
         if condition.event and unheard:
             raise Refused(
-                f"step {step}: {edge} hears no events of {unheard}, a robot of {others[unheard]}",
+                f"step {step}: {edge} receives no events of {unheard}, a robot of {others[unheard]}",
                 hint="wait for its battery or health, or for an event of a robot of this edge",
             )
 

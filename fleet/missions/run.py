@@ -192,7 +192,7 @@ class Run:
         if kept or not new:
             self._carry_out(effects)
             return
-        self.engine.ending.close(RunOutcome.FAILED, f"it was not begun: {self._services.store.problem}")
+        self.engine.ending.close(RunOutcome.FAILED, f"it was not started: {self._services.store.problem}")
         self.take(Tick())  # reports the end and releases the robots
 
     def _carry_out(self, effects: list[Effect]) -> None:
@@ -323,7 +323,7 @@ class Run:
     def _enlist(self, robot: str) -> None:
         """Request a spare; one that was removed from fleet.yaml is not asked."""
         if robot not in self._services.robots:
-            self.take(Enlisted(robot, "fleet.yaml has it no more"))
+            self.take(Enlisted(robot, "it was removed from fleet.yaml"))
             return
 
         def answered(reply: Reply) -> None:

@@ -113,7 +113,7 @@ class RunRobots:
         return [part for part in self._active.values() if not kinds or part.kind in kinds]
 
     def parts_of(self, step: str) -> list[StepPart]:
-        """Return the parts of the robots for one begun step."""
+        """Return the parts of the robots for one started step."""
         return [part for part in self.parts.values() if part.step == step and part.kind == "do"]
 
     def begin_together(self, step: str, acts: Iterable[tuple[str, Act]], now: float) -> None:

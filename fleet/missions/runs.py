@@ -320,7 +320,7 @@ class Runs:
         run = Run(kept.about, engine, self, elapsed=kept.elapsed + away)
         for member in engine.robots.ours():
             if member.robot not in self.robots:
-                engine.robots.lose(member.robot, PartOutcome.LOST, "fleet.yaml has it no more", run.now)
+                engine.robots.lose(member.robot, PartOutcome.LOST, "it was removed from fleet.yaml", run.now)
         log.warning("run %s of %s was in progress when the edge ended", run.id, kept.about.mission)
 
         def back() -> bool:

@@ -150,7 +150,7 @@ class Question(msgspec.Struct, frozen=True):
 
 
 class UndoableStep(msgspec.Struct, frozen=True):
-    """A begun step: its index in the program, and its name."""
+    """A started step: its index in the program, and its name."""
 
     at: int
     step: str

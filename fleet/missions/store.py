@@ -1,4 +1,4 @@
-"""Persistent state of runs: the frozen program, the position, the begun parts, the log.
+"""Persistent state of runs: the frozen program, the position, the started parts, the log.
 
 An SQLite file beside the journal, written by a thread of its own, with one synchronised commit per change:
 ``save`` calls back when a change is on disk, and only then is a robot commanded. So every command that was

@@ -30,7 +30,7 @@ class Together(Protocol):
         """Let all robots begin at one instant; ``failed`` receives the reason if none begins."""
 
     def withdraw(self) -> None:
-        """Cancel the robots that have not begun."""
+        """Cancel the robots that have not started."""
 
 
 class TogetherStep:
@@ -97,12 +97,12 @@ class TogetherStep:
         self._take(NotStarted(step, why))
 
     def follow(self, phase: Phase) -> None:
-        """Cancel the robots that have not begun when the run leaves the step."""
+        """Cancel the robots that have not started when the run leaves the step."""
         if phase not in (Phase.PREPARING, Phase.STEP):
             self.withdraw()
 
     def withdraw(self) -> None:
-        """Cancel the robots that have not begun."""
+        """Cancel the robots that have not started."""
         self._unconfirmed.clear()
         start, self._start = self._start, None
         if start is not None:

@@ -47,7 +47,7 @@ class Command(msgspec.Struct, frozen=True):
     """A discrete request to a robot; it gets exactly one receipt.
 
     ``id`` identifies repeats of the command: the sender's request id, or a digest of a message with a time
-    stamp. It is empty when a repeat cannot be told from a second press of the same button.
+    stamp. It is empty when a repeat looks like a second press of the same button.
     ``stamp`` is the sender's Unix time, None when it was not given. ``flaw`` describes what is malformed in a
     stop that is obeyed all the same, and is reported to the sender; empty for a well-formed message.
     """

@@ -105,7 +105,7 @@ class CheckedConfig(msgspec.Struct, frozen=True):
     """Result of the validation of a robot's config: the fields of the host, or errors.
 
     ``given`` is the accepted data (JSON), ``fields`` those of the host in it (JSON); both are empty if the
-    data was refused. ``identity`` is the physical machine, if the Config can tell it.
+    data was refused. ``identity`` is the physical machine, if the Config identifies it.
     """
 
     given: str = ""
@@ -176,7 +176,7 @@ class Probe:
             self.close()
             if isinstance(error, ProbeError):
                 raise
-            raise ProbeError(f"what it says {when} cannot be read") from None
+            raise ProbeError(f"its answer {when} cannot be read") from None
         return answer
 
     def _read(self, within: float, when: str) -> bytes:
@@ -184,7 +184,7 @@ class Probe:
         deadline = time.monotonic() + within
         (size,) = struct.unpack(">I", self._bytes(4, deadline, when))
         if size > LONGEST:
-            raise ProbeError(f"what it says {when} cannot be read")
+            raise ProbeError(f"its answer {when} cannot be read")
         return self._bytes(size, deadline, when)
 
     def _bytes(self, size: int, deadline: float, when: str) -> bytes:

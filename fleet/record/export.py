@@ -76,7 +76,7 @@ def export(folder: Path, into: Path, *, since: float, until: float) -> int:
         raise StateError(f"{into} cannot be written: {error.strerror or error}") from None
     if not count:
         into.unlink()
-        raise StateError(f"{folder} has nothing of that time; fleet record ls shows what it has")
+        raise StateError(f"{folder} has no data of that time; fleet record ls lists the recorded times")
     return count
 
 

@@ -45,7 +45,7 @@ def main() -> int:
         task = decode_json(sys.stdin.buffer.read(), RecordTask)
         run(until_ended(task.parent, work))
     except msgspec.DecodeError as error:
-        log.error("what this recorder is to record cannot be read: %s", error)  # noqa: TRY400
+        log.error("the task of this recorder cannot be read: %s", error)  # noqa: TRY400
         return 1
     except FleetError as error:
         _tell(str(error))

@@ -30,7 +30,7 @@ class SimulatedStart:
         identity: str,
         heard: Callable[[Reply], None],
     ) -> None:
-        """Check whether a robot can begin; ``heard`` receives the result and the replies after the start."""
+        """Check whether a robot can start; ``heard`` receives the result and the replies after the start."""
         found = self._robots[robot]
         prepared = found.read(kind, payload, transport=transport, request_id=identity, waits=True)
         try:
@@ -54,5 +54,5 @@ class SimulatedStart:
             request(heard)
 
     def withdraw(self) -> None:
-        """Cancel the robots that have not begun."""
+        """Cancel the robots that have not started."""
         self._prepared = {}

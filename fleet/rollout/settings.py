@@ -41,7 +41,7 @@ class RolloutSettings(Model):
     user: str | None = Field(None, min_length=1, description="Account of this computer.")
     password: SecretStr | None = Field(None, description="Its password.")
     insecure: bool = Field(
-        False, description="Allow nats:// to another computer: who is on the network can roll out."
+        False, description="Allow nats:// to another computer: every computer on the network can roll out."
     )
     look_every: Duration = Field(5.0, description="Seconds between two looks of an edge into the store.")
 

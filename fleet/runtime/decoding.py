@@ -40,7 +40,7 @@ def decode_json(data: bytes | str, kind: type[T]) -> T:
 
 
 def decode_with(decoder: msgspec.json.Decoder[T], data: bytes | str) -> T:
-    """Decode JSON with an existing decoder; raises msgspec.DecodeError, and nothing else.
+    """Decode JSON with an existing decoder; raises only msgspec.DecodeError.
 
     msgspec itself raises UnicodeDecodeError for a string in the JSON that is not UTF-8.
     """

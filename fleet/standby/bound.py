@@ -8,7 +8,7 @@ from fleet.standby.lease import Takeover, Terms
 
 
 class Bound(msgspec.Struct, frozen=True):
-    """Time for which a robot may continue to move after its edge was last heard, s.
+    """Time for which a robot may continue to move after its edge's last message, s.
 
     ``setpoint_lease``: for which the edge holds a velocity; ``failsafe``: within which the robot's own
     fail-safe ends motion without commands, None if there is none known.

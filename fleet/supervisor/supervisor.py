@@ -73,7 +73,7 @@ class _Peer:
     def __init__(self, sock: socket.socket, now: float) -> None:
         self.sock = sock
         self.halts = ProcessHalts()
-        self.name = "somebody"
+        self.name = "an unknown process"
         self.edge = ""  # id of the edge that its robots belong to; empty for a process without robots
         self.is_edge = False  # whether it is the process that we started
         self.user = user_of(sock)

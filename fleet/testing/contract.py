@@ -178,7 +178,7 @@ class AdapterContract:
             async with self.bench() as bench:
                 await self.prepare(bench)
                 motion = self.motion(bench)
-                await motion.expect_still("though nobody has asked it to move")
+                await motion.expect_still("though nothing has requested motion")
                 for name, stop in (("stop", motion.stop), ("halt from another thread", motion.halt)):
                     for wanted in trial_velocities(self.make_config(), self.adapter):
                         await motion.drive(wanted)

@@ -27,7 +27,7 @@ class BadCommand(WireError):
     """A request that cannot be decoded.
 
     ``command`` is its name and ``action_id`` its action, as far as they could be read, so that the sender can
-    be told which request was refused.
+    know which request was refused.
     """
 
     def __init__(self, error: WireError, *, command: str = "", action_id: str = "") -> None:

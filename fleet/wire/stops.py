@@ -18,7 +18,7 @@ from fleet.wire.rules import Kind
 
 EMERGENCY = "emergency_stop"
 STOP_WORDS = frozenset({"stop", EMERGENCY, "hover", "brake"})
-"""Commands that can only end motion: obeyed from any sender, at any age, whoever has control."""
+"""Commands that can only end motion: accepted from any sender, at any age, whichever sender has control."""
 UNREAD: Mapping[Kind, str] = MappingProxyType({"command": EMERGENCY, "navigate": "stop", "mission": "stop"})
 """Meaning of a message that is too large to read, by kind of request; other kinds are refused."""
 

@@ -103,10 +103,10 @@ class TopicConfig(Model):
     on: bool | None = Field(None, description="Send it at all.")
     rate: _Rate | None = Field(None, description="Messages a second at most.")
     traffic: TrafficWord | None = Field(
-        None, description="Class: what becomes of it while the cloud is slow or away."
+        None, description="Class: how it is queued while the cloud is slow or away."
     )
     max_age: _Age | None = Field(None, description="Seconds after which it is not worth sending any more.")
-    size: _Size | None = Field(None, description="Largest payload in bytes; what is larger is not sent.")
+    size: _Size | None = Field(None, description="Largest payload in bytes; a larger one is not sent.")
 
     layout: LayoutWord | None = Field(
         None,
@@ -124,10 +124,10 @@ class InboundConfig(Model):
     """How one topic is received from the cloud; an omitted field stays as in docs/reference/topics.md."""
 
     on: bool | None = Field(None, description="Subscribe to it at all.")
-    rate: _Rate | None = Field(None, description="Messages a second at most; for what goes to the bus.")
+    rate: _Rate | None = Field(None, description="Messages a second at most, to the bus.")
     size: _Size | None = Field(
         None,
-        description="Largest payload in bytes; what is larger is refused, and where stops come it is one.",
+        description="Largest payload in bytes; a larger one is refused; on a stop topic it is a stop.",
     )
 
     def change(self) -> RuleChange:
@@ -139,7 +139,7 @@ class ChannelConfig(Model):
     """A further bus channel to forward to the cloud: JSON objects, passed on unchanged."""
 
     topic: TopicName = Field(description="What stands behind the twin's uuid in the topic.")
-    traffic: TrafficWord = Field("latest", description="Class: what becomes of it while the cloud is away.")
+    traffic: TrafficWord = Field("latest", description="Class: how it is queued while the cloud is away.")
     rate: _Rate = Field(1.0, description="Messages a second at most.")
     max_age: _Age | None = Field(None, description="Seconds after which it is not worth sending any more.")
     size: _Size = Field(65536, description="Largest payload in bytes.")
@@ -171,7 +171,9 @@ class TopicsConfig(Model):
                     "rules", f"{name} has no layout {rule.layout!r} ({', '.join(known) or 'only one'})"
                 )
         if "command" in self.inbound and self.inbound["command"].on is False:
-            raise wrong("inbound", "stops come on command; to obey nothing else set accepts: {command: []}")
+            raise wrong(
+                "inbound", "stops come on command; to refuse all other commands set accepts: {command: []}"
+            )
         return self
 
     def changes(self) -> RuleChanges:

@@ -117,7 +117,7 @@ def test_targets_of_a_leader_in_the_cloud_lead_and_whatever_is_wrong_with_them_i
         "late": {"timestamp": time.time() - 3.0, "positions": {"pan": 1.0}},
         "outside": {"positions": {"pan": 4.0}},
         "no joint": {"positions": {"elbow": 0.1}},
-        "this robot obeys": {"source_type": "edit", "positions": {"pan": 1.0}},
+        "this robot accepts": {"source_type": "edit", "positions": {"pan": 1.0}},
         "positions.pan": {"positions": {"pan": "far"}},
     }
     for why, message in wrong.items():
@@ -170,7 +170,7 @@ def test_a_leader_is_not_led_by_its_own_state(pair):
         leader.topic(JOINTS),
         {"source_type": "edge_leader", "target_positions": {"pan": 1.0}, "timestamp": time.time()},
     )
-    wait_until("what leads it is refused", lambda: refused(leader, "this robot obeys tele"))
+    wait_until("what leads it is refused", lambda: refused(leader, "this robot accepts tele"))
     assert len(leader.answers("joint_targets")) == 1
 
 

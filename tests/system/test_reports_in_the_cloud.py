@@ -54,7 +54,7 @@ class Climber(Adapter[ClimberConfig]):
     @command("unplug", moves=False, safe=True)
     async def unplug(self):
         """Do not answer any more."""
-        self.robot.health(Health(Level.OFFLINE, "nothing heard for 3 s"))
+        self.robot.health(Health(Level.OFFLINE, "nothing received for 3 s"))
 
 '''
 
@@ -100,11 +100,11 @@ def test_what_befalls_a_robot_is_reported_in_the_cloud_to_its_end(rex):
 
     assert rex.command("unplug")["status"] == "ok"
     lost = rex.wait_for("event", "lost", lambda event: event["event_type"] == "lost")
-    assert lost["data"]["cause"] == "nothing heard for 3 s"
+    assert lost["data"]["cause"] == "nothing received for 3 s"
     rex.wait_for(
         "edge_health",
         "offline, with its cause",  # a robot in a worker was offline before, too, while that started
-        lambda beat: (beat["health"], beat["cause"]) == ("offline", "nothing heard for 3 s"),
+        lambda beat: (beat["health"], beat["cause"]) == ("offline", "nothing received for 3 s"),
     )
 
     def own():

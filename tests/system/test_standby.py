@@ -363,7 +363,7 @@ def test_a_handover_holds_the_robot_and_is_quick(pair):
     command = [sys.executable, "-m", "fleet", "failover"]
     said = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stderr
-    assert f"edge {holder.name} has let go" in said.stdout
+    assert f"edge {holder.name} has released its robots" in said.stdout
     first = took_over(pair, holder, other, asked_at)
     last = max((each for each in pair.received() if each.edge == holder.name), key=lambda each: each.at)
     assert not last.moves

@@ -140,7 +140,7 @@ class Autopilot(Speaker, ABC):
 
     @property
     def remote_control(self) -> bool:
-        """True while a pilot's remote control is heard."""
+        """True while a pilot's remote control is received."""
         return "rc_loss" not in self.faults
 
     def _gps_off(self) -> bool:

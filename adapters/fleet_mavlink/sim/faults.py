@@ -18,9 +18,9 @@ VEHICLE_FAULTS: Mapping[str, str] = {
     "low_battery": "percent that is left from now on",
     "not_ready": "the checks before arming never pass",
     "pilot_takeover": "a pilot switches the mode by remote control",
-    "rc_loss": "no remote control is heard; PX4 only misses one that it has (COM_RC_IN_MODE 0)",
+    "rc_loss": "the remote control sends nothing; PX4 only misses one that it has (COM_RC_IN_MODE 0)",
     "reboot": "the autopilot restarts now",
-    "remote_id_silent": "the Remote ID transmitter is not heard",
+    "remote_id_silent": "the Remote ID transmitter sends nothing",
     "wander": "metres by which PX4 misjudges its height on the ground, up and down, until it takes off",
     "wind": "metres per second of gusty wind from the west; more than 12 carries it away",
 }

@@ -105,7 +105,7 @@ class SimPx4(Autopilot):
 
     @property
     def gcs_lost(self) -> bool:
-        """True when no ground station has been heard lately, or ever."""
+        """True when the last message of a ground station is too old, or there was none."""
         return self.gcs_heard_at is None or self.time - self.gcs_heard_at > _GCS_GONE
 
     def refusals(self, *, force: bool) -> list[str]:
@@ -145,7 +145,7 @@ class SimPx4(Autopilot):
     # texts
 
     def say(self, severity: int, text: str) -> None:
-        """Send a text, or keep it until a ground station is heard."""
+        """Send a text, or keep it until a ground station sends."""
         before = len(self.out)
         super().say(severity, text)
         if self.gcs_lost:

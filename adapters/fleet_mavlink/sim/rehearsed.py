@@ -44,7 +44,7 @@ def simulated_vehicle(config: MavlinkConfig, start: SimulationStart) -> Simulati
         )
     if start.point is None:
         raise Refused(
-            f"{config.name}: nobody knows where on Earth it is",
+            f"{config.name}: its position on Earth is unknown",
             hint="say site: {origin: [latitude, longitude, altitude]} in fleet.yaml",
         )
     spec = _spec(config, start)

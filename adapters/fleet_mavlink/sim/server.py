@@ -61,7 +61,7 @@ class Station(asyncio.DatagramProtocol):
             self._stirring = self._loop.call_later(_ANSWER, self._stir)
 
     def error_received(self, exc: Exception) -> None:
-        """Ignore it: nobody listens yet, and a vehicle keeps sending."""
+        """Ignore it: no peer listens yet, and a vehicle keeps sending."""
         _log.debug("system %s: %s", self.wire.vehicle.system_id, exc)
 
     def _stir(self) -> None:

@@ -40,7 +40,7 @@ class BodyMode(enum.StrEnum):
 EMERGENCY_STOP = "emergency stop"
 """Cause of the only latched stop that a new request to get up clears, once the host has released it."""
 
-ASKED_TO_LEAVE = "told to leave"
+ASKED_TO_LEAVE = "the controller was dismissed"
 """Cause of the stop when the controller is dismissed."""
 
 MEANT = frozenset({EMERGENCY_STOP, ASKED_TO_LEAVE})

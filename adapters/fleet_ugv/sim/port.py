@@ -82,7 +82,7 @@ class SimPort:
             self._write(self.board.receive(os.read(self._master, _PIECE), self.now()))
 
     def _write(self, data: bytes) -> None:
-        """Write to the terminal; bytes that nobody reads are lost, as on a real line."""
+        """Write to the terminal; unread bytes are lost, as on a real line."""
         if data and self.plugged:
             with contextlib.suppress(BlockingIOError):
                 os.write(self._master, data)

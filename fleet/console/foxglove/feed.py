@@ -106,7 +106,7 @@ class Feed:
         try:
             await asyncio.to_thread(self._begin, edge, heard, loop)
         except Exception:
-            log.exception("the live view for Foxglove does not hear edge %s", edge)
+            log.exception("the live view for Foxglove gets nothing of edge %s", edge)
 
     def _begin(self, edge: str, heard: _SubscribedBus, loop: asyncio.AbstractEventLoop) -> None:
         """Subscribe on the bus of an edge, and query values that are published rarely; blocks."""

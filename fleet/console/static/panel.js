@@ -219,7 +219,7 @@ function release(robots) {
   }
   const items = robots.map((robot) => {
     const cause = causes[robot.id];
-    const who = cause ? `${cause.by || "somebody"}, ${timeOfDay(cause.at)}: ${cause.why}` : robot.stop_cause || "nobody knows why";
+    const who = cause ? `${cause.by || "unknown sender"}, ${timeOfDay(cause.at)}: ${cause.why}` : robot.stop_cause || "cause unknown";
     return element("li", {}, element("b", {}, label(robot)), ` stopped by ${who}`);
   });
   const go = () => {

@@ -6,7 +6,7 @@ import { label, onChange, ordered, select, staleness, store } from "./store.js";
 function remark(robot) {
   const old = staleness(robot);
   if (old) return old;
-  if (robot.emergency_stop) return `stopped: ${robot.stop_cause || "nobody knows why"}`;
+  if (robot.emergency_stop) return `stopped: ${robot.stop_cause || "cause unknown"}`;
   return robot.cause || robot.activity || (robot.reachable ? "idle" : "not reachable");
 }
 
@@ -80,7 +80,7 @@ function draw() {
   if (focused) byId("robots").querySelector(`[data-id="${CSS.escape(focused)}"]`)?.focus();
   byId("empty").hidden = robots.length > 0;
   byId("empty").textContent = edges.length
-    ? "No robot was heard of yet."
+    ? "No robot has reported yet."
     : "No edge runs on this computer. The page shows one as soon as it starts: fleet run, or fleet demo.";
   const simulated = robots.filter((robot) => robot.simulated).length;
   const words = robots.length ? [counted(robots.length, "robot")] : [];

@@ -58,7 +58,7 @@ function detail(told) {
     element("tbody", {}, ...rows(told)),
   );
   const problems = told.problems.map((problem) => element("p", { class: "bad" }, problem));
-  return [element("h2", {}, `Stop asked by ${told.by || "somebody"}`), table, ...problems];
+  return [element("h2", {}, `Stop asked by ${told.by || "unknown sender"}`), table, ...problems];
 }
 
 const KEPT = 4000; // ms that the table stays open after every robot stands

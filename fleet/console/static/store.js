@@ -205,7 +205,7 @@ export function staleness(robot, among = store) {
   const edge = among.edges[robot.edge];
   if (edge && !edge.alive) return `edge ${robot.edge}: ${edge.problem || "away"}`;
   const old = among.now - robot.heard;
-  return old > 3 ? `nothing was heard of it for ${Math.round(old)} s` : "";
+  return old > 3 ? `it has reported nothing for ${Math.round(old)} s` : "";
 }
 
 // The robots on the map: those in the site's frame, or, if there are none, each in its own frame.

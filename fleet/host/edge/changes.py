@@ -347,7 +347,7 @@ class ConfigurationChanges:
         try:
             await asyncio.to_thread(lambda: keep(self._folder, outline_of(running), stamp))
         except StateError as error:
-            log.warning("what the edge runs with is not kept for fleet diff: %s", error)
+            log.warning("the running configuration is not stored for fleet diff: %s", error)
 
 
 def _record(process: RobotProcess, change: Change, asked: ChangesAsked) -> None:

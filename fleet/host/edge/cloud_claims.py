@@ -1,7 +1,7 @@
 """Claims on our twins by heartbeats in the cloud, which prove nothing.
 
 Anyone who may publish for a twin can invent an edge that serves it. So such a claim takes no robot from its
-user: it only keeps out a robot that nobody has moved through this edge yet. Any other is reported and
+user: it only keeps out a robot that was not moved through this edge yet. Any other is reported and
 ignored.
 """
 

@@ -104,7 +104,7 @@ class CommonStart:
         self._task(self._begin(robots))
 
     def withdraw(self) -> None:
-        """Cancel everything that has not begun."""
+        """Cancel everything that has not started."""
         while self._tokens:
             self._tokens.pop()()
 

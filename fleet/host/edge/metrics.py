@@ -198,7 +198,7 @@ def _spool(figures: SpoolStatistics, now: float) -> Iterator[Metric]:
         lost.add_metric([traffic.word, reason.value], float(count))
     yield lost
     yield GaugeMetricFamily("fleet_spool_disk_bytes", "Of its file, what holds something.", figures.disk)
-    held = "Topics that wait for somebody to hear them."
+    held = "Topics that wait for a subscriber."
     yield GaugeMetricFamily("fleet_spool_held_topics", held, figures.held_topics)
     fine = float(not figures.problem)
     yield GaugeMetricFamily("fleet_spool_disk_works", "1 unless what waits is kept in memory alone.", fine)

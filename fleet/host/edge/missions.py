@@ -179,7 +179,7 @@ class Missions:
             stop(ours, why)
 
     def close(self) -> None:
-        """Start no more runs, and write pending records; may block."""
+        """Stop starting runs, and write pending records; may block."""
         self.starts.close()
         self.results.close()
         self.store.close()

@@ -209,7 +209,7 @@ class _RunningRehearsal:
         )
 
     async def _run(self, task: bytes) -> None:
-        """Run the process to its end, or until nobody queries it."""
+        """Run the process to its end, or until queries for it stop."""
         try:
             process = await asyncio.create_subprocess_exec(
                 *COMMAND,
@@ -254,7 +254,7 @@ class _RunningRehearsal:
         """Return whether it is no longer queried, or its process has been silent since ``heard``."""
         now = self._clock.monotonic()
         if now - self._asked >= UNHEARD:
-            self._failure = "nobody asked any more how it goes"
+            self._failure = "its progress is no longer requested"
         elif now - heard >= SILENT:
             self._failure = f"its process said nothing for {SILENT:g} s"
         return bool(self._failure)

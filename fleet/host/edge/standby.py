@@ -1,7 +1,8 @@
 """An edge of a pair: runs its robots only while it holds the lease.
 
-While another edge has the lease, no link of a robot is open here, so a robot never hears two edges. When the
-lease ends, every robot is halted and its link closed before the other edge may open it (``fleet.standby``).
+While another edge has the lease, no link of a robot is open here, so a robot never receives two edges. When
+the lease ends, every robot is halted and its link closed before the other edge may open it
+(``fleet.standby``).
 """
 
 from __future__ import annotations
@@ -254,7 +255,7 @@ class Standby:
             elif self._keeper.lease.state is not LeaseState.HOLDER:
                 reply = Reply(FAILOVER, ReplyStatus.REJECTED, f"edge {self._edge} does not hold the lease")
             else:
-                log.warning("the lease is handed over to edge %s, as somebody asks", self._other)
+                log.warning("the lease is handed over to edge %s on request", self._other)
                 self._keeper.hand_over(self._other)
                 reply = Reply(FAILOVER, ReplyStatus.ACCEPTED)
             question.reply(msgspec.json.encode(reply))

@@ -2,8 +2,8 @@
 
 The run's id is the ``mission_execution_uuid``, so a repeat is the same run. It commands the robot in the name
 of the message's sender, who must have the right to navigate the robot, as for a goal. ``mission/status``
-reports every run in which a robot flies a plan, whoever started it: queued, running with the robot's present
-item, and its end, with the exact outcome in ``message``.
+reports every run in which a robot flies a plan, of any sender: queued, running with the robot's present item,
+and its end, with the exact outcome in ``message``.
 
 ==============  ==========================================================================================
 command         effect ==============

@@ -211,5 +211,5 @@ def _rows(path: Path) -> Iterator[Row]:
             refuse_newer(row.number, FORMAT)
         except StateNewer as error:
             log.error("%s cannot be read (%s): every robot is stopped", path, error)  # noqa: TRY400
-            yield Latched(ANY, f"{path.name} cannot be read: {error}; nobody knows whether a stop was set")
+            yield Latched(ANY, f"{path.name} cannot be read: {error}; whether a stop was set is unknown")
             return

@@ -19,7 +19,7 @@ from fleet.spool.database import open_checked, transaction
 from fleet.spool.state_folder import JOURNAL, create_folder, locked
 
 REMEMBERED = 3600.0  # s that a command is kept; an older one is refused for its age
-LOST = "the journal could not be read or written, so nobody knows whether a stop was set"
+LOST = "the journal could not be read or written, so whether a stop was set is unknown"
 
 FORMATS = (
     """

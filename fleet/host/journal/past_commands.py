@@ -29,7 +29,7 @@ class PastCommand(msgspec.Struct, frozen=True):
     def verdict(self) -> str:
         """Reason for not executing it again."""
         how = f"ended {self.outcome}" if self.outcome else "was not seen to end"
-        return f"it was begun before the edge restarted and {how}; it is not carried out twice"
+        return f"it was started before the edge restarted and {how}; it is not executed twice"
 
 
 class InterruptedCommand(msgspec.Struct, frozen=True):

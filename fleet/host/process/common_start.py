@@ -79,7 +79,7 @@ class _PrepareQueries:
         self._table.add(keys.prepare(self._edge, robot.name), robot)
 
     def leave(self, robot: LocalRobot) -> None:
-        """Take no more requests to prepare a robot."""
+        """Stop accepting requests to prepare a robot."""
         self._table.remove(keys.prepare(self._edge, robot.name))
 
 

@@ -46,7 +46,7 @@ class RobotEndpoints:
         self._tokens[robot.name] = self._control.token(keys.robot(self._edge, robot.name))
 
     def leave(self, robot: LocalRobot) -> None:
-        """Serve a robot no more; its token, which shows that it is there, ends first."""
+        """Stop serving a robot; first its token ends, which shows its presence."""
         if withdraw := self._tokens.pop(robot.name, None):
             withdraw()
         for key, table in self._tables.items():

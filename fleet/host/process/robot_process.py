@@ -68,7 +68,7 @@ class RobotService(Protocol):
         """Begin to serve a robot."""
 
     def leave(self, robot: LocalRobot) -> None:
-        """Serve a robot no more; no effect on one that was never served."""
+        """Stop serving a robot; no effect on one that was never served."""
 
 
 class RobotProcess:

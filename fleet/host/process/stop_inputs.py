@@ -45,7 +45,7 @@ REST = 0.005  # s between two reads of a talkative device
 
 
 class StopInput:
-    """One device; ``trouble`` is why its robots are held, empty while it is heard.
+    """One device; ``trouble`` is why its robots are held, empty while its heartbeat is present.
 
     ``stop`` sets the emergency stop of its robots, ``hold`` is called when ``trouble`` has changed, ``renew``
     sets the stop again for robots that another process has released meanwhile; all on any thread.
@@ -61,7 +61,7 @@ class StopInput:
         clock: Clock,
     ) -> None:
         self.name = config.name
-        self.trouble = f"stop input {config.name} has not been heard yet"
+        self.trouble = f"stop input {config.name} has sent no heartbeat yet"
         self._config = config
         self._stop = stop
         self._hold = hold
@@ -157,7 +157,9 @@ class StopInput:
                 return
             stopped, self.trouble, self._stopped = self._stopped, "", False
         if stopped:
-            log.warning("stop input %s is heard again; the stop stays until it is released", self.name)
+            log.warning(
+                "the heartbeat of stop input %s is back; the stop stays until it is released", self.name
+            )
         self._hold()
 
     def _lost(self, why: str) -> None:
@@ -220,7 +222,7 @@ class StopInputs:
 
     @property
     def problem(self) -> str:
-        """Problem of the inputs; empty while all are heard."""
+        """Problem of the inputs; empty while all heartbeats are present."""
         return "; ".join(one.trouble for one, _ in self._inputs if one.trouble)
 
     def start(self, watch: Callable[[str, Watched], None]) -> None:

@@ -65,7 +65,7 @@ class TwinHolders:
         try:
             holders = decode_json(payload, dict[str, str])
         except msgspec.DecodeError as error:
-            log.warning("who has our twins cannot be read: %s", error)
+            log.warning("the holders of our twins cannot be read: %s", error)
             return
         self._loop.call_soon_threadsafe(self._take, holders)
 

@@ -70,7 +70,7 @@ class BusSenders:
         if word == PERSON and name in self._people:
             return BusSender(name, self._people[name], person=name, proven=True)
         if word == PERSON and COMMON_NAME.fullmatch(name):
-            raise Refused(f"bus.access of this edge does not say what {name} may do: view, operate or admin")
+            raise Refused(f"bus.access of this edge has no permission for {name}: view, operate or admin")
         if word not in PERSONS or not (name == keys.LOCAL or COMMON_NAME.fullmatch(name)):
             raise Refused(f"{question.suffix[:40]!a} names no permission and console, and no person")
         return BusSender(name, PERSONS[word], proven=name in self._consoles)
@@ -100,7 +100,7 @@ class BusSenders:
             return str(error)
         why = sender.permission.refusal(needed) if sender is not None else ""
         if sender is not None and why:
-            name = sender.person or claimed or f"somebody at {sender.identity}"
+            name = sender.person or claimed or f"an unknown sender at {sender.identity}"
             self._tell(Requester(Transport.BUS, name, proven=sender.proven), f"{what} refused: {why}", robot)
         return why
 

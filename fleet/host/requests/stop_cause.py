@@ -92,7 +92,7 @@ def requester_text(requester: Requester) -> str:
     """Return a sender as text for people: ``anna (claimed, tele, over the cloud)``."""
     known = "proven" if requester.proven else "claimed"
     words = [known, *filter(None, [requester.source_type]), _TRANSPORTS[requester.transport]]
-    return f"{requester.name or 'somebody'} ({', '.join(words)})"
+    return f"{requester.name or 'unknown sender'} ({', '.join(words)})"
 
 
 def _cut(cause: StopCause) -> StopCause:

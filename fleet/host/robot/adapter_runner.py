@@ -132,7 +132,7 @@ class AdapterRunner:
     def restart(self) -> None:
         """End a quarantine or a delay at once; a run in progress ends and starts again."""
         self._lifted.set()
-        self.crashed(_Restart("it is being restarted, as somebody asked"))
+        self.crashed(_Restart("its restart was requested"))
 
     def stand_by(self, cause: str) -> None:
         """Set the reason for which the robot is not run at all."""

@@ -78,4 +78,4 @@ class AttachedAdapter:
             return "the stop may not have been written: its adapter failed"
         if written:
             return "the stop was written, but the robot does not answer"
-        return "the stop was given to its adapter, which cannot tell if it was written"
+        return "the stop was given to its adapter, which does not know whether it was written"

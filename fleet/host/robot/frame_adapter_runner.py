@@ -131,7 +131,9 @@ class FrameAdapterRunner(Adapter[Any]):
     def halt_unheard(self, reason: str) -> bool:  # noqa: ARG002 - every stop is the same
         """Write the safe-stop frames; raises LinkLost if the link does not take them."""
         if not self._motion.halt():
-            raise LinkLost(f"{self.config.link} takes nothing: it is down, or nobody was heard on it yet")
+            raise LinkLost(
+                f"{self.config.link} accepts no data: it is down, or nothing was received on it yet"
+            )
         return True
 
     def _halt_frames(self) -> MotionFrames:
@@ -183,7 +185,7 @@ class _OpenLink:
         """Detect a silent robot; raises LinkLost."""
         quiet = self._robot.clock.monotonic() - self._heard
         if quiet > self._inner.silence:
-            raise LinkLost(f"{self._framed.config.link}: nothing heard for {quiet:.1f} s")
+            raise LinkLost(f"{self._framed.config.link}: nothing received for {quiet:.1f} s")
 
     def arrived(self, data: bytes, address: Address) -> None:
         """Process received data; an error of the translation ends the run, not the event loop."""

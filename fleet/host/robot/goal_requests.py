@@ -81,7 +81,7 @@ class GoalRequests:
         self._navigator.start(leader, ask, ask.ask, receipt)
 
     def task_refusal(self, task: AnyTask) -> str | None:
-        """Return why the robot cannot start a task now, whoever sends it; None if it can."""
+        """Return why the robot cannot start a task now, from any sender; None if it can."""
         can, moving = self._can(), self._motion.executor.moving
         busy = f"busy with {moving}" if moving else None
         refusal = can.cannot(task) or self._guard.task(task) or busy

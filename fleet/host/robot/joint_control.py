@@ -209,7 +209,7 @@ class JointControl:
         """
         adapter, why = self._adapter, self._barred()
         if adapter is None or why:
-            raise Refused(why or "nobody leads it")
+            raise Refused(why or "it has no leader")
         seconds, self._stepped = min(now - self._stepped, LONGEST_STEP), now
         ranges = self._ranges()
         self._led = {joint: one for joint, one in self._led.items() if one.until > now and joint in ranges}

@@ -240,7 +240,7 @@ class LocalRobot:
         self._send(report)
 
     def _reported(self, report: Report) -> None:
-        """Publish a report of the adapter, and note when the robot was last heard."""
+        """Publish a report of the adapter, and note its time."""
         self._seen.heard = self.clock.monotonic()
         self.publish(report)
 

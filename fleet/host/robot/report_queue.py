@@ -135,7 +135,7 @@ class ReportQueue:
         self._channels = [channel for channel in self._channels if not channel.key.startswith(begin)]
 
     def put_document(self, key: str, sample: bytes) -> None:
-        """Put a document on the bus at once, and pass it to this process's bridge (it hears only others)."""
+        """Put a document on the bus at once, and to this process's bridge (it receives only others)."""
         self._bus_session.put(key, sample)
         if self.bridge is not None:
             self.bridge.arrived(key, sample)

@@ -87,7 +87,7 @@ class RobotMotion:
         self._event_reporter.moves(ask)
 
     def not_begun(self, receipt: Receipt) -> None:
-        """Note that the robot refused the request that was begun last: who controlled it still does."""
+        """Note that the robot refused the last started request: control of it does not change."""
         if receipt.first is not None and receipt.first.status is ReplyStatus.DENIED:
             self.in_control = self.in_control and self._had_control
 

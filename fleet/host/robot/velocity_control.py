@@ -79,7 +79,7 @@ class VelocityControl:
 
     @property
     def drove_lately(self) -> bool:
-        """True while a robot whose loss is noticed now may not have heard a velocity, such as a zero."""
+        """True while a robot whose loss is noticed now may have missed a velocity, such as zero."""
         return self._clock.monotonic() - self._driven_until < UNHEARD
 
     def seen_standing(self) -> None:

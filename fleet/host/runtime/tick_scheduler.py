@@ -199,7 +199,9 @@ def _report_failure(periodic: PeriodicCall, failure: Exception) -> None:
     try:
         periodic.failed(failure)
     except Exception:
-        log.exception("a timer of %s failed, and nobody took it: %r", periodic.owner or "the host", failure)
+        log.exception(
+            "a timer of %s failed, and its error was not handled: %r", periodic.owner or "the host", failure
+        )
 
 
 def _guarded(end: Callable[[], Iterable[None]]) -> Iterator[None]:

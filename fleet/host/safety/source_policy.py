@@ -52,4 +52,4 @@ def _refusal(origin: Origin, accepted: frozenset[str]) -> str | None:
     ):
         return None
     given = "no source_type" if origin.source_type is None else f"source_type {origin.source_type!r}"
-    return f"{given}; this robot obeys {', '.join(sorted(accepted)) or 'nobody'}"
+    return f"{given}; this robot accepts {', '.join(sorted(accepted)) or 'no source_type'}"

@@ -140,7 +140,7 @@ class WorkerChanges:
         return [robot for robot in self._robots.values() if robot.worker == worker]
 
     def _is_silent(self, worker: str) -> bool:
-        """Return whether nothing is heard of a worker: to ask it would take as long as the longest answer."""
+        """Return whether a worker is silent: a query to it would wait for its full time limit."""
         robots = self._of(worker)
         return bool(robots) and all(robot.silent for robot in robots)
 

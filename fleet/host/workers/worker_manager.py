@@ -62,7 +62,7 @@ class WorkerManager:
         )
         self._task = task
         self._clock = clock
-        kept = log_exceptions(log, f"worker {name}: a problem of it could not be told to all")
+        kept = log_exceptions(log, f"worker {name}: a problem of it could not be reported")
         self._on_problem = kept(on_problem)
         self._halt = log_exceptions(log, f"worker {name}: its robots could not be halted over the bus")(halt)
         self.started = 0  # number of processes that have come up

@@ -1,4 +1,4 @@
-"""Task of a worker: its own robots and its connection to the bus, and nothing else of fleet.yaml.
+"""Task of a worker: only its own robots and its connection to the bus, no other part of fleet.yaml.
 
 The edge writes it to the worker's standard input; a worker started by hand makes it from its own copy of
 fleet.yaml. It contains neither the cloud and its token nor the configuration of other robots.
@@ -107,7 +107,7 @@ def read_task(payload: bytes) -> WorkerTask:
     try:
         return decode_json(payload, WorkerTask)
     except msgspec.DecodeError as error:
-        raise ConfigError(f"what the edge says of this worker cannot be read: {error}") from None
+        raise ConfigError(f"the task of this worker cannot be read: {error}") from None
 
 
 class Importer:

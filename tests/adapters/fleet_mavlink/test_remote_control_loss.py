@@ -103,7 +103,7 @@ def test_ardupilot_on_the_ground_says_why_it_does_not_take_off(run_in_sim_time, 
             answer = await it.do("check_ready")
             (control,) = (each for each in answer["checks"] if each["check"] == "remote control")
             assert not answer["ready"]
-            assert (control["ok"], tuple(control["words"])) == (False, ("it is not heard",))
+            assert (control["ok"], tuple(control["words"])) == (False, ("no signal from it is received",))
 
     run_in_sim_time(main())
 

@@ -90,10 +90,10 @@ def test_what_remote_id_cannot_carry_is_refused(text):
     ("status", "age", "wanted", "trouble"),
     [
         (None, 0, False, None),
-        (None, 0, True, "its Remote ID transmitter is not heard"),
+        (None, 0, True, "nothing is received from its Remote ID transmitter"),
         (GOOD, 1, True, ""),
         (GOOD, 1, False, ""),
-        (GOOD, 9, False, "its Remote ID transmitter was not heard for 9 s"),
+        (GOOD, 9, False, "nothing was received from its Remote ID transmitter for 9 s"),
         (BAD, 1, False, "Remote ID: missing OP_ID"),
         (OpenDroneIdArmStatus(1, ""), 1, False, "Remote ID: not ready"),
     ],
@@ -152,7 +152,7 @@ def test_a_transmitter_that_falls_silent_keeps_it_on_the_ground_and_not_from_lan
                 lambda: "ODID: lost transmitter" in {s.text for s in it.adapter._session.vehicle.sentences}
             )
             await it.do("land")
-            with pytest.raises(NotReady, match="transmitter was not heard for"):
+            with pytest.raises(NotReady, match="received from its Remote ID transmitter for"):
                 await it.do("takeoff", altitude=5.0)
 
     run_in_sim_time(main())
@@ -162,7 +162,7 @@ def test_a_vehicle_that_must_have_a_transmitter_and_has_none_stays_on_the_ground
     async def main():
         async with sim_flight("ardupilot", remote_id=OPERATOR) as it:
             await it.wait_until_known()
-            with pytest.raises(NotReady, match="transmitter is not heard"):
+            with pytest.raises(NotReady, match="nothing is received from its Remote ID transmitter"):
                 await it.do("takeoff", altitude=5.0)
 
     run_in_sim_time(main())

@@ -120,7 +120,8 @@ def test_the_ids_that_are_heard_are_reported_when_ours_is_not_among_them(run_in_
     async def main():
         async with sim_flight("px4", system_id=42) as it:
             await it.until(
-                lambda: it.robot.healths and "systems 1 are heard" in it.robot.healths[-1].cause, within=5.0
+                lambda: it.robot.healths and "received system 1 instead" in it.robot.healths[-1].cause,
+                within=5.0,
             )
             assert "no heartbeat from system 42" in it.robot.healths[-1].cause
 
@@ -349,9 +350,9 @@ def test_a_stop_for_which_there_is_no_address_yet_is_not_called_written(run_in_s
         run = asyncio.ensure_future(serve(adapter))
         await robot.until(lambda: hasattr(adapter, "_session"))
         for stop in (lambda: adapter.halt_unheard("stop"), lambda: adapter.halt_unheard("emergency_stop")):
-            with pytest.raises(LinkLost, match=r"nobody was heard on udpin:127.0.0.1:\d+ yet"):
+            with pytest.raises(LinkLost, match=r"address on udpin:127.0.0.1:\d+ is not known yet"):
                 stop()
-        with pytest.raises(NotReady, match="nobody knows whether it stops: nobody was heard"):
+        with pytest.raises(NotReady, match="it is unknown whether it stops: the vehicle's address"):
             await adapter.stop("stop")
         robot.close()
         run.cancel()

@@ -130,7 +130,7 @@ def _jog(body, url):
     with subprocess.Popen(line, stdin=terminal, stdout=terminal, stderr=terminal) as jogging:
         os.close(terminal)
         output = ""
-        for words in ("everybody clear?", "Did it move the foot to the rear?", "sign: -1"):
+        for words in ("all people keep clear?", "Did it move the foot to the rear?", "sign: -1"):
             output += _read_until(person, words)
             os.write(person, b"y\n")
     os.close(person)

@@ -215,7 +215,7 @@ async def test_silence_is_amber_in_a_second_red_in_three_and_halts(bench):
     assert (bench.health, bench.board.physics.wanted) == (Level.DEGRADED, [0.0, 0.0])
     with pytest.raises(NotReady, match="silent"):
         bench.adapter.drive(forward(0.3))
-    with pytest.raises(Exception, match="nothing heard for 2"):
+    with pytest.raises(Exception, match="nothing received for 2"):
         await bench.pass_time(2.0)
 
 
@@ -233,7 +233,7 @@ async def test_a_stop_that_is_not_seen_to_be_carried_out_is_not_called_done(benc
     bench.adapter.drive(forward(0.3))
     await bench.pass_time(0.5)
     bench.board.set_fault("mute", 1.0)
-    with pytest.raises(TimedOut, match=r"not seen to stand within 0.05 s; .* of them: 0.[23]\d m/s"):
+    with pytest.raises(TimedOut, match=r"not seen to stand within 0.05 s; .* speed: 0.[23]\d m/s"):
         await bench.adapter.stop("stop")
 
 

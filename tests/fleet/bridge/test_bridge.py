@@ -198,7 +198,7 @@ def test_a_twins_heartbeat_carries_how_its_robot_is_and_the_edge_has_one_of_its_
     )
     background_loop.call(ear.start)
     wait_until("the ear is in", lambda: ear.state is CloudState.CONNECTED)
-    rex = RobotState("rex", TWIN, "toy", "yard-1", 1.0, "offline", "nothing heard for 3 s")
+    rex = RobotState("rex", TWIN, "toy", "yard-1", 1.0, "offline", "nothing received for 3 s")
     kestrel = RobotState("kestrel", OTHER, "toy", "yard-1", 1.0, "ok")
     edge = EdgeState("yard-1", "0.1", 1.0, 9.0, "degraded", "rex offline", {"ok": 1, "offline": 1})
     bridge.beat({}, edge, [rex, kestrel])
@@ -207,7 +207,7 @@ def test_a_twins_heartbeat_carries_how_its_robot_is_and_the_edge_has_one_of_its_
     assert (own["health"], own["robots"]) == ("degraded", {"ok": 1, "offline": 1})
     heartbeats = [heard[f"cyberwave/twin/{twin}/edge_health"] for twin in (TWIN, OTHER)]
     assert [(each["health"], each["cause"]) for each in heartbeats] == [
-        ("offline", "nothing heard for 3 s"),
+        ("offline", "nothing received for 3 s"),
         ("ok", ""),
     ]
 

@@ -35,7 +35,7 @@ def test_when_the_standby_of_a_pair_moves_a_robot_is_shown(fleet, place):
     )
     code, said, _ = fleet("check")
     assert code == 0
-    assert "once somebody has stopped it from there" in said
+    assert "after an operator has stopped it from there" in said
     assert fleet("check", "--json").json["moved_after"] == {"rex": None}
 
 

@@ -62,7 +62,7 @@ def test_what_is_no_address_with_a_port_is_refused(checked, people, listen):
 def test_a_console_at_which_nobody_could_log_in_is_refused(checked, place):
     result = checked(f"listen: '0.0.0.0:8443', {TLS}")
     assert result.code == 3
-    assert f"nobody could log in: there is nobody in {place / 'people.json'}" in result.err
+    assert f"no login is possible: there are no people in {place / 'people.json'}" in result.err
     assert "fleet console people add NAME" in result.err
 
 

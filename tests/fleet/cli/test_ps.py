@@ -175,7 +175,7 @@ def test_an_edge_says_how_far_the_cloud_is_and_what_waits_was_dropped_or_refused
 
 def test_messages_that_nobody_subscribes_to_are_distinguished_from_those_that_wait_for_the_cloud():
     edge = EdgeState("yard-1", "0", 1.0, 5.0, cloud="connected", queued=3, spooled=3, unheard=2)
-    assert "(1 message not sent yet, 2 messages kept until somebody subscribes)" in edge_line(edge)
+    assert "(1 message not sent yet, 2 messages kept until they have a subscriber)" in edge_line(edge)
 
 
 def test_states_that_only_wait_for_their_turn_are_no_backlog():

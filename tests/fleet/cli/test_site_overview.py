@@ -50,7 +50,7 @@ def test_500_edges_fit_a_screen_by_cause_the_oldest_first():
         "40 edges degraded <- the broker refuses us <- late-000, late-001, late-002 and 37 more"
     )
     assert "51 ugv robots offline <- serial:/dev/ttyUSB3" in lines[4]
-    assert "3 edges gone <- not on the bus; its robots are not heard <- lost-0, lost-1, lost-2" in lines[6]
+    assert "3 edges gone <- not on the bus; its robots send nothing <- lost-0, lost-1, lost-2" in lines[6]
     assert lines[9].startswith("lost-0 "), "the worst edges come first"
     assert lines[-1] == f"and {500 - (len(lines) - 10)} more edges: fleet top --all"
     assert len(lines) == 23

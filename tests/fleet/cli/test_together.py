@@ -63,7 +63,7 @@ def test_every_robot_has_its_line_when_nobody_is_started(fleet, yard):
         "beast: walk rejected: busy with goto",
         "rex: walk rejected: busy with goto",
     ]
-    assert "nobody is started: rex: busy with goto" in result.err
+    assert "no robot is started: rex: busy with goto" in result.err
     message = json.loads(yard.asked[0].payload)
     assert (message["command"], yard.asked[0].parameters["kind"]) == ("walk", "command")
 

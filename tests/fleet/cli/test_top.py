@@ -60,7 +60,7 @@ def test_an_edge_that_is_gone_is_shown_by_the_next_command_until_it_is_forgotten
     gone.bus.close()
     result = fleet("ps", "--fleet")
     assert "2 edges: 1 gone, 1 up; 40 robots: 20 unknown, 20 ok" in result.out
-    assert "1 edge gone <- not on the bus; its robots are not heard <- edge-b" in result.out
+    assert "1 edge gone <- not on the bus; its robots send nothing <- edge-b" in result.out
     assert "power, network" in result.out
     assert fleet("top", "--forget", "edge-b").out.startswith("edge-b is forgotten")
     assert "1 edge: 1 up" in fleet("ps", "--fleet").out

@@ -35,20 +35,20 @@ def test_who_has_control_is_asked_and_gives_it_or_keeps_it(view):
 
 
 def test_nobody_else_answers_for_who_was_asked_and_nobody_twice(view):
-    with pytest.raises(Refused, match="nobody has asked you"):
+    with pytest.raises(Refused, match="there is no request"):
         control.answered(GiveAsked("g", REX, give=True), view, ANNA)
     ask(view)
-    with pytest.raises(Refused, match="nobody has asked you"):
+    with pytest.raises(Refused, match="there is no request"):
         control.answered(GiveAsked("g", REX, give=True), view, BEN)
     view.put("requests", REX, control.answered(GiveAsked("g", REX, give=False), view, ANNA))
-    with pytest.raises(Refused, match="nobody has asked you"):
+    with pytest.raises(Refused, match="there is no request"):
         control.answered(GiveAsked("g", REX, give=True), view, ANNA)
 
 
 @pytest.mark.parametrize(
     ("change", "operator", "expected"),
     [
-        ({"control": ""}, BEN, "nobody has control"),
+        ({"control": ""}, BEN, "no operator has control"),
         ({}, ANNA, "you have control"),
         ({"run": "3f2a", "control": ""}, BEN, "it is in run 3f2a"),
     ],

@@ -47,7 +47,7 @@ def test_an_edge_that_is_gone_stays_with_the_time_and_its_robots_are_unknown():
     assert (row.what, row.since, row.cause) == (
         "1 edge gone",
         9500.0,
-        "not on the bus; its robots are not heard",
+        "not on the bus; its robots send nothing",
     )
     assert view.robots == {"unknown": 20, "ok": 20}
     assert view.edges == {"up": 1, "gone": 1}

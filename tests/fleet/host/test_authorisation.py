@@ -87,7 +87,7 @@ def verdict(robot, kind, payload, transport):
     robot.read(kind, payload, transport=transport)(answers.append)
     if answers[0].ok or any(words in answers[0].reason for words in BEHIND):
         return "admitted"
-    if "this robot obeys" in answers[0].reason:
+    if "this robot accepts" in answers[0].reason:
         return "source"
     assert any(words in answers[0].reason for words in IMPOSSIBLE), answers[0]
     return "impossible"

@@ -173,7 +173,7 @@ def test_edge_process_killed_within_the_last_step(play):
     run.stands(*EVERYBODY).take(PersonAnswer(1, goes_on=True, by="anna"))
     assert run.ended is RunOutcome.WITH_LOSSES, "nobody saw that it was completed"
     assert {(each.outcome, each.reason) for each in run.engine.robots.members.values()} == {
-        (PartOutcome.UNKNOWN, "nobody saw how step go.1 ended")
+        (PartOutcome.UNKNOWN, "the end of step go.1 was not observed")
     }
 
 
@@ -321,7 +321,7 @@ def test_mission_is_edited_or_a_robot_is_removed(yard):
     yard.runs.restore_runs()
     yard.turn()
     robots = {each.robot: (each.outcome, each.reason) for each in yard.last.robots}
-    assert robots["beast"] == ("lost", "fleet.yaml has it no more")
+    assert robots["beast"] == ("lost", "it was removed from fleet.yaml")
     (kept,) = RunStore(yard.folder).unfinished()
     assert [step.id for step in kept.program.steps] == ["up", "go"], "the run has a copy of its own"
 

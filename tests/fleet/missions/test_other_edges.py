@@ -30,7 +30,7 @@ def two(yard):
 def test_an_event_of_a_robot_of_another_edge_is_not_waited_for_in_vain(two, step):
     ((run, _, refusal),) = two.start({**MISSION, "steps": [step]})
     assert run == ""
-    assert f"step {step['id']}: yard hears no events of beast, a robot of barn" in refusal
+    assert f"step {step['id']}: yard receives no events of beast, a robot of barn" in refusal
     assert not two.robots["kestrel"].requests
 
 

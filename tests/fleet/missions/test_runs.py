@@ -58,7 +58,7 @@ def test_a_run_that_the_disk_does_not_take_begins_nothing(yard):
     yard.store._database = sqlite3.connect(":memory:", check_same_thread=False)  # none of our tables
     yard.start()
     assert yard.last.outcome == "failed"
-    assert "not begun: the runs of missions are not recorded" in yard.last.reason
+    assert "not started: the runs of missions are not recorded" in yard.last.reason
     assert yard.robots["kestrel"].names == []
     assert {robot.now.run for robot in yard.robots.values()} == {""}
 
@@ -89,9 +89,9 @@ def test_a_robot_that_does_not_answer_is_not_waited_for_for_ever(yard):
 
 
 def test_who_may_not_command_a_robot_gains_nothing_by_a_mission(yard):
-    yard.denied["beast", Transport.CLOUD] = "source_type 'edit'; this robot obeys tele"
+    yard.denied["beast", Transport.CLOUD] = "source_type 'edit'; this robot accepts tele"
     ((run, _, refusal),) = yard.start(transport=Transport.CLOUD, source_type="edit")
-    assert (run, refusal) == ("", "beast: source_type 'edit'; this robot obeys tele")
+    assert (run, refusal) == ("", "beast: source_type 'edit'; this robot accepts tele")
     assert all(robot.requests == [] for robot in yard.robots.values())
 
 

@@ -48,7 +48,7 @@ FAULTS = {
     "eats memory": ("x = bytearray(4 << 30)", "MemoryError"),
     "talks nonsense": (
         "import os\nfor fd in range(3, 20):\n    try: os.write(fd, b'\\xff' * 64)\n    except OSError: pass",
-        "what it says while it was imported cannot be read",
+        "its answer while it was imported cannot be read",
     ),
 }
 

@@ -169,7 +169,7 @@ def test_a_mission_that_must_be_rehearsed_is_rehearsed(field):
     ("robot", "fields", "why"),
     [
         ("drone-1", {"armed": True}, "its motors run"),
-        ("drone-1", {"site": None, "placement": None}, "nobody knows where on Earth it is"),
+        ("drone-1", {"site": None, "placement": None}, "its position on Earth is unknown"),
     ],
 )
 def test_an_aircraft_that_flies_or_is_nowhere_is_not_rehearsed(field, robot, fields, why):
@@ -185,7 +185,7 @@ def test_who_may_not_start_the_mission_cannot_rehearse_it(field):
     yard = field()
     task = yard.task({"roles": ROVER, "steps": [go(1, -2)]}, {"rover": ["ugv-1"]})
     line = rehearse(msgspec.structs.replace(task, source_type="edit"), lambda _line: None)
-    assert line.failure.startswith("ugv-1: source_type 'edit'; this robot obeys")
+    assert line.failure.startswith("ugv-1: source_type 'edit'; this robot accepts")
 
 
 def test_a_rehearsal_that_takes_too_long_is_no_pass(field):

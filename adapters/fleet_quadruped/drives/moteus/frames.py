@@ -112,7 +112,7 @@ def heard_by(number: int) -> tuple[int, ...]:
 
 
 def pack_mode(mode: int) -> bytes:
-    """Return a frame that sets a mode and nothing else, with a query."""
+    """Return a frame that only sets a mode, with a query."""
     return _padded(_WRITE_MODE + bytes([mode]) + QUERY)
 
 

@@ -58,7 +58,7 @@ class OdriveAxis(DampingDrive):
         return ""
 
     def stay(self) -> None:
-        """Send the present position as the target; nothing to a drive that was never heard."""
+        """Send the present position as the target; nothing to a drive that never answered."""
         if self.reported_at > NEVER:
             self.send(OdriveCommand.INPUT_POS, wire.pack_input(*self.units.motor(self.angle, 0.0, 0.0)))
 

@@ -51,7 +51,7 @@ def test_it_speaks_mavlink_and_does_the_same_again():
     ("start", "why"),
     [
         (SimulationStart(point=HERE.point, armed=True), "its motors run"),
-        (SimulationStart(), "nobody knows where on Earth it is"),
+        (SimulationStart(), "its position on Earth is unknown"),
     ],
 )
 def test_it_does_not_begin_in_the_air_or_nowhere(start, why):

@@ -213,7 +213,7 @@ async def test_a_robot_that_moves_is_held_to_what_is_stricter_at_once_and_the_re
     robot = field.edge.process.robots["rex"]
     assert (robot.config.limits.speed, robot.config.limits.yaw_rate) == (0.5, 1.0)
     refused = await field.say("rex", {"command": "walk", "source_type": "tele"})
-    assert "obeys nobody" in refused.reason
+    assert "accepts no source_type" in refused.reason
     assert field.place.words("rex") == ["run", "navigate"]
     assert (await field.say("rex", {"command": "stop"})).ok
     await field.until(lambda: field.state("rex").activity == "")

@@ -133,7 +133,7 @@ async def test_a_workflow_gives_nobody_rights_that_a_robot_does_not_give(yard, r
         asked = Cloud(edge)
         asked.run()
         await asks.until(lambda: asked.ends)
-        assert "rex: source_type 'tele'; this robot obeys nobody" in asked.ends[0]["error_message"]
+        assert "rex: source_type 'tele'; this robot accepts no source_type" in asked.ends[0]["error_message"]
         assert "walk" not in place.words()
 
 

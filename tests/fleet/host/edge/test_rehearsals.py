@@ -146,7 +146,7 @@ async def test_one_rehearsal_at_a_time_and_none_for_which_nobody_waits(ready, fl
         assert (code, "another rehearsal is under way" in err) == (5, True)
         monkeypatch.setattr(rehearsals, "UNHEARD", 0.0)
         code, _, err = await waits
-        assert (code, "nobody asked any more how it goes" in err) == (5, True)
+        assert (code, "its progress is no longer requested" in err) == (5, True)
         monkeypatch.setattr(rehearsals, "UNHEARD", 60.0)
         monkeypatch.setattr(rehearsals, "SILENT", 0.0)
         code, _, err = await fleet("mission", "rehearse", "patrol")

@@ -200,7 +200,7 @@ async def test_the_history_says_who_was_refused(cloud, asks):
     await asks.until(lambda: events)
     ((robot, event),) = events
     assert (robot, event.asker.name, event.request) == ("rex", "anna", RUN)
-    assert event.text == "mission refused: source_type 'edit'; this robot obeys edge, tele"
+    assert event.text == "mission refused: source_type 'edit'; this robot accepts edge, tele"
 
 
 def test_every_end_of_a_run_is_a_state_of_the_contract():

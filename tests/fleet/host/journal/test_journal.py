@@ -94,7 +94,7 @@ async def test_a_command_that_was_cut_off_is_refused_after_the_restart(restarted
     await asks.until(lambda: bench.adapter.calls)
     (answer,) = restarted().ask(asks.command("takeoff", id="r1"))
     assert answer.status is REJECTED
-    assert answer.reason.startswith("it was begun before the edge restarted and was not seen to end")
+    assert answer.reason.startswith("it was started before the edge restarted and was not seen to end")
 
 
 async def test_a_command_is_remembered_before_its_method_is_called(tmp_path, clock, restarted, asks):

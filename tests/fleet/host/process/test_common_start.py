@@ -322,7 +322,7 @@ async def test_the_command_line_says_for_each_robot_why_nobody_was_started(serve
         lines = dict(line.split(": ", 1) for line in out.splitlines())
         assert lines["max"] == "walk rejected: busy with emergency stop"
         assert all("walk rejected: not started" in lines[name] for name in ("rex", "arm")), lines
-        assert "nobody is started: max:" in err
+        assert "no robot is started: max:" in err
         assert walked(place) == []
 
 

@@ -199,7 +199,9 @@ async def test_nothing_moves_before_the_first_heartbeat_and_no_stop_is_set_by_wa
     _, edge, running = guarded(an_input(button.name, timeout=5.0))
     async with running:
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
-        assert "stop input button has not been heard yet" in (await asked(edge, "rex", "move_forward")).reason
+        assert (
+            "stop input button has sent no heartbeat yet" in (await asked(edge, "rex", "move_forward")).reason
+        )
         button.beats = True
         await asks.until(lambda: is_heard(edge))
         assert not stopped(edge, "rex")
@@ -293,8 +295,8 @@ def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_
     )
     assert "has not confirmed" in latches["max"].refusal()
     assert latches["kestrel"].refusal() is None, "no input names it"
-    held.take(b'{"max": "stop input button has not been heard yet"}')
-    assert latches["max"].refusal() == "stop input button has not been heard yet"
+    held.take(b'{"max": "stop input button has sent no heartbeat yet"}')
+    assert latches["max"].refusal() == "stop input button has sent no heartbeat yet"
     held.take(b"{}")
     assert latches["max"].refusal() is None
     held.take(b"[1]")

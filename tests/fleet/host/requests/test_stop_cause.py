@@ -57,7 +57,7 @@ def test_a_name_that_is_no_text_is_noted_readably():
 
 def test_an_asker_without_a_name_is_somebody():
     asker = Requester(Transport.CLOUD, "", "tele")
-    assert requester_text(asker) == "somebody (claimed, tele, over the cloud)"
+    assert requester_text(asker) == "unknown sender (claimed, tele, over the cloud)"
 
 
 def test_a_source_is_cut_as_well():

@@ -582,12 +582,12 @@ async def test_a_robot_that_fails_for_ever_does_not_disturb_another(stage, asks,
 
 async def test_a_robot_that_stays_away_is_reported_as_an_error_once(stage, asks, caplog):
     async def silent(robot):
-        raise LinkLost(f"nothing heard for {len(one.made)} s")
+        raise LinkLost(f"nothing received for {len(one.made)} s")
 
     one = stage(silent)
     await asks.until(lambda: len(one.made) > 5)
     assert [record.message for record in caplog.records if record.levelname == "WARNING"] == [
-        "offline: nothing heard for 1 s"
+        "offline: nothing received for 1 s"
     ]
 
 

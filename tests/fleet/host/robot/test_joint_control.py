@@ -185,8 +185,8 @@ def test_one_whose_place_nobody_knows_is_not_led():
     [
         ({"age": 0.9}, "0.90 s late"),
         ({"age": -0.5}, "future"),
-        ({"source": "edge_leader"}, "this robot obeys tele"),
-        ({"source": "sim_tele"}, "this robot obeys tele"),
+        ({"source": "edge_leader"}, "this robot accepts tele"),
+        ({"source": "sim_tele"}, "this robot accepts tele"),
         ({"source": None}, "no source_type"),
     ],
 )

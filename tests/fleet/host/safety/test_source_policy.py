@@ -46,7 +46,7 @@ def test_a_local_program_needs_no_source_type_but_a_wrong_one_is_refused():
 
 def test_a_refusal_names_what_was_given_and_what_is_obeyed():
     refusal = SourcePolicy(Accepts(), simulated=False).refusal(Origin(Transport.CLOUD, "edit"))
-    assert refusal == "source_type 'edit'; this robot obeys tele"
+    assert refusal == "source_type 'edit'; this robot accepts tele"
 
 
 @pytest.mark.parametrize(

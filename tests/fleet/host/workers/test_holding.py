@@ -25,7 +25,7 @@ async def test_what_is_stricter_reaches_a_robot_that_moves_and_its_worker_goes_o
     done = (await field.apply())["arm"]
     assert (done.outcome, "arm is commanded" in done.why) == (Outcome.PARTLY, True)
     refused = await field.say("arm", {"command": "walk", "source_type": "tele"})
-    assert "obeys nobody" in refused.reason
+    assert "accepts no source_type" in refused.reason
     assert field.place.words("arm") == ["run", "navigate"]
     config = field.edge.remote["arm"].config
     assert (config.limits.speed, config.limits.yaw_rate) == (0.5, 1.0)
