@@ -14,7 +14,7 @@ UNSIGNED = "frames without a signature"
 FALSE = "frames with a false or an old signature"
 
 
-class Trust:
+class FrameAuthentication:
     """Signature checks of one vehicle; ``counts`` counts refused and mismatching frames by reason."""
 
     def __init__(self, signer: Signer | None = None, *, accept_unsigned: bool = False) -> None:

@@ -108,9 +108,9 @@ class MavlinkConfig(AdapterConfig):
         (), max_length=4, description="Ground stations that see the vehicle through this edge."
     )
 
-    traffic: Literal["off", "tell"] = Field(
+    traffic: Literal["off", "send"] = Field(
         "off",
-        description="tell: the autopilot gets the positions of the other aircraft of this process as ADS-B "
+        description="send: the autopilot gets the positions of the other aircraft of this process as ADS-B "
         "messages. Its own parameters define how it reacts.",
     )
     remote_id: RemoteIdConfig | None = Field(

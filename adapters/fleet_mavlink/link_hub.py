@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from fleet import Address, Clock, Link, LinkLost, LinkRefused
-from fleet_mavlink.authentication import Trust
+from fleet_mavlink.authentication import FrameAuthentication
 from fleet_mavlink.codec import PLAIN, UNREAD, Frame, FrameSettings, Packer, Parser, pack
 from fleet_mavlink.constants import AUTOPILOT, NO_AUTOPILOT
 from fleet_mavlink.messages import CommandAck, Heartbeat, MavlinkMessage
@@ -68,7 +68,7 @@ class LinkHub:
             raise LinkRefused(
                 f"{self.link.url}: two robots have system_id {system}; give each its own in fleet.yaml"
             )
-        trust = Trust(signer, accept_unsigned=accept_unsigned)
+        trust = FrameAuthentication(signer, accept_unsigned=accept_unsigned)
 
         def send(message: MavlinkMessage, address: Address) -> None:
             self.send(message, address, trust.frame_settings)

@@ -56,7 +56,7 @@ _NEARER = 0.25  # m, or rad of turn, that counts as progress
 _MOST_GOALS = 1000
 _ALONG = 0.01  # m of sideways motion that is ignored
 
-Way = GoTo | FollowPath | RelativeMove
+RouteTask = GoTo | FollowPath | RelativeMove
 
 
 class NavigationTarget(msgspec.Struct, frozen=True):
@@ -72,7 +72,7 @@ class NavigationTarget(msgspec.Struct, frozen=True):
     level: bool = False
 
 
-def targets_of(task: Way, state: VehicleState, origin: GeoOrigin) -> tuple[NavigationTarget, ...]:
+def targets_of(task: RouteTask, state: VehicleState, origin: GeoOrigin) -> tuple[NavigationTarget, ...]:
     """Return the positions of a task, in order; raises Refused for an invalid task."""
     if isinstance(task, GoTo):
         return (_target(task.goal, origin),)
@@ -119,7 +119,7 @@ def _offset(one: GeoPoint, other: GeoPoint) -> Vector3:
     return world_from_geo(GeoOrigin(one.latitude, one.longitude, one.altitude), other)
 
 
-def _require_along(task: Way) -> None:
+def _require_along(task: RouteTask) -> None:
     """Raise Refused for a task that needs more than motion along the nose."""
     goals = (task.goal,) if isinstance(task, GoTo) else task.goals if isinstance(task, FollowPath) else ()
     if any(goal.yaw is not None for goal in goals):
@@ -132,7 +132,7 @@ def _require_along(task: Way) -> None:
         raise Refused("it moves along its nose, ahead or back, and not sideways", hint="send a goal")
 
 
-def _require_circled(task: Way) -> None:
+def _require_circled(task: RouteTask) -> None:
     """Raise Refused or Unsupported for a task that needs more than circling positions."""
     if isinstance(task, RelativeMove):
         raise Unsupported(ON_WINGS)
@@ -182,7 +182,7 @@ class AutopilotNavigator:
         self._limits = limits
         self._vehicle = flight.vehicle
 
-    async def carry_out(self, task: Way, origin: GeoOrigin) -> AsyncIterator[Progress]:
+    async def carry_out(self, task: RouteTask, origin: GeoOrigin) -> AsyncIterator[Progress]:
         """Fly a task; everything is checked before anything is sent. Raises if it cannot be done."""
         require_has(self._vehicle, "goto")
         require_movable(self._vehicle, self._flight.authority)

@@ -135,5 +135,5 @@ async def report_traffic(config: MavlinkConfig, robot: Robot, vehicle: Vehicle) 
             for each in near(own, traffic.aircraft.values(), vehicle.now()):
                 vehicle.send(each)
 
-    if config.traffic == "tell":
+    if config.traffic == "send":
         robot.every(_EVERY, tell)

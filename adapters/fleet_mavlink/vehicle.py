@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from fleet import Address, Clock
-from fleet_mavlink.authentication import Trust
+from fleet_mavlink.authentication import FrameAuthentication
 from fleet_mavlink.broadcast_messages import OpenDroneIdArmStatus
 from fleet_mavlink.constants import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT, PX4, ROVERS, type_name
 from fleet_mavlink.event_messages import Event
@@ -49,10 +49,10 @@ class Vehicle:
         system: int,
         clock: Clock,
         send: Callable[[MavlinkMessage, Address], None],
-        trust: Trust | None = None,
+        trust: FrameAuthentication | None = None,
     ) -> None:
         self.system = system
-        self.trust = trust or Trust()
+        self.trust = trust or FrameAuthentication()
         self.clock = clock
         self.now = clock.monotonic  # clock of all time stamps about it
         self.state = VehicleState()

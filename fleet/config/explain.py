@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -53,8 +53,8 @@ _MESSAGES: Mapping[str, str] = {
     "dict_type": "must be a mapping of  key: value",
     "model_type": "must be a mapping of  key: value",
 }
-RENAMED: Mapping[str, str] = {"listen": "inbound", "tell": "warn"}
-"""Keys and values of fleet.yaml renamed before version 0.1.0 was released: old to new."""
+RENAMED: Mapping[str, tuple[str, ...]] = {"listen": ("inbound",), "tell": ("warn", "send")}
+"""Keys and values of fleet.yaml renamed before a release: the old one, and what it may be called now."""
 
 
 def validated(
@@ -135,8 +135,8 @@ def _report_one(error: _Error, model: type[BaseModel], path: Path, document: Doc
     if kind == "extra_forbidden":
         known, name = _keys(model, location[:-1]), str(location[-1])
         hint = nearest(name, known) or f"known are {', '.join(sorted(known))}"
-        if RENAMED.get(name) in known:
-            hint = f"it is called {RENAMED[name]} now"
+        if new := _new_name(name, known):
+            hint = f"it is called {new} now"
         document.report(document.keys[path], "unknown key", hint)
         return
     if kind == "missing":
@@ -199,10 +199,15 @@ def _guess_number(value: object, _: Mapping[str, object]) -> str:
     return "write it without quotes" if isinstance(value, str) and plain(value) != value else ""
 
 
+def _new_name(old: str, known: Collection[str]) -> str:
+    """Return the known name that an old one has now; empty if it was not renamed."""
+    return next((new for new in RENAMED.get(old, ()) if new in known), "")
+
+
 def _guess_word(value: object, context: Mapping[str, object]) -> str:
     words = re.findall(r"'([^']*)'", str(context.get("expected", "")))
-    if RENAMED.get(str(value), "") in words:
-        return f"it is called {RENAMED[str(value)]} now"
+    if new := _new_name(str(value), words):
+        return f"it is called {new} now"
     return nearest(str(value), words)
 
 

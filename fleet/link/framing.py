@@ -15,7 +15,7 @@ class Framer(Protocol):
 class Framing(Protocol):
     """A framing rule; makes a new framer for each opened link."""
 
-    def cutter(self) -> Framer:
+    def framer(self) -> Framer:
         """Return an empty framer."""
 
 
@@ -26,7 +26,7 @@ class LineFraming:
         self.ending = ending
         self.limit = limit
 
-    def cutter(self) -> Framer:
+    def framer(self) -> Framer:
         """Return an empty framer."""
         return _LineFramer(self.ending, self.limit)
 
@@ -56,7 +56,7 @@ class _LineFramer:
 class DatagramFraming:
     """Each received piece is a frame (datagrams)."""
 
-    def cutter(self) -> Framer:
+    def framer(self) -> Framer:
         """Return a framer that passes each piece through."""
         return _DatagramFramer()
 

@@ -273,8 +273,8 @@ class FrameContract(AdapterContract):
 
     def frames(self) -> list[bytes]:
         """Return ``said``, split into frames."""
-        cutter = self.adapter.framing.cutter()
-        return [frame for piece in self.said for frame in cutter.feed(piece)]
+        framer = self.adapter.framing.framer()
+        return [frame for piece in self.said for frame in framer.feed(piece)]
 
     def test_its_config_has_a_link(self) -> None:
         assert "link" in self.adapter.Config.model_fields, "Config needs a field link: LinkText"
@@ -285,10 +285,10 @@ class FrameContract(AdapterContract):
         assert not silent, f"decode yields nothing for {silent}: leave frames without a report out of said"
 
     def test_frames_are_the_same_however_the_line_cuts_them(self) -> None:
-        cutter = self.adapter.framing.cutter()
+        framer = self.adapter.framing.framer()
         wire = Datagrams() if isinstance(self.adapter.framing, DatagramFraming) else OneByteAtATime()
         pieces = [piece for data in self.said for piece in wire.carry(data)]
-        found = [frame for piece in pieces for frame in cutter.feed(piece)]
+        found = [frame for piece in pieces for frame in framer.feed(piece)]
         assert found == self.frames(), f"in pieces the framing cuts {found}, at once {self.frames()}"
 
     def test_halt_is_never_empty_and_works_at_any_time(self) -> None:

@@ -1,7 +1,7 @@
 """Faulty wires: damage to bytes as on real lines, reproducible with the same seed.
 
 A wire takes the pieces that were sent and returns the pieces that arrive. Use it between two pure functions
-(``for piece in wire.carry(data): cutter.feed(piece)``), before a receiver (``over``), or around a link
+(``for piece in wire.carry(data): framer.feed(piece)``), before a receiver (``over``), or around a link
 (``WornLink``).
 """
 

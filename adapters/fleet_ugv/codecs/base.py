@@ -60,11 +60,11 @@ class LineCodec(Codec):
 
     def __init__(self, longest: int) -> None:
         self.garbage = 0
-        self._cutter = LineFraming(b"\n", longest).cutter()
+        self._framer = LineFraming(b"\n", longest).framer()
 
     def feed(self, data: bytes) -> Sequence[Event]:
         """Take received bytes; return the events of the complete lines."""
-        events = map(self._event, self._cutter.feed(data))
+        events = map(self._event, self._framer.feed(data))
         return [event for event in events if event is not None]
 
     @abstractmethod

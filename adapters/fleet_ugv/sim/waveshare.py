@@ -48,7 +48,7 @@ class WaveshareBoard(SimBoard):
         self.timeout = DEFAULT_TIMEOUT
         self.physics.wanted = [0.0, 0.0]
         self.physics.distances = [0.0, 0.0]
-        self._cutter = LineFraming(b"\n", LARGEST).cutter()
+        self._framer = LineFraming(b"\n", LARGEST).framer()
         self._booted = now + BOOT
         self._boot_text = _BOOT_TEXT
         self._streams = not self._general
@@ -61,7 +61,7 @@ class WaveshareBoard(SimBoard):
         self._mount.turn(now)
         if now < self._booted:
             return b""
-        return b"".join(self._line(line, now) for line in self._cutter.feed(data))
+        return b"".join(self._line(line, now) for line in self._framer.feed(data))
 
     def _line(self, line: bytes, now: float) -> bytes:
         """Carry out one line; a line that is not a JSON object is ignored, a missing T is 0."""

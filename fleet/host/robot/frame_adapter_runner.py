@@ -153,7 +153,7 @@ class _OpenLink:
         self._framed = framed
         self._inner = framed.inner
         self._robot = framed.robot
-        self._cutter: Framer = framed.inner.framing.cutter()
+        self._framer: Framer = framed.inner.framing.framer()
         self._heard = 0.0
         self._early: list[tuple[bytes, Address]] | None = []  # data received before ``begin``
         self._understood = False
@@ -194,7 +194,7 @@ class _OpenLink:
             return
         try:
             if not self.failure.done() and self._framed.is_from_robot(address):
-                for frame in self._cutter.feed(data):
+                for frame in self._framer.feed(data):
                     self._decoded(frame)
         except BaseException as error:  # noqa: BLE001 - passed to ``run``, which raises it
             self.failure.set_exception(failure_of(error))

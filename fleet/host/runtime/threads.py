@@ -6,7 +6,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable
 
-NAME = "fleet-aside"
+NAME = "fleet-call"
 HALT_WAIT = 0.02  # s that one robot's halt may delay the next one
 
 

@@ -3,6 +3,8 @@
 import pytest
 from pydantic import ValidationError
 
+from fleet.config.load import load
+from fleet.config.problems import InvalidConfig
 from fleet_mavlink.config import MavlinkConfig
 
 BASICS = {"name": "kestrel", "twin": "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f", "adapter": "mavlink"}
@@ -58,3 +60,15 @@ def test_simulated_robots_have_a_vehicle_each():
 def test_an_aircraft_is_placed_by_its_home_and_takes_no_start():
     with pytest.raises(ValidationError, match="placed by its home"):
         config(link="sim:px4", start=[0, 0, 0])
+
+
+def test_the_old_word_for_sending_traffic_is_refused_with_its_new_one(tmp_path):
+    file = tmp_path / "fleet.yaml"
+    file.write_text(
+        "edge: {id: yard}\n"
+        "robots:\n"
+        "  - {name: heron, twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11, adapter: mavlink,\n"
+        "     link: 'udpin:127.0.0.1:14550', traffic: tell}\n"
+    )
+    with pytest.raises(InvalidConfig, match="it is called send now"):
+        load(file, {})

@@ -114,7 +114,7 @@ def test_a_callsign_has_capitals_and_digits(name, sign):
     assert callsign_of(name) == sign
 
 
-@pytest.mark.parametrize("traffic", ["off", "tell"])
+@pytest.mark.parametrize("traffic", ["off", "send"])
 def test_it_is_reported_once_a_second_where_fleet_yaml_says_so(
     run_in_sim_time, sim_flight, monkeypatch, traffic
 ):
@@ -134,7 +134,7 @@ def test_it_is_reported_once_a_second_where_fleet_yaml_says_so(
                 await it.do("takeoff", altitude=5.0)
             one.ignored.clear()
             await asyncio.sleep(3.1)
-            assert [each.callsign for each in one.ignored] == (["HERON"] * 3 if traffic == "tell" else [])
+            assert [each.callsign for each in one.ignored] == (["HERON"] * 3 if traffic == "send" else [])
             assert other.ignored == []
         assert shared.aircraft == {}
 

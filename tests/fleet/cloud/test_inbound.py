@@ -18,10 +18,10 @@ PANICS = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWar
 
 def salvage(data, protocol=5, size=None, limit=LIMIT):
     """Feed bytes, at most ``size`` at once, until they make no sense; return what can be told of them."""
-    cutter = PacketFramer(reader(protocol), limit, head=HEAD)
+    framer = PacketFramer(reader(protocol), limit, head=HEAD)
     pieces = [data[start : start + (size or len(data))] for start in range(0, len(data), size or len(data))]
     with pytest.raises(WireError) as caught:
-        list(itertools.chain.from_iterable(map(cutter.feed, pieces)))
+        list(itertools.chain.from_iterable(map(framer.feed, pieces)))
     return recover_publish(caught.value)
 
 

@@ -9,8 +9,8 @@ LINE = st.binary(min_size=1, max_size=40).filter(lambda line: b"\n" not in line 
 
 
 def cut(framing, pieces):
-    cutter = framing.cutter()
-    return [frame for piece in pieces for frame in cutter.feed(piece)]
+    framer = framing.framer()
+    return [frame for piece in pieces for frame in framer.feed(piece)]
 
 
 @given(st.lists(LINE), st.data())
@@ -38,10 +38,10 @@ def test_a_line_over_the_limit_is_skipped_and_the_next_is_read():
 
 @given(st.lists(st.binary(max_size=100)), st.sampled_from([b"\n", b"\r\n"]))
 def test_rubbish_never_fills_memory(pieces, ending):
-    cutter = LineFraming(ending, limit=16).cutter()
+    framer = LineFraming(ending, limit=16).framer()
     for piece in pieces:
-        assert all(0 < len(line) <= 16 for line in cutter.feed(piece))
-        assert len(cutter._rest) <= 16
+        assert all(0 < len(line) <= 16 for line in framer.feed(piece))
+        assert len(framer._rest) <= 16
 
 
 def test_a_datagram_is_a_frame_and_an_empty_one_is_none():

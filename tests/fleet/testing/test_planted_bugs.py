@@ -386,8 +386,8 @@ BUGS = {
         (NeverEndsToStop, COMES_ONLINE, "stop does not return within"),
     ),
     "writes undeclared commands": (
-        (MovesUnasked, MOVES, "it moves though nobody has asked it to move"),
-        (CartMovesUnasked, MOVES, "it moves though nobody has asked it to move"),
+        (MovesUnasked, MOVES, "it moves though nothing has requested motion"),
+        (CartMovesUnasked, MOVES, "it moves though nothing has requested motion"),
         (CartMovesUnasked, NOISE, "it moves because of noise"),
         (CartHornMoves, COMMANDS, "horn says moves=False"),
     ),
