@@ -29,8 +29,9 @@ def test_it_depends_on_the_minor_version_of_python_that_its_environment_is_made_
     assert "python3 (>= 3.13~), python3 (<< 3.14~)" in control["Depends"]
 
 
-def test_its_version_is_that_of_fleet():
-    assert version_in((ROOT / "fleet" / "version.py").read_text()) == __version__
+def test_its_version_is_that_of_fleet_in_debians_form():
+    assert version_in((ROOT / "fleet" / "version.py").read_text()) == __version__.replace(".dev", "~dev")
+    assert version_in('__version__ = "0.3.0.dev1"\n') == "0.3.0~dev1"
 
 
 def test_dpkg_takes_the_control_file_and_the_scripts(tmp_path):
