@@ -71,7 +71,7 @@ def relocate(environment: Path, place: Path) -> None:
 
 
 def version_in(source: str) -> str:
-    """Return the version in the text of fleet/version.py, in Debian's form: 0.2.0~dev0 is older than 0.2.0."""
+    """Return the version in the text of fleet/version.py, in Debian's form (0.2.0~dev0 is older)."""
     return str(re.findall(r'^__version__ = "(.+)"', source, re.MULTILINE)[0]).replace(".dev", "~dev")
 
 
