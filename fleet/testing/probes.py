@@ -90,8 +90,8 @@ def corrupted_frames(frames: list[bytes]) -> Iterator[bytes]:
 
 
 def numbers_in(value: object) -> Iterator[float]:
-    """Yield every float in a report, at any depth."""
-    if isinstance(value, float):
+    """Yield every number in a report, at any depth; a truth value is none."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
         yield value
     elif isinstance(value, msgspec.Struct):
         yield from numbers_in(msgspec.structs.asdict(value))
@@ -120,7 +120,7 @@ _STAMP_OFF = 3600.0  # s
 def implausible(report: Any, now: float) -> str:
     """Return the error in an impossible report: not-a-number, wrong unit, stamp far from ``now`` (Unix s)."""
     kind = type(report).__name__
-    if not all(map(math.isfinite, numbers_in(report))):
+    if not all(math.isfinite(number) for number in numbers_in(report) if isinstance(number, float)):
         return f"{report} has a number that is not finite; leave out what is unknown"
     if abs(getattr(report, "stamp", now) - now) > _STAMP_OFF:
         return f"{kind} has the stamp {report.stamp:g}; give Unix seconds of robot.clock.time()"

@@ -11,7 +11,7 @@ from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
 from fleet.commands import command
 from fleet.errors import FleetError, Refused
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
-from fleet.model.report import BatteryReport
+from fleet.model.report import BatteryReport, JointReport
 from fleet.robot_config import Limits
 from fleet.testing import probes
 from fleet.testing.contract import STAMP, AdapterContract, FrameContract
@@ -160,6 +160,11 @@ def test_a_broken_frame_adapter_is_caught(test, changes):
             r"BatteryReport.percent is \[250.0\], beyond 0 to 100",
         ),
         (
+            "decode_survives_whatever_arrives",
+            {"decode": lambda self, *_: [BatteryReport(STAMP, voltage=25600)]},
+            r"BatteryReport.voltage is \[25600\], beyond 0 to 1000",
+        ),
+        (
             "halt_is_never_empty_and_works_at_any_time",
             {"halt": lambda self: [b""]},
             r"halt must yield bytes that are not empty, not \[b''\]",
@@ -199,6 +204,14 @@ def test_an_example_config_that_is_wrong_is_caught():
     type(contract).config = {"adapter": "other"}
     with pytest.raises(ValidationError):
         contract.test_the_example_config_is_accepted()
+
+
+def test_a_truth_value_is_no_measurement():
+    assert list(probes.numbers_in({"armed": True, "satellites": 3, "speed": 0.5})) == [3, 0.5]
+
+
+def test_a_whole_number_of_any_size_is_finite():
+    assert not probes.implausible(JointReport(STAMP, {}, {"left": 10**400}), STAMP)
 
 
 def test_a_refusal_is_no_failure():
