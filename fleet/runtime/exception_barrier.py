@@ -8,12 +8,17 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
+import sysconfig
+import traceback
+from collections.abc import Awaitable, Callable, Iterator
 from functools import wraps
+from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 ResultT = TypeVar("ResultT")
 Given = ParamSpec("Given")
+_HOST = Path(__file__).parents[1]
+_LIBRARIES = tuple(Path(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib"))
 
 
 async def guarded(work: Callable[[], Awaitable[ResultT]]) -> ResultT:
@@ -68,3 +73,33 @@ def failure_of(error: BaseException) -> Exception:
     failure = RuntimeError(f"the adapter {did}")
     failure.__cause__ = error
     return failure
+
+
+def failure_text(error: BaseException) -> str:
+    """Return an error of an adapter in one line: class, text, and the place in the adapter that raised it."""
+    places = [place for each in _chain(error) if (place := _place_of(each))]
+    return f"{type(error).__name__}: {error}" + (f" ({places[-1]})" if places else "")
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    """Yield an error and its causes."""
+    while error is not None:
+        yield error
+        error = error.__cause__
+
+
+def _place_of(error: BaseException) -> str:
+    """Return the innermost place in the folder of the first code outside fleet and the standard library."""
+    stack = traceback.extract_tb(error.__traceback__)
+    own = [entry for entry in stack if not _is_ours(Path(entry.filename))]
+    if not own:
+        return ""
+    last = [entry for entry in own if Path(entry.filename).parent == Path(own[0].filename).parent][-1]
+    return f"{Path(last.filename).name}:{last.lineno} in {last.name}"
+
+
+def _is_ours(file: Path) -> bool:
+    """Return True for code of fleet itself or of the standard library."""
+    if file.is_relative_to(_HOST) or file.name.startswith("<frozen"):
+        return True
+    return "site-packages" not in file.parts and any(map(file.is_relative_to, _LIBRARIES))

@@ -25,7 +25,7 @@ from fleet.host.robot.run_health import RunHealth
 from fleet.host.robot.strikes import STRIKE_WINDOW, STRIKES, Strikes
 from fleet.host.runtime.cancellation import result_of, retrieve_exception
 from fleet.model.health import Health, Level
-from fleet.runtime.exception_barrier import call_guarded, failure_of, guarded, log_exceptions
+from fleet.runtime.exception_barrier import call_guarded, failure_of, failure_text, guarded, log_exceptions
 
 SLOW_RETRY = 30.0  # s between retries of a failure that only a person can fix
 NO_FAILSAFE = Health(
@@ -166,7 +166,7 @@ class AdapterRunner:
                 return _RunEnd(Health(level, str(cause)), slow)
         self._log.error("the adapter failed", exc_info=error)
         self._strikes.count(self._clock.monotonic())
-        return _RunEnd(Health(Level.FAULT, f"{type(cause).__name__}: {cause}"))
+        return _RunEnd(Health(Level.FAULT, failure_text(cause)))
 
     async def _serve(self, handle: RobotHandle) -> None:
         """Run until the adapter ends, crashes elsewhere, or the task is cancelled; then stop the robot."""
@@ -242,17 +242,23 @@ class AdapterRunner:
 
     async def _quarantine(self, health: Health) -> None:
         """Suspend the robot until a person lifts the quarantine."""
-        self._health.set(
+        name = self.controller.name
+        self._unreached(
             Health(
                 Level.FAULT,
                 f"quarantined after {STRIKES} failures in {STRIKE_WINDOW:g} s, the last: {health.cause}; "
-                f"fleet logs shows where, then: fleet send {self.controller.name} restart_adapter",
+                f"fleet logs shows where, then: fleet send {name} restart_adapter",
             )
         )
         self._lifted.clear()
         await self._lifted.wait()
         self._strikes.clear()
-        self._health.set(Health(Level.OFFLINE, "starting again"))
+        self._unreached(Health(Level.OFFLINE, "starting again"))
+
+    def _unreached(self, health: Health) -> None:
+        """Set the health of a robot that is not run; refusals of requests name the same cause."""
+        self._log_exceptions(self.controller.lost)(health.cause)
+        self._health.set(health)
 
     async def _wait_to_retry(self, seconds: float) -> None:
         """Wait before the next attempt, or until a person asks for it."""

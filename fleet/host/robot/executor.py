@@ -18,7 +18,7 @@ from fleet.host.robot.adapter_factory import start_command
 from fleet.host.runtime.cancellation import IGNORED_AFTER, cancel_and_wait, closing, was_cancelled
 from fleet.model.command import Command, ReplyStatus
 from fleet.runtime.event_loop import make_task
-from fleet.runtime.exception_barrier import failure_of
+from fleet.runtime.exception_barrier import failure_of, failure_text
 
 log = logging.getLogger(__name__)
 
@@ -196,7 +196,7 @@ class Executor:
                 job.failed()
             return
         self._log.error("the adapter failed in %s", name, exc_info=error)
-        receipt.reject(f"the adapter failed: {type(error).__name__}: {error}")
+        receipt.reject(f"the adapter failed: {failure_text(error)}")
         self._crashed(error)
 
 

@@ -23,7 +23,7 @@ from fleet.host.safety.joint_limits import approach, refusal
 from fleet.model.command import Command, JointSetpoint, Origin, Reply, Transport
 from fleet.model.joints import JointRange
 from fleet.model.report import JointReport
-from fleet.runtime.exception_barrier import call_guarded
+from fleet.runtime.exception_barrier import call_guarded, failure_text
 from fleet.wire.joints import LEADER
 
 STEP = 0.04  # s between two steps of the joints
@@ -149,7 +149,7 @@ class JointControl:
             receipt.fail(error)
         except Exception as error:  # noqa: BLE001 - exception barrier: passed to the runner, which stops the robot
             self._failed(error)
-            receipt.reject(f"the adapter failed: {type(error).__name__}: {error}")
+            receipt.reject(f"the adapter failed: {failure_text(error)}")
         else:
             receipt.done()
             return True

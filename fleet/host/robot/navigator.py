@@ -16,7 +16,7 @@ from fleet.host.robot.action_statuses import ActionStatuses
 from fleet.host.runtime.cancellation import closing, no_wait, was_cancelled
 from fleet.model.navigation import ActionState, AnyTask, Control, Navigate, RelativeMove
 from fleet.model.report import NavigationReport
-from fleet.runtime.exception_barrier import guarded
+from fleet.runtime.exception_barrier import failure_text, guarded
 
 log = logging.getLogger(__name__)
 
@@ -157,7 +157,7 @@ class Navigator:
         except Exception as error:
             log.exception("the adapter failed in navigate")
             if self._is_current():
-                action.move(ActionState.FAILED, message=f"{type(error).__name__}: {error}")
+                action.move(ActionState.FAILED, message=failure_text(error))
             self._crashed(error)
 
     def _is_current(self) -> bool:

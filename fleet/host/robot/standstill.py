@@ -11,7 +11,7 @@ from fleet.host.requests.event_reporter import robot_log
 from fleet.host.requests.receipt import Receipt
 from fleet.host.runtime.blocking_calls import STOPPING
 from fleet.host.runtime.cancellation import wait_bounded
-from fleet.runtime.exception_barrier import guarded
+from fleet.runtime.exception_barrier import failure_text, guarded
 
 STOP_TIMEOUT = 5.0  # s; limit for an adapter to bring its robot to a standstill
 
@@ -45,7 +45,7 @@ async def answer_stop(
     except (CommandError, LinkError) as error:
         receipt.fail(error)
     except Exception as error:  # noqa: BLE001 - exception barrier: passed to the runner, which ends the run
-        receipt.reject(f"the adapter failed: {type(error).__name__}: {error}")
+        receipt.reject(f"the adapter failed: {failure_text(error)}")
         crashed(error)
     else:  # an adapter does not report a link that failed meanwhile
         why = absence()

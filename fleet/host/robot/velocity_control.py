@@ -19,7 +19,7 @@ from fleet.host.safety.velocity_limits import clamp
 from fleet.model.command import Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.robot_config import AdapterConfig, Limits
-from fleet.runtime.exception_barrier import call_guarded
+from fleet.runtime.exception_barrier import call_guarded, failure_text
 
 UNHEARD = 10.0
 """Seconds for which a robot may already have been out of reach when its loss is noticed: it may not have
@@ -107,7 +107,7 @@ class VelocityControl:
         except Exception as error:  # noqa: BLE001 - exception barrier: passed to the runner, which stops the robot
             self._halt()
             self.release()
-            receipt.reject(f"the adapter failed: {type(error).__name__}: {error}")
+            receipt.reject(f"the adapter failed: {failure_text(error)}")
             self._crashed(error)
         else:
             receipt.done()

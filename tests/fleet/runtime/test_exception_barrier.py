@@ -1,10 +1,11 @@
 """What an adapter raises, as the host catches it."""
 
 import asyncio
+import json
 
 import pytest
 
-from fleet.runtime.exception_barrier import call_guarded, guarded
+from fleet.runtime.exception_barrier import call_guarded, failure_text, guarded
 
 
 class Panic(BaseException):
@@ -51,3 +52,37 @@ async def test_errors_and_values_pass_as_they_are():
     assert await guarded(answer) == call_guarded(lambda: 42) == 42
     with pytest.raises(ZeroDivisionError):
         call_guarded(lambda: 1 // 0)
+
+
+def caught(work):
+    """Return what ``work`` raises, as the host catches it."""
+    try:
+        call_guarded(work)
+    except Exception as error:  # noqa: BLE001 - whatever it is
+        return error
+
+
+def test_the_text_of_a_failure_names_its_place_in_the_adapter():
+    def halt():
+        raise RuntimeError("boom")
+
+    line = halt.__code__.co_firstlineno + 1
+    assert failure_text(caught(halt)) == f"RuntimeError: boom (test_exception_barrier.py:{line} in halt)"
+
+
+def test_an_error_inside_a_library_is_placed_where_the_adapter_called_it():
+    def decode():
+        return json.loads("{")
+
+    assert failure_text(caught(decode)).endswith("in decode)")
+
+
+def test_an_exit_is_placed_where_the_adapter_called_it():
+    def leave():
+        raise SystemExit(3)
+
+    assert "sys.exit(3) (test_exception_barrier.py" in failure_text(caught(leave))
+
+
+def test_an_error_that_was_never_raised_has_no_place():
+    assert failure_text(RuntimeError("blocked the event loop")) == "RuntimeError: blocked the event loop"

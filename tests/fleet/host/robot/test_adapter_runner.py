@@ -192,6 +192,21 @@ async def test_three_failures_in_a_minute_are_a_quarantine_until_a_person_lifts_
     await asks.until(lambda: one.runner.health == Health())
 
 
+async def test_requests_to_a_quarantined_robot_are_refused_with_its_cure(stage, asks, bench):
+    one = stage(fail(ZeroDivisionError("oops")))
+    await asks.until(lambda: "quarantined" in one.runner.health.cause)
+    for ask in (asks.setpoint(), asks.command("arm"), asks.goal()):
+        reason = bench.ask(ask)[0].reason
+        assert one.runner.health.cause in reason
+        assert reason.endswith("fleet send rex restart_adapter")
+
+
+async def test_a_failure_names_its_place_in_the_adapter(stage, asks):
+    one = stage(fail(ZeroDivisionError("oops")))
+    await asks.until(lambda: one.runner.health.level is Level.FAULT)
+    assert "ZeroDivisionError: oops (test_adapter_runner.py:" in one.runner.health.cause
+
+
 async def test_failures_that_are_far_apart_are_no_quarantine(stage, asks, bench):
     async def run(robot):
         bench.clock.advance(31)
