@@ -302,7 +302,7 @@ class Adapter(AdapterBase[ConfigT]):
     def halt(self) -> None:
         """Write the safe-stop bytes at once; called from any thread, also while the event loop is blocked.
 
-        Must not block, use the event loop or raise.
+        Must not block, use the event loop or raise: a halt that raises ends this attempt as a failure.
         """
 
     def emergency_halt(self) -> None:

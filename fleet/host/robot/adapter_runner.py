@@ -75,6 +75,7 @@ class AdapterRunner:
     ) -> None:
         self.controller = controller
         self.leftover: asyncio.Future[None] | None = None  # a run that does not end after its cancellation
+        controller.attached.halt_failed = self._halt_failed
         self._make = make
         self._handle = handle
         self._new_waits = waits
@@ -116,6 +117,12 @@ class AdapterRunner:
         """End the run because the adapter raised an unexpected error; on the event loop."""
         if self._crash is not None and not self._crash.done():
             self._crash.set_exception(failure_of(error))
+
+    def _halt_failed(self, error: Exception) -> None:
+        """End the run because the adapter's halt raised; from any thread; never raises."""
+        if self._crash is not None:
+            with contextlib.suppress(RuntimeError):  # the event loop is closed
+                self._crash.get_loop().call_soon_threadsafe(self.crashed, error)
 
     def blocked(self, where: str, seconds: float) -> None:
         """Count a block of the event loop, longer than ``seconds``, against this robot."""

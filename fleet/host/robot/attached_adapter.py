@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.errors import CommandError, LinkError
 from fleet.host.requests.event_reporter import robot_log
 from fleet.host.runtime.threads import run_in_thread
-from fleet.runtime.exception_barrier import call_guarded
+from fleet.runtime.exception_barrier import call_guarded, failure_text
 
 
 class AttachedAdapter:
-    """The current adapter of a robot, if any, and the reachability of the robot."""
+    """The current adapter of a robot, if any, and the reachability of the robot.
+
+    ``halt_failed`` receives what the adapter's halt raised, on any thread.
+    """
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.adapter: Adapter[Any] | None = None
+        self.halt_failed: Callable[[Exception], None] = lambda _: None
         self.offline = "it has not been reached yet"  # why it cannot be reached; empty while it can
 
     def attach(self, adapter: Adapter[Any]) -> None:
@@ -47,8 +52,9 @@ class AttachedAdapter:
         try:
             if adapter is not None:
                 call_guarded(adapter.emergency_halt if emergency else adapter.halt)
-        except Exception:  # noqa: BLE001 - logged: the caller goes on with the next robot
-            robot_log(self.name).exception("its halt failed")
+        except Exception as error:  # noqa: BLE001 - the caller goes on with the next robot
+            robot_log(self.name).error("its halt failed: %s", failure_text(error))
+            self.halt_failed(error)
 
     def halt_unheard(self, reason: str, *, wait: float) -> str:
         """Have the adapter write a requested stop to a robot that does not answer.

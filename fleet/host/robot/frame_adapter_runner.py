@@ -24,7 +24,7 @@ from fleet.model.geometry import Velocity
 from fleet.model.health import Health, Level
 from fleet.model.joints import JointRange
 from fleet.model.report import Report
-from fleet.runtime.exception_barrier import failure_of
+from fleet.runtime.exception_barrier import failure_of, failure_text
 
 _log = logging.getLogger(__name__)
 
@@ -42,6 +42,7 @@ class FrameAdapterRunner(Adapter[Any]):
         # A listening socket has no peer address until the robot speaks.
         self._robot_speaks_first = parse_link_url(inner.config.link).scheme == "udpin"
         self._peer: Address = None
+        self._halt_failure: BaseException | None = None  # what the latest call of ``inner.halt`` raised
         self._session: _OpenLink
         self._link: Link
         self._slot: LatestMotion
@@ -120,13 +121,21 @@ class FrameAdapterRunner(Adapter[Any]):
         self._motion.carry_out(tuple(self.inner.encode_joints(targets)), turn)
 
     async def stop(self, reason: str) -> None:
-        """Write the safe-stop frames, now and a few times more; raises LinkLost if the link takes none."""
+        """Write the safe-stop frames, now and a few times more; raises LinkLost if the link takes none.
+
+        Raises RuntimeError as ``halt`` does.
+        """
         _log.info("%s: stop: %s", self.config.name, reason)
         self.halt_unheard(reason)
+        self._require_sound_halt()
 
     def halt(self) -> None:
-        """Write the safe-stop frames at once and drop the velocity; from any thread."""
+        """Write the safe-stop frames at once and drop the velocity; from any thread.
+
+        Raises RuntimeError if the adapter's own ``halt`` raised, after the frames of its start were written.
+        """
         self._motion.halt()
+        self._require_sound_halt()
 
     def halt_unheard(self, reason: str) -> bool:  # noqa: ARG002 - every stop is the same
         """Write the safe-stop frames; raises LinkLost if the link does not take them."""
@@ -138,11 +147,21 @@ class FrameAdapterRunner(Adapter[Any]):
 
     def _halt_frames(self) -> MotionFrames:
         """Return fresh stop frames, or those of the start: a bug must not keep a robot moving."""
+        before, self._halt_failure = self._halt_failure, None
         try:
             return tuple(self.inner.halt()) or self._last_resort
-        except BaseException:  # noqa: BLE001 - whatever it raises, the robot must stop
-            _log.exception("%s: halt() raised; its first frames are used", self.config.name)
+        except BaseException as error:  # noqa: BLE001 - whatever it raises, the robot must stop
+            self._halt_failure = error
+            if before is None:  # a stop is repeated; the end of the run logs the traceback
+                name, why = self.config.name, failure_text(error)
+                _log.error("%s: halt() raised %s; the frames of its start are used", name, why)
             return self._last_resort
+
+    def _require_sound_halt(self) -> None:
+        """Raise RuntimeError if the latest call of the adapter's ``halt`` raised."""
+        if (error := self._halt_failure) is not None:
+            why = f"halt() raised {type(error).__name__}: {error}; the frames of its start were written"
+            raise RuntimeError(why) from error
 
 
 class _OpenLink:

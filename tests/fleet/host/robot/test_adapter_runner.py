@@ -273,6 +273,33 @@ async def test_a_velocity_and_a_halt_that_raise_no_exception_end_the_run_alone(s
     assert not answers[0].ok
 
 
+@pytest.mark.parametrize("thread", [False, True])
+async def test_a_halt_that_raises_ends_the_run_with_its_cause_in_the_health(
+    stage, asks, bench, caplog, thread
+):
+    one = stage(serve, lambda robot: asyncio.Event().wait())
+    await asks.until(lambda: one.runner.health == Health())
+    bench.adapter.halts = ZeroDivisionError("oops")
+    if thread:
+        await asyncio.to_thread(bench.controller.halt)
+    else:
+        bench.controller.emergency("test")
+    await asks.until(lambda: one.runner.health.level is Level.FAULT)
+    assert "ZeroDivisionError: oops (conftest.py:" in one.runner.health.cause
+    await asks.until(lambda: len(one.made) == 2)
+    assert caplog.text.count("Traceback") == 1
+
+
+async def test_a_halt_that_raises_again_and_again_is_a_quarantine(stage, asks, bench):
+    one = stage(serve)
+    for run in range(1, runners.STRIKES + 1):
+        await asks.until(lambda run=run: len(one.made) == run and one.runner.health == Health())
+        bench.adapter.halts = ZeroDivisionError("oops")
+        bench.controller.halt()
+    await asks.until(lambda: "quarantined" in one.runner.health.cause)
+    assert "fleet send rex restart_adapter" in one.runner.health.cause
+
+
 async def test_a_robot_that_is_stopped_before_it_began_leaves_nothing(bench):
     stage = Stage(bench, serve)
     task = asyncio.create_task(stage.runner.run())

@@ -346,14 +346,37 @@ async def test_a_repeat_decided_before_a_halt_is_not_written_after_it(running):
     assert running.heard() == [b"GO 1.00\n", b"STOP\n"]
 
 
-async def test_a_halt_that_raises_is_replaced_by_the_first_one(running, caplog):
-    def broken():
-        raise RuntimeError("a bug")
+def broken_halt():
+    raise RuntimeError("a bug")
 
-    running.adapter.inner.halt = broken
+
+BROKEN = r"halt\(\) raised RuntimeError: a bug; the frames of its start were written"
+
+
+async def test_a_halt_that_raises_is_replaced_by_the_first_one_and_fails(running):
+    running.adapter.inner.halt = broken_halt
+    with pytest.raises(RuntimeError, match=BROKEN):
+        running.adapter.halt()
+    with pytest.raises(RuntimeError, match=BROKEN):
+        await running.adapter.stop("stop")
+    assert running.heard() == [b"STOP\n"] * 2
+
+
+async def test_a_halt_that_raises_is_logged_once_however_often_it_is_repeated(running, caplog):
+    running.adapter.inner.halt = broken_halt
+    assert running.adapter.halt_unheard("stop")
+    running.robot.advance(1.0)
+    assert running.heard().count(b"STOP\n") == 6
+    assert caplog.text.count("the frames of its start are used") == 1
+    assert "Traceback" not in caplog.text
+
+
+async def test_a_halt_that_works_again_is_written_as_it_is(running):
+    running.adapter.inner.halt = broken_halt
+    assert running.adapter.halt_unheard("stop")
+    running.adapter.inner.halt = lambda: [b"HALT\n"]
     running.adapter.halt()
-    assert running.heard() == [b"STOP\n"]
-    assert "its first frames are used" in caplog.text
+    assert running.heard() == [b"STOP\n", b"HALT\n"]
 
 
 async def test_a_robot_that_cannot_be_halted_is_not_run():
