@@ -102,8 +102,9 @@ def command(
     that the robot accepted the command, its end that the command is done. On a FrameAdapter the method yields
     the frames to write.
 
-    The parameters are keyword-only or have defaults, and are annotated with plain types; each number has a
-    ``Range``. The method raises NotReady, Refused, Unsupported, TimedOut or Fault.
+    The parameters are keyword-only or have defaults, and are annotated with plain types. Give each number a
+    ``Range``; without one any finite number is accepted. The method raises NotReady, Refused, Unsupported,
+    TimedOut or Fault.
     """
 
     def mark(method: MethodT) -> MethodT:
@@ -121,6 +122,7 @@ def commands_of(owner: type) -> Mapping[str, CommandSpec]:
         if marked is None:
             continue
         names, timeout, safe, moves, interrupts, in_place = marked
+        _check_timeout(method, timeout)
         for name in names:
             found[name] = CommandSpec(
                 name=name,
@@ -135,6 +137,7 @@ def commands_of(owner: type) -> Mapping[str, CommandSpec]:
                 in_place=in_place,
                 ranges=_ranges_of(method),
             )
+            _check_defaults(method, found[name])
     return found
 
 
@@ -184,7 +187,38 @@ def _hints_of(method: Callable[..., Any]) -> dict[str, Any]:
             if not isinstance(note, Range | msgspec.Meta | str):
                 hint = "is not enforced here; use Range or msgspec.Meta"
                 raise _bad(method, f"{parameter.name}: {note!r} {hint}")
+            bounds = _range_of(note)
+            if bounds is not None and not bounds.least <= bounds.most:
+                swapped = f"its Range begins at {bounds.least:g} and ends at {bounds.most:g}"
+                raise _bad(method, f"{parameter.name}: {swapped}; give the lower bound first")
     return hints
+
+
+def _check_timeout(method: Callable[..., Any], timeout: Any) -> None:
+    """Raise BadDeclaration for a timeout that is no positive number of seconds."""
+    is_number = isinstance(timeout, int | float) and not isinstance(timeout, bool)
+    if not is_number or not 0 < timeout < math.inf:
+        raise _bad(method, f"timeout must be a number above 0 s, not {timeout!r}")
+
+
+def _check_defaults(method: Callable[..., Any], spec: CommandSpec) -> None:
+    """Raise BadDeclaration for a default that would be refused as data."""
+    hints = _hints_of(method)
+    defaults = {each.name: each.default for each in _declared(method) if each.default is not each.empty}
+    if not defaults:
+        return
+    form = msgspec.defstruct("defaults", [(name, hints[name]) for name in defaults])
+    try:
+        values = convert_strictly(defaults, form)
+        for name in defaults:
+            _require_within(spec, name, getattr(values, name))
+    except msgspec.ValidationError as error:
+        why = _plainly(str(error), spec)
+    except Refused as error:
+        why = str(error).removeprefix(f"{spec.name}: ")
+    else:
+        return
+    raise _bad(method, f"its default would be refused: {why}")
 
 
 def _bad(method: Callable[..., Any], why: str) -> BadDeclaration:

@@ -213,6 +213,16 @@ def test_bounds_by_msgspecs_meta_are_enforced(data, reason):
         arguments(HORN, data)
 
 
+@pytest.mark.parametrize("timeout", ["5", 0, -1.0, math.nan, math.inf, None, True])
+def test_a_timeout_that_is_no_time_is_reported_with_its_place(timeout):
+    class Bad:
+        @command("go", timeout=timeout)
+        async def go(self): ...
+
+    with pytest.raises(BadDeclaration, match=rf"timeout must be .* s, not {timeout!r} \(.*test_commands.py"):
+        commands_of(Bad)
+
+
 def declares(annotations, signature="self, *, far"):
     """Return a class whose command has these annotations."""
     names = {"command": command, "Annotated": Annotated, "Field": Field, "object": object}
@@ -232,6 +242,34 @@ def declares(annotations, signature="self, *, far"):
         ({"far": float}, "self, *far", "cannot be given by name"),
         ({"far": float}, "self, **far", "cannot be given by name"),
         ({"far": float}, "self, far, /", "cannot be given by name"),
+        (
+            {"far": Annotated[float, Range(3200, 1500, "rpm")]},
+            "self, *, far",
+            "far: its Range begins at 3200",
+        ),
+        ({"far": Annotated[float, Range(0, math.nan, "m")]}, "self, *, far", "and ends at nan"),
+        ({"far": Annotated[float, Meta(ge=2, le=1)]}, "self, *, far", "begins at 2 and ends at 1"),
+        (
+            {"far": Annotated[float, Range(1, 2, "m")]},
+            "self, *, far=5",
+            "default would be refused: far must be 1 to 2 m, not 5",
+        ),
+        (
+            {"far": Annotated[float, Meta(ge=1)]},
+            "self, *, far=0",
+            "default would be refused: far must be at least 1",
+        ),
+        ({"far": float}, "self, *, far='5'", "default would be refused: far must be a number, not text"),
+        (
+            {"far": float},
+            "self, *, far=float('nan')",
+            "default would be refused: far must be a finite number",
+        ),
+        (
+            {"far": int},
+            "self, *, far=None",
+            "default would be refused: far must be a whole number, not nothing",
+        ),
     ],
 )
 def test_a_declaration_that_cannot_be_used_is_reported_with_its_place(annotations, signature, reason):
