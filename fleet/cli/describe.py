@@ -92,7 +92,8 @@ def _show_all(out: Output, found: RobotDescription) -> None:
     if found.verbs:
         out.say(f"verbs, with linear_x, linear_y, linear_z, angular_z or distance: {', '.join(found.verbs)}")
     if found.goals:
-        out.say(f"goals: fleet goto {found.robot} X Y Z")
+        refused = f"; not now: {found.goals_refusal}" if found.goals_refusal else ""
+        out.say(f"goals: fleet goto {found.robot} X Y Z{refused}")
     if found.missions:
         out.say(f"missions: fleet mission run FILE --robot {found.robot}")
     if found.limits:

@@ -50,7 +50,8 @@ class RobotDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     """One robot: its commands, and whether it also accepts velocities, goals and missions.
 
     ``plans``: autopilots and kinds of vehicle whose mission files it can fly; none: any. ``verbs`` are
-    motions with a speed or a distance (``move_forward``); ``limits`` are in m/s, rad/s and m. ``body``: for
+    motions with a speed or a distance (``move_forward``); ``goals_refusal``: why it would refuse any goal
+    now; empty if it would not; ``limits`` are in m/s, rad/s and m. ``body``: for
     drawings of it.
     """
 
@@ -60,6 +61,7 @@ class RobotDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     drives: bool = False
     verbs: tuple[str, ...] = ()
     goals: bool = False
+    goals_refusal: str = ""
     missions: bool = False
     plans: tuple[str, ...] = ()
     limits: dict[str, float] = {}

@@ -170,6 +170,7 @@ function cannot(robot, told) {
     const words = names.length === shown.length ? "any command" : names.map((name) => name.replaceAll("_", " ")).join(", ");
     found.push(["Not now", words, why]);
   }
+  if (told.goals_refusal) found.push(["Not now", "go to a place on the map", told.goals_refusal]);
   if (!operates()) found.push(["Not you", "anything but a stop", "it needs the permission operate; yours is view"]);
   if (!found.length) return [];
   const items = found.map(([when, what, why]) => element("li", {}, element("b", {}, when), element("span", {}, what), element("small", {}, why)));

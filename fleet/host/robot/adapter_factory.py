@@ -16,11 +16,11 @@ from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.missions.plan import plans_of
 from fleet.model.body import BodyPart
 from fleet.model.command import Command
-from fleet.model.geometry import Velocity
+from fleet.model.geometry import Vector3, Velocity
 from fleet.model.navigation import AnyTask, FlyMission, FollowRobot
 from fleet.robot_config import AdapterConfig, Limits, Separation
 from fleet.runtime.exception_barrier import call_guarded
-from fleet.wire.verbs import VERBS
+from fleet.wire.verbs import VERBS, Verb
 
 log = logging.getLogger(__name__)
 
@@ -70,6 +70,11 @@ class Capabilities(msgspec.Struct, frozen=True):
         return None
 
     @property
+    def verbs(self) -> tuple[str, ...]:
+        """The motion verbs along which the robot can move."""
+        return tuple(name for name, verb in VERBS.items() if self.refusal(_along(verb)) is None)
+
+    @property
     def is_holonomic(self) -> bool:
         """True for a robot that moves sideways; its kind does, and it does not lack the verbs."""
         return self.holonomic and self.lacking.keys().isdisjoint(("strafe_left", "strafe_right"))
@@ -105,6 +110,14 @@ class Capabilities(msgspec.Struct, frozen=True):
         if near:
             return f"did you mean {near[0]!r}?"
         return f"it takes {', '.join(sorted(self.commands)) or 'no commands'}"
+
+
+def _along(verb: Verb) -> Velocity:
+    """Return a velocity along a verb."""
+    parts = {verb.axis: float(verb.sign)}
+    return Velocity(
+        Vector3(parts.get("x", 0.0), parts.get("y", 0.0), parts.get("z", 0.0)), parts.get("yaw", 0.0)
+    )
 
 
 def configured(can: Capabilities, config: AdapterConfig) -> Capabilities:

@@ -20,7 +20,6 @@ from fleet.model.description import (
 )
 from fleet.robot_config import Limits
 from fleet.wire.stops import STOP_WORDS
-from fleet.wire.verbs import VERBS
 
 Refusal = Callable[[str, CommandSpec | None], str]
 """Returns why a command would be refused now; the spec is None for a command of the host itself."""
@@ -51,20 +50,25 @@ def description(
     limits: Limits,
     refusal: Refusal,
     fence: Fence | None = None,
+    posed: bool = True,
 ) -> RobotDescription:
-    """Return the description of a robot. ``own``: commands of the host itself; stops are listed first."""
+    """Return the description of a robot. ``own``: commands of the host itself; stops are listed first.
+
+    ``posed``: the robot has reported its pose, without which the host cannot lead it to goals.
+    """
     names = [*sorted(STOP_WORDS), *sorted(own)]
     hosts = [CommandDescription(name, _HOST.get(name, ""), refusal=refusal(name, None)) for name in names]
     had = {name: spec for name, spec in sorted(can.commands.items()) if name not in can.lacking}
     declared = [command_of(spec, refusal(name, spec)) for name, spec in had.items()]
-    verbs = tuple(name for name in VERBS if can.drives and name not in can.lacking)
+    verbs, goals = can.verbs, (can.drives or can.navigates) and "goto" not in can.lacking
     return RobotDescription(
         robot,
         adapter,
         (*declared, *(one for one in hosts if one.name not in can.commands)),
         drives=bool(verbs),
         verbs=verbs,
-        goals=(can.drives or can.navigates) and "goto" not in can.lacking,
+        goals=goals,
+        goals_refusal="it has reported no pose" if goals and not (posed or can.navigates) else "",
         missions=can.navigates and "plan" not in can.lacking,
         plans=tuple(sorted(can.plans)),
         limits={name: value for name, value in limits if value is not None},

@@ -292,6 +292,7 @@ class LocalRobot:
             limits=self._limits,
             fence=self.controller.guard.fencing.fence,
             refusal=partial(would_refuse, self.controller),
+            posed=self.controller.goals.follower.has_pose,
         )
 
     def _health(self) -> Health:

@@ -37,9 +37,10 @@ class Kite(Adapter[AdapterConfig]):
         """Look around."""
 
 
-def described(refusal=lambda name, spec: "", can=None):
+def described(refusal=lambda name, spec: "", can=None, **known):
+    can = can or capabilities(Kite)
     found = description(
-        "k", "kite", can or capabilities(Kite), own=["restart_adapter"], limits=Kite.limits, refusal=refusal
+        "k", "kite", can, own=["restart_adapter"], limits=Kite.limits, refusal=refusal, **known
     )
     return found, {one.name: one for one in found.commands}
 
@@ -63,7 +64,7 @@ def test_what_the_host_does_for_every_robot_is_described_too():
 
 
 def test_what_a_robot_lacks_is_not_described():
-    can = msgspec.structs.replace(capabilities(Kite), drives=True, navigates=True, lacking={})
+    can = msgspec.structs.replace(capabilities(Kite), drives=True, navigates=True, holonomic=True, lacking={})
     whole, _ = described(can=can)
     assert (whole.drives, whole.goals, whole.missions) == (True, True, True)
     can.lacking.update(dict.fromkeys(("climb", "strafe_left", "plan"), "it has wheels"))
@@ -75,6 +76,26 @@ def test_what_a_robot_lacks_is_not_described():
     can.lacking.update(dict.fromkeys((*VERBS, "goto"), "it is watched only"))
     found, _ = described(can=can)
     assert (found.drives, found.goals, found.verbs) == (False, False, ())
+
+
+def test_only_the_verbs_along_which_a_robot_moves_are_described():
+    ground = msgspec.structs.replace(capabilities(Kite), drives=True)
+    found, _ = described(can=ground)
+    assert found.verbs == ("move_forward", "move_backward", "turn_left", "turn_right")
+    found, _ = described(can=msgspec.structs.replace(ground, holonomic=True))
+    assert set(VERBS) - set(found.verbs) == {"ascend", "descend"}
+    flying = msgspec.structs.replace(ground, limits=Limits(speed=2.0, vertical_speed=1.0))
+    found, _ = described(can=flying)
+    assert set(VERBS) - set(found.verbs) == {"strafe_left", "strafe_right"}
+
+
+def test_goals_of_a_robot_that_only_drives_need_a_pose():
+    drives = msgspec.structs.replace(capabilities(Kite), drives=True)
+    found, _ = described(can=drives, posed=False)
+    assert (found.goals, found.goals_refusal) == (True, "it has reported no pose")
+    for can, posed in ((drives, True), (msgspec.structs.replace(drives, navigates=True), False)):
+        assert described(can=can, posed=posed)[0].goals_refusal == ""
+    assert described(posed=False)[0].goals_refusal == ""
 
 
 def test_why_a_command_would_be_refused_stands_beside_it():
