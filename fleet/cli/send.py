@@ -204,7 +204,8 @@ def _sentence(reply: Reply) -> str:
     if reply.done:
         return f"{reply.command} done"
     words = [reply.command, reply.status.value if reply.done is None else "failed"]
-    text = " ".join(words) + (f": {reply.reason}" if reply.reason else "")
+    reason = reply.reason.removeprefix(f"{reply.command}: ")  # refusals of data begin with the name as well
+    text = " ".join(words) + (f": {reason}" if reason else "")
     return f"{text} ({reply.hint})" if reply.hint else text
 
 

@@ -39,6 +39,7 @@ VELOCITY_FIELDS = ("linear_x", "linear_y", "linear_z", "angular_z")
 _VELOCITY = frozenset(VELOCITY_FIELDS)
 _VERB_DATA = _VELOCITY | {"distance"}
 _FLAT_TWIST = _VELOCITY | {"angular_x", "angular_y"}  # roll and pitch rates are not used
+_UNITS: Mapping[str, str] = MappingProxyType({"distance": "m", "angular_z": "rad/s"})
 _TWIST = frozenset({"linear", "angular"})
 _AXES = frozenset("xyz")
 _BODIES = frozenset({"data", "velocity_command"})
@@ -206,8 +207,8 @@ def _verb(envelope: _Envelope, defaults: Defaults) -> Command | Setpoint:
     """
     verb = VERBS[envelope.name]
     refuse_unknown(envelope.data, _VERB_DATA, "data")
-    given = {field: optional_number(envelope.data, field, "data") for field in VELOCITY_FIELDS}
-    distance = optional_number(envelope.data, "distance", "data")
+    given = {field: _magnitude(envelope.data, field) for field in VELOCITY_FIELDS}
+    distance = _magnitude(envelope.data, "distance")
     own = given[verb.own_field]
     if own is None and distance is not None:
         return envelope.command(envelope.name, {"distance": abs(distance)})
@@ -219,6 +220,16 @@ def _verb(envelope: _Envelope, defaults: Defaults) -> Command | Setpoint:
     if magnitude is None:
         magnitude = getattr(defaults(envelope.origin.session), verb.default)
     return envelope.setpoint(_along(verb.axis, verb.sign * abs(magnitude)))
+
+
+def _magnitude(data: Mapping[str, object], field: str) -> float | None:
+    """Return an optional magnitude; the error about a wrong one names its unit."""
+    try:
+        return optional_number(data, field, "data")
+    except WireError as error:
+        why = str(error).removeprefix(f"{error.where}: ")
+        unit = _UNITS.get(field, "m/s")
+        raise WireError(f"{why}; its unit is {unit}", where=error.where) from None
 
 
 def _along(axis: Axis, value: float) -> Velocity:

@@ -132,7 +132,10 @@ class RobotMotion:
 
     def lease_ran_out(self) -> None:
         """Follow the watchdog's halt with the adapter's own zero velocity."""
-        self._event_reporter.log.warning("no setpoint within its lease: stopped")
+        if self.driving.streamed:
+            self._event_reporter.log.warning("no setpoint within its lease: stopped")
+        else:
+            self._event_reporter.log.info("the lease of a single velocity is over: stopped")
         adapter = self._attached.adapter
         if adapter is not None and self.in_control and not self.under_way:
             self.driving.stand(adapter)

@@ -59,6 +59,7 @@ class VelocityControl:
         self._adapter: Adapter[Any] | None = None
         self._wanted = ZERO_VELOCITY  # before the guard's restrictions
         self._driven_until = -math.inf  # monotonic s
+        self.streamed = False  # the velocity renewed one before it; a single one ends by its lease
 
     def configure(self, config: AdapterConfig, limits: Limits) -> None:
         """Apply changed limits, also to the velocity being held."""
@@ -95,6 +96,7 @@ class VelocityControl:
         velocity, lease = ask.velocity, ask.lease or self._lease
         if self._keys is not None:
             velocity, lease = self._keys.press(ask.name, velocity, self._clock.monotonic(), lease)
+        self.streamed = self.deadman.armed
         try:
             self.hold(adapter, velocity, lease)
         except (CommandError, LinkError) as error:

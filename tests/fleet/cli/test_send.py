@@ -53,6 +53,12 @@ def test_a_command_is_stamped_when_it_is_sent_and_not_when_it_was_typed(
     assert json.loads(asked[0].payload)["timestamp"] == 1_800_000_033.0
 
 
+def test_the_name_of_a_refused_command_is_written_once(fleet, yard):
+    yard.answers("rex", Reply("blade_on", ReplyStatus.DENIED, "blade_on: speed must be 1500 to 3200 rpm"))
+    result = fleet("send", "rex", "blade_on", "speed=1")
+    assert result.out == "rex: blade_on denied: speed must be 1500 to 3200 rpm\n"
+
+
 def test_whoever_waits_hears_the_end(fleet, yard):
     asked = yard.answers("rex", ACCEPTED, DONE)
     result = fleet("send", "rex", "takeoff", "--wait")

@@ -230,6 +230,8 @@ def test_a_magnitude_that_is_no_number_is_refused_and_never_a_default(command, f
     with pytest.raises(BadCommand) as refusal:
         motion(command, {field: wrong})
     assert (refusal.value.command, refusal.value.where) == (command, f"data.{field}")
+    unit = {"distance": "m", "angular_z": "rad/s"}.get(field, "m/s")
+    assert str(refusal.value).endswith(f"; its unit is {unit}")
 
 
 @pytest.mark.parametrize("word", [b"NaN", b"Infinity", b"-Infinity", b"1e999"])

@@ -182,6 +182,19 @@ async def test_a_lease_that_ran_out_ends_in_zero_velocity(bench, asks):
     assert bench.adapter.calls[-1] == ZERO_VELOCITY
 
 
+@pytest.mark.parametrize(("setpoints", "level"), [(1, "INFO"), (2, "WARNING")])
+async def test_only_a_stream_whose_lease_ran_out_is_warned_of(bench, asks, caplog, setpoints, level):
+    caplog.set_level("INFO")
+    for _ in range(setpoints):
+        bench.ask(asks.setpoint())
+        bench.clock.advance(0.1)
+    bench.clock.advance(1.0)
+    bench.controller.deadman.expire(bench.clock.monotonic())
+    bench.controller.motion.lease_ran_out()
+    said = [record for record in caplog.records if "lease" in record.message]
+    assert [record.levelname for record in said] == [level]
+
+
 async def test_a_fresh_setpoint_is_not_undone_by_the_lease_before_it(bench, asks):
     bench.ask(asks.setpoint())
     bench.clock.advance(1.0)
