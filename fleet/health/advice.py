@@ -31,7 +31,10 @@ _BY_WORDS: tuple[tuple[str, str], ...] = (
     (r"broker|cloud|MQTT", "on {edge}: fleet doctor looks at the way to the cloud"),
     (r"disk|journal|history|spool|state folder", "on {edge}: fleet doctor looks at its disk"),
     (r"twin|claim", "let only one edge have the twin; fleet ps on both says which"),
-    (r"heartbeat|silent|received|no answer|refused|unreachable", "check power and link of the robot: {link}"),
+    (
+        r"heartbeat|silent|received|spoken|been reached|no answer|refused|unreachable",
+        "check power and link of the robot: {link}",
+    ),
     (r"clock", "on {edge}: fleet doctor looks at its clock"),
 )
 _ELSE = "fleet describe {robot}; fleet history {robot}"

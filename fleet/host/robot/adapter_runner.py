@@ -249,14 +249,7 @@ class AdapterRunner:
 
     async def _quarantine(self, health: Health) -> None:
         """Suspend the robot until a person lifts the quarantine."""
-        name = self.controller.name
-        self._unreached(
-            Health(
-                Level.FAULT,
-                f"quarantined after {STRIKES} failures in {STRIKE_WINDOW:g} s, the last: {health.cause}; "
-                f"fleet logs shows where, then: fleet send {name} restart_adapter",
-            )
-        )
+        self._unreached(Health(Level.FAULT, quarantined(self.controller.name, health.cause)))
         self._lifted.clear()
         await self._lifted.wait()
         self._strikes.clear()
@@ -288,6 +281,14 @@ class AdapterRunner:
         if health.level in {Level.OK, Level.FAULT}:
             self._health.end_start()
         self._health.set(health)
+
+
+def quarantined(robot: str, last: str) -> str:
+    """Return the cause in the health of a quarantined robot, after its ``last`` failure."""
+    return (
+        f"quarantined after {STRIKES} failures in {STRIKE_WINDOW:g} s, the last: {last}; "
+        f"fleet logs shows where, then: fleet send {robot} restart_adapter"
+    )
 
 
 def _cause(error: BaseException) -> BaseException:
