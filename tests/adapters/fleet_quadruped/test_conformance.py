@@ -121,12 +121,12 @@ def test_an_emergency_stop_that_comes_with_a_command_to_stand_up_wins(rig):
     assert (rig.mode, rig.fault) == (BodyMode.OFF, "emergency stop")
 
 
-@pytest.mark.parametrize("ask", [BodyRequest.STAND, BodyRequest.SIT, BodyRequest.RECOVER])
-def test_an_emergency_stop_works_while_it_rises_and_sits(rig, ask):
-    if ask is BodyRequest.SIT:
+@pytest.mark.parametrize("given", [BodyRequest.STAND, BodyRequest.SIT, BodyRequest.RECOVER])
+def test_an_emergency_stop_works_while_it_rises_and_sits(rig, given):
+    if given is BodyRequest.SIT:
         rig.stand()
     rig.go(0.1)
-    rig.ask(ask)
+    rig.ask(given)
     rig.go(0.5)
     rig.emergency()
     rig.go(0.05)

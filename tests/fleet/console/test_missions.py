@@ -86,17 +86,17 @@ def test_a_run_that_nobody_knows_is_reported(console, missions):
 
 
 @pytest.mark.parametrize(
-    "ask",
+    ("kind", "fields"),
     [
-        {"ask": "mission", "name": "patrol"},
-        {"ask": "rehearse", "name": "patrol"},
-        {"ask": "run", "run": "3f2a", "do": "abort"},
+        ("mission", {"name": "patrol"}),
+        ("rehearse", {"name": "patrol"}),
+        ("run", {"run": "3f2a", "do": "abort"}),
     ],
 )
-def test_who_may_only_view_starts_and_aborts_nothing(console, missions, ask):
+def test_who_may_only_view_starts_and_aborts_nothing(console, missions, kind, fields):
     before = len(missions.asked)
     with console.page(Permission.VIEW) as page:
-        page.ask(**ask, request="r", edge="yard-1")
+        page.ask(kind, **fields, request="r", edge="yard-1")
         assert "it needs the permission operate" in page.answer("r")["reason"]
     assert len(missions.asked) == before
 

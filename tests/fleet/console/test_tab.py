@@ -51,7 +51,7 @@ def test_a_page_that_sends_nothing_but_garbage_is_closed(console):
 
 
 @pytest.mark.parametrize(
-    ("permission", "ask", "fields"),
+    ("permission", "given", "fields"),
     [
         (Permission.VIEW, "goto", {"robots": ["yard/rex"], "x": 1.0, "y": 0.0}),
         (Permission.VIEW, "release", {"robots": ["yard/rex"]}),
@@ -59,9 +59,9 @@ def test_a_page_that_sends_nothing_but_garbage_is_closed(console):
         (Permission.OPERATE, "command", {"robot": "yard/rex", "command": "restart_adapter"}),
     ],
 )
-def test_a_permission_that_is_too_low_moves_and_changes_nothing(console, permission, ask, fields):
+def test_a_permission_that_is_too_low_moves_and_changes_nothing(console, permission, given, fields):
     with console.page(permission) as page:
-        page.ask(ask, request="r", **fields)
+        page.ask(given, request="r", **fields)
         answer = page.answer("r")
         assert (answer["status"], "it needs the permission" in answer["reason"]) == ("rejected", True)
 

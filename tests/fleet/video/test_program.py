@@ -58,7 +58,7 @@ def camera(module_at, tmp_path):
 
 
 @pytest.fixture
-async def ask(camera):
+async def send(camera):
     """Run the program on a lane in memory; returns what asks it and the lane."""
     bus_session = FakeSession()
     program = _VideoProgram(
@@ -66,73 +66,73 @@ async def ask(camera):
     )
     program.declare("ask")
 
-    async def ask(payload):
+    async def send(payload):
         question = FakeQuestion(payload)
         bus_session.calls["ask"](question)
         await asyncio.wait_for(question.closed.wait(), 60)
         (answer,) = question.answers
         return answer
 
-    ask.bus_session, ask.program = bus_session, program
-    yield ask
+    send.bus_session, send.program = bus_session, program
+    yield send
     await program.close()
 
 
-async def test_a_start_makes_an_offer_and_tells_the_stream_and_a_stop_that_it_is_over(ask):
-    assert await ask({"command": "start_video", "data": {"recording": False}}) == {"ok": True}
-    (offer,) = ask.bus_session.offers()
+async def test_a_start_makes_an_offer_and_tells_the_stream_and_a_stop_that_it_is_over(send):
+    assert await send({"command": "start_video", "data": {"recording": False}}) == {"ok": True}
+    (offer,) = send.bus_session.offers()
     assert (offer["sensor"], offer["recording"]) == ("front", False)
-    (state,) = ask.bus_session.streams()
+    (state,) = send.bus_session.streams()
     assert isinstance(state, StreamState)
     assert (state.connection_state, state.camera_id) == ("connecting", "front")
-    assert await ask({"command": "stop_video"}) == {"ok": True}
-    assert ask.bus_session.streams()[-1] == b""
-    ask.program.publish_state()
-    assert len(ask.bus_session.streams()) == 2  # said once
+    assert await send({"command": "stop_video"}) == {"ok": True}
+    assert send.bus_session.streams()[-1] == b""
+    send.program.publish_state()
+    assert len(send.bus_session.streams()) == 2  # said once
 
 
-async def test_signals_of_a_viewer_on_the_bus_never_go_to_the_cloud_nor_come_from_it(ask):
-    assert await ask({"command": "start_video", "data": {"viewer": "local", "recording": False}}) == {
+async def test_signals_of_a_viewer_on_the_bus_never_go_to_the_cloud_nor_come_from_it(send):
+    assert await send({"command": "start_video", "data": {"viewer": "local", "recording": False}}) == {
         "ok": True
     }
-    (key,) = {key for key, _ in ask.bus_session.put_samples if "webrtc" in key}
+    (key,) = {key for key, _ in send.bus_session.put_samples if "webrtc" in key}
     assert key == f"cw/{TWIN}/data/local/webrtc_offer"
     answered = []
-    ask.program._sender.answered = answered.append
+    send.program._sender.answered = answered.append
     sample = b'{"type": "answer", "target": "edge", "sdp": "m=video"}'
-    ask.bus_session.calls[f"cw/{TWIN}/data/cloud/webrtc_answer"]("key", sample)
-    assert await ask({"command": "stop_video"}) == {"ok": True}  # after which the answer was looked at
+    send.bus_session.calls[f"cw/{TWIN}/data/cloud/webrtc_answer"]("key", sample)
+    assert await send({"command": "stop_video"}) == {"ok": True}  # after which the answer was looked at
     assert answered == []
 
 
-async def test_a_stop_without_a_stream_is_no_mistake(ask):
-    assert await ask({"command": "stop_video"}) == {"ok": True}
-    assert ask.bus_session.streams() == []
+async def test_a_stop_without_a_stream_is_no_mistake(send):
+    assert await send({"command": "stop_video"}) == {"ok": True}
+    assert send.bus_session.streams() == []
 
 
-async def test_a_camera_that_fails_is_reported_to_who_asked(ask, camera):
+async def test_a_camera_that_fails_is_reported_to_who_asked(send, camera):
     camera.breaks()
-    answer = await ask({"command": "start_video"})
+    answer = await send({"command": "start_video"})
     assert (answer["ok"], "No such file" in answer["reason"]) == (False, True)
 
 
-async def test_a_command_for_another_sensor_is_refused_with_ours(ask):
-    answer = await ask({"command": "start_video", "data": {"sensor": "rear"}})
+async def test_a_command_for_another_sensor_is_refused_with_ours(send):
+    answer = await send({"command": "start_video", "data": {"sensor": "rear"}})
     assert (answer["ok"], "'front'" in answer["reason"]) == (False, True)
-    assert ask.bus_session.offers() == []
+    assert send.bus_session.offers() == []
 
 
 @pytest.mark.parametrize("payload", [b"", b"nonsense", {"command": "arm"}])
-async def test_what_is_no_request_is_refused(ask, payload):
-    assert (await ask(payload))["ok"] is False
+async def test_what_is_no_request_is_refused(send, payload):
+    assert (await send(payload))["ok"] is False
 
 
-async def test_a_failure_of_our_own_is_reported_and_the_next_one_is_served(ask, monkeypatch):
+async def test_a_failure_of_our_own_is_reported_and_the_next_one_is_served(send, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr(ask.program._sender, "start", lambda **_: 1 / 0)
-        answer = await ask({"command": "start_video"})
+        patch.setattr(send.program._sender, "start", lambda **_: 1 / 0)
+        answer = await send({"command": "start_video"})
     assert (answer["ok"], "ZeroDivisionError" in answer["reason"]) == (False, True)
-    assert await ask({"command": "start_video"}) == {"ok": True}
+    assert await send({"command": "start_video"}) == {"ok": True}
 
 
 @pytest.mark.parametrize(
@@ -143,10 +143,10 @@ async def test_a_failure_of_our_own_is_reported_and_the_next_one_is_served(ask, 
         ("webrtc_candidate", b"nonsense"),
     ],
 )
-async def test_a_signal_that_cannot_be_used_is_reported_and_changes_nothing(ask, caplog, suffix, sample):
-    await ask({"command": "start_video"})
-    ask.bus_session.calls[f"cw/{TWIN}/data/cloud/{suffix}"]("key", sample)
+async def test_a_signal_that_cannot_be_used_is_reported_and_changes_nothing(send, caplog, suffix, sample):
+    await send({"command": "start_video"})
+    send.bus_session.calls[f"cw/{TWIN}/data/cloud/{suffix}"]("key", sample)
     async with asyncio.timeout(60):
         while "was refused" not in caplog.text:  # noqa: ASYNC110 - what is waited for has no event
             await asyncio.sleep(0.01)
-    assert ask.program._sender.state()["connection_state"] == "connecting"
+    assert send.program._sender.state()["connection_state"] == "connecting"

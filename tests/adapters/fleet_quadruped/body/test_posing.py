@@ -182,16 +182,16 @@ def test_a_dog_that_lies_is_held_as_it_is_found_and_led_from_there(rig):
     assert rig.mode is BodyMode.OFF
 
 
-@pytest.mark.parametrize("ask", [BodyRequest.POSE, BodyRequest.STAND, BodyRequest.RECOVER])
+@pytest.mark.parametrize("given", [BodyRequest.POSE, BodyRequest.STAND, BodyRequest.RECOVER])
 @pytest.mark.parametrize("later", [False, True])
-def test_a_stop_before_its_drives_are_enabled_leaves_a_lying_dog_off(rig, ask, later):
+def test_a_stop_before_its_drives_are_enabled_leaves_a_lying_dog_off(rig, given, later):
     rig.settle()
     if later:
-        rig.ask(ask)
+        rig.ask(given)
         assert rig.mode is BodyMode.ENABLING
     rig.order = msgspec.structs.replace(rig.order, halts=rig.order.halts + 1)
     if not later:
-        rig.ask(ask)
+        rig.ask(given)
     rig.go(2.0)
     assert rig.mode is BodyMode.OFF
 

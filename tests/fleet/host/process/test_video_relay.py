@@ -29,7 +29,7 @@ def bus_session():
 
 
 @pytest.fixture
-async def ask(bus_session, asks):
+async def send(bus_session, asks):
     """Ask a relay; returns the replies, the clock, and what has the loop catch up."""
     clock, replies = ManualClock(), []
     loop, key = asyncio.get_running_loop(), "fleet/yard-1/robots/rex/video"
@@ -38,8 +38,8 @@ async def ask(bus_session, asks):
     return replies, clock, asks.settle
 
 
-async def test_a_program_is_asked_with_the_commands_data_and_its_yes_is_the_answer(bus_session, ask):
-    replies, _, settle = ask
+async def test_a_program_is_asked_with_the_commands_data_and_its_yes_is_the_answer(bus_session, send):
+    replies, _, settle = send
     assert bus_session.asked[:2] == (
         "fleet/yard-1/robots/rex/video",
         {"command": "start_video", "data": {"recording": False}},
@@ -51,8 +51,8 @@ async def test_a_program_is_asked_with_the_commands_data_and_its_yes_is_the_answ
     assert [reply.status for reply in replies] == [ReplyStatus.ACCEPTED]
 
 
-async def test_of_several_programs_one_that_does_it_is_enough(bus_session, ask):
-    replies, _, settle = ask
+async def test_of_several_programs_one_that_does_it_is_enough(bus_session, send):
+    replies, _, settle = send
     bus_session.answer(b'{"ok": false, "reason": "another sensor"}')
     bus_session.answer(b'{"ok": true}')
     bus_session.end()
@@ -69,8 +69,8 @@ async def test_of_several_programs_one_that_does_it_is_enough(bus_session, ask):
         (None, ANSWER_WITHIN, (ReplyStatus.TIMEOUT, "does not answer")),
     ],
 )
-async def test_a_command_that_nobody_carries_out_says_why(bus_session, ask, answer, waited, expected):
-    replies, clock, settle = ask
+async def test_a_command_that_nobody_carries_out_says_why(bus_session, send, answer, waited, expected):
+    replies, clock, settle = send
     if answer is not None:
         bus_session.answer(answer)
     clock.advance(waited)
@@ -80,8 +80,8 @@ async def test_a_command_that_nobody_carries_out_says_why(bus_session, ask, answ
     assert (reply.status, expected[1] in reply.reason) == (expected[0], True)
 
 
-async def test_a_busy_loop_is_not_taken_for_a_program_that_is_silent(bus_session, ask):
-    replies, clock, settle = ask
+async def test_a_busy_loop_is_not_taken_for_a_program_that_is_silent(bus_session, send):
+    replies, clock, settle = send
     bus_session.end()
     clock.advance(ANSWER_WITHIN)
     await settle()
@@ -94,7 +94,10 @@ def passed_on(make_bench):
 
     def passed_on(**config):
         bench, passed = make_bench(**config), []
-        bench.controller.own["start_video"] = lambda ask, receipt: (passed.append(ask), receipt.done())
+        bench.controller.own["start_video"] = lambda command, receipt: (
+            passed.append(command),
+            receipt.done(),
+        )
         return bench, passed
 
     return passed_on
@@ -155,17 +158,17 @@ async def test_a_program_on_the_bus_is_reached_from_the_edge_and_from_a_worker(y
             key = f"cw/{edge.robots()[0].twin}/data/{name}_status"
             bus_session.subscribe(key, lambda _key, sample: statuses.append(json.loads(json_payload(sample))))
 
-        def ask(name):
+        def send(name):
             (reply,) = command(bus_session, place, name)
             return reply
 
         # Who publishes a status learns of our subscription later than of our command: they take two links.
-        await asyncio.to_thread(wait_until, "a status", lambda: not ask("start_video").ok and statuses)
-        nobody = await asyncio.to_thread(ask, "start_video")
+        await asyncio.to_thread(wait_until, "a status", lambda: not send("start_video").ok and statuses)
+        nobody = await asyncio.to_thread(send, "start_video")
         assert (nobody.ok, nobody.hint) == (False, "start one on the robot's computer: fleet video rex")
         edge.bus.control.answer(keys.video(place.id, "rex"), answer)
-        await asyncio.to_thread(wait_until, "the program is known", lambda: ask("start_video").ok)
-        assert (await asyncio.to_thread(ask, "stop_video")).ok
+        await asyncio.to_thread(wait_until, "the program is known", lambda: send("start_video").ok)
+        assert (await asyncio.to_thread(send, "stop_video")).ok
         await asyncio.to_thread(
             wait_until, "the last status", lambda: statuses[-1]["type"] == "video_stopped"
         )

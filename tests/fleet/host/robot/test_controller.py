@@ -703,9 +703,9 @@ async def test_a_robot_with_a_fault_is_stopped_and_asked_what_does_not_move_it(b
     assert bench.adapter.calls
 
 
-@pytest.mark.parametrize("ask", ["setpoint", "goal"])
-async def test_a_fault_halts_what_is_under_way(bench, asks, ask):
-    bench.ask(getattr(asks, ask)())
+@pytest.mark.parametrize("given", ["setpoint", "goal"])
+async def test_a_fault_halts_what_is_under_way(bench, asks, given):
+    bench.ask(getattr(asks, given)())
     await asks.settle()
     bench.controller.faulted("the left arm is hot")
     await asks.settle()
@@ -743,10 +743,10 @@ async def test_an_emergency_stop_has_a_halt_of_its_own(bench, asks):
     assert bench.adapter.calls == ["emergency halt", "halt"]
 
 
-@pytest.mark.parametrize("ask", ["goal", "setpoint", "takeoff"])
+@pytest.mark.parametrize("given", ["goal", "setpoint", "takeoff"])
 @pytest.mark.parametrize("back", ["found", "faulted"])
-async def test_a_robot_that_was_lost_while_it_moved_is_stopped_when_it_is_back(bench, asks, ask, back):
-    bench.ask(asks.command(ask) if ask == "takeoff" else getattr(asks, ask)())
+async def test_a_robot_that_was_lost_while_it_moved_is_stopped_when_it_is_back(bench, asks, given, back):
+    bench.ask(asks.command(given) if given == "takeoff" else getattr(asks, given)())
     await asks.settle()
     bench.controller.lost("no heartbeat")
     before = len(bench.adapter.calls)

@@ -14,8 +14,8 @@ from fleet.model.navigation import Control, GoTo, Navigate, Progress
 from fleet.testing.clock import ManualClock
 
 
-@pytest.mark.parametrize("ask", ["zero", "velocity", "joints", "shy"])
-async def test_what_does_not_move_the_robot_takes_it_from_no_pilot(bench, asks, ask):
+@pytest.mark.parametrize("given", ["zero", "velocity", "joints", "shy"])
+async def test_what_does_not_move_the_robot_takes_it_from_no_pilot(bench, asks, given):
     for _ in range(2):
         bench.ask(asks.setpoint())
     bench.controller.authority_lost("the pilot took over")
@@ -29,8 +29,8 @@ async def test_what_does_not_move_the_robot_takes_it_from_no_pilot(bench, asks, 
     }
     bench.adapter.joint_ranges = dict
     bench.controller.can = msgspec.structs.replace(bench.controller.can, moves_joints=True)
-    bench.adapter.raises = None if ask == "zero" else bench.adapter.raises
-    bench.ask(ways[ask]())
+    bench.adapter.raises = None if given == "zero" else bench.adapter.raises
+    bench.ask(ways[given]())
     await asks.settle()
     before = len(bench.adapter.calls)
     bench.controller.lost("no heartbeat")
@@ -45,14 +45,14 @@ async def test_a_lease_that_ran_out_as_a_pilot_took_over_tells_the_robot_nothing
     assert bench.adapter.calls[before:] == []
 
 
-@pytest.mark.parametrize("ask", ["takeoff", "goal"])
+@pytest.mark.parametrize("given", ["takeoff", "goal"])
 async def test_what_waits_for_a_stop_does_not_begin_under_an_emergency_stop_of_another_thread(
-    make_bench, asks, ask
+    make_bench, asks, given
 ):
     bench = make_bench()
     bench.adapter.stops = "never"
     bench.ask(asks.command("stop"))
-    answers = bench.ask(asks.command(ask) if ask == "takeoff" else asks.goal(), waits=True)
+    answers = bench.ask(asks.command(given) if given == "takeoff" else asks.goal(), waits=True)
     await asks.settle()
     bench.controller.emergency("by a thread")  # the loop has not heard of it yet
     bench.adapter.go.set()
@@ -178,16 +178,16 @@ class Memory:
         return RobotJournal("rex", lambda change: self.changes.add([change]), past=past, clock=ManualClock())
 
 
-@pytest.mark.parametrize("ask", ["takeoff", "goal", "setpoint", "lost goal"])
+@pytest.mark.parametrize("given", ["takeoff", "goal", "setpoint", "lost goal"])
 async def test_what_may_be_moving_is_stopped_by_later_processes_until_it_was_seen_to_stand(
-    make_bench, asks, ask
+    make_bench, asks, given
 ):
     memory = Memory()
     bench = make_bench(journal=memory.journal())
     asked = {"takeoff": lambda: asks.command("takeoff"), "setpoint": asks.setpoint}
-    bench.ask(asked.get(ask, lambda: asks.goal(""))())
+    bench.ask(asked.get(given, lambda: asks.goal(""))())
     await asks.settle()
-    if ask == "lost goal":
+    if given == "lost goal":
         bench.controller.lost("silent")
     for stops, call in [(LinkLost("gone"), ["stop", "halt"]), ("", ["stop"]), ("", [])]:
         bench = make_bench(journal=memory.journal())
@@ -196,12 +196,12 @@ async def test_what_may_be_moving_is_stopped_by_later_processes_until_it_was_see
         assert bench.adapter.calls == call
 
 
-@pytest.mark.parametrize("ask", ["takeoff that ended", "landing", "battery_check"])
-async def test_what_moves_no_more_or_lands_is_left_alone_by_the_next_process(make_bench, asks, ask):
+@pytest.mark.parametrize("given", ["takeoff that ended", "landing", "battery_check"])
+async def test_what_moves_no_more_or_lands_is_left_alone_by_the_next_process(make_bench, asks, given):
     memory = Memory()
     bench = make_bench(journal=memory.journal())
     bench.adapter.land = asyncio.Event().wait
-    bench.ask(asks.command({"takeoff that ended": "takeoff", "landing": "land"}.get(ask, ask)))
+    bench.ask(asks.command({"takeoff that ended": "takeoff", "landing": "land"}.get(given, given)))
     bench.adapter.go.set()
     await asks.settle()
     bench.controller.motion.record()
