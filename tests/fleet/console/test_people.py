@@ -46,7 +46,7 @@ def test_nobody_is_added_twice_or_changed_without_being_there(path):
     with pytest.raises(PeopleError, match="anna is there already"):
         add_person(path, ANNA)
     for change in (lambda: remove_person(path, "eve"), lambda: change_person(path, "eve")):
-        with pytest.raises(PeopleError, match="named eve"):
+        with pytest.raises(PeopleError, match="no person eve"):
             change()
 
 
