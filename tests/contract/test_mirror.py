@@ -85,15 +85,9 @@ FLEET = {
     "host/process/robot_runs.py": "fleet/host/process/test_robot_process.py",
     "host/robot/rest.py": "fleet/host/workers/test_reload.py",
     "host/workers/worker_changes.py": "fleet/host/edge/test_changes.py",
-    "host/robot/attached_adapter.py": "fleet/host/robot/test_controller.py",
-    "host/robot/goal_requests.py": "fleet/host/robot/test_controller.py",
-    "host/robot/robot_motion.py": "fleet/host/robot/test_controller.py",
-    "host/robot/setpoint_requests.py": "fleet/host/robot/test_controller.py",
     "host/robot/dry_run.py": "fleet/host/robot/test_local_robot.py",
     "host/robot/frame_commands.py": "fleet/host/robot/test_frame_adapter_runner.py",
-    "host/robot/own_commands.py": "fleet/host/robot/test_controller.py",
     "host/robot/request_intake.py": "fleet/host/process/test_robot_process.py",
-    "host/robot/run_commands.py": "fleet/host/robot/test_controller.py",
     "host/robot/standstill.py": "fleet/host/test_invariants.py",
     "host/runtime/blocking_calls.py": "fleet/host/robot/test_robot_handle.py",
     "host/runtime/loop_monitor.py": "fleet/host/runtime/test_watchdog.py",
@@ -327,7 +321,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 161, "adapters": 157, "plugins": 0}
+CEILINGS = {"fleet": 155, "adapters": 157, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))
