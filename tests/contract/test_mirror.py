@@ -34,7 +34,6 @@ FLEET = {
     "cloud/endpoint.py": "fleet/cloud/test_dial.py",
     "cloud/fallback_reader.py": "fleet/bridge/test_bridge.py",
     "cloud/fields.py": "fleet/cloud/test_outbound_queue.py",
-    "cloud/inflight_window.py": "fleet/cloud/test_mqtt_session.py",
     "cloud/reasons.py": "fleet/cloud/test_client.py",
     "cloud/subscriptions.py": "fleet/cloud/test_mqtt_session.py",
     "config/other_edges.py": "fleet/config/test_pair.py",
@@ -321,7 +320,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 155, "adapters": 157, "plugins": 0}
+CEILINGS = {"fleet": 154, "adapters": 157, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))
