@@ -67,7 +67,6 @@ FLEET = {
     "host/follow/goal_follower.py": "fleet/host/robot/test_navigator.py",
     "host/follow/leg_follower.py": "adapters/fleet_quadruped/test_navigation.py",
     "host/follow/stuck.py": "adapters/fleet_quadruped/test_navigation.py",
-    "host/journal/execution_journal.py": "fleet/host/journal/test_journal.py",
     "host/journal/unwritten_mark.py": "fleet/host/journal/test_journal_file.py",
     "host/logs/folders.py": "fleet/cli/test_logs.py",
     "host/logs/line_format.py": "fleet/host/logs/test_rotating_file.py",
@@ -320,7 +319,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 154, "adapters": 157, "plugins": 0}
+CEILINGS = {"fleet": 153, "adapters": 157, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))

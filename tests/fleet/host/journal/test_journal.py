@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from fleet.history.store import HISTORY, History
 from fleet.host.journal.changes import CommandEnd
-from fleet.host.journal.execution_journal import SIZE, ExecutionJournal, Latched, StartedCommand
+from fleet.host.journal.execution_journal import Latched, StartedCommand
 from fleet.host.journal.journal import RETRY, Journal
 from fleet.host.journal.journal_file import LOST, REMEMBERED
 from fleet.model.command import Origin, ReplyStatus, Transport
@@ -266,63 +266,6 @@ def test_what_stands_behind_the_end_of_a_file_is_forgotten(tmp_path, opened):
     (tmp_path / "begun.main").write_bytes(b'["latch","eve","fire"]\n\0["latch","max","fire"]\n')
     journal = opened()
     assert [journal.robot(name).latched for name in ("rex", "max", "eve")] == ["", "", "fire"]
-
-
-@pytest.mark.parametrize(
-    "left",
-    [
-        b'\0"latch","rex","panel"]\n["latch","rex",""]\n',  # a clear that was cut after its first byte
-        b"\0" * 30 + b'["latch","rex",""]\n',  # or later
-        b'["latch","rex","panel"]\n["latch","rex","pa',  # a row that was cut
-        b'["latch","rex","panel"]\n["latch"\0\0\0"pa',
-    ],
-)
-def test_what_death_left_in_a_file_does_not_follow_on_what_is_written_next(tmp_path, left, monkeypatch):
-    path = tmp_path / "begun.main"
-    path.write_bytes(left)
-    begun = ExecutionJournal(path)
-    begun.add(Latched("rex", "fire"))
-    begun.close()
-    again = ExecutionJournal(path)
-    with again.all_rows() as rows:
-        assert rows[-1] == Latched("rex", "fire")
-        assert rows[:-1] in ([], [Latched("rex", "panel")])
-    again.close()
-
-
-def test_a_file_that_another_process_still_has_is_left_to_it(tmp_path):
-    path = tmp_path / "begun.arm"
-    dying, risen, edge = (
-        ExecutionJournal(path),
-        ExecutionJournal(path),
-        ExecutionJournal(tmp_path / "begun.main"),
-    )
-    dying.add(Latched("rex", "fire"))
-    risen.add(Latched("max", "smoke"))
-    dying.close()
-    with edge.all_rows() as rows:
-        assert set(rows) == {Latched("rex", "fire"), Latched("max", "smoke")}
-    with edge.all_rows() as rows:  # the dead one's are forgotten, who lives keeps its own
-        assert rows == [Latched("max", "smoke")]
-    risen.add(Latched("eve", "fire"))
-    risen.clear()
-    for each in (risen, edge):
-        each.close()
-
-
-def test_a_file_grows_by_nothing_but_what_it_holds_and_is_small_again_after_a_start(tmp_path):
-    path = tmp_path / "begun.main"
-    begun = ExecutionJournal(path)
-    begun.add(Latched("rex", "x" * 500_000))
-    begun.close()
-    assert path.stat().st_size > 500_000
-    for _ in range(3):
-        begun = ExecutionJournal(path)
-        with begun.all_rows():
-            pass
-        begun.add(Latched("rex", "fire"))
-        begun.close()
-        assert path.stat().st_size == SIZE
 
 
 NOW = ManualClock().time()

@@ -329,36 +329,6 @@ def test_commands_whose_end_is_reported_are_not_lost_by_a_later_failure(edge, mo
     assert [each.robot for each in edge.journal.take_interrupted(["rex", "max"])] == ["rex"]
 
 
-def test_rows_are_replaced_all_or_none(tmp_path, monkeypatch):
-    path = tmp_path / BEGUN
-    begun = ExecutionJournal(path)
-    begun.add(Latched("rex", "fire"))
-    with monkeypatch.context() as patch:
-        patch.setattr("os.pwrite", lambda _file, data, _at: len(data) - 1)
-        with pytest.raises(OSError, match="No space left"):
-            begun.replace([Latched("max", "fire")])
-    begun.add(StartedCommand("rex", "r1", "land", False, 1.0))
-    assert path.read_bytes().count(b"fire") == 1
-    begun.replace([Latched("max", "fire")])
-    begun.add(Latched("eve", "fire"))
-    begun.close()
-    again = ExecutionJournal(path)
-    with again.all_rows() as rows:
-        assert rows == [Latched("max", "fire"), Latched("eve", "fire")]
-    again.close()
-
-
-def test_a_file_with_replaced_rows_is_still_that_of_a_living_process(tmp_path):
-    path = tmp_path / BEGUN
-    begun, other = ExecutionJournal(path), ExecutionJournal(tmp_path / "begun.arm")
-    begun.replace([Latched("rex", "fire")])
-    for _ in range(2):
-        with other.all_rows() as rows:
-            assert rows == [Latched("rex", "fire")]
-    for each in (begun, other):
-        each.close()
-
-
 def test_a_folder_that_takes_no_mark_harms_nothing(edge, monkeypatch):
     edge.start()
     rex = edge.journal.robot("rex")
