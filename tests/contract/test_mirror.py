@@ -169,13 +169,11 @@ ADAPTERS = {
     "fleet_mavlink/flavour.py": "adapters/fleet_mavlink/test_flavours.py",
     "fleet_mavlink/frames.py": "adapters/fleet_mavlink/test_reports.py",
     "fleet_mavlink/gimbal.py": "adapters/fleet_mavlink/test_payload.py",
-    "fleet_mavlink/halts.py": "adapters/fleet_mavlink/test_kill_and_home.py",
     "fleet_mavlink/home_position.py": "adapters/fleet_mavlink/test_goals.py",
     "fleet_mavlink/maintenance.py": "adapters/fleet_mavlink/test_flight_list.py",
     "fleet_mavlink/message_targets.py": "adapters/fleet_mavlink/test_watch_rules.py",
     "fleet_mavlink/motors.py": "adapters/fleet_mavlink/test_onboard_sensors.py",
     "fleet_mavlink/plans.py": "adapters/fleet_mavlink/test_mission.py",
-    "fleet_mavlink/preconditions.py": "adapters/fleet_mavlink/test_readiness.py",
     "fleet_mavlink/px4.py": "adapters/fleet_mavlink/test_flavours.py",
     "fleet_mavlink/px4_kinds.py": "adapters/fleet_mavlink/test_flavours.py",
     "fleet_mavlink/px4_plane.py": "adapters/fleet_mavlink/test_wings.py",
@@ -221,7 +219,6 @@ ADAPTERS = {
     "fleet_mavlink/sim/speaker.py": "adapters/fleet_mavlink/sim/test_wire.py",
     "fleet_mavlink/sim/streams.py": "adapters/fleet_mavlink/sim/test_ardupilot.py",
     "fleet_mavlink/steering.py": "adapters/fleet_mavlink/test_ardupilot_rover.py",
-    "fleet_mavlink/stops.py": "adapters/fleet_mavlink/test_kill_and_home.py",
     "fleet_mavlink/vehicle_health.py": "adapters/fleet_mavlink/test_readiness.py",
     "fleet_mavlink/vehicle_kind.py": "adapters/fleet_mavlink/test_flavours.py",
     "fleet_mavlink/watch_answers.py": "adapters/fleet_mavlink/test_watch_rules.py",
@@ -316,7 +313,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 150, "adapters": 157, "plugins": 0}
+CEILINGS = {"fleet": 150, "adapters": 154, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))
