@@ -160,7 +160,6 @@ ADAPTERS = {
     "fleet_mavlink/ardupilot_flavour.py": "adapters/fleet_mavlink/test_flavours.py",
     "fleet_mavlink/ardupilot_kinds.py": "adapters/fleet_mavlink/test_flavours.py",
     "fleet_mavlink/ardupilot_plane.py": "adapters/fleet_mavlink/test_wings.py",
-    "fleet_mavlink/arming.py": "adapters/fleet_mavlink/test_takeoff.py",
     "fleet_mavlink/authentication.py": "adapters/fleet_mavlink/test_signing.py",
     "fleet_mavlink/camera.py": "adapters/fleet_mavlink/test_payload.py",
     "fleet_mavlink/event_metadata.py": "adapters/fleet_mavlink/test_events.py",
@@ -313,7 +312,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 150, "adapters": 154, "plugins": 0}
+CEILINGS = {"fleet": 150, "adapters": 153, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))
