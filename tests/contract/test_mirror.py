@@ -231,15 +231,12 @@ ADAPTERS = {
     "fleet_quadruped/body/lowering.py": "adapters/fleet_quadruped/body/test_machine.py",
     "fleet_quadruped/body/recovery.py": "adapters/fleet_quadruped/sim/test_recovery.py",
     "fleet_quadruped/body/requests.py": "adapters/fleet_quadruped/body/test_machine.py",
-    "fleet_quadruped/body/velocity_ramp.py": "adapters/fleet_quadruped/body/test_gait.py",
     "fleet_quadruped/body/walk.py": "adapters/fleet_quadruped/body/test_machine.py",
     "fleet_quadruped/body_client.py": "adapters/fleet_quadruped/test_adapter.py",
     "fleet_quadruped/config.py": "adapters/fleet_quadruped/test_paths.py",
     "fleet_quadruped/control/__main__.py": "adapters/fleet_quadruped/test_over_udp.py",
     "fleet_quadruped/control/controller.py": "adapters/fleet_quadruped/test_faults.py",
-    "fleet_quadruped/control/holding.py": "adapters/fleet_quadruped/test_faults.py",
     "fleet_quadruped/control/lamp.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
-    "fleet_quadruped/control/off_watch.py": "adapters/fleet_quadruped/test_faults.py",
     "fleet_quadruped/control/order_tracker.py": "adapters/fleet_quadruped/test_faults.py",
     "fleet_quadruped/control/target_writer.py": "adapters/fleet_quadruped/test_faults.py",
     "fleet_quadruped/drives/asking.py": "adapters/fleet_quadruped/drives/test_answers.py",
@@ -274,9 +271,7 @@ ADAPTERS = {
     "fleet_quadruped/selfwalk/height.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
     "fleet_quadruped/selfwalk/requests.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
     "fleet_quadruped/selfwalk/sender.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
-    "fleet_quadruped/selfwalk/stop_repeat.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
     "fleet_quadruped/selfwalk/telemetry.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
-    "fleet_quadruped/selfwalk/velocity_check.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
     "fleet_quadruped/sim/__main__.py": "adapters/fleet_quadruped/test_over_udp.py",
     "fleet_quadruped/sim/cia402.py": "adapters/fleet_quadruped/sim/test_brakes.py",
     "fleet_quadruped/sim/cia402_dictionary.py": "adapters/fleet_quadruped/sim/test_brakes.py",
@@ -312,7 +307,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 150, "adapters": 153, "plugins": 0}
+CEILINGS = {"fleet": 150, "adapters": 148, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))
