@@ -241,26 +241,18 @@ ADAPTERS = {
     "fleet_quadruped/control/target_writer.py": "adapters/fleet_quadruped/test_faults.py",
     "fleet_quadruped/drives/asking.py": "adapters/fleet_quadruped/drives/test_answers.py",
     "fleet_quadruped/drives/cia402/commission.py": "adapters/fleet_quadruped/test_commissioning.py",
-    "fleet_quadruped/drives/cia402/drive.py": "adapters/fleet_quadruped/drives/test_cia402_drive.py",
-    "fleet_quadruped/drives/cia402/frames.py": "adapters/fleet_quadruped/drives/test_cia402_frames.py",
-    "fleet_quadruped/drives/cia402/node.py": "adapters/fleet_quadruped/drives/test_cia402_drive.py",
-    "fleet_quadruped/drives/cia402/setup.py": "adapters/fleet_quadruped/drives/test_cia402_frames.py",
+    "fleet_quadruped/drives/cia402/node.py": "adapters/fleet_quadruped/drives/cia402/test_drive.py",
+    "fleet_quadruped/drives/cia402/setup.py": "adapters/fleet_quadruped/drives/cia402/test_frames.py",
     "fleet_quadruped/drives/damping.py": "adapters/fleet_quadruped/drives/test_protocols.py",
     "fleet_quadruped/drives/group.py": "adapters/fleet_quadruped/drives/test_protocols.py",
-    "fleet_quadruped/drives/mit/drive.py": "adapters/fleet_quadruped/drives/test_mit_drive.py",
-    "fleet_quadruped/drives/mit/frames.py": "adapters/fleet_quadruped/drives/test_mit_frames.py",
-    "fleet_quadruped/drives/mit/motor.py": "adapters/fleet_quadruped/drives/test_mit_drive.py",
-    "fleet_quadruped/drives/mit/profiles.py": "adapters/fleet_quadruped/drives/test_mit_frames.py",
-    "fleet_quadruped/drives/mit/registers.py": "adapters/fleet_quadruped/drives/test_mit_frames.py",
+    "fleet_quadruped/drives/mit/motor.py": "adapters/fleet_quadruped/drives/mit/test_drive.py",
+    "fleet_quadruped/drives/mit/profiles.py": "adapters/fleet_quadruped/drives/mit/test_frames.py",
+    "fleet_quadruped/drives/mit/registers.py": "adapters/fleet_quadruped/drives/mit/test_frames.py",
     "fleet_quadruped/drives/moteus/commission.py": "adapters/fleet_quadruped/test_commissioning.py",
-    "fleet_quadruped/drives/moteus/drive.py": "adapters/fleet_quadruped/drives/test_moteus_drive.py",
-    "fleet_quadruped/drives/moteus/frames.py": "adapters/fleet_quadruped/drives/test_moteus_frames.py",
-    "fleet_quadruped/drives/moteus/servo.py": "adapters/fleet_quadruped/drives/test_moteus_drive.py",
-    "fleet_quadruped/drives/motor_units.py": "adapters/fleet_quadruped/drives/test_mit_frames.py",
-    "fleet_quadruped/drives/odrive/axis.py": "adapters/fleet_quadruped/drives/test_odrive_drive.py",
+    "fleet_quadruped/drives/moteus/servo.py": "adapters/fleet_quadruped/drives/moteus/test_drive.py",
+    "fleet_quadruped/drives/motor_units.py": "adapters/fleet_quadruped/drives/mit/test_frames.py",
+    "fleet_quadruped/drives/odrive/axis.py": "adapters/fleet_quadruped/drives/odrive/test_drive.py",
     "fleet_quadruped/drives/odrive/commission.py": "adapters/fleet_quadruped/test_commissioning.py",
-    "fleet_quadruped/drives/odrive/drive.py": "adapters/fleet_quadruped/drives/test_odrive_drive.py",
-    "fleet_quadruped/drives/odrive/frames.py": "adapters/fleet_quadruped/drives/test_odrive_frames.py",
     "fleet_quadruped/process.py": "adapters/fleet_quadruped/test_adapter.py",
     "fleet_quadruped/recorded.py": "adapters/fleet_quadruped/test_adapter.py",
     "fleet_quadruped/replay.py": "adapters/fleet_quadruped/can/test_capture.py",
@@ -279,9 +271,9 @@ ADAPTERS = {
     "fleet_quadruped/sim/dog.py": "adapters/fleet_quadruped/drives/test_protocols.py",
     "fleet_quadruped/sim/drive.py": "adapters/fleet_quadruped/sim/test_brakes.py",
     "fleet_quadruped/sim/lockstep.py": "adapters/fleet_quadruped/drives/test_protocols.py",
-    "fleet_quadruped/sim/mit.py": "adapters/fleet_quadruped/drives/test_mit_drive.py",
-    "fleet_quadruped/sim/moteus.py": "adapters/fleet_quadruped/drives/test_moteus_drive.py",
-    "fleet_quadruped/sim/odrive.py": "adapters/fleet_quadruped/drives/test_odrive_drive.py",
+    "fleet_quadruped/sim/mit.py": "adapters/fleet_quadruped/drives/mit/test_drive.py",
+    "fleet_quadruped/sim/moteus.py": "adapters/fleet_quadruped/drives/moteus/test_drive.py",
+    "fleet_quadruped/sim/odrive.py": "adapters/fleet_quadruped/drives/odrive/test_drive.py",
     "fleet_quadruped/sim/planted.py": "adapters/fleet_quadruped/test_commissioning.py",
     "fleet_quadruped/sim/rig.py": "adapters/fleet_quadruped/sim/test_mujoco_world.py",
     "fleet_quadruped/sim/sdo.py": "adapters/fleet_quadruped/sim/test_brakes.py",
@@ -307,7 +299,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 150, "adapters": 148, "plugins": 0}
+CEILINGS = {"fleet": 150, "adapters": 140, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))
