@@ -283,8 +283,6 @@ ADAPTERS = {
     "fleet_quadruped/sim/wires.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
     "fleet_quadruped/sim/world.py": "adapters/fleet_quadruped/body/test_machine.py",
     "fleet_quadruped/sim/worlds.py": "fleet/replay/test_file.py",
-    "fleet_ugv/accessories.py": "adapters/fleet_ugv/test_adapter.py",
-    "fleet_ugv/board.py": "adapters/fleet_ugv/test_adapter.py",
     "fleet_ugv/observer.py": "adapters/fleet_ugv/test_adapter.py",
     "fleet_ugv/sim/__main__.py": "system/test_ugv.py",
     "fleet_ugv/sim/arduino.py": "adapters/fleet_ugv/test_adapter.py",
@@ -297,7 +295,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 150, "adapters": 138, "plugins": 0}
+CEILINGS = {"fleet": 150, "adapters": 136, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))
