@@ -237,7 +237,7 @@ ADAPTERS = {
     "fleet_quadruped/control/controller.py": "adapters/fleet_quadruped/test_faults.py",
     "fleet_quadruped/control/lamp.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
     "fleet_quadruped/control/target_writer.py": "adapters/fleet_quadruped/body/test_machine.py",
-    "fleet_quadruped/drives/asking.py": "adapters/fleet_quadruped/drives/mit/test_drive.py",
+    "fleet_quadruped/drives/drive_requester.py": "adapters/fleet_quadruped/drives/mit/test_drive.py",
     "fleet_quadruped/drives/cia402/commission.py": "adapters/fleet_quadruped/drives/test_protocols.py",
     "fleet_quadruped/drives/cia402/node.py": "adapters/fleet_quadruped/drives/cia402/test_drive.py",
     "fleet_quadruped/drives/cia402/setup.py": "adapters/fleet_quadruped/drives/cia402/test_frames.py",
@@ -272,14 +272,12 @@ ADAPTERS = {
     "fleet_quadruped/sim/mit.py": "adapters/fleet_quadruped/drives/mit/test_drive.py",
     "fleet_quadruped/sim/moteus.py": "adapters/fleet_quadruped/drives/moteus/test_drive.py",
     "fleet_quadruped/sim/odrive.py": "adapters/fleet_quadruped/drives/odrive/test_drive.py",
-    "fleet_quadruped/sim/planted.py": "adapters/fleet_quadruped/test_commissioning.py",
     "fleet_quadruped/sim/rig.py": "adapters/fleet_quadruped/drives/test_protocols.py",
     "fleet_quadruped/sim/sdo.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
     "fleet_quadruped/sim/selfwalk.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
     "fleet_quadruped/sim/sensors.py": "adapters/fleet_quadruped/body/test_machine.py",
     "fleet_quadruped/sim/simulated_machine.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
     "fleet_quadruped/sim/tune.py": "adapters/fleet_quadruped/sim/test_recovery.py",
-    "fleet_quadruped/sim/wander.py": "adapters/fleet_quadruped/sim/test_walking.py",
     "fleet_quadruped/sim/wires.py": "adapters/fleet_quadruped/selfwalk/test_controller.py",
     "fleet_quadruped/sim/world.py": "adapters/fleet_quadruped/body/test_machine.py",
     "fleet_quadruped/sim/worlds.py": "fleet/replay/test_file.py",
@@ -295,7 +293,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 150, "adapters": 136, "plugins": 0}
+CEILINGS = {"fleet": 149, "adapters": 134, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))

@@ -50,7 +50,7 @@ async def test_a_stop_that_is_not_seen_to_be_carried_out_is_not_called_done(benc
     bench.adapter.drive(forward(0.3))
     await bench.pass_time(0.5)
     bench.board.set_fault("mute", 1.0)
-    with pytest.raises(TimedOut, match=r"not seen to stand within 0.05 s; .* of them: 0.[23]\d m/s"):
+    with pytest.raises(TimedOut, match=r"not seen to stand within 0.05 s; .* speed: 0.[23]\d m/s"):
         await bench.adapter.stop("stop")
 
 

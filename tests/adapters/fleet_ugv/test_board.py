@@ -97,7 +97,7 @@ async def test_silence_is_amber_in_a_second_red_in_three_and_halts(bench):
     assert (bench.health, bench.board.physics.wanted) == (Level.DEGRADED, [0.0, 0.0])
     with pytest.raises(NotReady, match="silent"):
         bench.adapter.drive(forward(0.3))
-    with pytest.raises(Exception, match="nothing heard for 2"):
+    with pytest.raises(Exception, match="nothing received for 2"):
         await bench.pass_time(2.0)
 
 

@@ -3,7 +3,7 @@
 import threading
 
 from fleet.cloud.fallback_reader import BUSY, PERIOD, FallbackReader
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 
 class Waits:

@@ -16,7 +16,7 @@ from fleet.link.gate import GATE, LinkGate
 from fleet.model.command import Reply
 from fleet.standby.lease import LeaseEntry, LeaseState, Takeover
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import DEADLINE
+from tests.tools.waiting import DEADLINE
 
 OTHER = LeaseEntry("right", "right-1", 4)
 LEASE, FAILSAFE = 0.5, 2.0  # of the robot: s for which a velocity holds, s until its own fail-safe

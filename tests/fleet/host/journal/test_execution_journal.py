@@ -188,7 +188,7 @@ def test_a_file_of_a_newer_format_stops_every_robot(tmp_path, caplog):
     path.write_bytes(b'["format",%d]\n["latch","rex",""]\n["set","max"]\n' % (FORMAT + 1))
     (stop,) = rows_of(path)
     assert stop.robot == ANY
-    assert "nobody knows whether a stop was set" in stop.why
+    assert "whether a stop was set is unknown" in stop.why
     assert "every robot is stopped" in caplog.text
 
 

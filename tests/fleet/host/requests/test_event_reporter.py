@@ -82,10 +82,19 @@ async def test_a_low_battery_and_what_is_done_about_it_are_events(make_bench, as
     assert (done.kind, done.text) == ("battery", "land by battery_policy: the battery was at 10 %")
 
 
+def end_of_a_stream(bench, asks):
+    """Let the lease of a velocity run out that had renewed another."""
+    bench.report_pose(0.0)
+    for _ in range(2):
+        bench.ask(asks.setpoint())
+        bench.clock.advance(0.1)
+    bench.controller.motion.lease_ran_out()
+
+
 @pytest.mark.parametrize(
     "what",
     [
-        lambda bench, _asks: bench.controller.motion.lease_ran_out(),
+        lambda bench, asks: end_of_a_stream(bench, asks),
         lambda bench, _asks: bench.controller.authority_lost("the pilot took it"),
         lambda bench, asks: bench.ask(asks.command("release_emergency_stop")),
         lambda bench, _asks: bench.report_pose(14.0),

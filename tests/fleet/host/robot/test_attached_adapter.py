@@ -62,7 +62,7 @@ def refusing(error):
     ("halt_unheard", "expected"),
     [
         (lambda _: True, "the stop was written, but the robot does not answer"),
-        (lambda _: False, "the stop was given to its adapter, which cannot tell if it was written"),
+        (lambda _: False, "the stop was given to its adapter, which does not know whether it was written"),
         (refusing(LinkLost("the cable is out")), "the stop was not written: the cable is out"),
         (refusing(NotReady("a pilot has it")), "the stop was not written: a pilot has it"),
         (refusing(KeyError("x")), "the stop may not have been written: its adapter failed"),

@@ -300,9 +300,9 @@ async def test_a_robot_with_a_fault_is_stopped_and_asked_what_does_not_move_it(b
     assert bench.adapter.calls
 
 
-@pytest.mark.parametrize("ask", ["setpoint", "goal"])
-async def test_a_fault_halts_what_is_under_way(bench, asks, ask):
-    bench.ask(getattr(asks, ask)())
+@pytest.mark.parametrize("given", ["setpoint", "goal"])
+async def test_a_fault_halts_what_is_under_way(bench, asks, given):
+    bench.ask(getattr(asks, given)())
     await asks.settle()
     bench.controller.faulted("the left arm is hot")
     await asks.settle()

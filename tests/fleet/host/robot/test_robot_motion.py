@@ -106,10 +106,10 @@ async def test_what_is_asked_after_a_failure_waits_until_the_robot_stands(bench,
     assert bench.adapter.calls[-1] == ("takeoff", None)
 
 
-@pytest.mark.parametrize("ask", ["goal", "setpoint", "takeoff"])
+@pytest.mark.parametrize("given", ["goal", "setpoint", "takeoff"])
 @pytest.mark.parametrize("back", ["found", "faulted"])
-async def test_a_robot_that_was_lost_while_it_moved_is_stopped_when_it_is_back(bench, asks, ask, back):
-    bench.ask(asks.command(ask) if ask == "takeoff" else getattr(asks, ask)())
+async def test_a_robot_that_was_lost_while_it_moved_is_stopped_when_it_is_back(bench, asks, given, back):
+    bench.ask(asks.command(given) if given == "takeoff" else getattr(asks, given)())
     await asks.settle()
     bench.controller.lost("no heartbeat")
     before = len(bench.adapter.calls)
@@ -273,3 +273,16 @@ async def test_a_stop_of_a_robot_that_is_lost_meanwhile_is_not_reported_as_done(
     await asks.settle()
     assert statuses(answers) == [REJECTED]
     assert "no heartbeat" in answers[0].reason
+
+
+@pytest.mark.parametrize(("setpoints", "level"), [(1, "INFO"), (2, "WARNING")])
+async def test_only_a_stream_whose_lease_ran_out_is_warned_of(bench, asks, caplog, setpoints, level):
+    caplog.set_level("INFO")
+    for _ in range(setpoints):
+        bench.ask(asks.setpoint())
+        bench.clock.advance(0.1)
+    bench.clock.advance(1.0)
+    bench.controller.deadman.expire(bench.clock.monotonic())
+    bench.controller.motion.lease_ran_out()
+    said = [record for record in caplog.records if "lease" in record.message]
+    assert [record.levelname for record in said] == [level]
