@@ -30,8 +30,8 @@ def main():
     # Shells start background jobs with SIGINT ignored, and child processes inherit that, although the
     # benchmarks end them with SIGINT.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    for asked in sys.argv[1:] or AT_ONCE:
-        name, _, rows = asked.partition(":")
+    for requested in sys.argv[1:] or AT_ONCE:
+        name, _, rows = requested.partition(":")
         if name not in NAMES:
             sys.exit(f"there is no benchmark {name!r}; there are {', '.join(NAMES)}")
         print(name, flush=True)

@@ -30,7 +30,7 @@ from bench.common import (
 )
 from bench.record import send
 from fleet.bus.settings import runtime_dir
-from fleet.console.links import LinkAsked, ask_link
+from fleet.console.links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
 from tests.browser import open_page
@@ -99,7 +99,7 @@ def run():
 
 def new_link():
     """Return a new link to the console with its process ID, or None while it does not serve."""
-    return ask_link(link_socket(runtime_dir(), "bench"), LinkAsked("bench", Permission.ADMIN))
+    return request_link(link_socket(runtime_dir(), "bench"), LinkRequest("bench", Permission.ADMIN))
 
 
 @contextlib.contextmanager

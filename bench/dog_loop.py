@@ -195,10 +195,10 @@ def watch(bus: can.BusABC, killed: float) -> tuple[float, float]:
 
     Returns when the last drive was seen enabled, and how far joints exceeded their limits.
     """
-    last, beyond, asked = 0.0, -1.0, 0.0
+    last, beyond, requested = 0.0, -1.0, 0.0
     while (passed := time.monotonic() - killed) < 2.0:
-        if passed - asked > 0.01:
-            asked = passed
+        if passed - requested > 0.01:
+            requested = passed
             bus.send(can.Message(arbitration_id=SYNC, is_extended_id=False))
         message = bus.recv(0.005)
         if message is None or message.arbitration_id not in JOINTS:

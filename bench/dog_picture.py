@@ -40,12 +40,12 @@ class RecordedWalk:
     def square(self):
         """Stand up, walk around a square, and sit down."""
         self.rig.go(0.5)
-        self.rig.ask(BodyRequest.STAND)
+        self.rig.request(BodyRequest.STAND)
         self.rig.go(2.5)
         for corner in range(1, 5):
             self._forward()
             self._turn(corner * math.pi / 2)
-        self.rig.ask(BodyRequest.SIT)
+        self.rig.request(BodyRequest.SIT)
         self.rig.go(2.5)
 
     def _forward(self):

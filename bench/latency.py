@@ -114,16 +114,16 @@ class CommandRelay:
         while True:
             data, _ = self.near.recvfrom(65536)
             now = time.monotonic()
-            if self._waited_for in asked_in(data):
+            if self._waited_for in requested_in(data):
                 self.at, self._waited_for = now, None
                 self.passed.set()
             if self.vehicle:
                 self.far.sendto(data, self.vehicle)
 
-    def wait_for(self, asked):
-        """Arm the relay for the command ``asked``, in the form that ``asked_in`` yields."""
+    def wait_for(self, requested):
+        """Arm the relay for the command ``requested``, in the form that ``requested_in`` yields."""
         self.passed.clear()
-        self._waited_for = asked
+        self._waited_for = requested
 
     def _to_fleet(self):
         set_realtime()
@@ -132,7 +132,7 @@ class CommandRelay:
             self.near.sendto(data, ("127.0.0.1", self.fleet_port))
 
 
-def asked_in(data):
+def requested_in(data):
     """Yield what the MAVLink 2 frames of a datagram command: a climb rate in mm/s, or the ID of a command."""
     while len(data) >= 12 and data[0] == 0xFD:
         payload = data[10 : 10 + data[1]].ljust(53, b"\0")

@@ -13,7 +13,7 @@ import time
 
 from bench.common import cpu_seconds, fleet, free_port, line, mosquitto, process, quantiles, robot, twin_of
 from bench.latency import DO_SET_HOME, Cloud, samples
-from fleet.cli.stop import StopEffort
+from fleet.cli.stop import StopAttempts
 
 AIRCRAFT = 50
 SECONDS = 8.0
@@ -139,7 +139,7 @@ def stop_all(edge, notes):
     os.environ["FLEET_RUNTIME_DIR"] = edge.runtime
     notes.forget()
     began = time.monotonic()
-    with StopEffort(()) as effort:
+    with StopAttempts(()) as effort:
         effort.stop_local_edges()
         arrived = notes.first(HOLD, set(range(1, AIRCRAFT + 1)))
         effort.end()

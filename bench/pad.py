@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bench.common import free_port, line, process
 from fleet.bus.settings import runtime_dir
-from fleet.console.links import LinkAsked, ask_link
+from fleet.console.links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
 from tests.browser import open_page
@@ -77,5 +77,5 @@ def opened(page):
 
 def a_link():
     """Return a new console link, once the console serves."""
-    asked = LinkAsked("bench", Permission.ADMIN)
-    return wait_until("the console", lambda: ask_link(link_socket(runtime_dir(), "pad"), asked)).link
+    requested = LinkRequest("bench", Permission.ADMIN)
+    return wait_until("the console", lambda: request_link(link_socket(runtime_dir(), "pad"), requested)).link

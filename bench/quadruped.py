@@ -217,7 +217,7 @@ def enables(dog: DogDescription) -> None:
     rig = Rig(dog)
     rig.go(0.1)
     begun = rig.sim.time
-    rig.ask(BodyRequest.STAND)
+    rig.request(BodyRequest.STAND)
     while rig.mode is BodyMode.ENABLING:
         rig.cycle()
     line(
@@ -237,7 +237,7 @@ def repeats(dog: DogDescription, times: int = 20) -> None:
     """Print how many times in a row the robot stands up and sits down."""
     rig, done = standing(dog), 0
     while done < times and rig.mode is BodyMode.STANDING:
-        rig.ask(BodyRequest.SIT)
+        rig.request(BodyRequest.SIT)
         rig.go(3.5)
         if rig.mode is BodyMode.OFF:
             rig.stand()
@@ -350,16 +350,16 @@ ONCE: dict[str, Callable[[DogDescription], None]] = {
 
 def run(rows: Sequence[str] = ()) -> None:
     known = [*EACH, *ONCE]
-    asked = rows or known
-    for row in asked:
+    requested = rows or known
+    for row in requested:
         if row not in known:
             sys.exit(f"there is no row {row!r}; there are {', '.join(known)}")
     dog = load_description(EXAMPLE)
     drive = dog.drive.model_copy(update={"protocol": "mit", "profile": "damiao-8006"})
     for each in (dog, dog.model_copy(update={"drive": drive})):
         for row, measure in EACH.items():
-            if row in asked:
+            if row in requested:
                 measure(each)
     for row, measure in ONCE.items():
-        if row in asked:
+        if row in requested:
             measure(dog)

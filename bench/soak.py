@@ -112,7 +112,7 @@ def soak(minutes):
             if not memory and time.monotonic() > began + SETTLED * minutes * 60:
                 memory, files = edge.memory_info().rss, edge.num_fds()
             for name in names:
-                client.ask(name, rng.choice(("poke", "poke", "lunge")))
+                client.request(name, rng.choice(("poke", "poke", "lunge")))
                 client.drive(rng.choice(list(names)))
             fault(rng, proxy)
             churn.turn()
@@ -120,13 +120,17 @@ def soak(minutes):
             client.retry_until_accepted()
         proxy.delay = 0.0
         settle(client)
-        events = [*client.events(), *executed(running.journal, client.asks)]
+        events = [*client.events(), *executed(running.journal, client.requests)]
         lived = edge.is_running()
         grown, opened = edge.memory_info().rss - memory, edge.num_fds() - files
-    asked = [str(ask.number) for ask in client.asks.values() if ask.sent > 1 or not ask.answered]
+    requested = [
+        str(request.number)
+        for request in client.requests.values()
+        if request.sent > 1 or not request.answered
+    ]
     velocities = driven(client)
-    lines = broken([event for event in events if event.ask not in velocities], PROMISES)
-    what = f"{minutes:g} min, {len(client.asks)} asks, {len(asked)} of them again: unanswered"
+    lines = broken([event for event in events if event.request not in velocities], PROMISES)
+    what = f"{minutes:g} min, {len(client.requests)} asks, {len(requested)} of them again: unanswered"
     line(what, str(len(client.unanswered())), "aim: 0")
     line("broken promises", str(len(lines)), "aim: 0")
     for each in lines[:10]:
@@ -139,7 +143,7 @@ def soak(minutes):
 
 def driven(client):
     """Return the names of the velocity commands, which are superseded by newer ones and never answered."""
-    return {str(number) for number, ask in client.asks.items() if b"move_forward" in ask.payload}
+    return {str(number) for number, request in client.requests.items() if b"move_forward" in request.payload}
 
 
 def run(rows=()):

@@ -56,12 +56,12 @@ class RobotClient:
         at = decode_report("position", sample).position
         self.poses.append((time.monotonic(), (at.x, at.y, at.z)))
 
-    def ask(self, command, data=None, *, wait=False):
+    def request(self, command, data=None, *, wait=False):
         """Send a command and return the last reply."""
         payload = json.dumps({"command": command, "data": data or {}, "source_type": "sim_tele"}).encode()
         parameters = {"kind": "command", "wait": "1" if wait else "0"}
         key = keys.command("bench", self.name)
-        found = list(self.bus_session.ask(key, payload, timeout=90.0, parameters=parameters))
+        found = list(self.bus_session.request(key, payload, timeout=90.0, parameters=parameters))
         return json.loads(found[-1][1]) if found else {}
 
     def drive(self, speed, seconds):
@@ -111,19 +111,19 @@ def measure(kind, fields, speed, begin):
             figure = f"{usual[0]:.2f} s, {usual[1]:.2f} m"
             line(f"{kind}: {method}", figure, f"at most {worst}; from {usual[2]:.2f} m/s")
         if kind.startswith(("px4", "ardupilot")):
-            watch.ask("land")
+            watch.request("land")
         bus_session.close()
 
 
 def once(watch, method, speed, begin):
     """Drive and stop; return the time (s) and distance (m) to standstill, and the speed before."""
-    watch.ask("release_emergency_stop")
+    watch.request("release_emergency_stop")
     if begin is not None:
-        wait_for(lambda: watch.ask(*begin, wait=True).get("done"), within=120.0)
+        wait_for(lambda: watch.request(*begin, wait=True).get("done"), within=120.0)
     watch.drive(speed, 4.0)
     since = time.monotonic()
     if method == "emergency_stop":
         watch.bus_session.put(keys.stop("bench"), b"[]", urgent=True)
     elif method == "stop":
-        watch.ask("stop")
+        watch.request("stop")
     return watch.standstill(since)

@@ -71,7 +71,7 @@ async def many():
     scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
     scheduler.start()
     async with SimProcess("fleet_ugv.sim") as simulator:
-        urls = [(await simulator.ask({"add": BaseSpec(PROFILE)}))["url"] for _ in range(BASES)]
+        urls = [(await simulator.request({"add": BaseSpec(PROFILE)}))["url"] for _ in range(BASES)]
         robots = [BenchRobot(scheduler) for _ in urls]
         adapters = [adapter_of(url, robot) for url, robot in zip(urls, robots, strict=True)]
         runs = [asyncio.create_task(serve(each)) for each in adapters]
@@ -165,9 +165,9 @@ def waits_of(read_fd, sent):
         received = json.loads(pipe.read())
     waits = []
     for number, line, at in received:
-        asked = sent.pop((number, line), None)
-        if asked is not None:
-            waits.append((at - asked) * 1000)
+        requested = sent.pop((number, line), None)
+        if requested is not None:
+            waits.append((at - requested) * 1000)
     return sorted(waits)
 
 

@@ -36,7 +36,7 @@ ADDRESS = 0x80
 SET_TIMEOUT, GET_TIMEOUT, GET_VOLTS, SPEEDS, COUNTERS = 14, 15, 24, 37, 78
 ANSWERS = {GET_TIMEOUT: 3, GET_VOLTS: 4, COUNTERS: 10}  # bytes, including the CRC
 TAKEN = b"\xff"
-MOST_ASKED = 8  # requests without an answer; more mean that the controller is gone
+MOST_REQUESTED = 8  # requests without an answer; more mean that the controller is gone
 COUNTER = 2**32
 
 
@@ -56,14 +56,14 @@ class RoboclawCodec(Codec):
         self._ticks = ticks
         self._steps = max(1, round(timeout * 10))
         self._rest = b""
-        self._asked: deque[int] = deque(maxlen=MOST_ASKED)
+        self._requested: deque[int] = deque(maxlen=MOST_REQUESTED)
         self._volts: float | None = None
 
     def feed(self, data: bytes) -> Sequence[Event]:
         """Decode received bytes; return the events of the complete answers."""
         self._rest = (self._rest + data)[-256:]
         events: list[Event] = []
-        while self._rest and (not self._asked or len(self._rest) >= ANSWERS[self._asked[0]]):
+        while self._rest and (not self._requested or len(self._rest) >= ANSWERS[self._requested[0]]):
             said = self._next()
             if said is not None:
                 events.append(said)
@@ -71,11 +71,11 @@ class RoboclawCodec(Codec):
 
     def _next(self) -> Event | None:
         """Decode the answer to the oldest request, or an acknowledgement; discard anything else."""
-        if self._asked:
-            command = self._asked[0]
+        if self._requested:
+            command = self._requested[0]
             answer = self._rest[: ANSWERS[command]]
             if self._is_good(command, answer):
-                self._asked.popleft()
+                self._requested.popleft()
                 self._rest = self._rest[len(answer) :]
                 return self._answer(command, answer)
         if self._rest[:1] == TAKEN:
@@ -83,13 +83,13 @@ class RoboclawCodec(Codec):
             return None
         self.garbage += 1
         self._rest = b""
-        self._asked.clear()
+        self._requested.clear()
         return None
 
     def _is_good(self, command: int, answer: bytes) -> bool:
         """Return True for an answer with a valid CRC."""
-        asked = bytes((ADDRESS, command))
-        return binascii.crc_hqx(asked + answer[:-2], 0) == int.from_bytes(answer[-2:])
+        requested = bytes((ADDRESS, command))
+        return binascii.crc_hqx(requested + answer[:-2], 0) == int.from_bytes(answer[-2:])
 
     def _answer(self, command: int, answer: bytes) -> Event | None:
         """Return the event of an answer."""
@@ -101,9 +101,9 @@ class RoboclawCodec(Codec):
             return None
         return Confirmed() if answer[0] == self._steps else None
 
-    def _ask(self, command: int) -> bytes:
+    def _request(self, command: int) -> bytes:
         """Return a request, which has no CRC, and remember it."""
-        self._asked.append(command)
+        self._requested.append(command)
         return bytes((ADDRESS, command))
 
     def motion(self, motion: Motion) -> bytes:
@@ -114,12 +114,12 @@ class RoboclawCodec(Codec):
 
     def setup(self) -> bytes:
         """Return the command that sets the dead-man, and the request that reads it back."""
-        self._asked.clear()
-        return packet(SET_TIMEOUT, bytes((self._steps,))) + self._ask(GET_TIMEOUT)
+        self._requested.clear()
+        return packet(SET_TIMEOUT, bytes((self._steps,))) + self._request(GET_TIMEOUT)
 
     def poll(self) -> bytes:
         """Return the requests for voltage and counters."""
-        return self._ask(GET_VOLTS) + self._ask(COUNTERS)
+        return self._request(GET_VOLTS) + self._request(COUNTERS)
 
 
 def _codec(setting: CodecSettings) -> Codec:

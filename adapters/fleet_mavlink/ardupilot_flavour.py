@@ -9,7 +9,7 @@ from fleet import Refused
 from fleet_mavlink.ardupilot_kinds import ArduPilotKind
 from fleet_mavlink.constants import MAG_CAL_SUCCESS, MavCmd
 from fleet_mavlink.flavour import CalibrationStep, Flavour
-from fleet_mavlink.messages import Ask, CommandLong, MavlinkMessage
+from fleet_mavlink.messages import CommandLong, MavlinkCommand, MavlinkMessage
 from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
@@ -37,7 +37,7 @@ class ArduPilotFlavour(ArduPilotKind, Flavour):
     compass_start: ClassVar[CommandLong] = CommandLong(MavCmd.DO_START_MAG_CAL, param3=1.0)  # saved by itself
     compass_stop: ClassVar[CommandLong] = CommandLong(MavCmd.DO_CANCEL_MAG_CAL)
 
-    def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - independent of the state
+    def hold_command(self, state: VehicleState) -> MavlinkCommand:  # noqa: ARG002 - independent of the state
         """Return the change to the holding mode."""
         return self.mode_command(self.hold)
 

@@ -10,7 +10,7 @@ from fleet import GeoOrigin, GeoPoint, NotReady, Refused, Vector3, Velocity, geo
 from fleet_mavlink.ardupilot_flavour import ArduPilotFlavour
 from fleet_mavlink.constants import NAN, VTOL_GOES_FORWARD, VTOL_HOVERS, MavCmd, MavFrame, mode_names
 from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.messages import Ask, CommandInt, CommandLong
+from fleet_mavlink.messages import CommandInt, CommandLong, MavlinkCommand
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle_kind import Brake
 from fleet_mavlink.vocabulary import HOVERING, NO_VELOCITIES, UNSET_QUADPLANE
@@ -137,9 +137,9 @@ class UnknownArduPlane(ArduPlane):
 
     hold: ClassVar[str] = "GUIDED"
 
-    def hold_command(self, state: VehicleState) -> Ask:
+    def hold_command(self, state: VehicleState) -> MavlinkCommand:
         """Return the change to GUIDED."""
-        return self.brakes(state)[0].ask
+        return self.brakes(state)[0].request
 
     def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
         """Return GUIDED, or a landing if it hovers and GUIDED would not; then the circling modes."""
@@ -211,7 +211,7 @@ class QuadPlane(_ArduPlaneModes):
         """Return the speed below which it is slowing down; from its wings it takes longer."""
         return _SLOWED * speed if speed > _FASTEST_HOVER else super().slows_to(speed)
 
-    def hold_command(self, state: VehicleState) -> Ask:
+    def hold_command(self, state: VehicleState) -> MavlinkCommand:
         """Return the command to its stopping point; without a position QLAND."""
         here = _here(state)
         return self.mode_command(self.land) if here is None else self.to_stand(here, state)
@@ -263,7 +263,7 @@ class QuadPlaneForward(QuadPlane):
     hold: ClassVar[str] = "LOITER"
     braking: ClassVar[tuple[str, ...]] = ("LOITER", "CIRCLE")
 
-    def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - independent of the state
+    def hold_command(self, state: VehicleState) -> MavlinkCommand:  # noqa: ARG002 - independent of the state
         """Return the change to LOITER."""
         return self.mode_command(self.hold)
 
@@ -291,7 +291,7 @@ class UnsetQuadPlane(QuadPlane):
     hold: ClassVar[str] = "QLAND"
     lacking: ClassVar[Mapping[str, str]] = UNSET_QUADPLANE
 
-    def hold_command(self, state: VehicleState) -> Ask:  # noqa: ARG002 - independent of the state
+    def hold_command(self, state: VehicleState) -> MavlinkCommand:  # noqa: ARG002 - independent of the state
         """Return the change to QLAND."""
         return self.mode_command(self.hold)
 
@@ -300,7 +300,7 @@ class UnsetQuadPlane(QuadPlane):
         return (Brake(self.hold, self.hold_command(state)),)
 
 
-class UnsetQuadPlaneForward(QuadPlaneForward):
+class QuadPlaneWithoutGuidedMode(QuadPlaneForward):
     """A QuadPlane with Q_GUIDED_MODE 0 on its wings, or on the ground."""
 
     lacking: ClassVar[Mapping[str, str]] = UNSET_QUADPLANE
@@ -313,7 +313,7 @@ class UnsetQuadPlaneInTransition(UnsetQuadPlane):
 
 
 _HOVER, _FORWARD, _IN_TRANSITION = QuadPlane(), QuadPlaneForward(), QuadPlaneInTransition()
-_UNSET_HOVER, _UNSET_FORWARD = UnsetQuadPlane(), UnsetQuadPlaneForward()
+_UNSET_HOVER, _UNSET_FORWARD = UnsetQuadPlane(), QuadPlaneWithoutGuidedMode()
 _UNSET_IN_TRANSITION = UnsetQuadPlaneInTransition()
 _QUADPLANES: Mapping[int, tuple[Flavour, Flavour]] = {
     VTOL_GOES_FORWARD: (_IN_TRANSITION, _UNSET_IN_TRANSITION),

@@ -53,7 +53,7 @@ class Arming:
             landed = flavour.lands_once and any(flavour.lands_once in each for each in refusal.messages)
             if not landed or flavour.rewind is None:
                 raise
-            await self._commander.ask(flavour.rewind)
+            await self._commander.request(flavour.rewind)
             await self._switch(on=True, force=force)
 
     async def disarm(self, *, force: bool = False) -> None:
@@ -93,7 +93,7 @@ class Arming:
 
         self._seen_by = self._vehicle.now() + _SHOWN_WITHIN if on else -math.inf
         try:
-            await self._commander.ask(arm_command(arm=on, force=force), seen=shown)
+            await self._commander.request(arm_command(arm=on, force=force), seen=shown)
         except CommandError as error:
             self._seen_by = -math.inf if error.device_result is not None else self._seen_by
             raise

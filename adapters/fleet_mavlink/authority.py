@@ -38,7 +38,7 @@ class Authority:
         return f"{self.lost_to}: {self.cause}" if self.cause else self.lost_to
 
     @contextlib.contextmanager
-    def asking(self, *modes: str) -> Iterator[None]:
+    def requesting(self, *modes: str) -> Iterator[None]:
         """Regain authority by the commands sent inside the ``with`` block, if they are carried out.
 
         A mode that the autopilot refused is no longer expected. A command that was not answered, or was
@@ -65,7 +65,7 @@ class Authority:
         """Expect one of these modes as an end of the present command as well; no effect without authority."""
         self._expected |= set(modes)
 
-    def asked_before(self, mode: str) -> bool:
+    def requested_before(self, mode: str) -> bool:
         """Return True for a mode that was asked for before the expected one, and may still be shown."""
         return mode in self._earlier | self._left
 

@@ -63,7 +63,7 @@ class Brakes:
         if kind is None:
             kind = _UNKNOWN
             yield ned_setpoint(Vector3(), 0.0, self._vehicle.system)
-        yield self._commander.addressed(kind.brakes(state)[0].ask)
+        yield self._commander.addressed(kind.brakes(state)[0].request)
 
     async def _engage(self, kind: VehicleKind) -> str:
         """Try the brakes in order until one is not refused; return the mode that is then shown."""
@@ -79,7 +79,7 @@ class Brakes:
                 return brake.mode or _A_PAUSE
         if kind.may_be_disarmed:
             self._vehicle.log.error("no mode brakes it (%s): it is disarmed", refusals[0])
-            await self._commander.ask(arm_command(arm=False, force=True), seen=_is_disarmed)
+            await self._commander.request(arm_command(arm=False, force=True), seen=_is_disarmed)
             return "the disarming"
         said = "; ".join(str(each) for each in refusals)
         raise Refused(f"{self._vehicle.what} was not stopped: {said}", hint="stop it by other means")
@@ -87,11 +87,11 @@ class Brakes:
     async def _take(self, brake: Brake, kind: VehicleKind) -> None:
         """Send one brake command until its mode is shown."""
         if brake.first is not None:
-            await self._commander.ask(brake.first.ask, tries=2, effect=Effect.NONE)
+            await self._commander.request(brake.first.request, tries=2, effect=Effect.NONE)
         if brake.mode:
-            await self._commander.enter(brake.mode, kind.mode_of, brake.ask, effect=Effect.NONE)
+            await self._commander.enter(brake.mode, kind.mode_of, brake.request, effect=Effect.NONE)
         else:
-            await self._commander.ask(brake.ask, tries=2)
+            await self._commander.request(brake.request, tries=2)
 
     async def _see(self, kind: VehicleKind, before: float | None, seconds: float, shown: str) -> None:
         """Wait until the vehicle stands; raises TimedOut if it does not even slow down."""

@@ -44,14 +44,14 @@ class CameraComponent:
         require_connection(camera)
         with camera.hearing(CameraImageCaptured) as heard:
             self._taken += 1
-            ask = CommandLong(
+            request = CommandLong(
                 MavCmd.IMAGE_START_CAPTURE,
                 target_component=camera.component,
                 param3=_ONE,
                 param4=float(self._taken),
             )
             # Sent only once: a repeat might take a second picture.
-            await self._commander_of(camera).ask(ask, tries=1)
+            await self._commander_of(camera).request(request, tries=1)
             taken = await heard.next(_TAKEN_WITHIN)
         if taken is None:
             raise TimedOut("the camera accepted the command but reported no picture")

@@ -15,10 +15,10 @@ import msgspec
 from fleet import GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Unsupported, world_from_geo
 from fleet_mavlink.constants import MavCmd, MavResult, result_name
 from fleet_mavlink.messages import (
-    Ask,
     CommandAck,
     CommandLong,
     Heartbeat,
+    MavlinkCommand,
     PositionTargetGlobalInt,
     SetPositionTargetGlobalInt,
 )
@@ -26,7 +26,7 @@ from fleet_mavlink.motion_effect import Effect, effect_of
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
 from fleet_mavlink.turns import CommandQueue, CommandTurn
-from fleet_mavlink.vehicle import Condition, Vehicle
+from fleet_mavlink.vehicle import StateCondition, Vehicle
 
 
 class CommandTimeouts(msgspec.Struct, frozen=True):
@@ -62,16 +62,16 @@ class Commander:
         self.turns = CommandQueue(vehicle.now)
         self._ever: set[int] = set()  # all commands sent so far
         self._unanswered: dict[int, float] = {}  # time of sending of each unanswered command
-        self._mode_asked_at = -math.inf  # of the last change of mode that was not shown yet
-        self._asked_mode = ""
-        self._asked_after: Heartbeat | None = None  # the last one before
+        self._mode_requested_at = -math.inf  # of the last change of mode that was not shown yet
+        self._requested_mode = ""
+        self._requested_after: Heartbeat | None = None  # the last one before
         vehicle.on_ack = self._acknowledged
 
-    async def ask(
+    async def request(
         self,
-        ask: Ask,
+        request: MavlinkCommand,
         *,
-        seen: Condition | None = None,
+        seen: StateCondition | None = None,
         tries: int | None = None,
         yields: bool = False,
         effect: Effect | None = None,
@@ -83,27 +83,36 @@ class Commander:
         lost, so that it is not sent, and executed, twice. Raises Refused, NotReady (temporarily rejected),
         Unsupported, TimedOut (no acknowledgement), LinkLost.
         """
-        async with CommandTurn(self.turns, ask, effect=effect or effect_of(ask), yields=yields) as exchange:
+        async with CommandTurn(
+            self.turns, request, effect=effect or effect_of(request), yields=yields
+        ) as exchange:
             sent = 0
-            late = self._answer_is_due(ask) and not yields
+            late = self._answer_is_due(request) and not yields
             while True:
                 exchange.require_wanted()
-                self._send(ask, sent)
+                self._send(request, sent)
                 sent += 1
                 ack = await self._answer(exchange, seen)
                 if late and ack is not None:
                     late, exchange.refusal = False, None
                     ack = await self._answer(exchange, seen)
                 if ack is None:
-                    if await self._obeyed_unanswered(exchange, ask, seen, sent, tries or self.timing.tries):
+                    if await self._obeyed_unanswered(
+                        exchange, request, seen, sent, tries or self.timing.tries
+                    ):
                         return
                 elif ack.result == MavResult.ACCEPTED or await self._obeyed_refused(
-                    exchange, ask, ack, seen, sent
+                    exchange, request, ack, seen, sent
                 ):
                     return
 
     async def _obeyed_unanswered(
-        self, exchange: CommandTurn, ask: Ask, seen: Condition | None, sent: int, tries: int
+        self,
+        exchange: CommandTurn,
+        request: MavlinkCommand,
+        seen: StateCondition | None,
+        sent: int,
+        tries: int,
     ) -> bool:
         """Return whether an unanswered command was executed; False: send it again.
 
@@ -114,28 +123,33 @@ class Commander:
         if await self._seen_within(seen, self.timing.working):
             return True
         raise TimedOut(
-            f"system {self.vehicle.system} did not answer {_name(ask)}",
+            f"system {self.vehicle.system} did not answer {_name(request)}",
             hint=f"sent {sent} times; is the link good, is this station allowed to command?",
             messages=self._words_since(exchange.began),
         )
 
     async def _obeyed_refused(
-        self, exchange: CommandTurn, ask: Ask, ack: CommandAck, seen: Condition | None, sent: int
+        self,
+        exchange: CommandTurn,
+        request: MavlinkCommand,
+        ack: CommandAck,
+        seen: StateCondition | None,
+        sent: int,
     ) -> bool:
         """Return whether a refused command was executed nevertheless; False: send it again, after a pause.
 
         A repeated command may be refused because its first copy was executed. Raises the refusal.
         """
-        asked_until = exchange.began + self.timing.patience
-        if ack.result == MavResult.TEMPORARILY_REJECTED and self.vehicle.now() < asked_until:
+        requested_until = exchange.began + self.timing.patience
+        if ack.result == MavResult.TEMPORARILY_REJECTED and self.vehicle.now() < requested_until:
             await asyncio.sleep(self.timing.pause)
             exchange.require_wanted()
             return False
         if sent > 1 and await self._seen_within(seen, self.timing.heartbeat):
             return True
-        raise await self._refusal(ask, ack, exchange)
+        raise await self._refusal(request, ack, exchange)
 
-    async def _seen_within(self, seen: Condition | None, seconds: float) -> bool:
+    async def _seen_within(self, seen: StateCondition | None, seconds: float) -> bool:
         """Wait for a condition; False if it does not become true in time, or there is none."""
         return seen is not None and await self.vehicle.until(seen, seconds)
 
@@ -143,44 +157,46 @@ class Commander:
         self,
         mode: str,
         shows: Callable[[VehicleState], str],
-        ask: Ask,
+        request: MavlinkCommand,
         *,
         effect: Effect = Effect.MOTION,
     ) -> None:
         """Send a command until the vehicle's heartbeat shows the mode that it leads to.
 
         Acknowledgements only explain a failure: PX4 sends two, the first of which is meaningless, and the
-        second may be mistaken for that of the next command. Raises like ``ask``.
+        second may be mistaken for that of the next command. Raises like ``request``.
         """
         unsure = self.changes_mode(shows(self.vehicle.state))
         if shows(self.vehicle.state) != mode:
-            self.mode_is_asked(mode)
-        async with CommandTurn(self.turns, ask, effect=effect) as exchange:
+            self.mode_is_requested(mode)
+        async with CommandTurn(self.turns, request, effect=effect) as exchange:
             already = shows(self.vehicle.state) == mode
-            late = self._answer_is_due(ask)
+            late = self._answer_is_due(request)
             for attempt in range(self.timing.tries):
                 exchange.refusal = None
                 if already:
-                    entered = await self._is_accepted(exchange, ask, attempt, late=late and attempt == 0)
+                    entered = await self._is_accepted(exchange, request, attempt, late=late and attempt == 0)
                     entered = entered and (not unsure or await self._stays(exchange, mode, shows))
                 else:
-                    entered = await self._is_shown(exchange, ask, attempt, mode, shows)
+                    entered = await self._is_shown(exchange, request, attempt, mode, shows)
                 exchange.require_wanted()
                 if entered:
                     return
-                await self._require_no_refusal(exchange, ask)
+                await self._require_no_refusal(exchange, request)
             seen = f"does not change to {mode}, it stays in {shows(self.vehicle.state)}"
             raise TimedOut(
-                f"system {self.vehicle.system} {f'did not answer {_name(ask)}' if already else seen}",
+                f"system {self.vehicle.system} {f'did not answer {_name(request)}' if already else seen}",
                 messages=self._words_since(exchange.began),
             )
 
-    async def _is_accepted(self, exchange: CommandTurn, ask: Ask, attempt: int, *, late: bool) -> bool:
+    async def _is_accepted(
+        self, exchange: CommandTurn, request: MavlinkCommand, attempt: int, *, late: bool
+    ) -> bool:
         """Send a command that leads to the mode that is shown; return whether it was accepted.
 
         ``late``: the first answer is that of an earlier equal command, with other parameters.
         """
-        self._send(ask, attempt)
+        self._send(request, attempt)
         ack = await self._answer(exchange, None)
         if late and ack is not None:
             exchange.refusal = None
@@ -203,15 +219,15 @@ class Commander:
     async def _is_shown(
         self,
         exchange: CommandTurn,
-        ask: Ask,
+        request: MavlinkCommand,
         attempt: int,
         mode: str,
         shows: Callable[[VehicleState], str],
     ) -> bool:
         """Send a command that leads to another mode; return whether a heartbeat shows it."""
         last = self.vehicle.state.heartbeat
-        self.mode_is_asked(mode)
-        self._send(ask, attempt)
+        self.mode_is_requested(mode)
+        self._send(request, attempt)
 
         def settled(state: VehicleState) -> bool:
             if exchange.superseded:
@@ -221,24 +237,24 @@ class Commander:
 
         await self.vehicle.until(settled, self.timing.heartbeat)
         entered = shows(self.vehicle.state) == mode
-        self._mode_asked_at = -math.inf if entered else self._mode_asked_at
+        self._mode_requested_at = -math.inf if entered else self._mode_requested_at
         return entered
 
-    async def _require_no_refusal(self, exchange: CommandTurn, ask: Ask) -> None:
+    async def _require_no_refusal(self, exchange: CommandTurn, request: MavlinkCommand) -> None:
         """Raise the refusal of a change of mode, if there is one: the mode that is shown stays."""
         if exchange.refusal is not None:
-            self._mode_asked_at = -math.inf
-            raise await self._refusal(ask, exchange.refusal, exchange)
+            self._mode_requested_at = -math.inf
+            raise await self._refusal(request, exchange.refusal, exchange)
 
-    def mode_is_asked(self, mode: str) -> None:
+    def mode_is_requested(self, mode: str) -> None:
         """Note that a change of mode is written; from any thread."""
-        self._asked_mode, self._asked_after = mode, self.vehicle.state.heartbeat
-        self._mode_asked_at = self.vehicle.now()
+        self._requested_mode, self._requested_after = mode, self.vehicle.state.heartbeat
+        self._mode_requested_at = self.vehicle.now()
 
     def changes_mode(self, shown: str) -> bool:
         """Return whether the shown mode may be out of date: one was asked for, and not seen since."""
-        seen = shown == self._asked_mode and self.vehicle.state.heartbeat is not self._asked_after
-        return not seen and self.vehicle.now() - self._mode_asked_at < _LATE
+        seen = shown == self._requested_mode and self.vehicle.state.heartbeat is not self._requested_after
+        return not seen and self.vehicle.now() - self._mode_requested_at < _LATE
 
     async def send_to(self, target: SetPositionTargetGlobalInt, altitude: float) -> None:
         """Send a position target (``altitude`` m AMSL) until the vehicle reports it; it is not acknowledged.
@@ -286,7 +302,7 @@ class Commander:
             exchange.refused_at = self.vehicle.now()
         exchange.take(ack)
 
-    async def _answer(self, exchange: CommandTurn, seen: Condition | None) -> CommandAck | None:
+    async def _answer(self, exchange: CommandTurn, seen: StateCondition | None) -> CommandAck | None:
         """Return the acknowledgement, None without one in time; waits on after "in progress"."""
         wait = self.timing.answer
         while True:
@@ -304,29 +320,29 @@ class Commander:
                 return ack
             wait = self.timing.working
 
-    def _answer_is_due(self, ask: Ask) -> bool:
+    def _answer_is_due(self, request: MavlinkCommand) -> bool:
         """Return True if the next answer may be that of an earlier equal command, with other parameters."""
-        return self.vehicle.now() - self._unanswered.get(ask.command, -math.inf) < _LATE
+        return self.vehicle.now() - self._unanswered.get(request.command, -math.inf) < _LATE
 
-    def addressed(self, ask: Ask) -> Ask:
+    def addressed(self, request: MavlinkCommand) -> MavlinkCommand:
         """Return a command with the vehicle's address filled in, and expect acknowledgements of it."""
-        self._ever.add(ask.command)
-        return msgspec.structs.replace(ask, target_system=self.vehicle.system)
+        self._ever.add(request.command)
+        return msgspec.structs.replace(request, target_system=self.vehicle.system)
 
-    def _send(self, ask: Ask, attempt: int) -> None:
+    def _send(self, request: MavlinkCommand, attempt: int) -> None:
         """Send the command, addressed; a repeated COMMAND_LONG has its confirmation count."""
-        addressed = self.addressed(ask)
+        addressed = self.addressed(request)
         if isinstance(addressed, CommandLong):
             addressed = msgspec.structs.replace(addressed, confirmation=min(attempt, 255))
-        self._unanswered[ask.command] = self.vehicle.now()
+        self._unanswered[request.command] = self.vehicle.now()
         self.vehicle.send(addressed)
 
-    async def _refusal(self, ask: Ask, ack: CommandAck, exchange: CommandTurn) -> Exception:
+    async def _refusal(self, request: MavlinkCommand, ack: CommandAck, exchange: CommandTurn) -> Exception:
         """Return the error for a refusal, after waiting for the autopilot's text with the reason."""
         await asyncio.sleep(self.timing.words)
         words = self._words_since(exchange.began)
         result = result_name(ack.result)
-        reason = "; ".join(words) or f"the autopilot answered {result} to {_name(ask)}"
+        reason = "; ".join(words) or f"the autopilot answered {result} to {_name(request)}"
         if ack.result in _UNSUPPORTED:
             return Unsupported(reason, device_result=result, messages=words)
         if ack.result == MavResult.TEMPORARILY_REJECTED:
@@ -362,6 +378,6 @@ def _texts(sentences: list[Sentence]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(sentence.text for sentence in sentences))
 
 
-def _name(ask: Ask) -> str:
+def _name(request: MavlinkCommand) -> str:
     """Return a command's name, or its number."""
-    return MavCmd(ask.command).name if ask.command in set(MavCmd) else f"command {ask.command}"
+    return MavCmd(request.command).name if request.command in set(MavCmd) else f"command {request.command}"

@@ -17,7 +17,7 @@ from fleet_mavlink.texts import Sentence
 _SILENCE = 15.0  # s without a message after which the calibration counts as ended
 _CANCELLED = Sentence("cancelled", 6, 0.0)
 
-Said = MavlinkMessage | Sentence
+CompassMessage = MavlinkMessage | Sentence
 
 
 class Compass:
@@ -25,7 +25,7 @@ class Compass:
 
     def __init__(self, flight: Flight) -> None:
         self._flight = flight
-        self._heard: ReceivedMessages[Said] | None = None
+        self._heard: ReceivedMessages[CompassMessage] | None = None
 
     async def calibrate(self) -> AsyncIterator[Progress]:
         """Calibrate while a person rotates the vehicle, yielding progress until it is calibrated.
@@ -38,7 +38,7 @@ class Compass:
         if flight.vehicle.state.armed:
             raise Refused("it is armed", hint="land and disarm first")
         with flight.vehicle.hearing(MagCalProgress, MagCalReport, Sentence) as heard:
-            await flight.commander.ask(flight.flavour.compass_start, tries=1)
+            await flight.commander.request(flight.flavour.compass_start, tries=1)
             self._heard = heard
             try:
                 async for progress in self._follow(heard):
@@ -54,11 +54,11 @@ class Compass:
         require_connection(self._flight.vehicle)
         if self._flight.vehicle.state.armed:
             raise Refused("it is armed", hint="no compass is calibrated in flight")
-        await self._flight.commander.ask(self._flight.flavour.compass_stop)
+        await self._flight.commander.request(self._flight.flavour.compass_stop)
         if self._heard is not None:
             self._heard.put(_CANCELLED)
 
-    async def _follow(self, heard: ReceivedMessages[Said]) -> AsyncIterator[Progress]:
+    async def _follow(self, heard: ReceivedMessages[CompassMessage]) -> AsyncIterator[Progress]:
         """Follow the calibration to its end; the slowest compass determines the progress."""
         step_of = self._flight.flavour.calibration_step
         percents: dict[int, float] = {}
@@ -82,4 +82,4 @@ class Compass:
     async def _stop_quietly(self) -> None:
         """Stop the calibration on the vehicle; failures are ignored."""
         with contextlib.suppress(CommandError, LinkError):
-            await self._flight.commander.ask(self._flight.flavour.compass_stop, tries=1)
+            await self._flight.commander.request(self._flight.flavour.compass_stop, tries=1)

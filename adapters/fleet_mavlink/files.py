@@ -46,20 +46,20 @@ class FtpClient:
     async def checksum(self, path: str) -> int:
         """Return the file's CRC32; raises Refused if there is no such file, TimedOut without an answer."""
         with self._vehicle.hearing(FileTransfer) as heard:
-            data = (await self._ask(heard, _CRC, 0, 0, path.encode())).data
+            data = (await self._request(heard, _CRC, 0, 0, path.encode())).data
         return int.from_bytes(data[:4], "little")
 
     async def read(self, path: str) -> bytes:
         """Return a whole file; raises Refused if it is missing or too large, TimedOut without an answer."""
         with self._vehicle.hearing(FileTransfer) as heard:
-            opened = await self._ask(heard, _OPEN, 0, 0, path.encode())
+            opened = await self._request(heard, _OPEN, 0, 0, path.encode())
             size = int.from_bytes(opened.data[:4], "little")
             if size > MOST_BYTES:
                 raise Refused(f"{path} has {size} bytes, more than {MOST_BYTES}")
             found = bytearray()
             try:
                 while len(found) < size:
-                    piece = (await self._ask(heard, _READ, opened.session, len(found), b"")).data
+                    piece = (await self._request(heard, _READ, opened.session, len(found), b"")).data
                     if not piece:
                         raise Refused(f"{path} ended at {len(found)} of {size} bytes")
                     found += piece
@@ -74,7 +74,7 @@ class FtpClient:
         payload = tuple((head + data).ljust(_PAYLOAD, b"\0"))
         self._vehicle.send(FileTransfer(0, self._vehicle.system, AUTOPILOT, payload))
 
-    async def _ask(
+    async def _request(
         self, heard: ReceivedMessages[FileTransfer], opcode: int, session: int, offset: int, data: bytes
     ) -> FtpAnswer:
         """Send a request until it is answered; repeats keep their sequence number, so it is executed once."""

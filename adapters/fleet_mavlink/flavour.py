@@ -12,9 +12,9 @@ import msgspec
 from fleet import GeoPoint, Vector3, Velocity, enu_yaw_from_heading, ned_from_enu, rotate_to_world
 from fleet_mavlink.constants import AUTOPILOT, FORCE, MavCmd, MavFrame
 from fleet_mavlink.messages import (
-    Ask,
     CommandInt,
     CommandLong,
+    MavlinkCommand,
     MavlinkMessage,
     SetPositionTargetGlobalInt,
     SetPositionTargetLocalNed,
@@ -122,12 +122,12 @@ class Flavour(VehicleKind):
     def mode_command(self, mode: str) -> CommandLong:
         """Return the command that changes to a mode."""
 
-    def land_command(self) -> Ask:
+    def land_command(self) -> MavlinkCommand:
         """Return the command that lands; the ``land`` mode is then shown."""
         return self.mode_command(self.land)
 
     @abstractmethod
-    def hold_command(self, state: VehicleState) -> Ask:
+    def hold_command(self, state: VehicleState) -> MavlinkCommand:
         """Return the command that brakes at once and stays; the ``hold`` mode is then shown."""
 
     def holding(self, state: VehicleState) -> Brake:
@@ -137,7 +137,7 @@ class Flavour(VehicleKind):
         return Brake(self.hold, self.hold_command(state))
 
     @abstractmethod
-    def takeoff_command(self, altitude: float, home_altitude: float) -> Ask:
+    def takeoff_command(self, altitude: float, home_altitude: float) -> MavlinkCommand:
         """Return the command that climbs to ``altitude`` m above home (at ``home_altitude`` m AMSL)."""
 
     @abstractmethod

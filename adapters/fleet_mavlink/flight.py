@@ -23,7 +23,7 @@ from fleet_mavlink.commander import Commander
 from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.home_position import VehicleHome
-from fleet_mavlink.messages import Ask, CommandLong, SetPositionTargetGlobalInt
+from fleet_mavlink.messages import CommandLong, MavlinkCommand, SetPositionTargetGlobalInt
 from fleet_mavlink.motion_effect import Effect, effect_of_descent
 from fleet_mavlink.preconditions import home_unknown, moved_flavour, require_connection, require_heartbeat
 from fleet_mavlink.state import VehicleState
@@ -69,7 +69,9 @@ class Flight:
         """Return the name of the mode in a state."""
         return self.flavour.mode_of(state)
 
-    async def enter(self, mode: str, ask: Ask | None = None, *, effect: Effect = Effect.MOTION) -> None:
+    async def enter(
+        self, mode: str, request: MavlinkCommand | None = None, *, effect: Effect = Effect.MOTION
+    ) -> None:
         """Change to a mode, by a command that leads to it or by the mode command; return once it is shown.
 
         ``effect`` decides whether a halt in the meantime ends the change: one mode may serve holds and
@@ -77,13 +79,13 @@ class Flight:
         """
         require_heartbeat(self.vehicle)
         flavour = self.flavour
-        with self.authority.asking(mode):
-            change = ask or flavour.mode_command(mode)
+        with self.authority.requesting(mode):
+            change = request or flavour.mode_command(mode)
             await self.commander.enter(mode, flavour.mode_of, change, effect=effect)
         self.descent = ""
-        self.mode_was_asked()
+        self.mode_was_requested()
 
-    def mode_was_asked(self) -> None:
+    def mode_was_requested(self) -> None:
         """Note that a command that leads to another mode was accepted."""
         self._entered_at = self.vehicle.now()
 
@@ -101,12 +103,12 @@ class Flight:
         """Brake and stay; return once the holding mode is shown."""
         require_heartbeat(self.vehicle)
         brake = self.flavour.holding(self.vehicle.state)
-        with self.authority.asking(*brake.modes):
+        with self.authority.requesting(*brake.modes):
             if brake.first is not None:
-                await self.commander.ask(brake.first.ask, tries=2, effect=Effect.NONE)
-            await self.commander.enter(brake.mode, self.flavour.mode_of, brake.ask, effect=Effect.NONE)
+                await self.commander.request(brake.first.request, tries=2, effect=Effect.NONE)
+            await self.commander.enter(brake.mode, self.flavour.mode_of, brake.request, effect=Effect.NONE)
         self.descent = ""
-        self.mode_was_asked()
+        self.mode_was_requested()
 
     async def hold_if_ours(self) -> None:
         """Hold after a failure, unless we have no authority or it cannot be reached.
@@ -120,10 +122,10 @@ class Flight:
         except (CommandError, LinkError) as error:
             self.vehicle.log.warning("it does not hold: %s", error)
 
-    async def come_down(self, mode: str, ask: Ask | None = None) -> AsyncIterator[Progress]:
+    async def come_down(self, mode: str, request: MavlinkCommand | None = None) -> AsyncIterator[Progress]:
         """Land or return home by a mode of the autopilot; ends on the ground with the motors off.
 
-        ``ask``: the command that leads to the mode, if it is not the mode command.
+        ``request``: the command that leads to the mode, if it is not the mode command.
         """
         require_connection(self.vehicle)
         start = height_of(self.vehicle.state)
@@ -131,7 +133,7 @@ class Flight:
             yield Progress(100.0, "on the ground")
             return
         self.end_stream(self.flavour, mode)
-        await self.enter(mode, ask, effect=effect_of_descent(self.flavour))
+        await self.enter(mode, request, effect=effect_of_descent(self.flavour))
         self.descent = mode
         percent = 0.0
         while not await self.vehicle.until(lambda state: not state.armed, _POLL):
@@ -153,7 +155,7 @@ class Flight:
         before = flavour.command_before_go(backwards=backwards)
         if before is not None:
             await self.be_in(flavour.goto)  # a change of mode resets what ``before`` sets
-            await self.commander.ask(before)
+            await self.commander.request(before)
         go = flavour.go_command(to, await self.home.altitude(), speed, heading)
         if isinstance(go, SetPositionTargetGlobalInt):
             await self.be_in(flavour.goto)
@@ -162,7 +164,7 @@ class Flight:
             await self.enter(flavour.goto, go)
         following = flavour.command_after_go(speed, self.vehicle.state)
         if following is not None:
-            await self.commander.ask(following)
+            await self.commander.request(following)
 
     def require_altitude(self, altitude: float) -> None:
         """Raise unless an altitude (m AMSL) is between the lowest height above home and the ceiling.
@@ -198,8 +200,8 @@ class Flight:
         if self.vehicle.state.armed:
             raise Refused("it is armed", hint="land and disarm first")
         reboots = self.vehicle.state.reboots
-        ask = CommandLong(MavCmd.PREFLIGHT_REBOOT_SHUTDOWN, param1=1.0)
-        await self.commander.ask(ask, seen=lambda state: state.reboots > reboots, tries=1)
+        request = CommandLong(MavCmd.PREFLIGHT_REBOOT_SHUTDOWN, param1=1.0)
+        await self.commander.request(request, seen=lambda state: state.reboots > reboots, tries=1)
 
     def check(self, *modes: str) -> None:
         """Raise unless the flight continues as commanded: connected, ours, armed, in one of these modes."""
@@ -215,7 +217,7 @@ class Flight:
     def _is_shown_late(self, mode: str) -> bool:
         """Return True for a mode that was asked for before the present one, and may be shown first."""
         just_entered = self.vehicle.now() - self._entered_at < _SHOWN_WITHIN
-        return just_entered and self.authority.asked_before(mode)
+        return just_entered and self.authority.requested_before(mode)
 
     async def wait(self, seconds: float, *modes: str) -> None:
         """Wait for a time, checking that the flight continues as commanded."""

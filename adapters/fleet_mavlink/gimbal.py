@@ -62,7 +62,7 @@ class Gimbal:
         self._keep()
         if turn.seconds > 0:
             await self._turn_slowly(aim, turn.seconds)
-        await self._ask(pitch=_or_nan(aim.pitch), yaw=_or_nan(aim.yaw))
+        await self._request(pitch=_or_nan(aim.pitch), yaw=_or_nan(aim.yaw))
         if self._vehicle.state.sensors.aim is None:
             return  # no attitude report: the manager's acknowledgement is the only evidence
 
@@ -79,7 +79,7 @@ class Gimbal:
             raise Refused(f"a turning speed is within {_FASTEST:g} degrees a second")
         await self._take_control()
         self._keep()
-        await self._ask(pitch_rate=pitch, yaw_rate=yaw)
+        await self._request(pitch_rate=pitch, yaw_rate=yaw)
         if pitch or yaw:
             self._ending = self._spawn(self._end_spin())
 
@@ -87,7 +87,7 @@ class Gimbal:
         """Stop turning when the lease has expired."""
         await asyncio.sleep(LEASE)
         self._ending = None
-        await self._ask(pitch_rate=0.0, yaw_rate=0.0)
+        await self._request(pitch_rate=0.0, yaw_rate=0.0)
 
     def _keep(self) -> None:
         """Cancel the scheduled end of a spin, because of a newer command."""
@@ -101,7 +101,7 @@ class Gimbal:
         if seen is None:
             raise NotReady("the gimbal does not say how it is turned", hint="leave the duration out")
         pitch, yaw = _speed(seen.pitch, aim.pitch, seconds), _speed(seen.yaw, aim.yaw, seconds)
-        await self._ask(pitch_rate=pitch, yaw_rate=yaw)
+        await self._request(pitch_rate=pitch, yaw_rate=yaw)
         await asyncio.sleep(seconds)
 
     def _aim_of(self, turn: GimbalTurn, manager: GimbalManagerInformation) -> _GimbalTarget:
@@ -123,23 +123,23 @@ class Gimbal:
         if self._manager is None or self._met_at_boot != reboots:
             self._manager = await self._find()
             system, component = map(float, self._station)
-            ask = CommandLong(
+            request = CommandLong(
                 MavCmd.DO_GIMBAL_MANAGER_CONFIGURE,
                 param1=system,
                 param2=component,
                 param3=_NOBODY_ELSE,
                 param4=_NOBODY_ELSE,
             )
-            await self._commander.ask(ask)
+            await self._commander.request(request)
             self._met_at_boot = reboots
         return self._manager
 
     async def _find(self) -> GimbalManagerInformation:
         """Request the gimbal manager's information from the autopilot."""
-        ask = CommandLong(MavCmd.REQUEST_MESSAGE, param1=float(GimbalManagerInformation.message_id))
+        request = CommandLong(MavCmd.REQUEST_MESSAGE, param1=float(GimbalManagerInformation.message_id))
         with self._vehicle.hearing(GimbalManagerInformation) as heard:
             try:
-                await self._commander.ask(ask)
+                await self._commander.request(request)
             except CommandError as error:
                 if error.device_result is None:
                     raise
@@ -149,12 +149,12 @@ class Gimbal:
             raise Unsupported("the autopilot reports no gimbal")
         return found
 
-    async def _ask(
+    async def _request(
         self, *, pitch: float = NAN, yaw: float = NAN, pitch_rate: float = NAN, yaw_rate: float = NAN
     ) -> None:
         """Send a pitch/yaw command; NaN leaves an axis unchanged."""
         try:
-            await self._commander.ask(
+            await self._commander.request(
                 CommandLong(
                     MavCmd.DO_GIMBAL_MANAGER_PITCHYAW,
                     param1=pitch,

@@ -38,44 +38,44 @@ class Halts:
         self._brakes = brakes
         self._comes_down = comes_down
 
-    def halt(self, *, asked: bool = False, takes_over: bool = False) -> bool:
+    def halt(self, *, requested: bool = False, takes_over: bool = False) -> bool:
         """Write the messages that stop the vehicle now; from any thread. The next tick continues from there.
 
-        Requested motion that is not confirmed yet is not requested again. ``asked``: a sender requested this
+        Requested motion that is not confirmed yet is not requested again. ``requested``: a sender wants this
         stop. Otherwise the mode of a vehicle that does not answer is not changed, because it may be in its
         own fail-safe, and one that comes down is left alone. One under another operator's control is left
-        alone unless ``takes_over``, which implies ``asked``. Returns False if nothing was written; raises
+        alone unless ``takes_over``, which implies ``requested``. Returns False if nothing was written; raises
         LinkLost.
         """
-        asked = asked or takes_over
-        self._commander.turns.halt(EMERGENCY_HALTED if asked else HALTED)
+        requested = requested or takes_over
+        self._commander.turns.halt(EMERGENCY_HALTED if requested else HALTED)
         self._driver.halted = True
         taken = self._vehicle.flavour is not None and self._authority.lost_to and not takes_over
-        if taken or (self._comes_down() and not asked):
+        if taken or (self._comes_down() and not requested):
             return False
-        return self._hub.send_from_any_thread(self._halting(asked=asked), self._vehicle)
+        return self._hub.send_from_any_thread(self._halting(requested=requested), self._vehicle)
 
-    def _halting(self, *, asked: bool) -> list[MavlinkMessage]:
+    def _halting(self, *, requested: bool) -> list[MavlinkMessage]:
         """Return the messages that stop the vehicle, none for one on the ground.
 
         A silent one may have been armed since its last message, and may still receive.
         """
         vehicle, flavour = self._vehicle, self._vehicle.flavour
         heard = vehicle.connected
-        if not vehicle.state.armed and (heard or not asked):
+        if not vehicle.state.armed and (heard or not requested):
             return []
         if flavour is None:
-            return [*self._brakes.messages()] if heard or asked else []
+            return [*self._brakes.messages()] if heard or requested else []
         streamed = flavour.mode_of(vehicle.state) == flavour.external and not flavour.tries_brakes
         messages: list[MavlinkMessage] = [ned_setpoint(Vector3(), 0.0, vehicle.system)] * streamed
         # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.
-        best = holding_of(vehicle) if heard or asked else None
+        best = holding_of(vehicle) if heard or requested else None
         if best is not None:
             pending = self._commander.turns.current
             goes_on = pending is not None and not pending.superseded  # a landing, about to change the mode
             (self._authority.expect_also if goes_on else self._authority.expect)(*best.modes)
-            self._commander.mode_is_asked(best.mode)
-            messages += map(self._commander.addressed, best.asks)
+            self._commander.mode_is_requested(best.mode)
+            messages += map(self._commander.addressed, best.requests)
         return messages
 
     def write(self, *, takes_over: bool) -> None:
@@ -86,7 +86,7 @@ class Halts:
         require_ours(self._authority, takes_over=takes_over)
         if self._vehicle.connected and not self._vehicle.state.armed:
             raise Refused("its motors are off")
-        if not self.halt(asked=True, takes_over=takes_over):
+        if not self.halt(requested=True, takes_over=takes_over):
             raise LinkLost(f"the vehicle's address on {self._hub.link.url} is not known yet: it sent nothing")
 
 

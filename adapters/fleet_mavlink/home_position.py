@@ -64,7 +64,7 @@ class VehicleHome:
         def shown(state: VehicleState) -> bool:
             return state.home is not None and _are_one(state.home, home)
 
-        await self._commander.ask(
+        await self._commander.request(
             CommandInt(
                 MavCmd.DO_SET_HOME,
                 frame=MavFrame.GLOBAL,

@@ -283,4 +283,4 @@ OUTGOING: tuple[type[MavlinkMessage], ...] = (
     SetPositionTargetGlobalInt,
     SetPositionTargetLocalNed,
 )
-Ask = CommandLong | CommandInt
+MavlinkCommand = CommandLong | CommandInt

@@ -226,7 +226,7 @@ class MissionPilot:
         ends = (flavour.return_home,) if returns or circles else (flavour.hold, *flavour.mission_ends)
         self._flight.end_stream(flavour, flavour.mission)
         if flavour.rewind is not None and not mission.resumed:
-            await flight.commander.ask(flavour.rewind)
+            await flight.commander.request(flavour.rewind)
         before = self._vehicle.state.mission_reached if flavour.repeats_reached else None
         watch = _ItemProgress(plan, len(mission.items), before)
         with self._vehicle.hearing(*_ITEM_MESSAGES) as heard:

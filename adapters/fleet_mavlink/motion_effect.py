@@ -6,7 +6,7 @@ import enum
 
 from fleet_mavlink.constants import MavCmd
 from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.messages import Ask
+from fleet_mavlink.messages import MavlinkCommand
 
 
 class Effect(enum.Enum):
@@ -34,10 +34,10 @@ _STARTING = frozenset(
 """Commands of a start that lead to no mode of their own: motion follows them."""
 
 
-def effect_of(ask: Ask) -> Effect:
+def effect_of(request: MavlinkCommand) -> Effect:
     """Return the effect of a command that is not a change of mode."""
-    disarms = ask.command == MavCmd.COMPONENT_ARM_DISARM and ask.param1 == 0.0
-    return Effect.MOTION if ask.command in _STARTING and not disarms else Effect.NONE
+    disarms = request.command == MavCmd.COMPONENT_ARM_DISARM and request.param1 == 0.0
+    return Effect.MOTION if request.command in _STARTING and not disarms else Effect.NONE
 
 
 def effect_of_descent(flavour: Flavour) -> Effect:

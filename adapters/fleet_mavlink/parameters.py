@@ -30,14 +30,14 @@ _ROUNDS = 5  # consecutive requests without an answer
 _AT_ONCE = 20  # values requested before waiting for them
 _MOST = 5000  # largest credible number of parameters
 
-Number = int | float
+ParameterValue = int | float
 
 
 class Parameter(msgspec.Struct, frozen=True):
     """One parameter; ``kind``: its MAV_PARAM_TYPE, which determines whether ``value`` is an integer."""
 
     name: str
-    value: Number
+    value: ParameterValue
     kind: int
 
 
@@ -45,7 +45,7 @@ def decode(said: ParamValue, *, bytewise: bool) -> Parameter:
     """Decode a PARAM_VALUE; NaN and infinity are returned as floats."""
     bits = struct.pack("<I", said.param_value)
     packing = _INTEGERS.get(said.param_type)
-    value: Number
+    value: ParameterValue
     if packing is not None and bytewise:
         (value,) = struct.unpack(packing, bits)
     else:
@@ -55,7 +55,7 @@ def decode(said: ParamValue, *, bytewise: bool) -> Parameter:
     return Parameter(said.param_id, value, said.param_type)
 
 
-def encode(name: str, value: Number, kind: int, *, bytewise: bool) -> int:
+def encode(name: str, value: ParameterValue, kind: int, *, bytewise: bool) -> int:
     """Return the 32 bits for a value; raises Refused if they cannot represent it exactly."""
     packing = _INTEGERS.get(kind)
     if not math.isfinite(value) or (packing is not None and value != int(value)):
@@ -71,7 +71,7 @@ def encode(name: str, value: Number, kind: int, *, bytewise: bool) -> int:
     return int.from_bytes(sensors, "little")
 
 
-def same(one: Number, other: Number) -> bool:
+def same(one: ParameterValue, other: ParameterValue) -> bool:
     """Return True if two values are the same on the wire."""
     return one == other or struct.pack("<f", one) == struct.pack("<f", other)
 
@@ -99,7 +99,7 @@ class Parameters:
                 found = await self._list(heard)
         return sorted(found.values(), key=lambda parameter: parameter.name)
 
-    async def write(self, name: str, value: Number) -> tuple[Parameter, Parameter]:
+    async def write(self, name: str, value: ParameterValue) -> tuple[Parameter, Parameter]:
         """Write a parameter and read it back; return the old and the new one.
 
         Raises Refused for a value that cannot be represented, or that the vehicle did not keep.
@@ -107,8 +107,8 @@ class Parameters:
         async with self._lock:
             before = await self._read(name)
             bits = encode(name, value, before.kind, bytewise=self._bytewise)
-            ask = ParamSet(self._vehicle.system, AUTOPILOT, name, bits, before.kind)
-            await self._exchange(ask, name)
+            request = ParamSet(self._vehicle.system, AUTOPILOT, name, bits, before.kind)
+            await self._exchange(request, name)
             after = await self._read(name)
         if not same(after.value, value):
             raise Refused(f"{name} is {after.value:g} after it was set to {value:g}")
@@ -125,13 +125,13 @@ class Parameters:
             raise Refused(f"{name!r} is no name of a parameter: 1 to {_LONGEST_NAME} ASCII characters")
         return await self._exchange(ParamRequestRead(self._vehicle.system, AUTOPILOT, name), name)
 
-    async def _exchange(self, ask: ParamRequestRead | ParamSet, name: str) -> Parameter:
+    async def _exchange(self, request: ParamRequestRead | ParamSet, name: str) -> Parameter:
         """Send a request until the value of this name arrives; a repeat has the same effect."""
         require_connection(self._vehicle)
         bytewise = self._bytewise
         with self._vehicle.hearing(ParamValue) as heard:
             for _ in range(3):
-                self._vehicle.send(ask)
+                self._vehicle.send(request)
                 said = await heard.first(lambda said: said.param_id == name, _SILENCE)
                 if said is not None:
                     return decode(said, bytewise=bytewise)
@@ -154,10 +154,10 @@ class Parameters:
                 if count and len(found) >= count:
                     return found
             fruitless = 0 if len(found) > before else fruitless + 1
-            self._ask_again([index for index in range(count) if index not in found])
+            self._request_again([index for index in range(count) if index not in found])
         raise TimedOut(f"{len(found)} of {count or 'unknown'} parameters came", hint="is the link good?")
 
-    def _ask_again(self, missing: Sequence[int]) -> None:
+    def _request_again(self, missing: Sequence[int]) -> None:
         """Request missing values by index, a few at a time; all values if none arrived."""
         system = self._vehicle.system
         require_heartbeat(self._vehicle)

@@ -114,9 +114,9 @@ class Plans:
         async with self._lock:
             require_connection(self._vehicle)
             with self._vehicle.hearing(*_KINDS) as heard:
-                ask = MissionClearAll(0, 0, kind)
+                request = MissionClearAll(0, 0, kind)
                 ack = await self._answer(
-                    ask, heard, lambda said: isinstance(said, MissionAck) and said.mission_type == kind
+                    request, heard, lambda said: isinstance(said, MissionAck) and said.mission_type == kind
                 )
         _require_accepted(ack, f"to forget its {kind.name.lower()}")
 
@@ -127,13 +127,13 @@ class Plans:
 
         Return the number of requested items: fewer than all if the vehicle gave up.
         """
-        asked: dict[int, int] = {}
+        requested: dict[int, int] = {}
         tries = 0
         while tries < _TRIES:
-            if not asked:
+            if not requested:
                 self._send(MissionCount(0, 0, len(items), kind))
             said = await self._newest(kind, heard)
-            if said is None and len(asked) == len(items):
+            if said is None and len(requested) == len(items):
                 break  # the final acknowledgement may be lost: the read-back decides
             if said is None:
                 tries += 1
@@ -144,17 +144,17 @@ class Plans:
                 return len(items)
             else:
                 tries = 0
-                self._answer_request(kind, items, said.seq, asked)
-        return len(asked)
+                self._answer_request(kind, items, said.seq, requested)
+        return len(requested)
 
     def _answer_request(
-        self, kind: PlanType, items: Sequence[MissionItemInt], seq: int, asked: dict[int, int]
+        self, kind: PlanType, items: Sequence[MissionItemInt], seq: int, requested: dict[int, int]
     ) -> None:
         """Send the requested item; raises Refused for one beyond the plan."""
         if not 0 <= seq < len(items):
             raise Refused(f"system {self._vehicle.system} asks for item {seq} of {len(items)}")
-        asked[seq] = asked.get(seq, 0) + 1
-        if asked[seq] > _ITEM_TRIES:
+        requested[seq] = requested.get(seq, 0) + 1
+        if requested[seq] > _ITEM_TRIES:
             raise TimedOut(f"system {self._vehicle.system} does not take item {seq}")
         self._send(msgspec.structs.replace(items[seq], seq=seq, mission_type=kind))
 
@@ -205,7 +205,7 @@ class Plans:
         return said
 
     async def _answer(
-        self, ask: MavlinkMessage, heard: ReceivedMessages[_Said], wanted: Callable[[_Said], bool]
+        self, request: MavlinkMessage, heard: ReceivedMessages[_Said], wanted: Callable[[_Said], bool]
     ) -> _Said:
         """Send a request until the answer arrives; raises TimedOut.
 
@@ -216,11 +216,11 @@ class Plans:
             return wanted(said) and not (isinstance(said, MissionAck) and said.type in _OF_UPLOADS)
 
         for _ in range(_TRIES):
-            self._send(ask)
+            self._send(request)
             said = await heard.first(answers, _SILENCE)
             if said is not None:
                 return said
-        raise TimedOut(f"system {self._vehicle.system} did not answer {type(ask).__name__}")
+        raise TimedOut(f"system {self._vehicle.system} did not answer {type(request).__name__}")
 
     def _send(self, message: MavlinkMessage) -> None:
         """Send a message, addressed."""

@@ -43,18 +43,18 @@ def checks(
     lost_to: str,
     now: float,
     *,
-    asked: float = math.inf,
+    requested: float = math.inf,
     needs_remote_id: bool = False,
 ) -> list[ReadinessCheck]:
     """Return the checks, in the order in which they become ok after power-on.
 
-    ``asked``: when the autopilot was asked to check itself; what it says from then on is what it found.
+    ``requested``: when the autopilot was asked to check itself; what it says from then on is what it found.
     """
     mode = flavour.mode_of(state)
     fix, troubles = state.fix_now(now), position_troubles(state, now)
     percent = state.battery.percent
     sentences = [said for said in sentences if said.severity <= WARNING]  # of what is switched off, too
-    standing = _standing(sentences, asked, now)
+    standing = _standing(sentences, requested, now)
     against = tuple(each for each in standing if not _is_solved_by_takeoff(each, mode, flavour))
     is_reported = any(each.lower().startswith(_FOUND) for each in standing)  # all that it found
     passed = (is_reported or state.prearm_ok) and not against
@@ -125,11 +125,11 @@ def reasons(sentences: Iterable[Sentence], now: float) -> tuple[str, ...]:
     return tuple(dict.fromkeys(text for text in lately if text.lower().startswith(_REASONS)))
 
 
-def _standing(sentences: Iterable[Sentence], asked: float, now: float) -> tuple[str, ...]:
+def _standing(sentences: Iterable[Sentence], requested: float, now: float) -> tuple[str, ...]:
     """Return what ArduPilot says against arming now, whatever its bit shows, which is up to 1 s behind.
 
-    ``asked``: when it was asked to check itself. What it finds only when it is armed, as that its log does
-    not open, counts for a while: some seconds later its checks find nothing again.
+    ``requested``: time of the request to check itself. What it finds only when armed, such as a log that
+    does not open, counts for a while: some seconds later its checks find nothing again.
     """
     said = [(each.text, each.text.lower(), each.at) for each in sentences]
     found = {text.removeprefix(_FOUND) for _, text, _ in said if text.startswith(_FOUND)}
@@ -137,7 +137,7 @@ def _standing(sentences: Iterable[Sentence], asked: float, now: float) -> tuple[
         dict.fromkeys(
             words
             for words, text, at in said
-            if (text.startswith(_FOUND) and at >= asked)
+            if (text.startswith(_FOUND) and at >= requested)
             or (
                 text.startswith(_REFUSED)
                 and at >= now - _SAID_FOR
@@ -158,16 +158,22 @@ async def inspect(flight: Flight) -> list[ReadinessCheck]:
     require_connection(vehicle)
     if vehicle.state.armed:
         raise Refused("it is armed: it was ready")
-    asked = vehicle.now()
+    requested = vehicle.now()
     try:
-        await flight.commander.ask(CommandLong(MavCmd.RUN_PREARM_CHECKS), tries=1)
+        await flight.commander.request(CommandLong(MavCmd.RUN_PREARM_CHECKS), tries=1)
         answered = vehicle.now()
         await asyncio.sleep(_WORDS_WITHIN)
         await vehicle.until(lambda _: vehicle.seen_at.get(SysStatus, 0.0) > answered, _BIT_WITHIN)
     except CommandError:
-        asked = math.inf  # without the command it sends its reasons unasked, only less often
+        requested = math.inf  # without the command it sends its reasons unasked, only less often
     lost_to = flight.authority.lost_to
     said, wanted = tuple(vehicle.sentences), vehicle.needs_remote_id
     return checks(
-        vehicle.state, flight.flavour, said, lost_to, vehicle.now(), asked=asked, needs_remote_id=wanted
+        vehicle.state,
+        flight.flavour,
+        said,
+        lost_to,
+        vehicle.now(),
+        requested=requested,
+        needs_remote_id=wanted,
     )

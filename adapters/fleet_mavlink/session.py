@@ -229,7 +229,7 @@ class VehicleSession:
         if flavour is None:
             await self.brakes.brake()
         elif flavour.surface or (flavour.tries_brakes and self.vehicle.state.armed):
-            with self.authority.asking(*flavour.brake_modes(self.vehicle.state)):
+            with self.authority.requesting(*flavour.brake_modes(self.vehicle.state)):
                 await self.brakes.brake()
         elif self.vehicle.state.armed:
             await self.flight.hold()

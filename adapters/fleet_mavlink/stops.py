@@ -10,7 +10,7 @@ from fleet_mavlink.session_adapter import SessionAdapter
 
 _TAKE_OVER = frozenset({"hover", "brake", "emergency_stop"})
 """Stops of the vehicle itself, also under another operator's control; the others end only our own motion."""
-_ASKED = _TAKE_OVER | {GENTLE, "pause"}
+_REQUESTED = _TAKE_OVER | {GENTLE, "pause"}
 """Stops that a sender requested; the host itself causes the others, after a failure or at its end."""
 
 
@@ -24,7 +24,7 @@ class StopCommands(SessionAdapter):
         is broken off for somebody who asks for it only. What is not moved here is braked for nobody else.
         Raises a CommandError when the vehicle was not seen to stop.
         """
-        if reason not in _ASKED and not self._session.is_ours_to_stop:
+        if reason not in _REQUESTED and not self._session.is_ours_to_stop:
             return
         try:
             await self._session.stop(reason, takes_over=reason in _TAKE_OVER)

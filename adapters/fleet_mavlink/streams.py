@@ -32,7 +32,7 @@ from fleet_mavlink.vehicle_kind import VehicleKind
 
 _POLL_INTERVAL = 1.0  # s between checks of the arriving messages
 _PATIENCE = 3.0  # s, or three periods, without a message after which it is requested again
-_ASK_AGAIN = 5.0  # s between requests for the same message
+_REQUEST_AGAIN = 5.0  # s between requests for the same message
 _LEGACY_AFTER = 2  # requests for the attitude without effect, before REQUEST_DATA_STREAM
 _VFR_HUD = 74
 _SHOWN: Mapping[int, float] = {_VFR_HUD: 2.0}  # messages for ground stations only
@@ -75,7 +75,7 @@ class Streams:
         self._commander = commander
         self._pose = pose
         self._sensors = {"imu": imu, "motors": motors}
-        self._asked_at: dict[int, float] = {}
+        self._requested_at: dict[int, float] = {}
         self._unanswered = 0
         self._refused: set[int] = set()
 
@@ -89,7 +89,7 @@ class Streams:
                 self._forget()
             kind = self._vehicle.kind
             if self._vehicle.connected and not self._vehicle.clashing and kind is not None:
-                await self._ask_for_missing(kind)
+                await self._request_for_missing(kind)
             await self._look_again()
 
     async def _look_again(self) -> None:
@@ -102,28 +102,28 @@ class Streams:
 
     def _forget(self) -> None:
         """Start over: the vehicle has lost its rates."""
-        self._asked_at.clear()
+        self._requested_at.clear()
         self._refused.clear()
         self._unanswered = 0
 
-    async def _ask_for_missing(self, kind: VehicleKind) -> None:
+    async def _request_for_missing(self, kind: VehicleKind) -> None:
         """Request each message once, and again if it does not arrive."""
         shown = _SHOWN if self._vehicle.shown_at is not None else {}
         for message_id, rate in {**shown, **wanted_rates(self._pose, kind, **self._sensors)}.items():
             if message_id not in self._refused and self._is_due(message_id, rate):
-                await self._ask(message_id, rate)
+                await self._request(message_id, rate)
         if self._unanswered > _LEGACY_AFTER:
             self._request_data_streams(kind)
 
     def _is_due(self, message_id: int, rate: float) -> bool:
         """Return True if a message was never requested, or is overdue."""
         now = self._vehicle.now()
-        asked = self._asked_at.get(message_id)
-        if asked is None:
+        requested = self._requested_at.get(message_id)
+        if requested is None:
             return True
         seen = self._seen_at(message_id)
         patience = max(_PATIENCE, 3 / rate)
-        return now - seen > patience and now - asked > max(_ASK_AGAIN, patience)
+        return now - seen > patience and now - requested > max(_REQUEST_AGAIN, patience)
 
     def _seen_at(self, message_id: int) -> float:
         """Return the time of a message's last arrival."""
@@ -131,15 +131,15 @@ class Streams:
             return self._vehicle.seen_at.get(_KIND[message_id], -math.inf)
         return (self._vehicle.shown_at or {}).get(message_id, -math.inf)
 
-    async def _ask(self, message_id: int, rate: float) -> None:
+    async def _request(self, message_id: int, rate: float) -> None:
         """Request one message; a refusal stands until the vehicle reboots."""
-        if message_id == Attitude.message_id and message_id in self._asked_at:
+        if message_id == Attitude.message_id and message_id in self._requested_at:
             self._unanswered += 1
-        self._asked_at[message_id] = self._vehicle.now()
+        self._requested_at[message_id] = self._vehicle.now()
         interval = 1e6 / rate
-        ask = CommandLong(MavCmd.SET_MESSAGE_INTERVAL, param1=float(message_id), param2=interval)
+        request = CommandLong(MavCmd.SET_MESSAGE_INTERVAL, param1=float(message_id), param2=interval)
         try:
-            await self._commander.ask(ask, tries=1, yields=True)
+            await self._commander.request(request, tries=1, yields=True)
         except CommandError as error:
             self._vehicle.log.info("it does not send message %s: %s", message_id, error)
             if error.device_result is not None:

@@ -104,7 +104,7 @@ class _Attempt:
             await flight.be_in(flavour.arming)
         self._target = await flight.home.altitude() + self._altitude
         try:
-            await self._ask()
+            await self._request()
         except CommandError:
             if self._armed_by_us:
                 await flight.arming.disarm_quietly()
@@ -134,7 +134,7 @@ class _Attempt:
         self._altitude, self._target = self._altitude + higher, self._target + higher
         await self._go()
 
-    async def _ask(self) -> None:
+    async def _request(self) -> None:
         """Request the climb: by a take-off, or in the air, if that is refused there, by a position."""
         flight, flavour, vehicle = self._flight, self._flight.flavour, self._vehicle
         # A QuadPlane that has landed before says that it flies as soon as it is armed.
@@ -143,10 +143,10 @@ class _Attempt:
         if self._by_place:
             await self._go()
             return
-        ask = flavour.takeoff_command(self._altitude, self._target - self._altitude)
-        with flight.authority.asking(flavour.arming, flavour.takeoff):
-            await flight.commander.ask(ask, seen=self._obeyed)
-        flight.mode_was_asked()
+        request = flavour.takeoff_command(self._altitude, self._target - self._altitude)
+        with flight.authority.requesting(flavour.arming, flavour.takeoff):
+            await flight.commander.request(request, seen=self._obeyed)
+        flight.mode_was_requested()
 
     def _obeyed(self, state: VehicleState) -> bool:
         """Return True if a vehicle that did not answer takes off nevertheless."""

@@ -51,8 +51,8 @@ async def _begin(flight: Flight, to: To) -> None:
     if vehicle.state.vtol_state == _GOES[to] and flight.mode(vehicle.state) == flavour.hold:
         return
     await flight.hold()
-    ask = CommandLong(MavCmd.DO_VTOL_TRANSITION, param1=float(_FLIES[to]))
-    await flight.commander.ask(ask, seen=lambda state: state.vtol_state in {_GOES[to], _FLIES[to]})
+    request = CommandLong(MavCmd.DO_VTOL_TRANSITION, param1=float(_FLIES[to]))
+    await flight.commander.request(request, seen=lambda state: state.vtol_state in {_GOES[to], _FLIES[to]})
 
 
 async def transition(flight: Flight, to: To) -> AsyncIterator[Progress]:
@@ -68,10 +68,10 @@ async def transition(flight: Flight, to: To) -> AsyncIterator[Progress]:
 
     mode = flavour.transitions[to] or flavour.hold
     await _begin(flight, to)
-    asked = vehicle.now()
+    requested = vehicle.now()
 
     def flies(state: VehicleState) -> bool:
-        fresh = vehicle.seen_at.get(ExtendedSysState, -math.inf) > asked
+        fresh = vehicle.seen_at.get(ExtendedSysState, -math.inf) > requested
         return fresh and state.vtol_state == _FLIES[to]
 
     started = False
@@ -80,7 +80,7 @@ async def transition(flight: Flight, to: To) -> AsyncIterator[Progress]:
         started = started or vehicle.state.vtol_state == _GOES[to]
         if started and vehicle.state.vtol_state not in {_GOES[to], _FLIES[to]}:
             raise Refused("the transition was broken off")
-        if vehicle.now() > asked + _WITHIN:
+        if vehicle.now() > requested + _WITHIN:
             raise TimedOut(f"it was not seen to fly {to} in {_WITHIN:g} s")
         yield Progress(50.0, "in transition")
     yield Progress(100.0, f"it flies {to}" if to == "forward" else "it hovers")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Container
 from typing import Self
 
 from fleet import Refused
-from fleet_mavlink.messages import Ask, CommandAck
+from fleet_mavlink.messages import CommandAck, MavlinkCommand
 from fleet_mavlink.motion_effect import Effect
 
 
@@ -23,10 +23,15 @@ class CommandTurn:
     """
 
     def __init__(
-        self, turns: CommandQueue, ask: Ask, *, effect: Effect = Effect.NONE, yields: bool = False
+        self,
+        turns: CommandQueue,
+        request: MavlinkCommand,
+        *,
+        effect: Effect = Effect.NONE,
+        yields: bool = False,
     ) -> None:
         self.yields = yields
-        self.command = ask.command
+        self.command = request.command
         self.effect = effect
         self.began = 0.0
         self.acks: deque[CommandAck] = deque()

@@ -34,7 +34,7 @@ _REMEMBERED = 64  # texts kept
 _SAME_WITHIN = 1.0  # s between an event and a text with the same content
 _SWITCH_AFTER = 1.5  # s of silence after which another link is used
 
-Condition = Callable[[VehicleState], bool]
+StateCondition = Callable[[VehicleState], bool]
 
 
 class Vehicle:
@@ -76,7 +76,7 @@ class Vehicle:
         self._addresses_by_link: dict[int, tuple[Address, float]] = {}
         self._others: dict[int, deque[tuple[Address, float]]] = {}  # other senders since its last message
         self._clash_at = -math.inf
-        self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
+        self._waiting: list[tuple[StateCondition, asyncio.Future[None]]] = []
         self._hearing: list[ReceivedMessages[Any]] = []
 
     @property
@@ -227,7 +227,7 @@ class Vehicle:
         """Wait until it has restarted more than ``reboots`` times, ``seconds`` at most."""
         await self.until(lambda state: state.reboots > reboots, seconds)
 
-    async def until(self, condition: Condition, seconds: float) -> bool:
+    async def until(self, condition: StateCondition, seconds: float) -> bool:
         """Wait until the state meets a condition; return whether it did in time."""
         if condition(self.state):
             return True

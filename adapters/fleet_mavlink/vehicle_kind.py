@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import msgspec
 
-from fleet_mavlink.messages import Ask
+from fleet_mavlink.messages import MavlinkCommand
 from fleet_mavlink.state import VehicleState
 
 _SLOWED = 0.7  # share of the first speed
@@ -21,13 +21,13 @@ class Brake(msgspec.Struct, frozen=True):
     """
 
     mode: str
-    ask: Ask
+    request: MavlinkCommand
     first: Brake | None = None
 
     @property
-    def asks(self) -> tuple[Ask, ...]:
+    def requests(self) -> tuple[MavlinkCommand, ...]:
         """The commands, in order."""
-        return (*(self.first.asks if self.first else ()), self.ask)
+        return (*(self.first.requests if self.first else ()), self.request)
 
     @property
     def modes(self) -> tuple[str, ...]:

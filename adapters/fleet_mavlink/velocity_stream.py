@@ -66,7 +66,7 @@ class VelocityStream:
         self._task: asyncio.Task[None] | None = None
         self._refusal: FleetError | None = None
         self._again_at = -math.inf
-        self._must_ask = False
+        self._must_request = False
 
     @property
     def drives(self) -> bool:
@@ -89,7 +89,7 @@ class VelocityStream:
         self._wanted = velocity
         if self.phase is IDLE or (self.phase is BRAKING and moves):
             # After braking the shown mode may be outdated: the hold may have been entered since.
-            self._must_ask = self.phase is BRAKING
+            self._must_request = self.phase is BRAKING
             self._again_at = -math.inf if self._refusal is None else self._again_at
             self._to(STARTING)
         if self.phase is not BRAKING and (moves or self._is_ours()):
@@ -160,7 +160,7 @@ class VelocityStream:
         mode = flavour.mode_of(self._vehicle.state)
         if self.phase is IDLE and mode == flavour.external != flavour.goto:
             self._to(BRAKING)  # the vehicle waits for setpoints after a superseded start
-            if self._authority.asked_before(mode):  # or it is shown late, and has been left since
+            if self._authority.requested_before(mode):  # or it is shown late, and has been left since
                 self._again_at = self._vehicle.now() + _LATE
         if self.phase is not IDLE:
             self._stream(flavour)
@@ -187,17 +187,17 @@ class VelocityStream:
 
     def _starting(self, flavour: Flavour, mode: str) -> None:
         """Request the mode once the vehicle has received enough setpoints; drive when it is shown."""
-        if mode == flavour.external and not self._must_ask:
+        if mode == flavour.external and not self._must_request:
             self._to(DRIVING)
         elif self._refusal is not None and self._vehicle.now() < self._again_at:
             self._to(IDLE)
         elif self._vehicle.now() - self._since_phase >= flavour.lead_in:
-            self._ask(self._enter_external)
+            self._request(self._enter_external)
 
     async def _enter_external(self) -> None:
         """Change to the mode that accepts setpoints; from then on the shown mode is valid."""
         await self._enter()
-        self._must_ask = False
+        self._must_request = False
 
     def _driving(self, flavour: Flavour, mode: str) -> None:
         """Brake after a rest; stop streaming if another command has changed the mode."""
@@ -211,9 +211,9 @@ class VelocityStream:
         if mode != flavour.external:
             self._to(IDLE if self._wanted.is_zero else STARTING)
         elif not self._busy():
-            self._ask(self._hold)
+            self._request(self._hold)
 
-    def _ask(self, what: Callable[[], Awaitable[None]]) -> None:
+    def _request(self, what: Callable[[], Awaitable[None]]) -> None:
         """Run a request in the background, one at a time, with a pause after a failure."""
         if self._task is None and self._vehicle.now() >= self._again_at:
             self._task = self._spawn(self._done(what))

@@ -159,8 +159,8 @@ def stops_of(vehicle: Vehicle) -> list[CommandLong]:
     kind: VehicleKind | None = vehicle.kind
     if kind is None:
         return []
-    asks = (brake.ask for brake in kind.brakes(vehicle.state))
-    stops = [ask for ask in asks if isinstance(ask, CommandLong)]
+    requests = (brake.request for brake in kind.brakes(vehicle.state))
+    stops = [request for request in requests if isinstance(request, CommandLong)]
     if isinstance(kind, Flavour) and isinstance(kind.hold_command(vehicle.state), CommandLong):
         stops.append(kind.mode_command(kind.hold))
     landing = kind.mode_command(kind.land) if isinstance(kind, Flavour) and kind.land else None
@@ -174,7 +174,7 @@ def descent_commands_of(vehicle: Vehicle) -> list[CommandLong]:
         return []
     commands = [kind.land_command()] if kind.land else []
     commands += [kind.mode_command(kind.return_home)] if kind.return_home else []
-    return [ask for ask in commands if isinstance(ask, CommandLong)]
+    return [request for request in commands if isinstance(request, CommandLong)]
 
 
 def _why_nobody(message: Any) -> str:

@@ -83,12 +83,12 @@ class BodyClient:
             self._robot.health(Health(Level.OFFLINE, cause))
             raise LinkLost(cause)
 
-    async def request(self, ask: BodyRequest, value: float = 0.0) -> None:
+    async def request(self, request: BodyRequest, value: float = 0.0) -> None:
         """Send a request to the body and wait for its answer; raises Refused with the reason."""
         async with self._one_request:
             number = self.order.activity.number + 1
-            self.change({"activity": Activity(number, ask, value)})
-            await self.until(lambda: self.state.answered >= number, ask.value)
+            self.change({"activity": Activity(number, request, value)})
+            await self.until(lambda: self.state.answered >= number, request.value)
             if self.state.refusal:
                 raise Refused(self.state.refusal)
 

@@ -13,7 +13,7 @@ from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.safety.stages import BodyMode
 
 _HEARD = 0.3  # s until every drive and the IMU have sent feedback
-_ASKED = Activity(1, BodyRequest.CHECK)
+_REQUESTED = Activity(1, BodyRequest.CHECK)
 
 
 class CheckMoves:
@@ -39,7 +39,7 @@ class CheckMoves:
         now = self._clock.monotonic()
         if self._interrupted():
             self._stop = 1
-        activity = _ASKED if now - self._began_at > _HEARD else Activity()
+        activity = _REQUESTED if now - self._began_at > _HEARD else Activity()
         return Order(alive=now, activity=activity, stop=self._stop, leave=self._leave)
 
     def put(self, state: DogState) -> None:

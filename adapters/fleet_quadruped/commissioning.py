@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from fleet import Quaternion, Vector3
-from fleet_quadruped.body.legs import DogLeg, Point
+from fleet_quadruped.body.legs import DogLeg, LegPoint
 from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.body.turning import to_world
 from fleet_quadruped.robot.description import DogDescription
@@ -35,7 +35,7 @@ _EXPLAINED = 40.0  # cost up to which the offset's size is reported: beyond it, 
 _FOLDED, _APART = 0.9, 0.6
 _CHECK = "check its sign and offset, or lay it on its belly with its legs folded"
 
-Feet = list[list[Point]]  # by observation and leg, m
+Feet = list[list[LegPoint]]  # by observation and leg, m
 
 
 class Observation(NamedTuple):
@@ -97,7 +97,7 @@ def _residuals(dog: DogDescription, looks: Sequence[Observation], values: Sequen
     return found
 
 
-def _feet(dog: DogDescription, look: Observation, values: Sequence[float]) -> list[Point]:
+def _feet(dog: DogDescription, look: Observation, values: Sequence[float]) -> list[LegPoint]:
     """Return the feet of one observation relative to the trunk's centre, in the level frame."""
     angles = [angle + offset for angle, offset in zip(look.angles, values, strict=False)]
     mount_x, mount_y = values[_JOINTS + 2 :]
@@ -134,12 +134,12 @@ def _leans(look: Observation) -> list[tuple[float, float]]:
     ]
 
 
-def _centred(points: Sequence[Point]) -> list[Point]:
+def _centred(points: Sequence[LegPoint]) -> list[LegPoint]:
     x, y, z = _mean(points)
     return [(a - x, b - y, c - z) for a, b, c in points]
 
 
-def _mean(points: Sequence[Point]) -> Point:
+def _mean(points: Sequence[LegPoint]) -> LegPoint:
     x, y, z = (sum(each) / len(points) for each in zip(*points, strict=True))
     return x, y, z
 

@@ -8,7 +8,7 @@ from fleet_ugv.adapter import UgvAdapter
 from fleet_ugv.battery import THREE_LITHIUM
 from fleet_ugv.codecs.base import Codec
 from fleet_ugv.config import UgvConfig
-from fleet_ugv.model import Confirmed, Event, Feedback, Motion, Wheels
+from fleet_ugv.model import Confirmed, Feedback, Motion, UgvEvent, Wheels
 from fleet_ugv.profiles import BaseProfile, CodecSettings
 
 __all__ = [
@@ -17,10 +17,10 @@ __all__ = [
     "Codec",
     "CodecSettings",
     "Confirmed",
-    "Event",
     "Feedback",
     "Motion",
     "UgvAdapter",
     "UgvConfig",
+    "UgvEvent",
     "Wheels",
 ]

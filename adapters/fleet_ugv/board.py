@@ -26,7 +26,7 @@ from fleet import (
     Velocity,
 )
 from fleet_ugv.config import UgvConfig
-from fleet_ugv.model import BaseFault, Confirmed, Event, Feedback
+from fleet_ugv.model import BaseFault, Confirmed, Feedback, UgvEvent
 from fleet_ugv.observer import Observer
 from fleet_ugv.readiness import Readiness
 
@@ -42,7 +42,7 @@ class Inbox:
 
     def __init__(self, config: UgvConfig, clock: Clock) -> None:
         self.codec = config.base.codec(config.setting)
-        self.events: deque[tuple[float, float, Event]] = deque(maxlen=INBOX)
+        self.events: deque[tuple[float, float, UgvEvent]] = deque(maxlen=INBOX)
         self._clock = clock
 
     def arrived(self, data: bytes, _address: Address) -> None:
@@ -80,9 +80,9 @@ class Board:
         )
         self._garbage = 0
         self._troubles: dict[str, float] = {}
-        self._asked = robot.clock.monotonic()
+        self._requested = robot.clock.monotonic()
         self.readiness = Readiness(
-            confirms=self._profile.settable, guarded=self._profile.timeout is not None, now=self._asked
+            confirms=self._profile.settable, guarded=self._profile.timeout is not None, now=self._requested
         )
 
     def begin(self, link: Link) -> None:
@@ -147,7 +147,7 @@ class Board:
         if self.observer.metrics_due(now):
             self.metrics()
 
-    def _take(self, event: Event, at: float, stamp: float) -> None:
+    def _take(self, event: UgvEvent, at: float, stamp: float) -> None:
         """Handle one event."""
         match event:
             case Feedback():
@@ -196,15 +196,15 @@ class Board:
     def _keep(self, now: float) -> None:
         """Write the poll and the motion that are due."""
         if self._profile.poll:
-            self._ask(now, self._profile.poll, self.codec.poll)
+            self._request(now, self._profile.poll, self.codec.poll)
         elif self.readiness.is_silent:
-            self._ask(now, GREETING, self.codec.hello)
+            self._request(now, GREETING, self.codec.hello)
         self._motion.look()
 
-    def _ask(self, now: float, every: float, question: Callable[[], bytes]) -> None:
+    def _request(self, now: float, every: float, question: Callable[[], bytes]) -> None:
         """Write a poll when it is due."""
-        if now - self._asked >= every - POLL_INTERVAL / 2:
-            self._asked = now
+        if now - self._requested >= every - POLL_INTERVAL / 2:
+            self._requested = now
             self._slot.send(question())
 
     def _guarded(self, velocity: Velocity) -> Velocity:

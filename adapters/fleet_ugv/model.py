@@ -55,4 +55,4 @@ class BaseFault(msgspec.Struct, frozen=True):
     text: str
 
 
-Event = Feedback | Confirmed | BaseFault
+UgvEvent = Feedback | Confirmed | BaseFault

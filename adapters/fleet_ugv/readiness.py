@@ -61,7 +61,7 @@ class Readiness:
         self._confirms = confirms
         self._guarded = guarded
         self._heard = now
-        self._asked = now
+        self._requested = now
         self._tries = 0
 
     @property
@@ -96,7 +96,7 @@ class Readiness:
         self._heard = now
         if self.is_silent or restarted:
             self._tries = 0
-            self._ask(now)
+            self._request(now)
             return True
         return False
 
@@ -109,18 +109,18 @@ class Readiness:
         """Check the time-outs; return True when the board must be set up again."""
         if self.phase is not BoardPhase.SILENT and self.quiet_for(now) > QUIET_AFTER:
             self.phase = BoardPhase.QUIET
-        if self.phase is not BoardPhase.SETUP or now - self._asked < ANSWER:
+        if self.phase is not BoardPhase.SETUP or now - self._requested < ANSWER:
             return False
         if self._tries >= TRIES:
             self.phase = BoardPhase.UNGUARDED
             return False
-        self._ask(now)
+        self._request(now)
         return True
 
-    def _ask(self, now: float) -> None:
+    def _request(self, now: float) -> None:
         """Note that the settings are written now."""
         self.phase = BoardPhase.SETUP
-        self._asked = now
+        self._requested = now
         self._tries += 1
         if not self._confirms:
             self.confirmed()

@@ -16,8 +16,8 @@ SIZED = {
 
 
 def run(rows=()):
-    for asked in rows or ROWS:
-        row, _, size = asked.partition("=")
+    for requested in rows or ROWS:
+        row, _, size = requested.partition("=")
         if row not in ROWS:
             sys.exit(f"there is no row {row!r}; there are {', '.join(ROWS)}")
         if size and row not in SIZED:

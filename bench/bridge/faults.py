@@ -73,7 +73,7 @@ def storm(name, commands):
         receiver = stack.enter_context(DurableReceiver(port))
         with source(running, RATE) as published:
             for number in range(commands):
-                client.ask(f"puppet-{number % TWINS}")
+                client.request(f"puppet-{number % TWINS}")
                 if number % RESET_EVERY == RESET_EVERY - 1:
                     proxy.reset()
                 if number % RESET_EVERY == RESET_EVERY // 2 and name == "fleet":
@@ -82,9 +82,11 @@ def storm(name, commands):
         if name == "fleet":
             settle(client)
         receiver.wait_until_quiet()
-        did = executed(running.journal, client.asks)
+        did = executed(running.journal, client.requests)
         lines = broken([*client.events(), *did], PROMISES) if name == "fleet" else []
-        reasons = collections.Counter(ask.refusal for ask in client.asks.values() if ask.refusal)
+        reasons = collections.Counter(
+            request.refusal for request in client.requests.values() if request.refusal
+        )
     counts = counted(did).values()
     return len(counts), sum(count > 1 for count in counts), reasons, receiver.lost(published)[0], lines
 

@@ -66,20 +66,20 @@ class StopClient:
 
     def __init__(self, bus_session):
         self.bus_session = bus_session
-        self.asked = []
+        self.requested = []
 
     def stop(self, robot):
         """Stop one robot."""
-        self.asked.append((time.monotonic(), robot))
+        self.requested.append((time.monotonic(), robot))
         self.bus_session.put(STOP_KEY, json.dumps([robot]).encode(), urgent=True)
 
 
-def taken(asked, lines):
+def taken(requested, lines):
     """Return the latency of each stop (s) that halted its robot before the robot's next stop."""
     halts, until, took = {}, {}, []
     for halt in lines:
         halts.setdefault(halt["robot"], []).append(halt["at"])
-    for at, robot in reversed(asked):
+    for at, robot in reversed(requested):
         end = until.get(robot, float("inf"))
         until[robot] = at
         took += [halt - at for halt in halts.get(robot, ()) if at <= halt < end][:1]
@@ -110,7 +110,7 @@ def ours(stops, *, loaded):
             time.sleep(PAUSE)
         time.sleep(1)
         events = [json.loads(text) for text in journal.read_text().splitlines()]
-    return taken(operator.asked, [event for event in events if event["what"] == "halt"])
+    return taken(operator.requested, [event for event in events if event["what"] == "halt"])
 
 
 def peers():
@@ -134,7 +134,7 @@ def peers():
             flood.join()
             operator.bus_session.close()
         events = [json.loads(text) for text in Path(journal.name).read_text().splitlines()]
-    return taken(operator.asked, events)
+    return taken(operator.requested, events)
 
 
 def _flood(bus_session, ended):

@@ -323,7 +323,7 @@ def inbound() -> Iterator[str]:
     yield "| topic | what | goes to | QoS | at most, Hz | size |"
     yield "|---|---|---|---|---|---|"
     for rule in INWARD.values():
-        goes = {True: "the robot", False: "the bridge"}[rule.taker.asks]
+        goes = {True: "the robot", False: "the bridge"}[rule.taker.is_request]
         if rule.taker is Recipient.RELAY:
             key = f"cw/{{uuid}}/data/{rule.channel}"
             goes = f"`{key}/{{type}}`" if rule.suffix.endswith("+") else f"`{key}`"

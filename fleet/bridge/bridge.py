@@ -11,7 +11,7 @@ import msgspec
 
 from fleet.bridge.command_replies import RobotPort
 from fleet.bridge.disconnect_program import DisconnectPlan
-from fleet.bridge.downlink import Downlink, Handler
+from fleet.bridge.downlink import Downlink, MessageHandler
 from fleet.bridge.edge_publisher import EdgePublisher
 from fleet.bridge.outbound_channel import TwinInfo
 from fleet.bridge.owned_streams import OwnedStreams
@@ -76,7 +76,7 @@ class Bridge:
         claimed: Callable[[str, str], None],
         clock: Clock,
         spool: Spool | None = None,
-        handlers: Mapping[str, Handler] = MappingProxyType({}),
+        handlers: Mapping[str, MessageHandler] = MappingProxyType({}),
     ) -> None:
         self._topics = topics
         self._ports = ports
@@ -242,7 +242,7 @@ class Bridge:
         states = {state.twin: state for state in robots}
         self._conflicts.check()
         if self._pings and self.client.state is CloudState.CONNECTED:
-            self.round_trip.ask()
+            self.round_trip.request()
         for port in self._served():
             state = states.get(port.twin)
             how = {"health": state.health, "cause": state.cause} if state else {}

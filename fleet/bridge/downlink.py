@@ -32,7 +32,7 @@ from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
 
-Handler = Callable[[Topic, CloudMessage], None]
+MessageHandler = Callable[[Topic, CloudMessage], None]
 """Handler of a message for the bridge itself; may raise WireError."""
 
 _CLOUD = Transport.CLOUD  # looked up once: attribute access of an enum is slow
@@ -56,12 +56,12 @@ class InboundRoute(msgspec.Struct, frozen=True):
 
 
 class InboundMessage(msgspec.Struct, frozen=True, gc=False):
-    """A received message; ``asked`` is the decoded request, None if it is no request to a robot."""
+    """A received message; ``requested`` is the decoded request, None if it is no request to a robot."""
 
     route: InboundRoute
     message: CloudMessage
     at: float
-    asked: Request | None
+    requested: Request | None
 
 
 class Downlink:
@@ -87,7 +87,7 @@ class Downlink:
         session: str,
         send: PublishReply,
         put: Put,
-        own: Mapping[str, Handler],
+        own: Mapping[str, MessageHandler],
         refusals: RateLimitedCounter,
         clock: Clock,
     ) -> None:
@@ -146,13 +146,13 @@ class Downlink:
             route = self._find(message)  # or cached by the other thread just before the robot changed
         if route is None or (message.retain and self._retained_stops.counted(message.topic, message.payload)):
             return
-        asked = self._read(route, route.port, message) if route.port else None
-        stops = asked is not None and asked.stops
+        requested = self._read(route, route.port, message) if route.port else None
+        stops = requested is not None and requested.stops
         if stops:
             self._retained_stops.note(message.topic, message.payload)
-        elif self._is_barred(message, asked):
+        elif self._is_barred(message, requested):
             return
-        self._put(InboundMessage(route, message, now, asked), stops=stops)
+        self._put(InboundMessage(route, message, now, requested), stops=stops)
 
     def _put(self, one: InboundMessage, *, stops: bool) -> None:
         """Queue a message for the loop, behind all earlier ones.
@@ -201,8 +201,8 @@ class Downlink:
         elif message.flaw and not size:
             unread = message.flaw
         try:
-            asked = message.correlation
-            request = _request_id(message.response_topic, asked) if asked else ""
+            requested = message.correlation
+            request = _request_id(message.response_topic, requested) if requested else ""
             waits = route.kind == "command"  # the end of a goal is reported by its status
             return port.read(
                 route.kind, message.payload, transport=_CLOUD, request_id=request, waits=waits, unread=unread
@@ -219,7 +219,7 @@ class Downlink:
             return None
         topic, rule = found
         kind = cast("Kind", rule.taker.value)
-        route = InboundRoute(topic, rule, kind, self._ports[topic.twin] if rule.taker.asks else None)
+        route = InboundRoute(topic, rule, kind, self._ports[topic.twin] if rule.taker.is_request else None)
         if topic.twin in self._ports:
             self._routes[message.topic] = route
         return route
@@ -241,7 +241,7 @@ class Downlink:
             return None
         return topic, rule
 
-    def _is_barred(self, message: CloudMessage, asked: Request | None) -> bool:
+    def _is_barred(self, message: CloudMessage, requested: Request | None) -> bool:
         """Refuse retained, damaged and our own messages, and count them. Not called for stops."""
         if message.retain:
             # A retained message is old: its request is not meant for now.
@@ -250,7 +250,7 @@ class Downlink:
         elif message.flaw:
             self.refusals.add("damaged", "refused a message on %s: %s", message.topic, message.flaw)
         elif message.payload.find(self._session_bytes) >= 0 and self._is_ours(message.payload):
-            if asked is not None:
+            if requested is not None:
                 line = "refused a message on %s: it carries this edge's own session_id"
                 self.refusals.add("own session", line, message.topic)
         else:
@@ -268,26 +268,26 @@ class Downlink:
         """Dispatch one message to its recipient."""
         route = one.route
         self.received[route.kind] += 1
-        if route.port and one.asked:
-            self._ask(one, route.port, one.asked)
+        if route.port and one.requested:
+            self._request(one, route.port, one.requested)
         elif route.rule.taker is Recipient.RELAY:
             self._relay.take(route.topic, route.rule, one.message)
         elif route.port is None:
             self._handle(route.topic, one.message, self._own[route.rule.suffix])
 
-    def _ask(self, one: InboundMessage, port: RobotPort, asked: Request) -> None:
+    def _request(self, one: InboundMessage, port: RobotPort, requested: Request) -> None:
         """Pass a request to its robot, or answer a moment later which edge holds its twin."""
         route, message = one.route, one.message
-        replies = self._answers.replies_to(port, message, route.kind, once=asked.once)
+        replies = self._answers.replies_to(port, message, route.kind, once=requested.once)
         answer = partial(self._answer, port, replies, one.at)
         holder = self.held.get(route.topic.twin)
         if holder is None:
-            asked(answer)
+            requested(answer)
             return
         self.refusals.add("held elsewhere", "%s is for another edge, which holds the twin", message.topic)
         due = self._clock.monotonic() + REFUSE_AFTER
-        if asked.stops:
-            asked(lambda reply: self._late_refusals.append((due, answer, reply)))
+        if requested.stops:
+            requested(lambda reply: self._late_refusals.append((due, answer, reply)))
             return
         why = f"edge {holder} has its twin; this edge leaves the robot to it"
         self._late_refusals.append((due, answer, Reply(route.kind, ReplyStatus.REJECTED, why)))
@@ -306,7 +306,7 @@ class Downlink:
                 latencies.add(self._clock.monotonic() - arrived)
         replies(reply)
 
-    def _handle(self, topic: Topic, message: CloudMessage, handle: Handler) -> None:
+    def _handle(self, topic: Topic, message: CloudMessage, handle: MessageHandler) -> None:
         """Handle a message for the bridge itself."""
         try:
             handle(topic, message)

@@ -28,7 +28,7 @@ class RoundTrip:
         self._sent: float | None = None
         self.seconds: float | None = None
 
-    def ask(self) -> None:
+    def request(self) -> None:
         """Send a ping if one is due and none is in flight."""
         now = self._clock.monotonic()
         if now < self._next:

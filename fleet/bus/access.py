@@ -147,11 +147,11 @@ def _console_rules(name: str, most: Permission) -> tuple[_Rule, ...]:
     A console that may give every permission also runs the command line, whose keys name no permission.
     """
     given = [each.word for each in Permission if each <= most]
-    asked = [keys.as_console(key, word, name) for key in _CONSOLE_KEYS for word in given]
+    requested = [keys.as_console(key, word, name) for key in _CONSOLE_KEYS for word in given]
     plain = () if most < Permission.ADMIN else (*_CONSOLE_KEYS, *_COMMAND_LINE_KEYS)
     watches = (_Rule(("put",), ("cw/*/data/local/webrtc_answer",)),) if most >= Permission.OPERATE else ()
     return (
-        _Rule(("query",), ("fleet/*/history", *asked, *plain)),
+        _Rule(("query",), ("fleet/*/history", *requested, *plain)),
         *watches,
         *((_START_TOKEN,) if plain else ()),
     )
@@ -163,11 +163,11 @@ def _person_rules(name: str, permission: Permission) -> tuple[_Rule, ...]:
     Without the permission to operate, a person must not set the instant of a common start, which would move
     the robots of others.
     """
-    asked = [keys.as_person(key, name) for key in (*_CONSOLE_KEYS, keys.prepare("*", "*"))]
+    requested = [keys.as_person(key, name) for key in (*_CONSOLE_KEYS, keys.prepare("*", "*"))]
     together = (_Rule(("query",), (keys.starts("*"),)), _START_TOKEN)
     return (
         _NO_FRAMES,
-        _Rule(("query",), ("fleet/*/history", *asked)),
+        _Rule(("query",), ("fleet/*/history", *requested)),
         *(together if permission >= Permission.OPERATE else ()),
     )
 

@@ -35,13 +35,13 @@ class QueryTable(Generic[OwnerT]):
         self._owners: dict[str, OwnerT] = {}
         self._ends: dict[str, Callable[[], None]] = {}  # of the keys apart
         if not apart:
-            bus_session.answer(pattern, self._asked_for_many, more=more)
+            bus_session.answer(pattern, self._requested_for_many, more=more)
 
     def add(self, key: str, owner: OwnerT) -> None:
         """Answer the queries on a key from now on; a key has one owner, the newest."""
         self._owners[key] = owner
         if self._apart and key not in self._ends:
-            self._ends[key] = self._bus_session.answer(key, self._asked_for_one, more=self._more)
+            self._ends[key] = self._bus_session.answer(key, self._requested_for_one, more=self._more)
 
     def remove(self, key: str) -> None:
         """Stop answering queries on a key; no effect on an unknown one."""
@@ -49,7 +49,7 @@ class QueryTable(Generic[OwnerT]):
         if end := self._ends.pop(key, None):
             end()
 
-    def _asked_for_one(self, query: Query) -> None:
+    def _requested_for_one(self, query: Query) -> None:
         """Answer a query for the key of its queryable; on the bus's thread."""
         owner = self._owners.get(query.key)
         if owner is None:  # it has just been removed
@@ -57,10 +57,10 @@ class QueryTable(Generic[OwnerT]):
         else:
             self._answer(owner, query)
 
-    def _asked_for_many(self, query: Query) -> None:
+    def _requested_for_many(self, query: Query) -> None:
         """Answer a query for each of the keys that it asks for, separately; on the bus's thread."""
         owners = self._owners.copy()  # at once: keys come and go on another thread
-        found = asked_keys(query.asked, query.suffix, owners, self._more)
+        found = requested_keys(query.requested, query.suffix, owners, self._more)
         if not found:
             query.close()
         for part in query.divided(found):
@@ -75,12 +75,12 @@ class QueryTable(Generic[OwnerT]):
             query.close()
 
 
-def asked_keys(asked: str, suffix: str, known: Collection[str], more: str) -> list[str]:
-    """Return the known keys that a query asks for: ``asked`` is its key expression, without ``suffix``.
+def requested_keys(requested: str, suffix: str, known: Collection[str], more: str) -> list[str]:
+    """Return the known keys that a query asks for: ``requested`` is its key expression, without ``suffix``.
 
     A query with a suffix asks for the keys with ``more`` appended.
     """
-    whole, rest = asked + suffix, more if suffix else ""
+    whole, rest = requested + suffix, more if suffix else ""
     if "*" not in whole:
-        return [asked] if asked in known else []
+        return [requested] if requested in known else []
     return [key for key in known if keys_intersect(whole, key + rest)]

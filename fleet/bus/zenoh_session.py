@@ -93,7 +93,7 @@ class Publishers:
 class Query:
     """A received query; may be answered later, from any thread, more than once, until ``close``.
 
-    ``key`` is the key of the queryable, ``asked`` the key expression of the query (it may have wildcards).
+    ``key`` is the key of the queryable, ``requested`` the query's key expression (it may have wildcards).
     ``suffix`` is the additional part of the query's key (see ``ZenohSession.answer``); neither contains it.
     """
 
@@ -101,7 +101,7 @@ class Query:
         self._query: zenoh.Query | None = query
         self._open = [0]  # a number for each part that is open, see ``divided``; who takes the 0 ends it
         self.key = key
-        self.asked, self.suffix = _parted(str(query.key_expr), more.count("/"))
+        self.requested, self.suffix = _parted(str(query.key_expr), more.count("/"))
         self.payload = query.payload.to_bytes() if query.payload is not None else b""
         pairs = str(query.parameters).split(";")
         self.parameters = {name: value for name, _, value in (pair.partition("=") for pair in pairs)}
@@ -255,12 +255,12 @@ class ZenohSession:
         """
 
         def declared(suffix: str) -> Any:
-            asked = _direct(lambda query: call(Query(query, key, suffix)))
-            return self._session.declare_queryable(key + suffix, asked)
+            requested = _direct(lambda query: call(Query(query, key, suffix)))
+            return self._session.declare_queryable(key + suffix, requested)
 
         return self._keep(*map(declared, {"", more}))
 
-    def ask(
+    def request(
         self,
         key: str,
         payload: bytes,
@@ -280,7 +280,7 @@ class ZenohSession:
         )
         return _answers(replies)
 
-    def ask_later(
+    def request_later(
         self,
         key: str,
         payload: bytes,
@@ -339,9 +339,9 @@ def keys_intersect(one: str, other: str) -> bool:
     return zenoh.KeyExpr(one).intersects(zenoh.KeyExpr(other))
 
 
-def _parted(asked: str, chunks: int) -> tuple[str, str]:
+def _parted(requested: str, chunks: int) -> tuple[str, str]:
     """Return a key expression without its last chunks, and these with the slashes before them."""
-    parts = asked.split("/")
+    parts = requested.split("/")
     keep = len(parts) - chunks
     return "/".join(parts[:keep]), "".join(f"/{part}" for part in parts[keep:])
 

@@ -11,15 +11,15 @@ import click
 import msgspec
 
 from fleet.cli.output import ExitCode, Output, counted, with_output
-from fleet.cli.roll_out import WavesWanted, roll_out, with_waves
+from fleet.cli.roll_out import RolloutOptions, roll_out, with_waves
 from fleet.cli.times import when
-from fleet.client.changes import ask_changes
+from fleet.client.changes import request_changes
 from fleet.client.local_user import local_user
 from fleet.config.difference import ComparedFile, difference, not_shown, outline_of
 from fleet.config.load import load
 from fleet.errors import NotRunning
 from fleet.host.edge.last_configuration import last_configuration
-from fleet.model.change import Change, ChangeKind, ChangesAsked, Outcome
+from fleet.model.change import Change, ChangeKind, ChangesRequest, Outcome
 from fleet.spool.state_folder import state_folder
 
 _SAID = {
@@ -48,7 +48,7 @@ def diff(out: Output, file: str) -> ExitCode:
     """
     loaded = load(file)
     outline = outline_of(loaded)
-    answer = ask_changes(outline.edge, file, ChangesAsked(file=str(Path(file).resolve())))
+    answer = request_changes(outline.edge, file, ChangesRequest(file=str(Path(file).resolve())))
     if answer is None:
         folder = state_folder(outline.edge, loaded.config.edge.spool.path)
         changes = _since_the_last_run(out, outline, folder)
@@ -66,7 +66,7 @@ def diff(out: Output, file: str) -> ExitCode:
 @with_waves
 @with_output
 def apply(
-    out: Output, files: tuple[str, ...], *, force: bool, is_fleet: bool, wanted: WavesWanted
+    out: Output, files: tuple[str, ...], *, force: bool, is_fleet: bool, wanted: RolloutOptions
 ) -> ExitCode:
     """Apply the changed FILE (fleet.yaml when left out) to the edge that runs with it.
 
@@ -89,9 +89,9 @@ def apply(
         raise click.UsageError("one fleet file at a time; several bundles need --fleet")
     file = files[0] if files else "fleet.yaml"
     edge = load(file).config.edge.id
-    asked = ChangesAsked("apply", force, local_user(), str(Path(file).resolve()))
+    requested = ChangesRequest("apply", force, local_user(), str(Path(file).resolve()))
     with _report_waiting(out, edge):
-        answer = ask_changes(edge, file, asked)
+        answer = request_changes(edge, file, requested)
     if answer is None:
         raise NotRunning(f"edge {edge} does not run; fleet run {file} starts it with this file")
     _show(out, answer.changes)
@@ -112,11 +112,11 @@ def _report_waiting(out: Output, edge: str) -> Iterator[None]:
 
 def _code(changes: Iterable[Change]) -> ExitCode:
     """Return the exit code of all changes together."""
-    asked = [change for change in changes if change.kind is not ChangeKind.UNTOUCHED]
-    done = [change for change in asked if change.outcome is Outcome.DONE]
-    if len(done) == len(asked):
+    requested = [change for change in changes if change.kind is not ChangeKind.UNTOUCHED]
+    done = [change for change in requested if change.outcome is Outcome.DONE]
+    if len(done) == len(requested):
         return ExitCode.OK
-    partly = done or any(change.outcome is Outcome.PARTLY for change in asked)
+    partly = done or any(change.outcome is Outcome.PARTLY for change in requested)
     return ExitCode.SOME_FAILED if partly else ExitCode.REJECTED
 
 

@@ -16,7 +16,7 @@ from fleet.cli.output import ExitCode, Output, with_output
 from fleet.client.local_user import local_user
 from fleet.clock import SystemClock
 from fleet.console.child import EXTRA, ConsoleChild, is_installed
-from fleet.console.links import LinkAsked, all_links
+from fleet.console.links import LinkRequest, all_links
 from fleet.console.task import PORT, ConsoleTask
 from fleet.errors import NotRunning
 from fleet.host.runtime.termination_signals import end_by_signal
@@ -71,15 +71,15 @@ def console(
     """
     if click.get_current_context().invoked_subcommand is not None:
         return ExitCode.OK
-    asked = LinkAsked(local_user(), Permission[permission.upper()])
+    requested = LinkRequest(local_user(), Permission[permission.upper()])
     if link_only or foxglove:
-        return _links(out, msgspec.structs.replace(asked, to="foxglove") if foxglove else asked)
+        return _links(out, msgspec.structs.replace(requested, to="foxglove") if foxglove else requested)
     if not is_installed():
         raise click.ClickException(EXTRA)
     task = _task(port, recordings) if file is None else _task_of(file, port, recordings)
     if task.login is not None:
         out.note(f"people log in at port {task.login.port} of {task.login.host} (console.listen)")
-    return run(_serve(out, task, asked))
+    return run(_serve(out, task, requested))
 
 
 console.add_command(people)
@@ -122,9 +122,9 @@ def _task_of(file: str, port: int | None, recordings: str | None) -> ConsoleTask
     )
 
 
-def _links(out: Output, asked: LinkAsked) -> ExitCode:
+def _links(out: Output, requested: LinkRequest) -> ExitCode:
     """Print a new link to each running console."""
-    links = all_links(runtime_dir(), asked)
+    links = all_links(runtime_dir(), requested)
     if not links:
         raise NotRunning("no console is running here; start one with: fleet console")
     out.data({"links": links})
@@ -133,7 +133,7 @@ def _links(out: Output, asked: LinkAsked) -> ExitCode:
     return ExitCode.OK
 
 
-async def _serve(out: Output, task: ConsoleTask, asked: LinkAsked) -> ExitCode:
+async def _serve(out: Output, task: ConsoleTask, requested: LinkRequest) -> ExitCode:
     """Serve until a signal, or until the console ends by itself."""
     ended = asyncio.Event()
     end_by_signal(ended.set)
@@ -143,7 +143,7 @@ async def _serve(out: Output, task: ConsoleTask, asked: LinkAsked) -> ExitCode:
         out.say(link)
         out.note("good once, for ten minutes; another: fleet console --link; Ctrl-C ends the console")
 
-    child = ConsoleChild(task, runtime_dir(), SystemClock(), asked=asked, served=served)
+    child = ConsoleChild(task, runtime_dir(), SystemClock(), requested=requested, served=served)
     running = asyncio.create_task(child.run(again=False), name="console")
     ending = asyncio.create_task(ended.wait(), name="ended")
     await asyncio.wait({running, ending}, return_when=asyncio.FIRST_COMPLETED)

@@ -12,8 +12,8 @@ from fleet.cli.output import Output, with_output
 from fleet.config.load import sections_of
 from fleet.console.child import EXTRA, is_installed
 from fleet.console.people import (
+    PermissionName,
     Person,
-    Word,
     add_person,
     change_person,
     name_problem,
@@ -51,7 +51,7 @@ def add(out: Output, name: str, *, permission: str, file: str) -> None:
     if problem := name_problem(name):
         raise click.ClickException(problem)
     path = people_file(sections_of(file))
-    add_person(path, Person(name, cast("Word", permission), _hashed_password()))
+    add_person(path, Person(name, cast("PermissionName", permission), _hashed_password()))
     out.data({"name": name, "permission": permission, "file": str(path)})
     out.say(f"{name} may log in, with the permission {permission}")
 
@@ -85,7 +85,7 @@ def password(out: Output, name: str, *, file: str) -> None:
 @with_output
 def permit(out: Output, name: str, *, permission: str, file: str) -> None:
     """Give NAME another permission, and end the person's sessions."""
-    change_person(people_file(sections_of(file)), name, permission=cast("Word", permission))
+    change_person(people_file(sections_of(file)), name, permission=cast("PermissionName", permission))
     out.data({"name": name, "permission": permission})
     out.say(f"{name} has the permission {permission}; {ENDS}")
 

@@ -23,7 +23,7 @@ from fleet.cli.serve import logs_to, serve
 from fleet.client.local_user import local_user
 from fleet.config.load import load
 from fleet.console.child import is_installed
-from fleet.console.links import LinkAsked
+from fleet.console.links import LinkRequest
 from fleet.errors import BusError
 from fleet.host.edge.edge import Edge
 from fleet.model.permission import Permission
@@ -189,7 +189,7 @@ def demo(  # noqa: PLR0917 - click's options
             _write_examples(out, host, port, [one for one in TRIES if one.robot in there], edge_id)
 
         wanted = logs_to(logs["verbose"], logs["log_file"], logs["log_format"])
-        link = LinkAsked(local_user(), Permission.ADMIN)
+        link = LinkRequest(local_user(), Permission.ADMIN)
         return serve(loaded, out, logs=wanted, started=started, link=link)
 
 

@@ -105,8 +105,8 @@ def _pieces(query: RobotQuery, log: _Log, at: int) -> Iterator[bytes]:
     """Yield a log from an offset, piece by piece; raises Refused for a wrong piece."""
     while at < log.size:
         count = min(_PIECE, log.size - at)
-        asked = {"id": log.id, "offset": at, "count": count}
-        said = query.ask("read_log", asked, timeout=_PIECE_WITHIN)
+        requested = {"id": log.id, "offset": at, "count": count}
+        said = query.request("read_log", requested, timeout=_PIECE_WITHIN)
         try:
             piece = convert_strictly(said, _Piece)
             data = base64.b64decode(piece.data, validate=True)
@@ -120,7 +120,7 @@ def _pieces(query: RobotQuery, log: _Log, at: int) -> Iterator[bytes]:
 
 def _list(query: RobotQuery) -> list[_Log]:
     """Return the logs of a robot."""
-    said = query.ask("list_logs", timeout=_LIST_WITHIN)
+    said = query.request("list_logs", timeout=_LIST_WITHIN)
     try:
         return convert_strictly(said, list[_Log])
     except msgspec.ValidationError as error:

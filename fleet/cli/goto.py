@@ -10,7 +10,7 @@ import msgspec
 from fleet.cli.completion import PLACE, ROBOT
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.send import ask_each
+from fleet.cli.send import request_each
 from fleet.cli.together import at_option
 from fleet.client.edges import Edges
 from fleet.config.route import Waypoints, is_name, read_route, route_of
@@ -90,7 +90,7 @@ def goto(
                 out.note(f"{state.name}: separation {state.separation}")
         return made
 
-    return ask_each(out, robot, "navigate", messages, wait=wait, timeout=timeout, file=file, at=at)
+    return request_each(out, robot, "navigate", messages, wait=wait, timeout=timeout, file=file, at=at)
 
 
 def _aim(places: tuple[str, ...], path: Path | None, *, geo: bool, site: bool) -> GotoTarget:

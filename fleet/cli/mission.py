@@ -30,7 +30,7 @@ from fleet.client.missions import (
     start_mission,
 )
 from fleet.errors import Refused
-from fleet.missions.report import ControlAsk, StartAsk
+from fleet.missions.report import MissionStartRequest, RunControlRequest
 from fleet.missions.words import log_line
 
 
@@ -181,9 +181,9 @@ def rehearse(
     with Edges.reach(file) as edges:
         chosen = _chosen(robots, what)
         given = dict(parse_argument(each) for each in inputs)
-        ask = StartAsk(mission=sent, inputs=given, robots=chosen, session_id=local_user())
+        request = MissionStartRequest(mission=sent, inputs=given, robots=chosen, session_id=local_user())
         again = " ".join(["fleet mission run", what, *inputs, *(f"--robot {robot}" for robot in robots)])
-        return follow_rehearsal(out, edges, edge_of(edges, name, chosen, sent), name, ask, again)
+        return follow_rehearsal(out, edges, edge_of(edges, name, chosen, sent), name, request, again)
 
 
 @mission.command("ps")
@@ -215,7 +215,7 @@ def _control(name: str, summary: str) -> None:
     @reach_option
     @with_output
     def control(out: Output, run: str, *, file: str | None) -> ExitCode:
-        return _controlled(out, file, run, lambda who: ControlAsk(name, session_id=who))  # type: ignore[arg-type]
+        return _controlled(out, file, run, lambda who: RunControlRequest(name, session_id=who))  # type: ignore[arg-type]
 
 
 _control("pause", "Pause RUN: its robots hold their positions until resume; its deadline continues.")
@@ -232,7 +232,11 @@ def answer(out: Output, answer: str, run: str, *, file: str | None) -> ExitCode:
     """Answer the question that RUN asks, which fleet mission ps shows: go on, or end it."""
     goes_on = answer == "continue"
     return _controlled(
-        out, file, run, lambda who: ControlAsk("answer", goes_on=goes_on, session_id=who), asks=True
+        out,
+        file,
+        run,
+        lambda who: RunControlRequest("answer", goes_on=goes_on, session_id=who),
+        requests=True,
     )
 
 
@@ -279,13 +283,18 @@ def results(out: Output, run: str, *, file: str | None) -> ExitCode:
 
 
 def _controlled(
-    out: Output, file: str | None, run: str, ask: Callable[[str], ControlAsk], *, asks: bool = False
+    out: Output,
+    file: str | None,
+    run: str,
+    request: Callable[[str], RunControlRequest],
+    *,
+    requests: bool = False,
 ) -> ExitCode:
     """Control a run and confirm it."""
     with Edges.reach(file) as edges:
         state = find_run(edges, run)
-        wanted = ask(local_user())
-        if asks and state.question is not None:
+        wanted = request(local_user())
+        if requests and state.question is not None:
             wanted = msgspec.structs.replace(wanted, question=state.question.id)
         refusal = mission_requests.control(edges, state.edge, state.run, wanted).refusal
     if refusal:

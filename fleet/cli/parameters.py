@@ -9,12 +9,12 @@ from pathlib import Path
 
 from fleet.errors import ConfigError
 
-Values = Mapping[str, float | None]
+RequestedValues = Mapping[str, float | None]
 _SPLIT = re.compile(r"[,\s]+")
 _LONGEST = 2_000_000  # bytes
 
 
-def written(values: Values, title: str) -> str:
+def written(values: RequestedValues, title: str) -> str:
     """Return the content of a file; values that are no numbers are written as comments."""
     lines = [f"# {title}"]
     for name, value in sorted(values.items()):

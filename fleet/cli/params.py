@@ -145,7 +145,7 @@ def _patience(names: tuple[str, ...]) -> float:
 
 def _read(query: RobotQuery, names: tuple[str, ...]) -> Found:
     """Return parameters by name, all without names."""
-    return _checked(query.ask(*_question(names), timeout=_patience(names)), Found, query.robot.name)
+    return _checked(query.request(*_question(names), timeout=_patience(names)), Found, query.robot.name)
 
 
 def _sorted_out(answers: list[QueryResult], kind: type[AnswerT]) -> tuple[dict[str, AnswerT], dict[str, str]]:

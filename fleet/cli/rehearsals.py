@@ -12,8 +12,8 @@ from fleet.cli.output import ExitCode, Output
 from fleet.cli.runs import EXITS
 from fleet.client.edges import Edges
 from fleet.errors import Refused
-from fleet.missions.rehearsal import RehearsalAsk, RehearsalNote, RehearsalResult, RehearsalState
-from fleet.missions.report import StartAsk
+from fleet.missions.rehearsal import RehearsalNote, RehearsalPoll, RehearsalResult, RehearsalState
+from fleet.missions.report import MissionStartRequest
 from fleet.missions.words import log_line
 
 POLL_INTERVAL = 0.3  # s
@@ -21,14 +21,14 @@ QUIET = 2.0  # s without news after which the progress is shown
 
 
 def follow_rehearsal(  # noqa: PLR0917 - all of one call
-    out: Output, edges: Edges, edge: str, name: str, ask: StartAsk, again: str
+    out: Output, edges: Edges, edge: str, name: str, request: MissionStartRequest, again: str
 ) -> ExitCode:
     """Rehearse a mission, follow it to its end and show the result; ``again`` is the command that starts it.
 
     Raises Refused if it is not possible, TimedOut if the edge does not answer. Ctrl-C ends it.
     """
     key = keys.mission(edge, name)
-    started = edges.one(key, RehearsalState, ask, {"do": "rehearse"})
+    started = edges.one(key, RehearsalState, request, {"do": "rehearse"})
     if started.refusal:
         raise Refused(started.refusal)
     for role, robots in started.roles.items():
@@ -47,7 +47,7 @@ def _followed(out: Output, edges: Edges, key: str, started: RehearsalState) -> R
     """Show notes until there is a result; raises Refused if the rehearsal fails."""
     known, shown_at = 0, time.monotonic()
     while True:
-        state = edges.one(key, RehearsalState, RehearsalAsk(started.id, known), {"do": "rehearsal"})
+        state = edges.one(key, RehearsalState, RehearsalPoll(started.id, known), {"do": "rehearsal"})
         known += len(state.notes)
         for note in state.notes:
             out.note(note_line(note))

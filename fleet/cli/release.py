@@ -59,12 +59,12 @@ def release(out: Output, robots: tuple[str, ...], *, everything: bool, file: str
 
 def _release(out: Output, edges: Edges, stopped: Iterable[RobotState]) -> list[Reply]:
     """Release robots concurrently; show and return their answers."""
-    asked = []
+    requested = []
     for state in stopped:
         payload = stamped({"command": RELEASE, "data": {}})
         pending = edges.command(state, payload, kind="command", wait=False, timeout=RECEIPT_WITHIN)
-        asked.append((state, pending))
-    return [last_reply(out, state, pending, RELEASE, RECEIPT_WITHIN) for state, pending in asked]
+        requested.append((state, pending))
+    return [last_reply(out, state, pending, RELEASE, RECEIPT_WITHIN) for state, pending in requested]
 
 
 def _for_programs(state: RobotState, cause: Record | None, reply: Reply) -> dict[str, object]:

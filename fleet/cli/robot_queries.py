@@ -38,7 +38,7 @@ class RobotQuery:
         self.robot: RobotState = found[0]
         self._edges = edges
 
-    def ask(self, command: str, data: dict[str, Any] | None = None, *, timeout: float) -> object:
+    def request(self, command: str, data: dict[str, Any] | None = None, *, timeout: float) -> object:
         """Return the robot's answer to a command; raises TimedOut, or Refused with its reason."""
         (answered,) = query_all(self._edges, [self.robot], command, data, timeout=timeout)
         return answered.get()
@@ -54,10 +54,10 @@ def query_all(
 ) -> list[QueryResult]:
     """Query several robots concurrently; return the answer of each."""
     payload = stamped({"command": command, "data": data or {}})  # stamped when it is sent
-    asked = [
+    requested = [
         (robot, edges.command(robot, payload, kind="command", wait=True, timeout=timeout)) for robot in robots
     ]
-    return [_answered(robot, command, replies, timeout) for robot, replies in asked]
+    return [_answered(robot, command, replies, timeout) for robot, replies in requested]
 
 
 def _answered(robot: RobotState, command: str, replies: Iterator[Reply], timeout: float) -> QueryResult:

@@ -16,7 +16,7 @@ from fleet.cli.output import ExitCode, Output
 from fleet.client.local_user import local_user
 
 
-class WavesWanted(msgspec.Struct, frozen=True):
+class RolloutOptions(msgspec.Struct, frozen=True):
     """The options of a roll-out."""
 
     waves: str
@@ -79,13 +79,13 @@ def with_waves(function: Callable[..., object]) -> Callable[..., object]:
         store_file: Path,
         **options: object,
     ) -> object:
-        wanted = WavesWanted(waves, stop_if, parallel, within, settle, store_file)
+        wanted = RolloutOptions(waves, stop_if, parallel, within, settle, store_file)
         return function(*args, wanted=wanted, **options)
 
     return command
 
 
-def roll_out(out: Output, files: tuple[str, ...], wanted: WavesWanted) -> ExitCode:
+def roll_out(out: Output, files: tuple[str, ...], wanted: RolloutOptions) -> ExitCode:
     """Roll bundles out to their edges."""
     from fleet.cli.bundle import read_bundle  # noqa: PLC0415 - not needed for one edge
     from fleet.rollout.bundle import Bundle, BundleError, opened  # noqa: PLC0415
@@ -114,7 +114,7 @@ def roll_out(out: Output, files: tuple[str, ...], wanted: WavesWanted) -> ExitCo
 
 
 async def _run(
-    out: Output, wanted: WavesWanted, targets: Mapping[str, tuple[str, int]], data: Mapping[str, bytes]
+    out: Output, wanted: RolloutOptions, targets: Mapping[str, tuple[str, int]], data: Mapping[str, bytes]
 ) -> ExitCode:
     """Store the bundles, begin the roll-out, and drive it."""
     from fleet.cli.rollout import drive, store_of  # noqa: PLC0415 - its package is an extra

@@ -16,9 +16,9 @@ from fleet.cli.times import iso, when
 from fleet.client.edges import Edges
 from fleet.client.local_user import local_user
 from fleet.errors import Refused
-from fleet.model.schedule import Firing, ScheduleAsked, ScheduleState
+from fleet.model.schedule import Firing, ScheduleRequest, ScheduleState
 
-Do = Literal["enable", "disable", "run"]
+ScheduleAction = Literal["enable", "disable", "run"]
 
 
 @click.group()
@@ -88,17 +88,17 @@ def next_ones(out: Output, *, name: str | None, number: int, file: str) -> ExitC
     return ExitCode.OK
 
 
-def _asking(do: Do, summary: str, done: str) -> None:
+def _requesting(do: ScheduleAction, summary: str, done: str) -> None:
     """Add a command that sends a request about one schedule."""
 
     @schedule.command(do, help=summary)
     @click.argument("name", type=SCHEDULE)
     @reach_option
     @with_output
-    def ask(out: Output, *, name: str, file: str | None) -> ExitCode:
+    def request(out: Output, *, name: str, file: str | None) -> ExitCode:
         with Edges.reach(file) as edges:
             edge, plain = _one(edges, name)
-            answer = edges.ask_schedules(edge, ScheduleAsked(do, plain, local_user()))
+            answer = edges.request_schedules(edge, ScheduleRequest(do, plain, local_user()))
         if answer.refusal:
             raise Refused(f"{plain}: {answer.refusal}")
         (state,) = [state for state in answer.schedules if state.name == plain]
@@ -107,9 +107,9 @@ def _asking(do: Do, summary: str, done: str) -> None:
         return ExitCode.OK
 
 
-_asking("enable", "Enable NAME; firings missed meanwhile are not made up for.", "enabled")
-_asking("disable", "Disable NAME until it is enabled again, also after a restart.", "disabled")
-_asking("run", "Fire NAME now, even if it is disabled.", "started")
+_requesting("enable", "Enable NAME; firings missed meanwhile are not made up for.", "enabled")
+_requesting("disable", "Disable NAME until it is enabled again, also after a restart.", "disabled")
+_requesting("run", "Fire NAME now, even if it is disabled.", "started")
 
 
 def _one(edges: Edges, name: str) -> tuple[str, str]:

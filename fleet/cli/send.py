@@ -13,7 +13,7 @@ from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, together, with_output
 from fleet.cli.ps import for_programs
-from fleet.cli.together import Answers, CommonStartRequest, at_option
+from fleet.cli.together import CommonStartRequest, RobotReplies, at_option
 from fleet.client.edges import Edges
 from fleet.client.local_user import stamped
 from fleet.model.command import Reply, ReplyStatus
@@ -73,7 +73,7 @@ def send(
     The start is cancelled if this command ends before, and by any stop.
     """
     message = {"command": command, "data": _data(data)}
-    return ask(out, robot, "command", message, wait=wait, timeout=timeout, file=file, at=at)
+    return request(out, robot, "command", message, wait=wait, timeout=timeout, file=file, at=at)
 
 
 def _alone(_out: Output, _edges: Edges, _robots: list[RobotState]) -> contextlib.AbstractContextManager[None]:
@@ -81,7 +81,7 @@ def _alone(_out: Output, _edges: Edges, _robots: list[RobotState]) -> contextlib
     return contextlib.nullcontext()
 
 
-def ask(
+def request(
     out: Output,
     name: str,
     kind: str,
@@ -98,7 +98,7 @@ def ask(
     ``message`` is stamped when it is sent, so the search for the robots does not make it older. ``around`` is
     entered while waiting for the end.
     """
-    return ask_each(
+    return request_each(
         out,
         name,
         kind,
@@ -111,7 +111,7 @@ def ask(
     )
 
 
-def ask_each(
+def request_each(
     out: Output,
     name: str,
     kind: str,
@@ -132,9 +132,9 @@ def ask_each(
         edges = stack.enter_context(Edges.reach(file))
         robots = edges.named(name)
         made = _finite(messages(edges, robots))
-        asked: Iterable[Answers]
+        requested: Iterable[RobotReplies]
         if at is None:
-            asked = [
+            requested = [
                 (
                     robot,
                     one["command"],
@@ -145,10 +145,11 @@ def ask_each(
         else:
             questions = [(robot, one["command"], one) for robot, one in zip(robots, made, strict=True)]
             start = stack.enter_context(CommonStartRequest(edges, questions, kind=kind, at=at))
-            asked = _start_all(out, start, wait=wait, within=within)
+            requested = _start_all(out, start, wait=wait, within=within)
         with around(out, edges, robots) if wait else contextlib.nullcontext():
             last = [
-                (robot, last_reply(out, robot, replies, command, within)) for robot, command, replies in asked
+                (robot, last_reply(out, robot, replies, command, within))
+                for robot, command, replies in requested
             ]
     if wait:
         last = [(robot, _ended(out, robot, reply, within)) for robot, reply in last]
@@ -156,7 +157,7 @@ def ask_each(
     return together(out, [(robot.name, code_of(reply)) for robot, reply in last])
 
 
-def _start_all(out: Output, start: CommonStartRequest, *, wait: bool, within: float) -> list[Answers]:
+def _start_all(out: Output, start: CommonStartRequest, *, wait: bool, within: float) -> list[RobotReplies]:
     """Start robots at one instant, or none; return the pending answers."""
     start.check_clocks()
     answers, problems = start.run(wait=wait, within=within)

@@ -19,7 +19,7 @@ from fleet.cli.record_task import folder_of, record_task
 from fleet.clock import SystemClock
 from fleet.config.load import Loaded
 from fleet.console.child import ConsoleChild
-from fleet.console.links import LinkAsked
+from fleet.console.links import LinkRequest
 from fleet.console.task import ConsoleTask
 from fleet.host.edge.edge import Edge
 from fleet.host.logs.folders import log_folder, show_log
@@ -50,7 +50,7 @@ def serve(
     logs: LogSettings,
     started: Callable[[Edge], None],
     supervised: SupervisorClient | None = None,
-    link: LinkAsked | None = None,
+    link: LinkRequest | None = None,
 ) -> ExitCode:
     """Run until Ctrl-C, SIGTERM or the end of the terminal; ``started`` is called with the built edge.
 
@@ -73,12 +73,12 @@ async def _serve(
     out: Output,
     started: Callable[[Edge], None],
     supervised: SupervisorClient | None,
-    link: LinkAsked | None,
+    link: LinkRequest | None,
 ) -> None:
     """Run the edge and its live view."""
     edge = Edge(loaded, directory=runtime_dir(), clock=SystemClock(), supervised=supervised)
     ended = asyncio.Event()
-    end_by_signal(ServeEnd(ended, time.monotonic, os._exit).asked)
+    end_by_signal(ServeEnd(ended, time.monotonic, os._exit).requested)
     started(edge)
     beside = [asyncio.create_task(show(edge, out), name="view")]
     programs = [each for each in (_console(loaded, out, link), _recorder(loaded)) if each is not None]
@@ -94,7 +94,7 @@ async def _serve(
                 raise outcome
 
 
-def _console(loaded: Loaded, out: Output, link: LinkAsked | None) -> ConsoleChild | None:
+def _console(loaded: Loaded, out: Output, link: LinkRequest | None) -> ConsoleChild | None:
     """Return the console from fleet.yaml, not started yet."""
     config = loaded.config
     if config.console is None:
@@ -115,7 +115,7 @@ def _console(loaded: Loaded, out: Output, link: LinkAsked | None) -> ConsoleChil
         basemap=basemap_of(config),
         login=login_task(config),
     )
-    return ConsoleChild(task, runtime_dir(), SystemClock(), asked=link, served=served)
+    return ConsoleChild(task, runtime_dir(), SystemClock(), requested=link, served=served)
 
 
 def _recorder(loaded: Loaded) -> RecorderChild | None:
@@ -139,7 +139,7 @@ class ServeEnd:
         self._leave = leave
         self._first = 0.0
 
-    def asked(self) -> None:
+    def requested(self) -> None:
         """Handle a signal."""
         if not self._ended.is_set():
             self._first = self._clock()

@@ -16,7 +16,7 @@ from fleet.config.load import load, sections_of
 from fleet.errors import ConfigError, NotRunning
 from fleet.service.agent_unit import AgentSpec, agent_spec_of, agent_unit_name
 from fleet.service.install import (
-    Run,
+    RunProgram,
     ServiceError,
     files_of,
     install,
@@ -173,7 +173,7 @@ def uninstall_(out: Output, file: Path, *, root: Path | None) -> None:
         out.say(f"removed {path}")
 
 
-def _runner(root: Path | None) -> Run | None:
+def _runner(root: Path | None) -> RunProgram | None:
     """Return the function that runs programs, None below another root; raises ServiceError if not root."""
     if root is not None:
         return None

@@ -47,15 +47,17 @@ class StopAttempt:
     ``hit`` has edge and name of the stopped robots, ``problem`` the reason if the edge was not reached.
     """
 
-    def __init__(self, settings: BusSettings, directory: Path, asked: RequestedStop) -> None:
+    def __init__(self, settings: BusSettings, directory: Path, requested: RequestedStop) -> None:
         self.settings = settings
         self.bus_session: ZenohSession | None = None
         self.hit: set[tuple[str, str]] = set()
         self.problem = ""
         self._directory = directory
         # A name with invalid characters must not prevent the stop of the others.
-        self._payload = msgspec.json.encode([name.encode(errors="replace").decode() for name in asked.names])
-        self._parameters = parameters_of(local_user(), asked.reason, asked.request)
+        self._payload = msgspec.json.encode(
+            [name.encode(errors="replace").decode() for name in requested.names]
+        )
+        self._parameters = parameters_of(local_user(), requested.reason, requested.request)
         self._thread = threading.Thread(target=self._stop, name=f"stop:{settings.edge}", daemon=True)
         self._thread.start()
 
@@ -67,7 +69,7 @@ class StopAttempt:
         """Join the bus, and send the stop at once."""
         try:
             self.bus_session = join_control(self.settings, self._directory)
-            answers = self.bus_session.ask(
+            answers = self.bus_session.request(
                 keys.stop("*"),
                 self._payload,
                 timeout=ANSWER_WITHIN,
@@ -85,10 +87,10 @@ class StopAttempt:
 class Supervisors:
     """A thread that sends a stop to the supervisors of one runtime folder; works while edges are away."""
 
-    def __init__(self, directory: Path, asked: RequestedStop) -> None:
+    def __init__(self, directory: Path, requested: RequestedStop) -> None:
         self.answers: list[StopAnswer] = []
         self._directory = directory
-        self._asked = asked
+        self._requested = requested
         self._thread = threading.Thread(target=self._stop, name="stop:supervisors", daemon=True)
         self._thread.start()
 
@@ -98,16 +100,18 @@ class Supervisors:
 
     def _stop(self) -> None:
         """Send the stop to all supervisors."""
-        asked = self._asked
-        self.answers = stop_all(self._directory, asked.names, why=asked.reason, request=asked.request)
+        requested = self._requested
+        self.answers = stop_all(
+            self._directory, requested.names, why=requested.reason, request=requested.request
+        )
 
 
-class StopEffort:
+class StopAttempts:
     """All attempts to stop some robots, together; as a context manager it closes the sessions."""
 
     def __init__(self, names: Iterable[str], reason: str = "") -> None:
         plain = tuple(name.rpartition("/")[2] for name in names)
-        self._asked = RequestedStop(plain, reason, os.urandom(8).hex())
+        self._requested = RequestedStop(plain, reason, os.urandom(8).hex())
         self._attempts: list[StopAttempt] = []
         self._supervisors: list[Supervisors] = []
         self.problems: list[str] = []
@@ -123,9 +127,9 @@ class StopEffort:
     def stop_local_edges(self) -> None:
         """Begin to stop every edge that runs on this computer."""
         for directory in runtime_dirs():
-            self._supervisors.append(Supervisors(directory, self._asked))
+            self._supervisors.append(Supervisors(directory, self._requested))
             for edge in running_edges(directory):
-                self._attempts.append(StopAttempt(BusSettings(edge), directory, self._asked))
+                self._attempts.append(StopAttempt(BusSettings(edge), directory, self._requested))
 
     def try_file(self, file: str) -> None:
         """Begin to stop the edge of a fleet file, which may have errors."""
@@ -135,7 +139,7 @@ class StopEffort:
         self.problems += found.problems
         if found.settings.edge or found.settings.connect:
             directories = runtime_dirs() or [Path()]
-            self._attempts += [StopAttempt(found.settings, place, self._asked) for place in directories]
+            self._attempts += [StopAttempt(found.settings, place, self._requested) for place in directories]
 
     def end(self) -> set[tuple[str, str]]:
         """Wait for all attempts; return edge and name of the stopped robots."""
@@ -214,7 +218,7 @@ def stop(
     """
     if bool(robots) == everything:
         raise click.UsageError("name the robots to stop, or --all")
-    with StopEffort(robots, reason) as effort:
+    with StopAttempts(robots, reason) as effort:
         effort.stop_local_edges()
         if file is not None:
             effort.try_file(file)
@@ -273,7 +277,7 @@ def _outcomes(
     return outcomes
 
 
-def _report(out: Output, effort: StopEffort, edges: Edges, result: StopResult) -> ExitCode:
+def _report(out: Output, effort: StopAttempts, edges: Edges, result: StopResult) -> ExitCode:
     """Report the stopped robots, the others, the reached edges, and errors in the file."""
     problems = effort.problems
     if not edges.joined and not effort.kept and not result.hit:

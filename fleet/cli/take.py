@@ -7,7 +7,7 @@ import click
 from fleet.cli.completion import ROBOT
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.send import RECEIPT_WITHIN, ask
+from fleet.cli.send import RECEIPT_WITHIN, request
 
 
 @click.command()
@@ -17,4 +17,4 @@ from fleet.cli.send import RECEIPT_WITHIN, ask
 def take(out: Output, robot: str, *, file: str | None) -> ExitCode:
     """Take ROBOT out of its run; it stops, and the run continues without it or ends."""
     message = {"command": "take", "data": {}}
-    return ask(out, robot, "command", message, wait=True, timeout=RECEIPT_WITHIN, file=file)
+    return request(out, robot, "command", message, wait=True, timeout=RECEIPT_WITHIN, file=file)

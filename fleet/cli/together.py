@@ -30,7 +30,7 @@ from fleet.model.start import (
     PINGS,
     Offset,
     StartAnswer,
-    StartAsked,
+    StartSignal,
     check_clock,
     offset_of,
 )
@@ -40,9 +40,9 @@ from fleet.robot_config import MAIN
 PING_WITHIN = 1.0  # s for one measurement of a clock
 SPARE = 0.2  # s before the instant by which every robot must have confirmed it, or none begins
 
-Question = tuple[RobotState, str, dict[str, Any]]
+RobotQuestion = tuple[RobotState, str, dict[str, Any]]
 """A robot, the name of the request, and the message, which is stamped when it is sent."""
-Answers = tuple[RobotState, str, Iterator[Reply]]
+RobotReplies = tuple[RobotState, str, Iterator[Reply]]
 
 _AHEAD = re.compile(r"\+(\d+(?:\.\d+)?)\s*(s|min)?")
 
@@ -81,15 +81,15 @@ at_option = click.option(
 class CommonStartRequest:
     """A start of several robots; as a context manager it cancels robots that have not started."""
 
-    def __init__(self, edges: Edges, asked: Sequence[Question], *, kind: str, at: float) -> None:
+    def __init__(self, edges: Edges, requested: Sequence[RobotQuestion], *, kind: str, at: float) -> None:
         self._id = uuid.uuid4().hex
         self._edges, self._at, self._kind = edges, at, kind
         self._sessions: dict[str, ZenohSession] = {}
-        self._asked = asked
+        self._requested = requested
         self._tokens: list[Callable[[], None]] = []
 
     def __enter__(self) -> Self:
-        for robot, _, _ in self._asked:
+        for robot, _, _ in self._requested:
             bus_session = self._edges.session_of(robot)
             if bus_session is None:
                 raise Refused(
@@ -110,14 +110,14 @@ class CommonStartRequest:
 
     def check_clocks(self) -> None:
         """Raise Refused for processes whose clocks differ from ours."""
-        wanted = {(robot.edge, robot.worker or MAIN) for robot, _, _ in self._asked}
+        wanted = {(robot.edge, robot.worker or MAIN) for robot, _, _ in self._requested}
         for edge, bus_session in self._sessions.items():
             offsets = _offsets(bus_session, edge)
             for process in sorted(process for of, process in wanted if of == edge):
                 where = f"edge {edge}" if process == MAIN else f"worker {process} of edge {edge}"
                 check_clock(where, offsets.get(process))
 
-    def run(self, *, wait: bool, within: float) -> tuple[list[Answers], dict[str, str]]:
+    def run(self, *, wait: bool, within: float) -> tuple[list[RobotReplies], dict[str, str]]:
         """Prepare all robots and send the instant; return the pending answers, and errors by robot.
 
         After any error no robot begins, and their answers say so.
@@ -129,27 +129,27 @@ class CommonStartRequest:
             self._withdraw()
         return answers, problems
 
-    def _prepared(self, *, wait: bool, within: float) -> list[Answers]:
+    def _prepared(self, *, wait: bool, within: float) -> list[RobotReplies]:
         """Send the preparation to all robots."""
         parameters = {"kind": self._kind, "wait": "1" if wait else "0", "start": self._id}
         last = self._at - time.time() + within
-        asked: list[Answers] = []
-        for robot, command, message in self._asked:
+        requested: list[RobotReplies] = []
+        for robot, command, message in self._requested:
             bus_session = self._sessions[robot.edge]
             key = keys.as_person(keys.prepare(robot.edge, robot.name), bus_session.person)
-            answers = bus_session.ask(key, stamped(message), timeout=last, parameters=parameters)
-            asked.append((robot, command, (reply for _, reply in decoded(answers, Reply))))
-        return asked
+            answers = bus_session.request(key, stamped(message), timeout=last, parameters=parameters)
+            requested.append((robot, command, (reply for _, reply in decoded(answers, Reply))))
+        return requested
 
     def _send_instant(self) -> dict[str, str]:
         """Send the instant to all processes; return errors by robot, also for a missing confirmation."""
         left = self._at - SPARE - time.time()
         if left <= 0:
             late = f"it took until {-left:.1f} s too late to prepare all; name a later time"
-            return {robot.name: late for robot, _, _ in self._asked}
-        asked = msgspec.json.encode(StartAsked(self._id, self._at))
+            return {robot.name: late for robot, _, _ in self._requested}
+        requested = msgspec.json.encode(StartSignal(self._id, self._at))
         all_answers = [
-            bus_session.ask(keys.starts(edge), asked, timeout=left)
+            bus_session.request(keys.starts(edge), requested, timeout=left)
             for edge, bus_session in self._sessions.items()
         ]
         found: dict[str, str] = {}
@@ -157,16 +157,16 @@ class CommonStartRequest:
             for _, answer in decoded(answers, StartAnswer):
                 found |= {f"{edge}/{name}": why for name, why in answer.robots.items()}
         unheard = "its process did not take the instant in time"
-        problems = {r.name: found.get(f"{r.edge}/{r.name}", unheard) for r, _, _ in self._asked}
+        problems = {r.name: found.get(f"{r.edge}/{r.name}", unheard) for r, _, _ in self._requested}
         if time.time() > self._at - SPARE / 2 and not any(problems.values()):
-            problems[self._asked[0][0].name] = "the instant came before all had taken it"
+            problems[self._requested[0][0].name] = "the instant came before all had taken it"
         return {name: why for name, why in problems.items() if why}
 
 
-def _first_answers(asked: Iterable[Answers]) -> tuple[list[Answers], dict[str, str]]:
+def _first_answers(requested: Iterable[RobotReplies]) -> tuple[list[RobotReplies], dict[str, str]]:
     """Wait until every robot is prepared; return the pending answers, and errors by robot."""
     answers, problems = [], {}
-    for robot, command, replies in asked:
+    for robot, command, replies in requested:
         reply = next(replies, None)
         rest = replies
         if reply is None:
@@ -181,10 +181,12 @@ def _first_answers(asked: Iterable[Answers]) -> tuple[list[Answers], dict[str, s
 def _offsets(bus_session: ZenohSession, edge: str) -> dict[str, Offset]:
     """Return the clock offsets of an edge's processes, by the fastest of several measurements."""
     best: dict[str, Offset] = {}
-    asked = msgspec.json.encode(StartAsked())
+    requested = msgspec.json.encode(StartSignal())
     for _ in range(PINGS):
         sent = time.time()
-        for _, answer in decoded(bus_session.ask(keys.starts(edge), asked, timeout=PING_WITHIN), StartAnswer):
+        for _, answer in decoded(
+            bus_session.request(keys.starts(edge), requested, timeout=PING_WITHIN), StartAnswer
+        ):
             offset = offset_of(sent, answer.time, time.time())
             known = best.get(answer.process)
             if known is None or offset.bound < known.bound:

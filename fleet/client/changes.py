@@ -5,22 +5,22 @@ from __future__ import annotations
 from fleet.bus import keys
 from fleet.client.edges import Edges
 from fleet.errors import NotRunning, Refused, TimedOut
-from fleet.model.change import ChangesAnswer, ChangesAsked
+from fleet.model.change import ChangesAnswer, ChangesRequest
 
 LOOK_WITHIN = 60.0  # s: the edge reads the file and inspects each drop-in file in a separate process
 APPLY_WITHIN = 1800.0  # s: each robot may take half a minute to reconnect
 
 
-def ask_changes(edge: str, file: str, asked: ChangesAsked) -> ChangesAnswer | None:
+def request_changes(edge: str, file: str, requested: ChangesRequest) -> ChangesAnswer | None:
     """Return the answer of a running edge, None if it does not run; raises Refused and TimedOut."""
     try:
         edges = Edges.reach(file)
     except NotRunning:
         return None
-    within = APPLY_WITHIN if asked.do == "apply" else LOOK_WITHIN
+    within = APPLY_WITHIN if requested.do == "apply" else LOOK_WITHIN
     with edges:
         try:
-            answer = edges.one(keys.changes(edge), ChangesAnswer, asked, within=within)
+            answer = edges.one(keys.changes(edge), ChangesAnswer, requested, within=within)
         except TimedOut as error:
             version = next((state.version for state in edges.edges() if state.edge == edge), "")
             older = (

@@ -21,7 +21,7 @@ from fleet.history.record import Record
 from fleet.model.command import Reply
 from fleet.model.description import RobotDescription
 from fleet.model.place import Place
-from fleet.model.schedule import ScheduleAnswer, ScheduleAsked, ScheduleState
+from fleet.model.schedule import ScheduleAnswer, ScheduleRequest, ScheduleState
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
 
@@ -87,7 +87,7 @@ class Edges:
     def states(self) -> list[RobotState]:
         """Return the states of the robots, by edge and name; the newest if several processes report one."""
         found: dict[tuple[str, str], RobotState] = {}
-        for bus_session, _, state in self.asked(keys.state("*", "*"), RobotState):
+        for bus_session, _, state in self.requested(keys.state("*", "*"), RobotState):
             robot = (state.edge, state.name)
             self._session_by_robot.setdefault(robot, bus_session)
             if robot not in found or state.stamp > found[robot].stamp:
@@ -96,7 +96,7 @@ class Edges:
 
     def edges(self) -> list[EdgeState]:
         """Return the states of the edges, by name."""
-        found = {state.edge: state for _, _, state in self.asked(keys.health("*"), EdgeState)}
+        found = {state.edge: state for _, _, state in self.requested(keys.health("*"), EdgeState)}
         return [found[edge] for edge in sorted(found)]
 
     def silent(self, found: Iterable[EdgeState]) -> list[str]:
@@ -150,7 +150,7 @@ class Edges:
 
     def description(self, robot: RobotState) -> RobotDescription:
         """Return the vocabulary of a robot; raises TimedOut if its process does not answer."""
-        for _, _, found in self.asked(keys.description(robot.edge, robot.name), RobotDescription):
+        for _, _, found in self.requested(keys.description(robot.edge, robot.name), RobotDescription):
             return found
         raise TimedOut(f"{robot.name} does not report its commands: {robot.cause or 'its process is silent'}")
 
@@ -167,38 +167,42 @@ class Edges:
             return iter(())
         parameters = {"kind": kind, "wait": "1" if wait else "0"}
         key = keys.as_person(keys.command(robot.edge, robot.name), bus_session.person)
-        answers = bus_session.ask(key, payload, timeout=timeout, parameters=parameters)
+        answers = bus_session.request(key, payload, timeout=timeout, parameters=parameters)
         return (reply for _, reply in decoded(answers, Reply))
 
     def reload(self, edge: str, worker: str, adapter: str, *, within: float) -> Reply | None:
         """Ask a worker to reload the changed drop-in file of an adapter; return None without an answer."""
         key = keys.reload(edge, worker)
-        asked = [bus_session.ask(key, adapter.encode(), timeout=within) for bus_session in self.sessions]
-        return next((reply for answers in asked for _, reply in decoded(answers, Reply)), None)
+        requested = [
+            bus_session.request(key, adapter.encode(), timeout=within) for bus_session in self.sessions
+        ]
+        return next((reply for answers in requested for _, reply in decoded(answers, Reply)), None)
 
     def schedules(self) -> list[tuple[str, ScheduleState]]:
         """Return the schedules of all edges, with their edge; raises Refused if an edge cannot read them."""
-        asked = msgspec.json.encode(ScheduleAsked())
+        requested = msgspec.json.encode(ScheduleRequest())
         found = []
-        answers = self.asked(keys.schedules("*"), ScheduleAnswer, asked, HISTORY_WITHIN, by_person=True)
+        answers = self.requested(
+            keys.schedules("*"), ScheduleAnswer, requested, HISTORY_WITHIN, by_person=True
+        )
         for _, key, answer in answers:
             if answer.refusal:
                 raise Refused(f"edge {key.split('/')[1]}: {answer.refusal}")
             found += [(key.split("/")[1], state) for state in answer.schedules]
         return sorted(found, key=lambda pair: (pair[0], pair[1].name))
 
-    def ask_schedules(self, edge: str, asked: ScheduleAsked) -> ScheduleAnswer:
+    def request_schedules(self, edge: str, requested: ScheduleRequest) -> ScheduleAnswer:
         """Send a request about an edge's schedules; raises TimedOut without an answer."""
-        payload = msgspec.json.encode(asked)
+        payload = msgspec.json.encode(requested)
         key = keys.schedules(edge)
-        for _, _, answer in self.asked(key, ScheduleAnswer, payload, STARTED_WITHIN, by_person=True):
+        for _, _, answer in self.requested(key, ScheduleAnswer, payload, STARTED_WITHIN, by_person=True):
             return answer
         raise TimedOut(f"edge {edge} does not answer for its schedules")
 
     def history(self, wanted: EventFilter) -> list[Record]:
         """Return the events of the edges' histories, oldest first."""
-        asked = msgspec.json.encode(wanted)
-        parts = self.asked(keys.history("*"), list[Record], asked, HISTORY_WITHIN)
+        requested = msgspec.json.encode(wanted)
+        parts = self.requested(keys.history("*"), list[Record], requested, HISTORY_WITHIN)
         by_edge = ((key.split("/")[1], record) for _, key, part in parts for record in part)
         return newest((msgspec.structs.replace(record, edge=edge) for edge, record in by_edge), wanted)
 
@@ -206,22 +210,22 @@ class Edges:
         self,
         key: str,
         kind: type[T],
-        asked: msgspec.Struct,
+        requested: msgspec.Struct,
         parameters: Mapping[str, str] | None = None,
         *,
         within: float = START_WITHIN,
     ) -> T:
         """Send a request to one edge, over each session in turn; raises TimedOut without an answer."""
-        payload = msgspec.json.encode(asked)
+        payload = msgspec.json.encode(requested)
         for bus_session in self.sessions:
             to = keys.as_person(key, bus_session.person)
             for _, found in decoded(
-                bus_session.ask(to, payload, timeout=within, parameters=parameters), kind
+                bus_session.request(to, payload, timeout=within, parameters=parameters), kind
             ):
                 return found
         raise TimedOut(f"no answer within {within:g} s on {key}")
 
-    def asked(
+    def requested(
         self,
         key: str,
         kind: type[T],
@@ -234,11 +238,14 @@ class Edges:
 
         ``by_person``: add the name of the person in the session's certificate to the key.
         """
-        asked = [
-            (each, each.ask(keys.as_person(key, each.person if by_person else ""), payload, timeout=within))
+        requested = [
+            (
+                each,
+                each.request(keys.as_person(key, each.person if by_person else ""), payload, timeout=within),
+            )
             for each in self.sessions
         ]
-        for bus_session, answers in asked:
+        for bus_session, answers in requested:
             for answered, answer in decoded(answers, kind):
                 yield bus_session, answered, answer
 

@@ -70,7 +70,7 @@ class Fleet:
         """
         robots = self._edges.named(robot)
         message: dict[str, object] = {"command": command, "data": data}
-        return self._ask(robots, "command", [message] * len(robots), wait=wait, within=within)
+        return self._request(robots, "command", [message] * len(robots), wait=wait, within=within)
 
     def goto(
         self,
@@ -95,7 +95,7 @@ class Fleet:
             aim = GotoTarget(x, y, z[0] if z else None, "site")
         aim = msgspec.structs.replace(aim, speed=speed, spacing=spacing)
         messages = goals(aim, robots)
-        return self._ask(robots, "navigate", messages, wait=wait, within=within)
+        return self._request(robots, "navigate", messages, wait=wait, within=within)
 
     def stop(self, robot: str) -> dict[str, Reply]:
         """Stop a robot, which then holds its position and leaves its mission run."""
@@ -105,7 +105,7 @@ class Fleet:
         """Set the emergency stop of a robot, which a person must release (``fleet release``)."""
         return self.send(robot, "emergency_stop")
 
-    def _ask(
+    def _request(
         self,
         robots: Sequence[RobotState],
         kind: str,
@@ -116,13 +116,13 @@ class Fleet:
     ) -> dict[str, Reply]:
         """Send each robot its message concurrently; return their last answers. Raises the first error."""
         timeout = within if wait else min(within, RECEIPT_WITHIN)
-        asked = [
+        requested = [
             (robot, self._edges.command(robot, stamped(one), kind=kind, wait=wait, timeout=timeout))
             for robot, one in zip(robots, messages, strict=True)
         ]
         last: dict[str, Reply] = {}
         problems: list[CommandError] = []
-        for robot, replies in asked:
+        for robot, replies in requested:
             *_, reply = (None, *replies)
             if reply is None or (wait and reply.ok and reply.done is None):
                 problems.append(

@@ -96,7 +96,9 @@ class FleetWatch:
         for number, session in enumerate(link.sessions):
             session.subscribe(keys.summary("*"), self._on_summary)
             session.watch_tokens(keys.edge("*"), partial(self._on_token, number))
-        answers = [session.ask(keys.summary("*"), b"", timeout=ANSWER_WITHIN) for session in link.sessions]
+        answers = [
+            session.request(keys.summary("*"), b"", timeout=ANSWER_WITHIN) for session in link.sessions
+        ]
         for number, session in enumerate(link.sessions):
             for key in session.tokens(keys.edge("*"), timeout=ANSWER_WITHIN):
                 self._on_token(number, key, True)

@@ -15,7 +15,7 @@ from fleet.client import mission_requests
 from fleet.client.edges import Edges
 from fleet.client.local_user import local_user
 from fleet.errors import Refused, TimedOut, WireError
-from fleet.missions.report import ControlAsk, MissionState, RunState, StartAsk, Started
+from fleet.missions.report import MissionStartRequest, MissionState, RunControlRequest, RunState, Started
 from fleet.missions.results import RunFile
 from fleet.missions.store import RunLogEntry
 
@@ -64,21 +64,21 @@ class MissionRun:
 
     def pause(self) -> None:
         """Pause it: its robots hold; raises Refused."""
-        self._control(ControlAsk("pause"))
+        self._control(RunControlRequest("pause"))
 
     def resume(self) -> None:
         """Continue it; raises Refused, also while it waits for an answer to a question."""
-        self._control(ControlAsk("resume"))
+        self._control(RunControlRequest("resume"))
 
     def abort(self) -> None:
         """End it as defined by its mission (``on_abort``); raises Refused."""
-        self._control(ControlAsk("abort"))
+        self._control(RunControlRequest("abort"))
 
     def answer(self, *, goes_on: bool) -> None:
         """Answer its present question; raises Refused."""
         state = self.state()
         question = state.question.id if state is not None and state.question is not None else 0
-        self._control(ControlAsk("answer", question, goes_on=goes_on))
+        self._control(RunControlRequest("answer", question, goes_on=goes_on))
 
     def log(self) -> list[RunLogEntry]:
         """Return its log, oldest line first; raises TimedOut."""
@@ -88,9 +88,9 @@ class MissionRun:
         """Return its results so far: files on the disk of its edge."""
         return mission_requests.results(self._edges, self.edge, self.id)
 
-    def _control(self, asked: ControlAsk) -> None:
+    def _control(self, requested: RunControlRequest) -> None:
         """Send a control request; raises Refused, TimedOut."""
-        named = msgspec.structs.replace(asked, session_id=self._by)
+        named = msgspec.structs.replace(requested, session_id=self._by)
         refusal = mission_requests.control(self._edges, self.edge, self.id, named).refusal
         if refusal:
             raise Refused(f"run {self.id}: {refusal}")
@@ -112,12 +112,14 @@ def start_mission(
     by, run = local_user(), uuid.uuid4().hex[:8]
     name, sent = mission_named(what)
     chosen = {role: list(names) for role, names in robots.items()}
-    ask = StartAsk(mission=sent, inputs=dict(inputs), robots=chosen, run=run, session_id=by)
+    request = MissionStartRequest(mission=sent, inputs=dict(inputs), robots=chosen, run=run, session_id=by)
     edge = edge_of(edges, name, chosen, sent)
-    shown = _taken(mission_requests.start(edges, edge, name, msgspec.structs.replace(ask, only_fill=True)))
+    shown = _taken(
+        mission_requests.start(edges, edge, name, msgspec.structs.replace(request, only_fill=True))
+    )
     filled(shown.roles)
     started = _taken(
-        mission_requests.start(edges, edge, name, msgspec.structs.replace(ask, robots=shown.roles))
+        mission_requests.start(edges, edge, name, msgspec.structs.replace(request, robots=shown.roles))
     )
     return MissionRun(edges, msgspec.structs.replace(started, roles=shown.roles), edge, by)
 

@@ -15,7 +15,7 @@ from fleet.runtime.decoding import decode_json
 from fleet.runtime.state_format import format_of, refuse_newer
 from fleet.spool.state_folder import create_folder, locked, state_folder
 
-Edges = dict[str, SeenEdge]
+SeenEdgesById = dict[str, SeenEdge]
 
 FILE = "seen-edges.json"
 FORMAT = 1
@@ -26,7 +26,7 @@ class _SeenFile(msgspec.Struct, frozen=True):
     """Content of the file: edges by bus."""
 
     format: int
-    buses: dict[str, Edges]
+    buses: dict[str, SeenEdgesById]
 
 
 class SeenEdges:
@@ -36,7 +36,7 @@ class SeenEdges:
         self._path = state_folder("edge", environ=environ).parent / FILE
         self._bus = str(Path(file).resolve()) if file else str(client_dirs(environ)[0])
 
-    def read(self) -> Edges:
+    def read(self) -> SeenEdgesById:
         """Return the edges as last written; raises StateError for an unreadable file."""
         return self._buses().get(self._bus, {})
 
@@ -51,7 +51,7 @@ class SeenEdges:
         self._change(lambda edges: {name: each for name, each in edges.items() if name != edge})
         return known
 
-    def _change(self, change: Callable[[Edges], Edges]) -> None:
+    def _change(self, change: Callable[[SeenEdgesById], SeenEdgesById]) -> None:
         """Rewrite the file with a change to the list of this bus."""
         create_folder(self._path.parent)
         with locked(self._path, within=LOCK_WITHIN):
@@ -64,7 +64,7 @@ class SeenEdges:
             except OSError as error:
                 raise StateError(f"cannot write {self._path}: {error.strerror}") from None
 
-    def _buses(self) -> dict[str, Edges]:
+    def _buses(self) -> dict[str, SeenEdgesById]:
         """Return the content of the file."""
         try:
             data = self._path.read_bytes()

@@ -50,15 +50,15 @@ class _NextIterationCall:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._asked = False
+        self._requested = False
 
     def __call__(self, call: Callable[[], None]) -> None:
-        if not self._asked:
-            self._asked = True
+        if not self._requested:
+            self._requested = True
             self._loop.call_soon(self._make, call)
 
     def _make(self, call: Callable[[], None]) -> None:
-        self._asked = False
+        self._requested = False
         call()
 
 

@@ -145,8 +145,8 @@ class MqttSession:
 
     def resubscribe(self, subscriptions: Mapping[str, int]) -> None:
         """Replace the filters."""
-        asked = list(self._subscriptions.change(subscriptions))
-        self._replies += asked if self.connected else ()
+        requested = list(self._subscriptions.change(subscriptions))
+        self._replies += requested if self.connected else ()
 
     def _on_suback(self, packet: mqtt5.SubAckPacket, _now: float) -> None:
         """Record the filters that the broker refuses."""

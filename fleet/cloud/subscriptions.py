@@ -16,16 +16,16 @@ class Subscriptions:
     def __init__(self, filters: Mapping[str, int], next_id: Callable[[], int]) -> None:
         self._filters = filters
         self._next_id = next_id
-        self._asked: dict[int, list[str]] = {}
+        self._requested: dict[int, list[str]] = {}
 
     @property
     def open(self) -> bool:
         """True while the broker has not answered a SUBSCRIBE."""
-        return bool(self._asked)
+        return bool(self._requested)
 
     def begin(self) -> Iterator[mqtt5.Packet]:
         """Yield the SUBSCRIBE packets for all filters; requests before are forgotten."""
-        self._asked.clear()
+        self._requested.clear()
         return self._subscribe(self._filters.items())
 
     def change(self, filters: Mapping[str, int]) -> Iterator[mqtt5.Packet]:
@@ -38,7 +38,7 @@ class Subscriptions:
 
     def answered(self, packet: mqtt5.SubAckPacket) -> list[str] | None:
         """Handle SUBACK: return the refused filters as sentences, None if nothing was requested."""
-        patterns = self._asked.pop(packet.packet_id, [])
+        patterns = self._requested.pop(packet.packet_id, [])
         if len(patterns) != len(packet.reason_codes):
             return None
         return [
@@ -55,5 +55,5 @@ class Subscriptions:
         ]
         for start in range(0, len(wanted), _FILTERS):
             identifier, some = self._next_id(), wanted[start : start + _FILTERS]
-            self._asked[identifier] = [each.pattern for each in some]
+            self._requested[identifier] = [each.pattern for each in some]
             yield mqtt5.SubscribePacket(identifier, some)

@@ -17,7 +17,7 @@ from fleet.config.endpoints import (
     shared_folder_danger,
     socket_too_long,
 )
-from fleet.config.identity import Identity
+from fleet.config.identity import ValueIdentity
 from fleet.config.problems import Mark
 from fleet.config.schema import BusConfig, Sections
 from fleet.config.text import nearest
@@ -35,7 +35,7 @@ _APART = {
 }
 
 
-def check_robots(listed: object, identities: Mapping[int, Identity], document: Document) -> None:
+def check_robots(listed: object, identities: Mapping[int, ValueIdentity], document: Document) -> None:
     """Report robots that share a name, a twin or a physical machine, each at the later robot.
 
     ``identities`` are those of the robots whose config has one, by index in the list.
@@ -50,7 +50,7 @@ def check_robots(listed: object, identities: Mapping[int, Identity], document: D
                 document.report(_place(index, key, document), message, _APART[what])
 
 
-def _unique(robot: object, identity: Identity | None) -> Iterator[tuple[str, object, str]]:
+def _unique(robot: object, identity: ValueIdentity | None) -> Iterator[tuple[str, object, str]]:
     """Yield the values that robots must not share: description, value, and key to report."""
     for key in ("name", "twin"):
         if isinstance(robot, dict) and isinstance(robot.get(key), str):

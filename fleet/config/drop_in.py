@@ -10,7 +10,7 @@ import msgspec
 from pydantic import ConfigDict, Field, ValidationError
 
 from fleet.config.explain import checked
-from fleet.config.problems import Mark, Path
+from fleet.config.problems import Mark, YamlPath
 from fleet.config.yaml import Document
 from fleet.plugins.probe import CheckedConfig, ConfigCase, ProbeError, ProblemPlace, Steps
 from fleet.plugins.registry import Plugin, Registry
@@ -35,12 +35,12 @@ _DEFAULTS: Mapping[str, object] = json.loads(
 """The host's fields as they are when nothing is said: robots share these values, which take 4 kB for each."""
 
 
-def asked(
+def requested(
     registry: Registry,
     plugin: Plugin,
     data: object,
     *,
-    at: Path,
+    at: YamlPath,
     document: Document,
     context: Mapping[str, object],
 ) -> tuple[DropInConfig, CheckedConfig] | None:
@@ -64,13 +64,13 @@ def asked(
         return None
 
 
-def _case(plugin: Plugin, data: object, at: Path, document: Document, folder: object) -> ConfigCase:
+def _case(plugin: Plugin, data: object, at: YamlPath, document: Document, folder: object) -> ConfigCase:
     """Return a robot with its positions in the file, without the rest of the file."""
 
     def within(steps: Steps) -> bool:
         return steps[: len(at)] == at or not steps
 
-    def places(marks: Mapping[Path, Mark]) -> tuple[tuple[Steps, ProblemPlace], ...]:
+    def places(marks: Mapping[YamlPath, Mark]) -> tuple[tuple[Steps, ProblemPlace], ...]:
         return tuple(
             (steps, ProblemPlace(*msgspec.structs.astuple(mark)))
             for steps, mark in marks.items()

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from fleet.config.nodes import plain
-from fleet.config.problems import Mark, Path
+from fleet.config.problems import Mark, YamlPath
 from fleet.config.text import nearest
 from fleet.config.yaml import Document
 from fleet.robot_config import Name
@@ -58,7 +58,7 @@ RENAMED: Mapping[str, tuple[str, ...]] = {"listen": ("inbound",), "tell": ("warn
 
 
 def validated(
-    model: type[ModelT], data: object, at: Path, document: Document, context: Mapping[str, object]
+    model: type[ModelT], data: object, at: YamlPath, document: Document, context: Mapping[str, object]
 ) -> ModelT | None:
     """Return the model of ``data`` at path ``at``; None after reporting the errors.
 
@@ -70,7 +70,7 @@ def validated(
 
 
 def validated_with(
-    model: type[ModelT], data: object, at: Path, document: Document, context: Mapping[str, object]
+    model: type[ModelT], data: object, at: YamlPath, document: Document, context: Mapping[str, object]
 ) -> tuple[ModelT, object] | None:
     """Return the model, and the data in the form that the model accepted."""
     try:
@@ -89,7 +89,7 @@ def checked(model: type[ModelT], data: object, context: Mapping[str, object]) ->
     return model.model_validate_json(json.dumps(data), strict=True, context=dict(context))
 
 
-def _retyped(data: object, at: Path, error: ValidationError, document: Document) -> object:
+def _retyped(data: object, at: YamlPath, error: ValidationError, document: Document) -> object:
     """Return the data with refused texts of variables and secrets converted to numbers or booleans."""
     copy = json.loads(json.dumps(data))
     for each in error.errors(include_url=False):
@@ -102,7 +102,7 @@ def _retyped(data: object, at: Path, error: ValidationError, document: Document)
     return copy
 
 
-def _known(at: Path, location: Iterable[str | int], document: Document) -> Path:
+def _known(at: YamlPath, location: Iterable[str | int], document: Document) -> YamlPath:
     """Return the path in the file for pydantic's location, without union tags and missing keys."""
     path = at
     for step in location:
@@ -111,7 +111,7 @@ def _known(at: Path, location: Iterable[str | int], document: Document) -> Path:
     return path
 
 
-def _report(error: ValidationError, model: type[BaseModel], at: Path, document: Document) -> None:
+def _report(error: ValidationError, model: type[BaseModel], at: YamlPath, document: Document) -> None:
     """Report each error once at its position; a misspelt key is not reported as missing as well."""
     errors = error.errors(include_url=False)
     misspelt = set()
@@ -128,7 +128,7 @@ def _report(error: ValidationError, model: type[BaseModel], at: Path, document: 
         _report_one(each, model, path, document)
 
 
-def _report_one(error: _Error, model: type[BaseModel], path: Path, document: Document) -> None:
+def _report_one(error: _Error, model: type[BaseModel], path: YamlPath, document: Document) -> None:
     """Report one error."""
     kind, location = error["type"], error["loc"]
     context = error.get("ctx", {})
@@ -156,7 +156,7 @@ def _missing(last: str | int) -> str:
     return f"item {last + 1} of the list" if isinstance(last, int) else f"the key {last!r}"
 
 
-def _place(path: Path, document: Document) -> Mark:
+def _place(path: YamlPath, document: Document) -> Mark:
     """Return the mark of a path, or of the start of the file if it is not in the file."""
     return document.marks.get(path) or document.marks[()]
 

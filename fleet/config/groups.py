@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from fleet.config.problems import Path
+from fleet.config.problems import YamlPath
 from fleet.config.text import nearest
 from fleet.config.yaml import Document
 from fleet.robot_config import Accepts, Limits, Name
@@ -42,7 +42,7 @@ def members_of(group: tuple[str, ...] | GroupConfig) -> tuple[str, ...]:
     return group.robots if isinstance(group, GroupConfig) else group
 
 
-def said_by_groups(name: str, document: Document) -> Iterator[tuple[Path, dict[str, Any]]]:
+def said_by_groups(name: str, document: Document) -> Iterator[tuple[YamlPath, dict[str, Any]]]:
     """Yield the settings from the groups of a robot, with their paths, in the order of the file."""
     groups = document.data.get("groups")
     for group, given in groups.items() if isinstance(groups, dict) else ():
@@ -70,7 +70,7 @@ def check_groups(data: Mapping[str, Any], document: Document) -> None:
     for group, given in groups.items():
         if group in names:
             document.report(document.keys["groups", group], "a robot has this name too", "rename the group")
-        at: Path = ("groups", group, "robots") if isinstance(given, dict) else ("groups", group)
+        at: YamlPath = ("groups", group, "robots") if isinstance(given, dict) else ("groups", group)
         members = given.get("robots") if isinstance(given, dict) else given
         for index, member in enumerate(members if isinstance(members, list) else ()):
             place = document.marks[*at, index]

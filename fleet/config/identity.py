@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from fleet.robot_config import AdapterConfig
 
-Identity = tuple[object, str]
+ValueIdentity = tuple[object, str]
 """The class of the config (or name of the adapter), and the machine."""
 
 
-def identity_of(config: AdapterConfig) -> Identity | None:
+def identity_of(config: AdapterConfig) -> ValueIdentity | None:
     """Return the machine of a config, if the config identifies one.
 
     A config may define ``identity() -> str | None``: equal for two configs of one class that reach the same

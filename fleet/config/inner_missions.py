@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from fleet.config.problems import Path
+from fleet.config.problems import YamlPath
 from fleet.config.text import nearest
 from fleet.missions.model import ALL, ActConfig, MissionConfig, StepConfig
 
-Report = Callable[[Path, str, str], None]
+ReportProblem = Callable[[YamlPath, str, str], None]
 """Reports an error at a path, with a hint."""
 _ONE_END = ("on_failure", "on_abort", "on_restart")
 """Settings of a whole run, which has one end: those of the outermost mission apply."""
 
 
-def inner_mission_steps(mission: MissionConfig, at: Path) -> Iterator[tuple[str, ActConfig, Path]]:
+def inner_mission_steps(mission: MissionConfig, at: YamlPath) -> Iterator[tuple[str, ActConfig, YamlPath]]:
     """Yield role, act and path of each step that executes another mission."""
     for step, where in all_steps(mission.steps, (*at, "steps")):
         if step.mission is not None:
@@ -23,7 +23,7 @@ def inner_mission_steps(mission: MissionConfig, at: Path) -> Iterator[tuple[str,
             yield role, act, (*where, "do", role)
 
 
-def all_steps(steps: list[StepConfig], at: Path) -> Iterator[tuple[StepConfig, Path]]:
+def all_steps(steps: list[StepConfig], at: YamlPath) -> Iterator[tuple[StepConfig, YamlPath]]:
     """Yield all steps with their paths, including repeated ones."""
     for index, step in enumerate(steps):
         yield step, (*at, index)
@@ -43,7 +43,7 @@ class InnerCheck:
         config: MissionConfig,
         known: Mapping[str, MissionConfig],
         named: set[str] | None,
-        report: Report,
+        report: ReportProblem,
     ) -> None:
         self._name = name
         self._config = config
@@ -51,7 +51,7 @@ class InnerCheck:
         self._named = named
         self._report = report
 
-    def all(self, at: Path, given: Callable[[Path], Any]) -> None:
+    def all(self, at: YamlPath, given: Callable[[YamlPath], Any]) -> None:
         """Check each step that executes a mission; ``given`` returns its inputs as written."""
         for role, act, where in inner_mission_steps(self._config, at):
             name, place = act.mission or "", (*where, "mission")
@@ -82,7 +82,7 @@ class InnerCheck:
         )
         return next((cycle for cycle in cycles if cycle), ())
 
-    def _inputs(self, act: ActConfig, inner: MissionConfig, where: Path, given: Any) -> None:
+    def _inputs(self, act: ActConfig, inner: MissionConfig, where: YamlPath, given: Any) -> None:
         """Check the inputs of an inner mission; a value that is itself an input is checked at the start."""
         written = given if isinstance(given, dict) else {}
         for key in act.with_:
@@ -98,7 +98,7 @@ class InnerCheck:
             place = (*where, "mission")
             self._report(place, f"{act.mission} needs {', '.join(missing)}", "give them under with:")
 
-    def _robots(self, role: str, name: str, inner: MissionConfig, place: Path) -> None:
+    def _robots(self, role: str, name: str, inner: MissionConfig, place: YamlPath) -> None:
         """Check that the role can have as many robots as the roles of the inner mission need."""
         roles = self._config.roles
         names = roles if role == ALL else [role] if role in roles else []
@@ -107,7 +107,7 @@ class InnerCheck:
         if names and least > most:
             self._report(place, f"{name} needs {least} robots, {role} has at most {most}", "")
 
-    def _end(self, name: str, inner: MissionConfig, place: Path) -> None:
+    def _end(self, name: str, inner: MissionConfig, place: YamlPath) -> None:
         """Check that its settings for the end of the run agree with the outer mission's."""
         for key in _ONE_END:
             said, ours = getattr(inner, key), getattr(self._config, key)

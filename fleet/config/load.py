@@ -29,17 +29,17 @@ from fleet.config.checks import (
     warn_of_drop_ins,
     warn_of_places,
 )
-from fleet.config.drop_in import DropInConfig, asked
+from fleet.config.drop_in import DropInConfig, requested
 from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated, validated_with
 from fleet.config.groups import check_groups, contradiction, said_by_groups
-from fleet.config.identity import Identity, identity_of
+from fleet.config.identity import ValueIdentity, identity_of
 from fleet.config.known import known_of
 from fleet.config.mission_routes import check_routes
 from fleet.config.missions import Mission, check_missions
 from fleet.config.pair import check_pair, choose_edge
 from fleet.config.places import check_places
-from fleet.config.problems import InvalidConfig, Path, Problem
+from fleet.config.problems import InvalidConfig, Problem, YamlPath
 from fleet.config.schema import FleetConfig, Sections
 from fleet.config.text import nearest
 from fleet.config.yaml import Document, read
@@ -81,7 +81,7 @@ class _ValidRobot(msgspec.Struct, frozen=True):
 
     config: AdapterConfig
     plugin: Plugin
-    identity: Identity | None
+    identity: ValueIdentity | None
     given: str
 
 
@@ -266,7 +266,7 @@ def _robots(document: Document, registry: Registry, context: Mapping[str, object
 
 
 def _robot(
-    robot: object, at: Path, document: Document, registry: Registry, context: Mapping[str, object]
+    robot: object, at: YamlPath, document: Document, registry: Registry, context: Mapping[str, object]
 ) -> _ValidRobot | None:
     """Validate one robot with its adapter's Config; None after reporting the errors."""
     if at in document.spoiled:
@@ -274,7 +274,9 @@ def _robot(
     merged = _with_defaults(robot, at, document)
     plugin = _plugin(merged, at, document, registry)
     if plugin is not None and plugin.description is not None:
-        return _dropped_in(plugin, asked(registry, plugin, merged, at=at, document=document, context=context))
+        return _dropped_in(
+            plugin, requested(registry, plugin, merged, at=at, document=document, context=context)
+        )
     if plugin is None or plugin.adapter is None:
         validated(_HostFields, merged, at, document, context)
         return None
@@ -299,7 +301,7 @@ def _dropped_in(plugin: Plugin, found: tuple[DropInConfig, CheckedConfig] | None
     return _ValidRobot(config, plugin, identity, said.given)
 
 
-def _plugin(robot: object, at: Path, document: Document, registry: Registry) -> Plugin | None:
+def _plugin(robot: object, at: YamlPath, document: Document, registry: Registry) -> Plugin | None:
     """Return the plugin of a robot; None after reporting why there is none."""
     path = (*at, "adapter")
     if not isinstance(robot, dict) or path in document.spoiled:
@@ -319,7 +321,7 @@ def _plugin(robot: object, at: Path, document: Document, registry: Registry) -> 
     return plugin
 
 
-def _report_no_adapter(robot: Mapping[str, object], at: Path, document: Document, hint: str) -> None:
+def _report_no_adapter(robot: Mapping[str, object], at: YamlPath, document: Document, hint: str) -> None:
     """Report a missing adapter, at the key that is perhaps a misspelling."""
     near = difflib.get_close_matches("adapter", robot, n=1)
     if near:
@@ -328,7 +330,7 @@ def _report_no_adapter(robot: Mapping[str, object], at: Path, document: Document
         document.report(document.marks[at], "the key 'adapter' is missing", hint)
 
 
-def _with_defaults(robot: object, at: Path, document: Document) -> object:
+def _with_defaults(robot: object, at: YamlPath, document: Document) -> object:
     """Return a robot completed by its groups, then by the defaults; the positions are merged as well."""
     defaults = document.data.get("defaults")
     if not isinstance(robot, dict):
@@ -340,7 +342,7 @@ def _with_defaults(robot: object, at: Path, document: Document) -> object:
     return _merged(under, robot, ("defaults",), at, document)
 
 
-def _with_groups(robot: dict[str, object], at: Path, document: Document) -> object:
+def _with_groups(robot: dict[str, object], at: YamlPath, document: Document) -> object:
     """Return a robot completed by its groups; reports contradictions between them."""
     name = str(robot.get("name", ""))
     said = [
@@ -364,7 +366,7 @@ def _unsaid(value: object, own: object) -> object:
     return {key: each for key, each in value.items() if key not in own}
 
 
-def _merged(under: object, over: object, under_at: Path, over_at: Path, document: Document) -> object:
+def _merged(under: object, over: object, under_at: YamlPath, over_at: YamlPath, document: Document) -> object:
     """Merge mappings key by key; other values of ``over`` win."""
     if not (isinstance(under, dict) and isinstance(over, dict)):
         return over

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pathlib
 from typing import Any
 
-from fleet.config.problems import Path
+from fleet.config.problems import YamlPath
 from fleet.config.route import LARGEST, read_route
 from fleet.config.yaml import Document, read
 from fleet.errors import Refused, WireError
@@ -15,7 +15,7 @@ from fleet.missions.points import MOST_POINTS, point_trouble
 _YAML = frozenset({".yaml", ".yml"})
 
 
-def with_files(data: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
+def with_files(data: Any, at: YamlPath, document: Document, folder: pathlib.Path) -> Any:
     """Return a mission's data with file names replaced by the contents of the files.
 
     Errors in a file are reported where it is named, or in the file itself if it is YAML.
@@ -27,7 +27,7 @@ def with_files(data: Any, at: Path, document: Document, folder: pathlib.Path) ->
     return data
 
 
-def _member(key: str, value: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
+def _member(key: str, value: Any, at: YamlPath, document: Document, folder: pathlib.Path) -> Any:
     """Return the value of a key; for a plan or a path, the contents of the named files."""
     if key == "plan" and isinstance(value, str | list):
         return _each(value, at, document, folder)
@@ -41,7 +41,7 @@ def _names_files(value: Any) -> bool:
     return isinstance(value, list) and any(isinstance(each, str) for each in value)
 
 
-def _each(value: Any, at: Path, document: Document, folder: pathlib.Path) -> Any:
+def _each(value: Any, at: YamlPath, document: Document, folder: pathlib.Path) -> Any:
     """Return the content of a file, or of each file in a list; other values unchanged."""
     if isinstance(value, list):
         return [_each(each, (*at, index), document, folder) for index, each in enumerate(value)]

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping
 
 import msgspec
 
-from fleet.config.problems import Path
+from fleet.config.problems import YamlPath
 from fleet.missions.model import ALL, ActConfig, MissionConfig, StepConfig
 
 
 class FollowProblem(msgspec.Struct, frozen=True):
     """An error, its path within the step, and a hint."""
 
-    path: Path
+    path: YamlPath
     message: str
     hint: str
 

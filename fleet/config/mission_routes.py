@@ -11,7 +11,7 @@ from typing import Any
 from fleet.config.inner_missions import all_steps
 from fleet.config.missions import Mission, at_path
 from fleet.config.places import PlaceConfig, Site, is_allowed, places_of
-from fleet.config.problems import Path
+from fleet.config.problems import YamlPath
 from fleet.config.schema import Sections
 from fleet.config.yaml import Document
 from fleet.missions.model import ALL, ActConfig, RoleConfig
@@ -38,7 +38,7 @@ class RouteCheck:
         self._site = site
         self._document = document
 
-    def check(self, mission: Mission, at: Path) -> None:
+    def check(self, mission: Mission, at: YamlPath) -> None:
         """Report acts that no robot of a role may do; warn of acts that some of them may not do."""
         for step, where in all_steps(mission.config.steps, (*at, "steps")):
             for role, act in (step.do or {}).items():
@@ -49,7 +49,7 @@ class RouteCheck:
                     place = (*where, "do", role, "plan")
                     self._check_plan(at_path(mission.data, place[len(at) :]), place, meant)
 
-    def _check_plan(self, plan: Any, at: Path, meant: list[AdapterConfig]) -> None:
+    def _check_plan(self, plan: Any, at: YamlPath, meant: list[AdapterConfig]) -> None:
         """Check a plan, or each plan of a list, for the kind of vehicle that it was made for."""
         for index, each in enumerate(plan if isinstance(plan, list) else ()):
             self._check_plan(each, (*at, index), meant)
@@ -67,7 +67,7 @@ class RouteCheck:
         named = role.from_ in (None, robot.name) or robot.name in self._groups.get(role.from_ or "", set())
         return named and role.kind in (None, getattr(robot, "adapter", None))
 
-    def _points(self, act: ActConfig, where: Path) -> Iterator[tuple[Path, Place]]:
+    def _points(self, act: ActConfig, where: YamlPath) -> Iterator[tuple[YamlPath, Place]]:
         """Yield the points of a goal or path written in the mission, with their paths."""
         if act.goto is not None:
             yield from self._point(act.goto, (*where, "goto"))
@@ -75,7 +75,7 @@ class RouteCheck:
             if is_point(point):
                 yield from self._point(point, (*where, "path", index))
 
-    def _point(self, value: Any, where: Path) -> Iterator[tuple[Path, Place]]:
+    def _point(self, value: Any, where: YamlPath) -> Iterator[tuple[YamlPath, Place]]:
         """Yield a point as a place; nothing if it is an input or an unknown place."""
         if any(isinstance(each, dict) and set(each) == {"input"} for each in self._written(where)):
             return
@@ -88,19 +88,21 @@ class RouteCheck:
         for each in found:
             yield where, each
 
-    def _written(self, where: Path) -> list[Any]:
+    def _written(self, where: YamlPath) -> list[Any]:
         """Return the written value at a path and its parts; an input in it is not known yet."""
         value = self._document.data
         for step in where:
             value = value[step]
         return [value, *value] if isinstance(value, list) else [value]
 
-    def _check_point(self, point: Place, where: Path, meant: list[AdapterConfig]) -> None:
+    def _check_point(self, point: Place, where: YamlPath, meant: list[AdapterConfig]) -> None:
         """Check one point against the fences."""
         out = sorted(robot.name for robot in meant if is_allowed(robot, point, self._site) is False)
         self._tell(out, meant, where, "it is outside the fence of {}", "go there")
 
-    def _tell(self, out: list[str], meant: list[AdapterConfig], where: Path, message: str, what: str) -> None:
+    def _tell(
+        self, out: list[str], meant: list[AdapterConfig], where: YamlPath, message: str, what: str
+    ) -> None:
         """Report an error that affects every robot of a role; warn if it affects only some."""
         if not out:
             return

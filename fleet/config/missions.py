@@ -18,7 +18,7 @@ from fleet.config.explain import validated
 from fleet.config.inner_missions import InnerCheck
 from fleet.config.mission_files import with_files
 from fleet.config.mission_follow import follow_problems
-from fleet.config.problems import InvalidConfig, Path
+from fleet.config.problems import InvalidConfig, YamlPath
 from fleet.config.text import nearest
 from fleet.config.yaml import Document, read
 from fleet.errors import Refused, WireError
@@ -131,7 +131,7 @@ def read_data(data: Any) -> Document:
 
     document = Document(data=data)
 
-    def note(value: Any, at: Path) -> None:
+    def note(value: Any, at: YamlPath) -> None:
         document.marks[at] = document.keys[at] = Mark("mission", 1, 1, at)
         parts = (
             value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else ())
@@ -162,25 +162,25 @@ def check_missions(
 
 
 def _check_inner(
-    mission: Mission, at: Path, document: Document, others: Mapping[str, Mission], named: set[str] | None
+    mission: Mission, at: YamlPath, document: Document, others: Mapping[str, Mission], named: set[str] | None
 ) -> None:
     """Report the errors of a mission's inner missions."""
 
-    def report(path: Path, message: str, hint: str) -> None:
+    def report(path: YamlPath, message: str, hint: str) -> None:
         _report_at(document, path, message, hint)
 
     known = {name: each.config for name, each in others.items()}
     InnerCheck(mission.name, mission.config, known, named, report).all(at, partial(at_path, document.data))
 
 
-def at_path(value: Any, path: Path) -> Any:
+def at_path(value: Any, path: YamlPath) -> Any:
     """Return the value at a path; None for a missing one."""
     for step in path:
         value = value.get(step) if isinstance(value, dict) else value[step]
     return value
 
 
-def _report_at(document: Document, path: Path, message: str, hint: str = "") -> None:
+def _report_at(document: Document, path: YamlPath, message: str, hint: str = "") -> None:
     """Report an error at the nearest position in the file."""
     while path and path not in document.marks:
         path = path[:-1]
@@ -188,7 +188,7 @@ def _report_at(document: Document, path: Path, message: str, hint: str = "") -> 
 
 
 def checked_mission(
-    name: str, at: Path, document: Document, folder: pathlib.Path | None, known: Known
+    name: str, at: YamlPath, document: Document, folder: pathlib.Path | None, known: Known
 ) -> Mission | None:
     """Validate the mission at a path; None after reporting the errors.
 
@@ -213,7 +213,7 @@ class _MissionCheck:
     """Checks across the parts of one mission."""
 
     def __init__(
-        self, mission: MissionConfig, at: Path, document: Document, known: Known, *, has_files: bool
+        self, mission: MissionConfig, at: YamlPath, document: Document, known: Known, *, has_files: bool
     ) -> None:
         self._mission = mission
         self._at = at
@@ -222,11 +222,11 @@ class _MissionCheck:
         self._has_files = has_files
         self._ids: set[str] = set()
 
-    def report(self, path: Path, message: str, hint: str = "") -> None:
+    def report(self, path: YamlPath, message: str, hint: str = "") -> None:
         """Report an error at the nearest position in the file."""
         _report_at(self._document, path, message, hint)
 
-    def inputs(self, value: Any, at: Path) -> None:
+    def inputs(self, value: Any, at: YamlPath) -> None:
         """Report undeclared inputs."""
         if isinstance(value, dict):
             if set(value) == {"input"} and value["input"] not in self._mission.inputs:
@@ -261,25 +261,25 @@ class _MissionCheck:
         self._not_a_repeated(mission.on_abort, (*self._at, "on_abort"))
         self._steps(mission.steps, (*self._at, "steps"), 0)
 
-    def _no_role(self, where: Path, name: str) -> None:
+    def _no_role(self, where: YamlPath, name: str) -> None:
         """Report an undeclared role."""
         hint = (
             nearest(name, [*self._mission.roles, ALL]) or f"roles are {', '.join(self._mission.roles)}, all"
         )
         self.report(where, f"there is no role {name!r}", hint)
 
-    def _place(self, name: str, where: Path) -> None:
+    def _place(self, name: str, where: YamlPath) -> None:
         """Report a place that is not in fleet.yaml."""
         if self._known.places is not None and name not in self._known.places:
             hint = nearest(name, self._known.places) or "places are declared under places: in fleet.yaml"
             self.report(where, f"there is no place {name!r}", hint)
 
-    def _not_a_repeated(self, command: str, where: Path) -> None:
+    def _not_a_repeated(self, command: str, where: YamlPath) -> None:
         """Report a command that starts something where the mission must become safer."""
         if command in NEVER_REPEATED:
             self.report(where, f"{command} makes nothing safer", "hold, land or return_to_home")
 
-    def _steps(self, steps: list[StepConfig], at: Path, depth: int) -> None:
+    def _steps(self, steps: list[StepConfig], at: YamlPath, depth: int) -> None:
         """Check steps, including repeated ones."""
         if depth > DEEPEST:
             self.report(at, f"repeats stand within each other more than {DEEPEST} deep")
@@ -294,7 +294,7 @@ class _MissionCheck:
                 self._condition(step.repeat.until, (*where, "repeat", "until"))
                 self._steps(step.repeat.steps, (*where, "repeat", "steps"), depth + 1)
 
-    def _step(self, step: StepConfig, where: Path) -> None:
+    def _step(self, step: StepConfig, where: YamlPath) -> None:
         """Check one step."""
         self._condition(step.if_, (*where, "if"))
         self._condition(step.wait_for, (*where, "wait_for"))
@@ -308,12 +308,12 @@ class _MissionCheck:
             self.report((*where, *problem.path), problem.message, problem.hint)
         self._not_a_repeated(step.robot_failed.do, (*where, "robot_failed", "do"))
 
-    def _role(self, name: str, where: Path) -> None:
+    def _role(self, name: str, where: YamlPath) -> None:
         """Check that a role is declared."""
         if name != ALL and name not in self._mission.roles:
             self._no_role(where, name)
 
-    def _condition(self, condition: ConditionConfig | None, where: Path) -> None:
+    def _condition(self, condition: ConditionConfig | None, where: YamlPath) -> None:
         """Check the role and the event of a condition."""
         if condition is None:
             return
@@ -323,7 +323,7 @@ class _MissionCheck:
             hint = nearest(event, known) or "name it under events: in fleet.yaml, where a program reports it"
             self.report((*where, "event"), f"there is no source of the event {event!r}", hint)
 
-    def _act(self, act: ActConfig, role: str, where: Path) -> None:
+    def _act(self, act: ActConfig, role: str, where: YamlPath) -> None:
         """Check the act of one role."""
         if isinstance(act.goto, str) and isinstance(at_path(self._document.data, (*where, "goto")), str):
             self._place(act.goto, (*where, "goto"))
@@ -345,7 +345,7 @@ class _MissionCheck:
             if len(value) not in (1, most):
                 self.report(place, f"{len(value)} files for {most} robots", "one, or one for each")
 
-    def _plan(self, plan: Any, where: Path) -> None:
+    def _plan(self, plan: Any, where: YamlPath) -> None:
         """Check a plan written in the mission itself."""
         try:
             if isinstance(plan, dict):

@@ -11,7 +11,7 @@ from fleet.config.yaml import Document
 from fleet.model.geodesy import GeoOrigin, GeoPoint, geo_from_world, world_from_geo
 from fleet.model.geometry import Vector3
 from fleet.model.place import Place, PlaceFrame, PlaceKind, is_allowed_point, metric, point_of
-from fleet.model.polygon import Point, polygon_contains
+from fleet.model.polygon import PolygonPoint, polygon_contains
 from fleet.robot_config import AdapterConfig, Corners, FenceConfig, Name, Positive
 from fleet.runtime.decoding import convert_strictly
 from fleet.yaml_model import Model, wrong
@@ -138,7 +138,7 @@ def _on_earth(place: Place, site: Site | None) -> GeoPoint | None:
     return geo_from_world(GeoOrigin(*site), Vector3(place.at[0], place.at[1]))
 
 
-def _within(fence: FenceConfig, point: Point, around: GeoOrigin | None) -> bool:
+def _within(fence: FenceConfig, point: PolygonPoint, around: GeoOrigin | None) -> bool:
     """Return True if a point is inside a fence with corners in metres, or in degrees ``around`` a place."""
     inclusion, exclusion = fence.inclusion, fence.exclusion
     if around is not None:

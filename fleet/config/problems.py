@@ -11,7 +11,7 @@ import msgspec
 from fleet.config.text import printable
 from fleet.errors import ConfigError
 
-Path = tuple[str | int, ...]  # ("robots", 0, "link")
+YamlPath = tuple[str | int, ...]  # ("robots", 0, "link")
 
 _KEY = re.compile(r"""(?P<word>[A-Za-z_]\w*)["']?\s*:\s+""")
 _QUOTED = re.compile(r"""\"(?:\\.|[^\"])*\"?|'(?:''|[^'])*'?""")
@@ -29,7 +29,7 @@ class Mark(msgspec.Struct, frozen=True):
     file: str
     line: int
     column: int
-    path: Path = ()
+    path: YamlPath = ()
 
 
 class Problem(msgspec.Struct, frozen=True):

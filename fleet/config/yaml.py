@@ -17,7 +17,7 @@ import msgspec
 import yaml
 
 from fleet.config.nodes import MAX_BYTES, MAX_DEPTH, STR, BadYaml, compose, decoded, scalar
-from fleet.config.problems import Mark, Path, Problem, problem_at
+from fleet.config.problems import Mark, Problem, YamlPath, problem_at
 from fleet.config.text import nearest
 from fleet.config.variables import UndefinedVariable, expand
 
@@ -38,10 +38,10 @@ class Document(msgspec.Struct):
     """
 
     data: Any = None
-    marks: dict[Path, Mark] = {}
-    keys: dict[Path, Mark] = {}
-    texts: set[Path] = set()
-    spoiled: set[Path] = set()
+    marks: dict[YamlPath, Mark] = {}
+    keys: dict[YamlPath, Mark] = {}
+    texts: set[YamlPath] = set()
+    spoiled: set[YamlPath] = set()
     secrets: set[str] = set()
     problems: list[Problem] = []
     warnings: list[Problem] = []
@@ -64,7 +64,7 @@ class Document(msgspec.Struct):
                 message, hint = message.replace(secret, "****"), hint.replace(secret, "****")
         return problem_at(mark, message, text=text, hint=hint)
 
-    def copy_places(self, source: Path, target: Path, value: object) -> None:
+    def copy_places(self, source: YamlPath, target: YamlPath, value: object) -> None:
         """Register the positions of ``value`` at ``source`` for its copy at ``target``."""
         for places in (self.marks, self.keys):
             if source in places:
@@ -75,7 +75,7 @@ class Document(msgspec.Struct):
         for step, part in _parts_of(value):
             self.copy_places((*source, step), (*target, step), part)
 
-    def report_unreadable(self, path: Path, mark: Mark, message: str, hint: str = "") -> None:
+    def report_unreadable(self, path: YamlPath, mark: Mark, message: str, hint: str = "") -> None:
         """Report an unreadable value."""
         self.spoiled.add(path)
         self.report(mark, message, hint)
@@ -136,7 +136,7 @@ class _Reader:
         self._count = 0
         self._secrets: Mapping[str, str] | None = None
 
-    def file(self, path: pathlib.Path, asked_at: Mark, where: Path) -> Any:
+    def file(self, path: pathlib.Path, requested_at: Mark, where: YamlPath) -> Any:
         """Return the data of a file for the path ``where``."""
         shown = str(path)
         try:
@@ -144,7 +144,7 @@ class _Reader:
         except OSError as error:
             hint = "" if where else self._if_missing
             return self.document.report_unreadable(
-                where, asked_at, f"cannot read {shown}: {error.strerror}", hint
+                where, requested_at, f"cannot read {shown}: {error.strerror}", hint
             )
         except BadYaml as error:
             mark = Mark(shown, error.line, error.column, where)
@@ -155,7 +155,7 @@ class _Reader:
         finally:
             self._open_files.pop()
 
-    def text(self, text: str, shown: str, where: Path) -> Any:
+    def text(self, text: str, shown: str, where: YamlPath) -> Any:
         """Return the data of a file's text for the path ``where``."""
         self.document.lines[shown] = text.splitlines()
         try:
@@ -168,7 +168,7 @@ class _Reader:
             return None
         return self._value(node, where, shown)
 
-    def _value(self, node: yaml.Node, where: Path, file: str) -> Any:
+    def _value(self, node: yaml.Node, where: YamlPath, file: str) -> Any:
         """Return the value of a node and record its position; None after reporting an error."""
         mark = _mark(node, file, where)
         self.document.marks[where] = mark
@@ -195,7 +195,7 @@ class _Reader:
         finally:
             self._open_nodes.pop()
 
-    def _mapping(self, node: yaml.MappingNode, where: Path, file: str) -> dict[str, object]:
+    def _mapping(self, node: yaml.MappingNode, where: YamlPath, file: str) -> dict[str, object]:
         """Return a mapping; keys that are no words or occur twice are reported and left out."""
         data: dict[str, object] = {}
         for key, value in node.value:
@@ -215,7 +215,7 @@ class _Reader:
             data[key.value] = self._value(value, path, file)
         return data
 
-    def _scalar(self, node: yaml.ScalarNode, where: Path, mark: Mark) -> Any:
+    def _scalar(self, node: yaml.ScalarNode, where: YamlPath, mark: Mark) -> Any:
         """Return a scalar by its tag, with environment variables expanded."""
         if node.tag == "!include":
             return self._include(node.value, where, mark)
@@ -232,12 +232,12 @@ class _Reader:
         self.document.texts.add(where)
         return text
 
-    def _unknown_tag(self, node: yaml.Node, where: Path, mark: Mark) -> None:
+    def _unknown_tag(self, node: yaml.Node, where: YamlPath, mark: Mark) -> None:
         """Report an unknown tag."""
         hint = nearest(node.tag, ("!include", "!secret")) or "only !include and !secret are known"
         self.document.report_unreadable(where, mark, f"the tag {node.tag} is not allowed", hint)
 
-    def _include(self, name: str, where: Path, mark: Mark) -> Any:
+    def _include(self, name: str, where: YamlPath, mark: Mark) -> Any:
         """Return the content of an included file; one outside the first file's folder is refused."""
         path = pathlib.Path(os.path.normpath(pathlib.Path(mark.file).parent / name))
         target = path.resolve()
@@ -252,7 +252,7 @@ class _Reader:
             return self.document.report_unreadable(where, mark, f"{name} includes itself")
         return self.file(path, mark, where)
 
-    def _secret(self, name: str, where: Path, mark: Mark) -> str | None:
+    def _secret(self, name: str, where: YamlPath, mark: Mark) -> str | None:
         """Return a secret by its name; the file is read for the first one."""
         path = self._shown / SECRETS
         hint = "write the file with mode 0600, one  name: value  a line"
@@ -312,5 +312,5 @@ def _bytes_of(path: pathlib.Path) -> bytes:
         return file.read(MAX_BYTES + 1)
 
 
-def _mark(node: yaml.Node, file: str, where: Path) -> Mark:
+def _mark(node: yaml.Node, file: str, where: YamlPath) -> Mark:
     return Mark(file, node.start_mark.line + 1, node.start_mark.column + 1, where)

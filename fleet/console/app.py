@@ -34,15 +34,15 @@ from starlette.websockets import WebSocket
 
 from fleet.console.exports import ExportWindow
 from fleet.console.files import PageFile, page_files
-from fleet.console.guard import FOXGLOVE, LONGEST_BODY, Guard, Served
 from fleet.console.hub import MOST_TABS, Hub
 from fleet.console.login import Login, LoginRefused
+from fleet.console.page_connection import Tab
 from fleet.console.passwords import LONGEST as LONGEST_PASSWORD
 from fleet.console.people import LONGEST_NAME
+from fleet.console.request_guard import FOXGLOVE, LONGEST_BODY, Guard, Served
 from fleet.console.requests import read_stop
 from fleet.console.sessions import BrowserSession, ConsoleUser, Opened, Sessions
 from fleet.console.stops import StopTarget
-from fleet.console.tab import Tab
 from fleet.errors import Refused, WireError
 from fleet.runtime.decoding import decode_json
 
@@ -211,10 +211,12 @@ class _App:
         if operator is None:
             return self._unauthorized()
         try:
-            asked = read_stop(await _body(request))
+            requested = read_stop(await _body(request))
         except WireError as error:
             return _json({"error": f"the stop cannot be read: {error}"}, 400)
-        return _json(await self._hub.stop(StopTarget(asked.robots), operator, asked.why, asked.request))
+        return _json(
+            await self._hub.stop(StopTarget(requested.robots), operator, requested.why, requested.request)
+        )
 
     async def _stopped(self, request: Request) -> Response:
         """Return the progress of a stop."""

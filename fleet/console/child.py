@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.clock import Clock
-from fleet.console.links import LinkAsked, answers, ask_link
+from fleet.console.links import LinkRequest, answers, request_link
 from fleet.console.task import ConsoleTask, link_socket
 from fleet.host.process.side_program import SideProgram
 
@@ -35,7 +35,7 @@ class ConsoleChild:
     """One console process.
 
     ``problem`` is its error, empty while it serves; ``process`` is its id, 0 before the first start.
-    ``served`` is called each time it begins to serve, with a link for ``asked`` if given.
+    ``served`` is called each time it begins to serve, with a link for ``requested`` if given.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class ConsoleChild:
         directory: Path,
         clock: Clock,
         *,
-        asked: LinkAsked | None = None,
+        requested: LinkRequest | None = None,
         served: Callable[[str], None] = lambda _link: None,
     ) -> None:
         encoded_task = msgspec.json.encode(msgspec.structs.replace(task, parent=os.getpid()))
@@ -53,7 +53,7 @@ class ConsoleChild:
         )
         self._path = link_socket(directory, task.name)
         self._clock = clock
-        self._asked = asked
+        self._requested = requested
         self._served = served
 
     @property
@@ -89,7 +89,7 @@ class ConsoleChild:
 
     def _link_of(self, process: int) -> str | None:
         """Return a link of this process, empty if none is requested; None while it does not serve."""
-        if self._asked is None:
+        if self._requested is None:
             return "" if answers(self._path) else None
-        given = ask_link(self._path, self._asked)
+        given = request_link(self._path, self._requested)
         return given.link if given is not None and given.process == process else None

@@ -17,7 +17,7 @@ from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.console.fleet_view import FleetView, id_of
-from fleet.console.requests import CommandAsked, GotoAsked, ReleaseAsked
+from fleet.console.requests import PageCommandRequest, PageGotoRequest, PageReleaseRequest
 from fleet.console.sessions import ConsoleUser
 from fleet.errors import CommandError, FleetError, Refused
 from fleet.history.event_filter import MOST, EventFilter, newest
@@ -38,28 +38,30 @@ Prepared = tuple[RobotState, Kind, Mapping[str, object]]
 """Robot, kind of message, and message."""
 
 
-def prepare(asked: GotoAsked | CommandAsked | ReleaseAsked, view: FleetView) -> list[Prepared]:
+def prepare(
+    requested: PageGotoRequest | PageCommandRequest | PageReleaseRequest, view: FleetView
+) -> list[Prepared]:
     """Return the message for each robot; raises Refused for unknown robots, and for an invalid goal."""
-    names = (asked.robot,) if isinstance(asked, CommandAsked) else asked.robots
+    names = (requested.robot,) if isinstance(requested, PageCommandRequest) else requested.robots
     robots = view.named(names)
     if not names or len(robots) != len(set(names)):
         missing = ", ".join(name for name in names if name not in view.states)
         raise Refused(f"there is no robot {missing}" if missing else "no robot is named")
-    if isinstance(asked, CommandAsked):
-        return [(robots[0], "command", {"command": asked.command, "data": asked.data})]
-    if isinstance(asked, ReleaseAsked):
+    if isinstance(requested, PageCommandRequest):
+        return [(robots[0], "command", {"command": requested.command, "data": requested.data})]
+    if isinstance(requested, PageReleaseRequest):
         return [(robot, "command", {"command": RELEASE, "data": {}}) for robot in robots]
     return [
-        (robot, "navigate", message) for robot, message in zip(robots, _goals(asked, robots), strict=True)
+        (robot, "navigate", message) for robot, message in zip(robots, _goals(requested, robots), strict=True)
     ]
 
 
-def _goals(asked: GotoAsked, robots: list[RobotState]) -> list[dict[str, object]]:
+def _goals(requested: PageGotoRequest, robots: list[RobotState]) -> list[dict[str, object]]:
     """Return the goal of each robot; without a height, each keeps its own. Raises Refused."""
-    made = goals(GotoTarget(asked.x, asked.y, asked.z, "site", spacing=asked.spacing), robots)
+    made = goals(GotoTarget(requested.x, requested.y, requested.z, "site", spacing=requested.spacing), robots)
     for robot, message in zip(robots, made, strict=True):
         place = message["position"]
-        if asked.z is None and robot.position is not None and isinstance(place, list):
+        if requested.z is None and robot.position is not None and isinstance(place, list):
             message["position"] = [*place[:2], robot.position.z]
     return made
 
@@ -87,7 +89,7 @@ async def send(
         return
     loop = asyncio.get_running_loop()
     replies: asyncio.Queue[bytes | None] = asyncio.Queue()
-    bus_session.ask_later(
+    bus_session.request_later(
         keys.as_console(keys.command(robot.edge, robot.name), operator.permission.word, bus_session.identity),
         payload,
         timeout=END_WITHIN,
@@ -130,7 +132,7 @@ def _records(bus_sessions: Iterable[ZenohSession], edge: str, wanted: EventFilte
     """Return the events of edges, without duplicates, oldest first; blocks."""
     found: list[Record] = []
     for bus_session in bus_sessions:
-        for key, data in bus_session.ask(
+        for key, data in bus_session.request(
             keys.history(edge), msgspec.json.encode(wanted), timeout=HISTORY_WITHIN
         ):
             edge_name = key.split("/")[1]

@@ -9,7 +9,7 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.errors import Refused
-from fleet.model.change import Change, ChangeKind, ChangesAnswer, ChangesAsked
+from fleet.model.change import Change, ChangeKind, ChangesAnswer, ChangesRequest
 from fleet.runtime.decoding import decode_json
 
 ANSWER_WITHIN = 60.0  # s: the edge reads the file and inspects each drop-in file in a separate process
@@ -17,9 +17,9 @@ ANSWER_WITHIN = 60.0  # s: the edge reads the file and inspects each drop-in fil
 
 def fetch(edge: str, bus_sessions: Iterable[ZenohSession]) -> dict[str, object]:
     """Return the configuration of an edge, for a page; raises Refused without an answer. Blocks."""
-    asked = msgspec.json.encode(ChangesAsked(text=True))
+    requested = msgspec.json.encode(ChangesRequest(text=True))
     for bus_session in bus_sessions:
-        for _, data in bus_session.ask(keys.changes(edge), asked, timeout=ANSWER_WITHIN):
+        for _, data in bus_session.request(keys.changes(edge), requested, timeout=ANSWER_WITHIN):
             return _shown(decode_json(data, ChangesAnswer))
     raise Refused(f"edge {edge} does not send its configuration; it is shown only on its own computer")
 

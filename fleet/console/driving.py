@@ -18,7 +18,7 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
-from fleet.console.requests import DriveAsked
+from fleet.console.requests import PageDriveRequest
 from fleet.console.sessions import ConsoleUser
 from fleet.model.command import Reply, ReplyStatus
 from fleet.runtime.decoding import decode_json
@@ -46,34 +46,36 @@ class Driving:
         self._robot = ""  # that moves by this page, empty for none
         self._loop = asyncio.get_running_loop()
 
-    def drive(self, asked: DriveAsked) -> None:
+    def drive(self, requested: PageDriveRequest) -> None:
         """Send a velocity; if it is for another robot, first stop the previous one."""
-        if self._robot and self._robot != asked.robot:
+        if self._robot and self._robot != requested.robot:
             self.end()
-        self._send(asked)
-        self._robot = "" if asked.is_zero else asked.robot
+        self._send(requested)
+        self._robot = "" if requested.is_zero else requested.robot
 
     def end(self) -> None:
         """Send zero to the robot that moves by this page, if any."""
         if self._robot:
-            self._send(DriveAsked(0, self._robot))
+            self._send(PageDriveRequest(0, self._robot))
             self._robot = ""
 
-    def _send(self, asked: DriveAsked) -> None:
+    def _send(self, requested: PageDriveRequest) -> None:
         """Send one velocity."""
-        edge, _, name = asked.robot.rpartition("/")
+        edge, _, name = requested.robot.rpartition("/")
         bus_session = self._session_to(edge)
         if bus_session is None:
-            self._answered(asked.number, Reply("motion", ReplyStatus.REJECTED, "no edge is reached"))
+            self._answered(requested.number, Reply("motion", ReplyStatus.REJECTED, "no edge is reached"))
             return
-        velocity = {name: getattr(asked, name) for name in ("linear_x", "linear_y", "linear_z", "angular_z")}
+        velocity = {
+            name: getattr(requested, name) for name in ("linear_x", "linear_y", "linear_z", "angular_z")
+        }
         message = {**velocity, "session_id": self._operator.name, "timestamp": self._clock.time()}
-        bus_session.ask_later(
+        bus_session.request_later(
             keys.as_console(keys.command(edge, name), self._operator.permission.word, bus_session.identity),
             json.dumps(message, allow_nan=False).encode(),
             timeout=ANSWER_WITHIN,
             parameters={"kind": "motion"},
-            on_answer=partial(self._arrived, asked.number),
+            on_answer=partial(self._arrived, requested.number),
             on_end=lambda: None,
         )
 

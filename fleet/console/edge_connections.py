@@ -23,7 +23,7 @@ from fleet.missions.report import MissionState, RunState
 from fleet.model.description import RobotDescription
 from fleet.model.permission import Permission
 from fleet.model.report import PoseReport
-from fleet.model.schedule import ScheduleAnswer, ScheduleAsked
+from fleet.model.schedule import ScheduleAnswer, ScheduleRequest
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.wire.databus import decode_report
@@ -90,24 +90,24 @@ class EdgeConnections:
         for key in (keys.state("*", "*"), keys.health("*"), keys.places("*", "*"), keys.run("*", "*")):
             bus.control.subscribe(key, self._arrived)
         bus.reports.gather(POSITIONS, self._gathered)
-        self._ask_states(bus.control)
+        self._request_states(bus.control)
 
-    def _ask_states(self, control: ZenohSession) -> None:
+    def _request_states(self, control: ZenohSession) -> None:
         """Query values that change rarely and would not be published soon; blocks."""
         ours = [
             keys.as_console(key, Permission.VIEW.word, control.identity)
             for key in (keys.mission("*", "*"), keys.run("*", "*"))
         ]
         for key in (keys.health("*"), keys.state("*", "*"), *ours):
-            for answered, data in control.ask(key, b"", timeout=ANSWER_WITHIN):
+            for answered, data in control.request(key, b"", timeout=ANSWER_WITHIN):
                 self._arrived(answered, data)
 
-    def ask_description(self, robot: str) -> None:
+    def request_description(self, robot: str) -> None:
         """Query a robot's vocabulary; the answer is handled like a publication."""
         edge, _, name = robot.rpartition("/")
         bus_session, key = self.session_to(edge), keys.description(edge, name)
         if bus_session is not None and robot in self._view.states:
-            bus_session.ask_later(
+            bus_session.request_later(
                 key,
                 b"",
                 timeout=ANSWER_WITHIN,
@@ -115,12 +115,12 @@ class EdgeConnections:
                 on_end=lambda: None,
             )
 
-    def ask_schedules(self) -> None:
+    def request_schedules(self) -> None:
         """Query the schedules of each edge; the answers are handled like publications."""
-        payload = msgspec.json.encode(ScheduleAsked())
+        payload = msgspec.json.encode(ScheduleRequest())
         for edge, bus_session in self.bus_sessions().items():
             key = keys.schedules(edge)
-            bus_session.ask_later(
+            bus_session.request_later(
                 keys.as_console(key, Permission.VIEW.word, bus_session.identity),
                 payload,
                 timeout=ANSWER_WITHIN,

@@ -17,10 +17,10 @@ from fleet.console.edge_connections import EdgeConnections
 from fleet.console.exports import Exports
 from fleet.console.fleet_view import FleetView
 from fleet.console.foxglove.feed import Feed
+from fleet.console.page_connection import Tab
 from fleet.console.past import RecordingReader
 from fleet.console.sessions import ConsoleUser
 from fleet.console.stops import StopTarget, StopTracker
-from fleet.console.tab import Tab
 from fleet.console.task import ConsoleTask
 
 log = logging.getLogger(__name__)
@@ -71,9 +71,9 @@ class Hub:
         self.edges.watched.watch(watched)
         if self._count % DESCRIBE == 0:
             for robot in watched:
-                self.edges.ask_description(robot)
+                self.edges.request_description(robot)
         if self.tabs and self._count % SCHEDULES == 0:
-            self.edges.ask_schedules()
+            self.edges.request_schedules()
         tick, self._tick = self._tick, asyncio.Event()
         tick.set()
 
@@ -103,7 +103,7 @@ class Hub:
         self, target: StopTarget, operator: ConsoleUser, why: str, request: str
     ) -> Coroutine[Any, Any, dict[str, Any]]:
         """Stop robots on behalf of an operator."""
-        return self._stops.ask(target, operator.name, why, request)
+        return self._stops.request(target, operator.name, why, request)
 
 
 def _directories(directory: Path) -> Callable[[], list[Path]]:

@@ -30,7 +30,7 @@ class ConsoleError(FleetError):
     """The console cannot be served, or does not answer."""
 
 
-class LinkAsked(msgspec.Struct, frozen=True):
+class LinkRequest(msgspec.Struct, frozen=True):
     """Request for a link for an operator with a permission, or for an address for Foxglove."""
 
     operator: str
@@ -45,7 +45,7 @@ class LinkGiven(msgspec.Struct, frozen=True):
     process: int
 
 
-async def serve_links(path: Path, make: Callable[[LinkAsked], str]) -> asyncio.AbstractServer:
+async def serve_links(path: Path, make: Callable[[LinkRequest], str]) -> asyncio.AbstractServer:
     """Serve links at a socket path; raises ConsoleError if another console has it."""
     listener = _bound(path)
     if answers(path):
@@ -53,16 +53,16 @@ async def serve_links(path: Path, make: Callable[[LinkAsked], str]) -> asyncio.A
             f"a console of this name runs already: {path.name}; its link: fleet console --link"
         )
 
-    async def asked(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def requested(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(OSError, msgspec.DecodeError, ValueError, TimeoutError):
             async with asyncio.timeout(ANSWER_WITHIN):
                 line = await reader.readline()
-            link = make(decode_json(line, LinkAsked))
+            link = make(decode_json(line, LinkRequest))
             writer.write(msgspec.json.encode(LinkGiven(link, os.getpid())) + b"\n")
             await writer.drain()
         writer.close()
 
-    return await asyncio.start_unix_server(asked, sock=listener, limit=LONGEST)
+    return await asyncio.start_unix_server(requested, sock=listener, limit=LONGEST)
 
 
 def _bound(path: Path) -> socket.socket:
@@ -87,22 +87,22 @@ def answers(path: Path) -> bool:
         return probe.connect_ex(str(path)) == 0
 
 
-def ask_link(path: Path, asked: LinkAsked) -> LinkGiven | None:
+def request_link(path: Path, requested: LinkRequest) -> LinkGiven | None:
     """Return a new link of the console at a path; None without an answer. Blocks."""
     with contextlib.suppress(OSError, msgspec.DecodeError, ValueError), socket.socket(socket.AF_UNIX) as sock:
         sock.settimeout(ANSWER_WITHIN)
         sock.connect(str(path))
-        sock.sendall(msgspec.json.encode(asked) + b"\n")
+        sock.sendall(msgspec.json.encode(requested) + b"\n")
         with sock.makefile("rb") as answer:
             return decode_json(answer.readline(LONGEST), LinkGiven)
     return None
 
 
-def all_links(directory: Path, asked: LinkAsked) -> dict[str, str]:
+def all_links(directory: Path, requested: LinkRequest) -> dict[str, str]:
     """Return a new link of each console of this user, by name. Blocks."""
     found = {}
     for path in link_sockets(directory):
-        given = ask_link(path, asked)
+        given = request_link(path, requested)
         if given is not None:
             found[path.name.removeprefix("console-").removesuffix(".sock")] = given.link
     return found

@@ -11,12 +11,12 @@ from pathlib import Path
 from fleet.clock import Clock
 from fleet.config.certificates import read_identity
 from fleet.console.app import make_login_app
-from fleet.console.guard import Served
 from fleet.console.hub import Hub
 from fleet.console.links import ConsoleError
 from fleet.console.login import Login
 from fleet.console.login_history import LoginHistory
 from fleet.console.people import People
+from fleet.console.request_guard import Served
 from fleet.console.server import Server, server_config
 from fleet.console.task import LoginTask
 from fleet.console.tls_listener import TlsListener, listen, tls_context

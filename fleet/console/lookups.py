@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from fleet.console import commands, configuration
 from fleet.console.requests import (
-    CausesAsked,
-    ConfigAsked,
-    ExtentAsked,
-    HistoryAsked,
-    MomentAsked,
-    SeriesAsked,
+    PageCausesRequest,
+    PageConfigRequest,
+    PageExtentRequest,
+    PageHistoryRequest,
+    PageMomentRequest,
+    PageSeriesRequest,
+    PageVideoRequest,
     VideoAnswered,
-    VideoAsked,
 )
 from fleet.errors import Refused
 
@@ -33,47 +33,47 @@ class Lookups:
         self._hub = hub
         self._read: set[str] = set()  # what is being read from the recordings
         self.calls: Mapping[type[object], Lookup] = {
-            CausesAsked: self._causes,
-            HistoryAsked: self._history,
-            ConfigAsked: self._config,
-            ExtentAsked: self._extent,
-            MomentAsked: self._moment,
-            SeriesAsked: self._series,
-            VideoAsked: self._video,
+            PageCausesRequest: self._causes,
+            PageHistoryRequest: self._history,
+            PageConfigRequest: self._config,
+            PageExtentRequest: self._extent,
+            PageMomentRequest: self._moment,
+            PageSeriesRequest: self._series,
+            PageVideoRequest: self._video,
             VideoAnswered: self._video_answer,
         }
 
-    async def _causes(self, asked: CausesAsked) -> dict[str, object]:
+    async def _causes(self, requested: PageCausesRequest) -> dict[str, object]:
         """Return the causes of stops."""
         robots, bus_sessions = (
-            self._hub.view.named(asked.robots),
+            self._hub.view.named(requested.robots),
             list(self._hub.edges.bus_sessions().values()),
         )
         return {"causes": await asyncio.to_thread(commands.causes, bus_sessions, robots)}
 
-    async def _history(self, asked: HistoryAsked) -> dict[str, object]:
+    async def _history(self, requested: PageHistoryRequest) -> dict[str, object]:
         """Return the history of a robot."""
         bus_sessions = list(self._hub.edges.bus_sessions().values())
-        return {"history": await asyncio.to_thread(commands.history, bus_sessions, asked.robot)}
+        return {"history": await asyncio.to_thread(commands.history, bus_sessions, requested.robot)}
 
-    async def _config(self, asked: ConfigAsked) -> dict[str, object]:
+    async def _config(self, requested: PageConfigRequest) -> dict[str, object]:
         """Return the configuration of an edge."""
         bus_sessions = list(self._hub.edges.bus_sessions().values())
-        return {"config": await asyncio.to_thread(configuration.fetch, asked.edge, bus_sessions)}
+        return {"config": await asyncio.to_thread(configuration.fetch, requested.edge, bus_sessions)}
 
-    async def _extent(self, _asked: ExtentAsked) -> dict[str, object]:
+    async def _extent(self, _requested: PageExtentRequest) -> dict[str, object]:
         """Return the time range of the recordings."""
         return {"extent": await self._hub.recordings.extent()}
 
-    async def _moment(self, asked: MomentAsked) -> dict[str, object]:
+    async def _moment(self, requested: PageMomentRequest) -> dict[str, object]:
         """Return the fleet at a past moment."""
         with self._one("moment"):
-            return {"moment": await self._hub.recordings.moment(asked.at)}
+            return {"moment": await self._hub.recordings.moment(requested.at)}
 
-    async def _series(self, asked: SeriesAsked) -> dict[str, object]:
+    async def _series(self, requested: PageSeriesRequest) -> dict[str, object]:
         """Return recorded numbers of a robot."""
         with self._one("window"):
-            return {"series": await self._hub.recordings.series(asked)}
+            return {"series": await self._hub.recordings.series(requested)}
 
     @contextlib.contextmanager
     def _one(self, what: str) -> Iterator[None]:
@@ -86,11 +86,11 @@ class Lookups:
         finally:
             self._read.discard(what)
 
-    async def _video(self, asked: VideoAsked) -> dict[str, object]:
+    async def _video(self, requested: PageVideoRequest) -> dict[str, object]:
         """Return the next offer of a robot's live video."""
-        return {"offer": await self._hub.edges.watched.offers.next(asked.robot)}
+        return {"offer": await self._hub.edges.watched.offers.next(requested.robot)}
 
-    async def _video_answer(self, asked: VideoAnswered) -> dict[str, object]:
+    async def _video_answer(self, requested: VideoAnswered) -> dict[str, object]:
         """Forward the page's answer to the program that sends the video."""
-        self._hub.edges.watched.answer_offer(asked, self._hub.clock.time())
+        self._hub.edges.watched.answer_offer(requested, self._hub.clock.time())
         return {"done": True}

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fleet.console.moment import moment
-from fleet.console.requests import SeriesAsked
+from fleet.console.requests import PageSeriesRequest
 from fleet.console.series import read_series, require_bounds
 from fleet.errors import Refused
 from fleet.record.child import EXTRA, is_installed
@@ -50,11 +50,11 @@ class RecordingReader:
         async with self._reading:
             return await asyncio.to_thread(self._moment, at)
 
-    async def series(self, asked: SeriesAsked) -> dict[str, Any]:
+    async def series(self, requested: PageSeriesRequest) -> dict[str, Any]:
         """Return numbers of a robot in a window, as ``read_series`` does; raises Refused."""
-        require_bounds(asked)
+        require_bounds(requested)
         async with self._reading:
-            return await asyncio.to_thread(self._series, asked)
+            return await asyncio.to_thread(self._series, requested)
 
     def _extent(self) -> dict[str, float]:
         """Return the time range; blocks."""
@@ -73,15 +73,15 @@ class RecordingReader:
             at, found, [each for past in recordings for each in past.track(at, TRACK, TRACK_POINTS)]
         )
 
-    def _series(self, asked: SeriesAsked) -> dict[str, Any]:
+    def _series(self, requested: PageSeriesRequest) -> dict[str, Any]:
         """Return numbers of a robot in a window; blocks."""
         recordings = self._open_recordings()
         from fleet.record.window import Window  # noqa: PLC0415 - its packages are an extra
 
-        window = Window(f"/{asked.robot}/", asked.since, asked.until)
+        window = Window(f"/{requested.robot}/", requested.since, requested.until)
         for past in recordings:
             past.find(window)
-        return read_series(asked, window, self._spent)
+        return read_series(requested, window, self._spent)
 
     def _open_recordings(self) -> list[Past]:
         """Return the existing folders of recordings; raises Refused without the extra."""

@@ -28,7 +28,7 @@ LARGEST = 1 << 20  # bytes
 LOCK_WITHIN = 5.0  # s
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._@-]{0,63}")
 
-Word = Literal["view", "operate", "admin"]
+PermissionName = Literal["view", "operate", "admin"]
 
 
 class PeopleError(FleetError):
@@ -39,7 +39,7 @@ class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One person; ``password`` is an argon2id hash."""
 
     name: str
-    permission: Word
+    permission: PermissionName
     password: str
 
     @property
@@ -122,7 +122,9 @@ def add_person(path: Path, person: Person) -> None:
         write_people(path, (*people.values(), person))
 
 
-def change_person(path: Path, name: str, *, permission: Word | None = None, password: str = "") -> None:
+def change_person(
+    path: Path, name: str, *, permission: PermissionName | None = None, password: str = ""
+) -> None:
     """Give a person another permission or (hashed) password; raises PeopleError."""
     create_folder(path.parent)
     with locked(path, within=LOCK_WITHIN):

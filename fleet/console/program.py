@@ -18,10 +18,10 @@ import msgspec
 from fleet.bus.settings import runtime_dir
 from fleet.clock import SystemClock
 from fleet.console.app import make_app
-from fleet.console.guard import FOXGLOVE
 from fleet.console.hub import Hub
-from fleet.console.links import ConsoleError, LinkAsked, serve_links
+from fleet.console.links import ConsoleError, LinkRequest, serve_links
 from fleet.console.login_server import LoginServer
+from fleet.console.request_guard import FOXGLOVE
 from fleet.console.server import Server, server_config
 from fleet.console.sessions import ConsoleUser, Sessions
 from fleet.console.task import ConsoleTask, link_socket
@@ -44,10 +44,10 @@ async def serve(task: ConsoleTask, directory: Path, ended: asyncio.Event) -> Non
     listener = _listen(task)
     port = listener.getsockname()[1]
 
-    def make_link(asked: LinkAsked) -> str:
-        if asked.to == "foxglove":
+    def make_link(requested: LinkRequest) -> str:
+        if requested.to == "foxglove":
             return f"ws://{HOST}:{port}{FOXGLOVE}{hub.foxglove.tokens.new()}"
-        token = sessions.new_link(ConsoleUser(asked.operator, asked.permission))
+        token = sessions.new_link(ConsoleUser(requested.operator, requested.permission))
         return f"http://{HOST}:{port}/#token={token}"
 
     server = Server(server_config(make_app(hub, sessions)))

@@ -23,7 +23,7 @@ NumberName = Annotated[str, msgspec.Meta(max_length=LONGEST)]
 Speed = Annotated[float, msgspec.Meta(ge=-FASTEST, le=FASTEST)]
 
 
-class StopAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="stop"):
+class PageStopRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="stop"):
     """Stop these robots (``edge/robot``); none means all. ``request`` is equal on all routes."""
 
     request: str
@@ -31,14 +31,16 @@ class StopAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
     why: str = ""
 
 
-class ReleaseAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="release"):
+class PageReleaseRequest(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="release"
+):
     """Release these robots from their emergency stop."""
 
     request: str
     robots: tuple[str, ...]
 
 
-class GotoAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="goto"):
+class PageGotoRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="goto"):
     """Send these robots to a point in the site's frame, m; ``spacing`` metres from each other.
 
     Without ``z`` each keeps its height.
@@ -52,7 +54,9 @@ class GotoAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
     spacing: float | None = None
 
 
-class CommandAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="command"):
+class PageCommandRequest(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="command"
+):
     """Send a robot a command with its data."""
 
     request: str
@@ -61,7 +65,7 @@ class CommandAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_
     data: dict[str, Any] = {}
 
 
-class DriveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="drive"):
+class PageDriveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="drive"):
     """Hold a velocity: m/s and rad/s in the robot's body frame (x forward, y left, z up).
 
     ``number`` is returned with the answer: the page measures the round-trip time.
@@ -80,7 +84,9 @@ class DriveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fi
         return not (self.linear_x or self.linear_y or self.linear_z or self.angular_z)
 
 
-class MissionAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="mission"):
+class PageMissionRequest(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="mission"
+):
     """Start a mission of an edge."""
 
     request: str
@@ -89,7 +95,9 @@ class MissionAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_
     inputs: dict[str, Any] = {}
 
 
-class RehearseAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="rehearse"):
+class PageRehearseRequest(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="rehearse"
+):
     """Rehearse a mission of an edge with simulated robots; answered with its progress until its end."""
 
     request: str
@@ -98,7 +106,7 @@ class RehearseAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag
     inputs: dict[str, Any] = {}
 
 
-class RunAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="run"):
+class PageRunRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="run"):
     """Control a run, or answer its ``question``."""
 
     request: str
@@ -109,14 +117,16 @@ class RunAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fiel
     goes_on: bool = False
 
 
-class ControlAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="control"):
+class PageControlRequest(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="control"
+):
     """Ask the holder of a robot's control to give it up."""
 
     request: str
     robot: str
 
 
-class GiveAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="give"):
+class PageGiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="give"):
     """Answer a request for control of one's robot: give it up, which stops the robot, or keep it."""
 
     request: str
@@ -135,40 +145,50 @@ class ScheduleChange(
     do: Literal["enable", "disable", "run"]
 
 
-class WatchAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="watch"):
+class PageWatchRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="watch"):
     """Follow a robot's vocabulary and reports while its view is open; an empty name: none."""
 
     robot: str = ""
 
 
-class CausesAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="causes"):
+class PageCausesRequest(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="causes"
+):
     """Get who stopped these robots, when and why."""
 
     request: str
     robots: tuple[str, ...]
 
 
-class HistoryAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="history"):
+class PageHistoryRequest(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="history"
+):
     """Get the recent requests to a robot, their senders and outcomes."""
 
     request: str
     robot: str
 
 
-class ExtentAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="extent"):
+class PageExtentRequest(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="extent"
+):
     """Get the time range of the recordings."""
 
     request: str
 
 
-class MomentAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="moment"):
+class PageMomentRequest(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="moment"
+):
     """Get the fleet at a moment of the recordings, Unix s."""
 
     request: str
     at: float
 
 
-class SeriesAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="series"):
+class PageSeriesRequest(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="series"
+):
     """Get numbers of a robot from the recordings, received from ``since`` until ``until``, Unix s.
 
     ``names`` are those of the live numbers; ``points`` are the most of each.
@@ -182,14 +202,16 @@ class SeriesAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
     points: Annotated[int, msgspec.Meta(ge=2, le=MOST_POINTS)] = MOST_POINTS
 
 
-class ConfigAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="config"):
+class PageConfigRequest(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="config"
+):
     """Get the fleet.yaml of an edge and its errors."""
 
     request: str
     edge: str
 
 
-class VideoAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="video"):
+class PageVideoRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="video"):
     """Get the next offer of live video of a watched robot; sent before ``start_video``."""
 
     request: str
@@ -207,56 +229,56 @@ class VideoAnswered(
     sdp: Annotated[str, msgspec.Meta(max_length=LONGEST_SDP)]
 
 
-class PingAsked(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="ping"):
+class PagePingRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ask", tag="ping"):
     """Answer at once with the same number: the page measures the round-trip time."""
 
     number: int
 
 
-Request = (
-    StopAsked
-    | ReleaseAsked
-    | GotoAsked
-    | CommandAsked
-    | CausesAsked
-    | HistoryAsked
-    | MissionAsked
-    | RehearseAsked
-    | RunAsked
-    | ControlAsked
-    | GiveAsked
+AnsweredRequest = (
+    PageStopRequest
+    | PageReleaseRequest
+    | PageGotoRequest
+    | PageCommandRequest
+    | PageCausesRequest
+    | PageHistoryRequest
+    | PageMissionRequest
+    | PageRehearseRequest
+    | PageRunRequest
+    | PageControlRequest
+    | PageGiveRequest
     | ScheduleChange
-    | ExtentAsked
-    | MomentAsked
-    | SeriesAsked
-    | ConfigAsked
-    | VideoAsked
+    | PageExtentRequest
+    | PageMomentRequest
+    | PageSeriesRequest
+    | PageConfigRequest
+    | PageVideoRequest
     | VideoAnswered
 )
 """Requests that are answered by their id."""
-Asked = Request | DriveAsked | WatchAsked | PingAsked
+PageRequest = AnsweredRequest | PageDriveRequest | PageWatchRequest | PagePingRequest
 
 _NEEDS: Mapping[type[object], Permission] = {
-    StopAsked: Permission.VIEW,
-    WatchAsked: Permission.VIEW,
-    CausesAsked: Permission.VIEW,
-    HistoryAsked: Permission.VIEW,
-    ExtentAsked: Permission.VIEW,
-    MomentAsked: Permission.VIEW,
-    SeriesAsked: Permission.VIEW,
-    PingAsked: Permission.VIEW,
-    ReleaseAsked: Permission.OPERATE,
-    GotoAsked: Permission.OPERATE,
-    DriveAsked: Permission.OPERATE,
-    MissionAsked: Permission.OPERATE,
-    RehearseAsked: Permission.OPERATE,
-    RunAsked: Permission.OPERATE,
-    ControlAsked: Permission.OPERATE,
-    GiveAsked: Permission.OPERATE,
+    PageStopRequest: Permission.VIEW,
+    PageWatchRequest: Permission.VIEW,
+    PageCausesRequest: Permission.VIEW,
+    PageHistoryRequest: Permission.VIEW,
+    PageExtentRequest: Permission.VIEW,
+    PageMomentRequest: Permission.VIEW,
+    PageSeriesRequest: Permission.VIEW,
+    PagePingRequest: Permission.VIEW,
+    PageReleaseRequest: Permission.OPERATE,
+    PageGotoRequest: Permission.OPERATE,
+    PageDriveRequest: Permission.OPERATE,
+    PageMissionRequest: Permission.OPERATE,
+    PageRehearseRequest: Permission.OPERATE,
+    PageRunRequest: Permission.OPERATE,
+    PageControlRequest: Permission.OPERATE,
+    PageGiveRequest: Permission.OPERATE,
     ScheduleChange: Permission.OPERATE,
-    VideoAsked: Permission.OPERATE,
+    PageVideoRequest: Permission.OPERATE,
     VideoAnswered: Permission.OPERATE,
-    ConfigAsked: Permission.ADMIN,
+    PageConfigRequest: Permission.ADMIN,
 }
 """The permission that each request needs; a stop needs none."""
 
@@ -265,36 +287,36 @@ _WORDS = ("request", "robot", "command", "why", "edge", "name", "run", "sensor")
 """Fields with a name or a text."""
 
 
-def needed_for(asked: Asked) -> Permission:
+def needed_for(requested: PageRequest) -> Permission:
     """Return the permission that a request needs."""
-    if isinstance(asked, CommandAsked):
-        return needed_for_command(asked.command)
-    return _NEEDS[type(asked)]
+    if isinstance(requested, PageCommandRequest):
+        return needed_for_command(requested.command)
+    return _NEEDS[type(requested)]
 
 
-def read_asked(text: str | bytes) -> Asked:
+def read_requested(text: str | bytes) -> PageRequest:
     """Decode a message of a page; raises WireError."""
     try:
-        asked: Asked = json_decoder(Asked).decode(text)
+        requested: PageRequest = json_decoder(PageRequest).decode(text)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise WireError(str(error)[:LONGEST_WORD]) from None
-    _require_bounds(asked)
-    return asked
+    _require_bounds(requested)
+    return requested
 
 
-def read_stop(body: bytes) -> StopAsked:
+def read_stop(body: bytes) -> PageStopRequest:
     """Decode a stop sent by POST; raises WireError."""
-    asked = read_asked(body)
-    if not isinstance(asked, StopAsked):
+    requested = read_requested(body)
+    if not isinstance(requested, PageStopRequest):
         raise WireError("only a stop is taken here")
-    return asked
+    return requested
 
 
-def _require_bounds(asked: Asked) -> None:
+def _require_bounds(requested: PageRequest) -> None:
     """Raise WireError for implausibly many robots or long texts."""
-    robots = getattr(asked, "robots", ())
+    robots = getattr(requested, "robots", ())
     if len(robots) > MOST_ROBOTS:
         raise WireError(f"more than {MOST_ROBOTS} robots", where="robots")
-    words = [*robots, *(getattr(asked, field, "") for field in _WORDS)]
+    words = [*robots, *(getattr(requested, field, "") for field in _WORDS)]
     if any(len(word) > LONGEST_WORD for word in words):
         raise WireError(f"a name or text has more than {LONGEST_WORD} characters")

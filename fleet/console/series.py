@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from fleet.console.numbers import source_in
 from fleet.console.recorded_numbers import recorded_numbers, recorded_source
-from fleet.console.requests import SeriesAsked
+from fleet.console.requests import PageSeriesRequest
 from fleet.errors import Refused
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ MOST_SPENT = 0.5  # s of processor time for the messages of a window
 MOST_OFFERED = 1000  # names
 SAMPLES = 30  # messages of each topic that are searched for names, when no series needs the others
 
-Point = tuple[float, float]
+SeriesPoint = tuple[float, float]
 """Unix s, and the value."""
 
 
@@ -37,7 +37,7 @@ class Thinned:
         self._since = since
         self._count = most // 2
         self._length = (until - since) / self._count
-        self._parts: dict[int, tuple[Point, Point]] = {}
+        self._parts: dict[int, tuple[SeriesPoint, SeriesPoint]] = {}
 
     def add(self, at: float, value: float) -> None:
         """Add a value of the window, in any order; of equal values the first in time counts."""
@@ -49,27 +49,27 @@ class Thinned:
             min(greatest, point, key=lambda each: (-each[1], each[0])),
         )
 
-    def points(self) -> list[Point]:
+    def points(self) -> list[SeriesPoint]:
         """Return the points, oldest first."""
         return [point for part in sorted(self._parts) for point in sorted(set(self._parts[part]))]
 
 
-def require_bounds(asked: SeriesAsked) -> None:
+def require_bounds(requested: PageSeriesRequest) -> None:
     """Raise Refused for a robot or window that cannot be."""
-    if [bool(part) for part in asked.robot.split("/")] != [True, True]:
-        raise Refused(f"{asked.robot!a} is no robot: its name is EDGE/ROBOT")
-    if not (math.isfinite(asked.until) and 0 <= asked.since < asked.until < 1e10):
+    if [bool(part) for part in requested.robot.split("/")] != [True, True]:
+        raise Refused(f"{requested.robot!a} is no robot: its name is EDGE/ROBOT")
+    if not (math.isfinite(requested.until) and 0 <= requested.since < requested.until < 1e10):
         raise Refused("a window begins before it ends, both in Unix seconds")
-    if asked.until - asked.since > MOST_WINDOW:
+    if requested.until - requested.since > MOST_WINDOW:
         raise Refused(f"a window has {MOST_WINDOW / 60:g} min at most")
 
 
-def read_series(asked: SeriesAsked, window: Window, spent: Callable[[], float]) -> dict[str, Any]:
+def read_series(requested: PageSeriesRequest, window: Window, spent: Callable[[], float]) -> dict[str, Any]:
     """Return the series of the wanted numbers, with the names of all; ``spent`` is processor time, s.
 
     ``share`` is the share of the window that was read, ``problems`` what of it cannot be read.
     """
-    found = _FoundNumbers(asked)
+    found = _FoundNumbers(requested)
     parts, started, count = window.parts, spent(), 0
     for part in parts:
         if spent() - started > MOST_SPENT:
@@ -83,10 +83,12 @@ def read_series(asked: SeriesAsked, window: Window, spent: Callable[[], float]) 
 class _FoundNumbers:
     """The numbers found in messages."""
 
-    def __init__(self, asked: SeriesAsked) -> None:
-        self._asked = asked
-        self._series = {name: Thinned(asked.since, asked.until, asked.points) for name in asked.names}
-        self._sources = {source_in(name) for name in asked.names}
+    def __init__(self, requested: PageSeriesRequest) -> None:
+        self._requested = requested
+        self._series = {
+            name: Thinned(requested.since, requested.until, requested.points) for name in requested.names
+        }
+        self._sources = {source_in(name) for name in requested.names}
         self._names: set[str] = set()
         self._samples: Counter[str] = Counter()
         self._unreadable: Counter[str] = Counter()
@@ -117,11 +119,11 @@ class _FoundNumbers:
             name: [[round(at, 3) for at, _ in each], [value for _, value in each]]
             for name, each in points.items()
         }
-        asked = self._asked
+        requested = self._requested
         return {
-            "robot": asked.robot,
-            "since": asked.since,
-            "until": asked.until,
+            "robot": requested.robot,
+            "since": requested.since,
+            "until": requested.until,
             "names": sorted(self._names)[:MOST_OFFERED],
             "values": values,
         }

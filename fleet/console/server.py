@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import uvicorn
 from starlette.types import ASGIApp
 
-from fleet.console.guard import LONGEST_BODY
+from fleet.console.request_guard import LONGEST_BODY
 
 SHUTDOWN = 1  # s for open requests to end
 PING = 5.0  # s between pings of a WebSocket, and s for the page to answer

@@ -131,7 +131,7 @@ class StopTracker:
         """End the threads without waiting for pending requests."""
         self._threads.shutdown(wait=False, cancel_futures=True)
 
-    async def ask(self, target: StopTarget, by: str, why: str, request: str = "") -> dict[str, Any]:
+    async def request(self, target: StopTarget, by: str, why: str, request: str = "") -> dict[str, Any]:
         """Stop robots on all routes at once; return the result when each edge has answered or timed out.
 
         A known ``request`` is not sent again: it arrived on two routes. The robots are followed afterwards.
@@ -144,13 +144,13 @@ class StopTracker:
         record = StopRecord(by, why, target, meant, self._clock.monotonic())
         self._view.take_stop(request, record.shown())
         parameters = parameters_of(by, why, request)
-        asked = [
-            self._ask_edge(record, bus_session, edge, names, parameters)
+        requested = [
+            self._request_edge(record, bus_session, edge, names, parameters)
             for edge, names in target.names_by_edge().items()
             for bus_session in self._sessions_to(edge)
         ]
-        supervised = self._ask_supervisors(record, target, why, request)
-        await asyncio.gather(*asked, supervised)
+        supervised = self._request_supervisors(record, target, why, request)
+        await asyncio.gather(*requested, supervised)
         self._view.take_stop(request, record.shown())
         task = asyncio.create_task(self._follow(record, request), name=f"stop:{request}")
         self._tasks.add(task)
@@ -162,7 +162,7 @@ class StopTracker:
         bus_sessions = self._bus_sessions()
         return [bus_sessions[edge]] if edge in bus_sessions else list(bus_sessions.values())
 
-    async def _ask_edge(
+    async def _request_edge(
         self,
         record: StopRecord,
         bus_session: ZenohSession,
@@ -177,20 +177,22 @@ class StopTracker:
             for name in stopped:
                 record.acknowledge(id_of(key.split("/")[1], name), self._clock.monotonic(), "bus")
 
-        def ask() -> None:
-            for key, data in bus_session.ask(
+        def request() -> None:
+            for key, data in bus_session.request(
                 keys.stop(edge), payload, timeout=ANSWER_WITHIN, parameters=parameters, urgent=True
             ):
                 stopped = decode_json(data, list[str])
                 loop.call_soon_threadsafe(acknowledge, key, stopped)
 
         try:
-            await loop.run_in_executor(self._threads, ask)
+            await loop.run_in_executor(self._threads, request)
         except Exception as error:  # the other routes continue
             log.exception("the stop on the bus failed")
             record.problems.append(f"edge {edge}: {error}")
 
-    async def _ask_supervisors(self, record: StopRecord, target: StopTarget, why: str, request: str) -> None:
+    async def _request_supervisors(
+        self, record: StopRecord, target: StopTarget, why: str, request: str
+    ) -> None:
         """Send the stop to the supervisors: they stop the robots of an edge that hangs or is away."""
         names = tuple(robot.rpartition("/")[2] for robot in target.robots)
         loop = asyncio.get_running_loop()
@@ -234,14 +236,14 @@ class StopTracker:
         """Query the present state of a robot; None without an answer."""
         edge, _, name = robot.rpartition("/")
 
-        def ask() -> RobotState | None:
+        def request() -> RobotState | None:
             for bus_session in self._sessions_to(edge)[:1]:
-                for _, data in bus_session.ask(keys.state(edge, name), b"", timeout=ANSWER_WITHIN):
+                for _, data in bus_session.request(keys.state(edge, name), b"", timeout=ANSWER_WITHIN):
                     return decode_json(data, RobotState)
             return None
 
         try:
-            return await asyncio.to_thread(ask)
+            return await asyncio.to_thread(request)
         except Exception:
             log.exception("the state of %s could not be asked", robot)
             return None

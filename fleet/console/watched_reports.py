@@ -72,7 +72,7 @@ class WatchedReports:
 
         self._watched[robot] = _WatchedRobot(bus, bus.reports.subscribe(f"cw/{state.twin}/data/**", arrived))
         photo = f"cw/{state.twin}/data/{PhotoReport.channel}"
-        bus.reports.ask_later(
+        bus.reports.request_later(
             photo,
             b"",
             timeout=ANSWER_WITHIN,
@@ -105,13 +105,13 @@ class WatchedReports:
         if photo is not None:
             self._view.put("photos", robot, photo)
 
-    def answer_offer(self, asked: VideoAnswered, stamp: float) -> None:
+    def answer_offer(self, requested: VideoAnswered, stamp: float) -> None:
         """Send a page's answer to an offer of live video; raises Refused for a robot that is not watched."""
-        watch, state = self._watched.get(asked.robot), self._view.states.get(asked.robot)
+        watch, state = self._watched.get(requested.robot), self._view.states.get(requested.robot)
         if watch is None or state is None:
-            raise Refused(f"{asked.robot} is not shown by this page")
-        message = {"type": "answer", "target": "edge", "sender": "console", "sdp": asked.sdp}
-        payload = encode_finite(message | {"sensor": asked.sensor, "timestamp": stamp})
+            raise Refused(f"{requested.robot} is not shown by this page")
+        message = {"type": "answer", "target": "edge", "sender": "console", "sdp": requested.sdp}
+        payload = encode_finite(message | {"sensor": requested.sensor, "timestamp": stamp})
         watch.bus.reports.put(
             data_key(state.twin, LOCAL_ANSWER), json_sample(payload, stamp=stamp, sequence=0)
         )

@@ -37,9 +37,9 @@ def _records(database: sqlite3.Connection, wanted: EventFilter) -> Iterator[Reco
     """Yield the selected events, the newest first; an invalid row is skipped."""
     marks = ", ".join("?" * len(wanted.robots))
     whose = f" AND robot IN ({marks})" if wanted.robots else ""
-    asked = f"SELECT {COLUMNS} FROM event WHERE stamp >= ?{whose} ORDER BY stamp DESC, id DESC LIMIT ?"  # noqa: S608
+    requested = f"SELECT {COLUMNS} FROM event WHERE stamp >= ?{whose} ORDER BY stamp DESC, id DESC LIMIT ?"  # noqa: S608
     values = (wanted.since, *wanted.robots, max(1, min(wanted.most, MOST)))
-    for row in database.execute(asked, values):
+    for row in database.execute(requested, values):
         with contextlib.suppress(ValueError):
             yield record_of(row)
 

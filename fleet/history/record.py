@@ -16,7 +16,7 @@ LONGEST_DATA = 4096  # bytes of data
 
 _encode = msgspec.json.Encoder().encode
 
-Row = tuple[float, str, str, str, str, str, str, str, int, str, str, str]
+RecordRow = tuple[float, str, str, str, str, str, str, str, int, str, str, str]
 """Values of ``COLUMNS``."""
 COLUMNS = "stamp, robot, kind, severity, text, way, asker, source_type, proven, command, request, data"
 
@@ -39,7 +39,7 @@ class Record(msgspec.Struct, frozen=True, omit_defaults=True):
     edge: str = ""
 
 
-def row_of(robot: str, event: EventReport) -> Row:
+def row_of(robot: str, event: EventReport) -> RecordRow:
     """Return an event as a row; long texts are cut, data that is too large or not JSON is omitted."""
     requester = event.asker
     return (
@@ -58,7 +58,7 @@ def row_of(robot: str, event: EventReport) -> Row:
     )
 
 
-def record_of(row: Row) -> Record:
+def record_of(row: RecordRow) -> Record:
     """Return the event of a row; raises ValueError for an invalid row."""
     stamp, robot, kind, severity, text, transport, name, source_type, proven, command, request, data = row
     requester = (

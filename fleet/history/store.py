@@ -29,7 +29,7 @@ import msgspec
 
 from fleet.clock import Clock
 from fleet.errors import StateError, StateTaken
-from fleet.history.record import COLUMNS, Record, Row, record_of, row_of
+from fleet.history.record import COLUMNS, Record, RecordRow, record_of, row_of
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.spool.database import PAGE, is_corrupt, open_checked, transaction
 from fleet.spool.state_folder import create_folder, locked
@@ -84,7 +84,7 @@ class History:
         self.folder = folder
         self._clock = clock
         self._bounds = bounds or HistoryBounds()
-        self._waiting: deque[Row] = deque()
+        self._waiting: deque[RecordRow] = deque()
         self._lost = 0
         self._patience = BUSY
         self._database: sqlite3.Connection | None = None

@@ -16,7 +16,7 @@ RENEWED_EVERY = 1.0  # s
 LAPSES_AFTER = 3.0  # s without a renewal
 
 
-class LeaseAsk(msgspec.Struct, frozen=True, omit_defaults=True):
+class RobotLeaseRequest(msgspec.Struct, frozen=True, omit_defaults=True):
     """Request or renewal of the lease of robots; ``robots``: the action of each after the expiry, by name.
 
     Robots that are left out are released. ``transport``, ``source_type`` and ``session_id`` are the authority
@@ -54,12 +54,12 @@ class CoordinatorLeases:
     def __init__(self) -> None:
         self._held: dict[tuple[str, str], tuple[float, Mapping[str, str]]] = {}
 
-    def grant(self, ask: LeaseAsk, now: float) -> None:
+    def grant(self, request: RobotLeaseRequest, now: float) -> None:
         """Grant or renew a lease; without robots it ends."""
-        key = ask.edge, ask.run
+        key = request.edge, request.run
         self._held.pop(key, None)
-        if ask.robots:
-            self._held[key] = now + LAPSES_AFTER, ask.robots
+        if request.robots:
+            self._held[key] = now + LAPSES_AFTER, request.robots
 
     def holds(self, edge: str, run: str) -> bool:
         """Return True if an edge holds the lease of a run."""

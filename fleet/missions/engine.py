@@ -16,25 +16,25 @@ from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import (
     GOING_ON,
     Abort,
-    Effect,
     Enlisted,
-    Event,
     Facts,
     Head,
     Left,
-    Member,
     NotStarted,
-    Occupied,
     PartOutcome,
     Pause,
     PersonAnswer,
     Phase,
+    PlaceOccupied,
     Question,
     Replied,
     Restarted,
     Resume,
     RobotEvent,
     RobotPrepared,
+    RunEffect,
+    RunEvent,
+    RunMember,
     Start,
     StepPart,
     StopAll,
@@ -52,7 +52,7 @@ class Engine:
         self,
         run: str,
         program: Program,
-        members: Iterable[Member],
+        members: Iterable[RunMember],
         *,
         head: Head | None = None,
         parts: Iterable[StepPart] = (),
@@ -70,7 +70,7 @@ class Engine:
             Tick: self._tick,
             Replied: self._replied,
             RobotPrepared: lambda event: self.steps.prepared(event.robot, event.refusal),
-            Occupied: self._occupied,
+            PlaceOccupied: self._occupied,
             Enlisted: self.steps.handle_spare_answer,
             NotStarted: self.steps.not_started,
             Facts: self._facts,
@@ -95,7 +95,7 @@ class Engine:
         """The time of the current event."""
         return self.steps.losses.now
 
-    def handle(self, event: Event, now: float) -> list[Effect]:
+    def handle(self, event: RunEvent, now: float) -> list[RunEffect]:
         """Process an event at ``now``, in seconds of the run's clock; return its effects in order."""
         self.steps.losses.now = now
         if not self.over:
@@ -103,7 +103,7 @@ class Engine:
         effects, self.robots.effects = self.robots.effects, []
         return effects
 
-    def changes(self) -> list[StepPart | Member]:
+    def changes(self) -> list[StepPart | RunMember]:
         """Return the members and parts that have changed since the last call."""
         touched, self.robots.touched = self.robots.touched, {}
         return list(touched.values())
@@ -115,7 +115,7 @@ class Engine:
         elif self.head.phase is Phase.NEW:
             self.steps.run_until_wait()
 
-    def _occupied(self, event: Occupied) -> None:
+    def _occupied(self, event: PlaceOccupied) -> None:
         """Begin the run, or record what it waits for; fail it when the wait has timed out."""
         if self.head.phase is not Phase.OCCUPYING:
             return

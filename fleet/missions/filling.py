@@ -12,13 +12,13 @@ from fleet.missions.grammar_words import role_words, step_words
 from fleet.missions.model import ALL, CountConfig, RoleConfig
 from fleet.missions.plan import plan_needs
 from fleet.missions.program import Act, Do, Program, RoleNeed
-from fleet.missions.rehearsal import Point
-from fleet.missions.report import MissionState, StartAsk
+from fleet.missions.rehearsal import TrackPoint
+from fleet.missions.report import MissionStartRequest, MissionState
 from fleet.missions.roles import RoleCandidate, conflicting_runs, filled, matches_role, spare_of, spares
 from fleet.missions.run import Run
-from fleet.missions.state import Member
+from fleet.missions.state import RunMember
 
-Rehearsed = Callable[[Program, dict[str, list[str]] | None, dict[str, Point | None]], str]
+Rehearsed = Callable[[Program, dict[str, list[str]] | None, dict[str, TrackPoint | None]], str]
 """Returns why a mission may not start without a rehearsal, from its robots by role and their positions."""
 
 
@@ -42,28 +42,32 @@ class Filling:
         self.rehearsed: Rehearsed = lambda *_: "rehearsals are not kept here"
 
     def fill(
-        self, mission: Mission, program: Program, ask: StartAsk, *, rehearses: bool = False
+        self, mission: Mission, program: Program, request: MissionStartRequest, *, rehearses: bool = False
     ) -> dict[str, list[str]]:
         """Return the robots for the roles of a mission; raises Refused.
 
         Also if a required rehearsal is missing, unless this is for a rehearsal.
         """
-        needs, free = needs_of(program), self._free(ask.run)
-        found = filled(mission.config.roles, needs, free, program.require, ask.robots)
+        needs, free = needs_of(program), self._free(request.run)
+        found = filled(mission.config.roles, needs, free, program.require, request.robots)
         taken = [robot for robots in found.values() for robot in robots]
-        found |= spares(mission.config.roles, needs, free, program.require, ask.robots, taken=taken)
+        found |= spares(mission.config.roles, needs, free, program.require, request.robots, taken=taken)
         for inner in program.inner.values():
             carriers = roles_of(inner.carrier, found)
             robots = {robot for role in carriers for robot in found[role]}
             theirs = [each for each in free if each.name in robots]
             wanted = {name: _config_of(need) for name, need in inner.roles.items()}
-            found |= filled(wanted, needs, theirs, inner.require, ask.robots)
+            found |= filled(wanted, needs, theirs, inner.require, request.robots)
         if not rehearses:
-            self._require_rehearsal(mission, program, ask, found)
+            self._require_rehearsal(mission, program, request, found)
         return found
 
     def _require_rehearsal(
-        self, mission: Mission, program: Program, ask: StartAsk, roles: dict[str, list[str]] | None
+        self,
+        mission: Mission,
+        program: Program,
+        request: MissionStartRequest,
+        roles: dict[str, list[str]] | None,
     ) -> None:
         """Raise Refused if a required rehearsal is missing; ``roles``: None if not known yet."""
         if mission.config.rehearse != "required":
@@ -71,27 +75,31 @@ class Filling:
         places = {each.name: each.facts.position for each in self._candidates()}
         why = self.rehearsed(program, roles, places)
         if why:
-            raise Refused(f"it must be rehearsed first, and {why}", hint=rehearse_command(mission.name, ask))
+            raise Refused(
+                f"it must be rehearsed first, and {why}", hint=rehearse_command(mission.name, request)
+            )
 
-    def conflicting_runs(self, mission: Mission, program: Program, ask: StartAsk) -> list[str]:
+    def conflicting_runs(self, mission: Mission, program: Program, request: MissionStartRequest) -> list[str]:
         """Return the conflicting runs: of the same mission, at its places, or with robots that it needs.
 
         Raises Refused if the mission could not start even after their end.
         """
-        self._require_rehearsal(mission, program, ask, None)
-        needs, free = needs_of(program), self._free(ask.run)
-        found = conflicting_runs(mission.config.roles, needs, free, program.require, ask.robots)
+        self._require_rehearsal(mission, program, request, None)
+        needs, free = needs_of(program), self._free(request.run)
+        found = conflicting_runs(mission.config.roles, needs, free, program.require, request.robots)
         for run in self._runs():
             places = set(program.occupies) & set(run.engine.program.occupies)
             if any(map(self._is_full, places)) or run.about.mission == program.mission:
                 found.add(run.id)
-        return sorted(found - {ask.run})
+        return sorted(found - {request.run})
 
     def left_out(self, mission: Mission, roles: Mapping[str, Iterable[str]]) -> set[str]:
         """Return the robots that match a mission's roles but fill none of them."""
         taken = {robot for robots in roles.values() for robot in robots}
-        asked = mission.config.roles.values()
-        meant = {each.name for each in self._candidates() if any(matches_role(each, role) for role in asked)}
+        requested = mission.config.roles.values()
+        meant = {
+            each.name for each in self._candidates() if any(matches_role(each, role) for role in requested)
+        }
         return meant - taken
 
     def _free(self, run: str) -> list[RoleCandidate]:
@@ -109,11 +117,11 @@ class Filling:
         return found
 
 
-def rehearse_command(name: str, ask: StartAsk) -> str:
+def rehearse_command(name: str, request: MissionStartRequest) -> str:
     """Return the command line that rehearses a mission as requested."""
-    words = ["fleet mission rehearse", name if ask.mission is None else "FILE"]
-    words += [f"{key}={value}" for key, value in ask.inputs.items()]
-    words += [f"--robot {role}={robot}" for role, robots in ask.robots.items() for robot in robots]
+    words = ["fleet mission rehearse", name if request.mission is None else "FILE"]
+    words += [f"{key}={value}" for key, value in request.inputs.items()]
+    words += [f"--robot {role}={robot}" for role, robots in request.robots.items() for robot in robots]
     return " ".join(words)
 
 
@@ -127,7 +135,7 @@ def roles_of(role: str, roles: Iterable[str]) -> list[str]:
     )
 
 
-def members_of(program: Program, roles: Mapping[str, Iterable[str]]) -> list[Member]:
+def members_of(program: Program, roles: Mapping[str, Iterable[str]]) -> list[RunMember]:
     """Return the members of a run; ``roles`` are those of its mission and its inner missions."""
     plays: dict[str, dict[str, int]] = {}
     for inner, mission in program.inner.items():
@@ -135,12 +143,12 @@ def members_of(program: Program, roles: Mapping[str, Iterable[str]]) -> list[Mem
             for at, robot in enumerate(roles[role]):
                 plays.setdefault(robot, {}).update({role: at, f"{inner}.{ALL}": at})
     members = [
-        Member(robot, role, at, plays.get(robot, {}))
+        RunMember(robot, role, at, plays.get(robot, {}))
         for role in program.quorum
         for at, robot in enumerate(roles[role])
     ]
     waiting = [
-        Member(robot, role, 0, ours=False, within=False, spare=True)
+        RunMember(robot, role, 0, ours=False, within=False, spare=True)
         for role in program.quorum
         for robot in roles.get(spare_of(role), ())
     ]

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Literal
 
 from fleet.missions.ending import Ending
-from fleet.missions.inner import InnerMissions
+from fleet.missions.inner_missions import InnerMissions
 from fleet.missions.program import Act, Do, Enter, Program
 from fleet.missions.run_robots import RunRobots
 from fleet.missions.state import GOING_ON, Head, PartOutcome, Phase, Question, instruction_of, step_name

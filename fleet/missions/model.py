@@ -27,8 +27,8 @@ REPEATABLE = frozenset({"goto", "path"})
 """Verbs that lead to the same state when repeated."""
 FOLLOW_AT = 3.0  # m behind another robot, by default
 DEEPEST = 3  # levels of repeats
-Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
-Verb = Literal["command", "goto", "path", "plan", "follow", "mission"]
+PercentNumber = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
+StepVerb = Literal["command", "goto", "path", "plan", "follow", "mission"]
 
 
 def _goal(given: Any) -> Any:
@@ -145,8 +145,8 @@ class RoleConfig(_Words):
 class BatteryConfig(Model):
     """Bounds of a battery's charge in percent."""
 
-    min: Percent | None = Field(None, description="At least.")
-    max: Percent | None = Field(None, description="At most.")
+    min: PercentNumber | None = Field(None, description="At least.")
+    max: PercentNumber | None = Field(None, description="At most.")
 
 
 class RequireConfig(Model):

@@ -18,7 +18,7 @@ from fleet.missions.program import Program
 
 FRESH = 3600.0  # s for which a pass is valid
 NEAR = 3.0  # m by which a robot may have moved
-Point = tuple[float, float, float]
+TrackPoint = tuple[float, float, float]
 
 
 class RehearsedPart(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -129,7 +129,7 @@ class RehearsalState(msgspec.Struct, frozen=True, omit_defaults=True):
     failure: str = ""
 
 
-class RehearsalAsk(msgspec.Struct, frozen=True):
+class RehearsalPoll(msgspec.Struct, frozen=True):
     """Poll of a rehearsal; ``since``: number of notes received so far."""
 
     id: str
@@ -146,7 +146,7 @@ class Passed(msgspec.Struct, frozen=True):
     program: str
     config: str
     roles: dict[str, list[str]]
-    places: dict[str, Point]
+    places: dict[str, TrackPoint]
     stamp: float
 
 
@@ -169,7 +169,7 @@ class Present(msgspec.Struct, frozen=True):
     program: Program
     config: str
     now: float
-    places: Mapping[str, Point | None]
+    places: Mapping[str, TrackPoint | None]
     roles: Mapping[str, Sequence[str]] | None
 
 
@@ -195,7 +195,7 @@ def stale_reason(passed: Passed, present: Present) -> str:
     return _moved(passed, present.places) if roles is not None else ""
 
 
-def _moved(passed: Passed, places: Mapping[str, Point | None]) -> str:
+def _moved(passed: Passed, places: Mapping[str, TrackPoint | None]) -> str:
     """Return which robot has moved since the rehearsal; empty if none has."""
     for robot, was in passed.places.items():
         now = places.get(robot)

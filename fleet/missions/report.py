@@ -8,11 +8,11 @@ from typing import Any, Literal
 import msgspec
 
 from fleet.missions.engine import Engine
-from fleet.missions.state import Head, Member, StepPart
+from fleet.missions.state import Head, RunMember, StepPart
 from fleet.missions.store import About
 
 
-class StartAsk(msgspec.Struct, frozen=True, omit_defaults=True):
+class MissionStartRequest(msgspec.Struct, frozen=True, omit_defaults=True):
     """Request to start a mission, or (``only_fill``) to return the robots for its roles.
 
     ``mission`` is a mission with the contents of its files; without one, the edge's own mission of the key's
@@ -41,7 +41,7 @@ class Started(msgspec.Struct, frozen=True, omit_defaults=True):
     hint: str = ""
 
 
-class ControlAsk(msgspec.Struct, frozen=True, omit_defaults=True):
+class RunControlRequest(msgspec.Struct, frozen=True, omit_defaults=True):
     """Request to control a run; ``question`` is the id of the answered question."""
 
     do: Literal["pause", "resume", "abort", "answer", "log", "results"]
@@ -68,7 +68,7 @@ class RunRobot(msgspec.Struct, frozen=True, omit_defaults=True):
     lane: tuple[str, ...] = ()
 
 
-class AskedNow(msgspec.Struct, frozen=True, omit_defaults=True):
+class PendingQuestion(msgspec.Struct, frozen=True, omit_defaults=True):
     """A pending question to a person; ``seconds`` are left."""
 
     id: int
@@ -95,7 +95,7 @@ class RunState(msgspec.Struct, frozen=True, omit_defaults=True):
     hash: str = ""
     outcome: str = ""
     reason: str = ""
-    question: AskedNow | None = None
+    question: PendingQuestion | None = None
     robots: tuple[RunRobot, ...] = ()
     problem: str = ""
     transport: str = msgspec.field(name="way", default="bus")
@@ -130,7 +130,7 @@ def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: s
         about.hash,
         head.outcome.value if head.outcome else "",
         head.reason,
-        AskedNow(question.id, question.text, round(question.until - seconds, 1), question.on_timeout)
+        PendingQuestion(question.id, question.text, round(question.until - seconds, 1), question.on_timeout)
         if question
         else None,
         tuple(
@@ -143,7 +143,7 @@ def state_of(engine: Engine, about: About, edge: str, seconds: float, problem: s
     )
 
 
-def ended_state(about: About, head: Head, members: Iterable[Member], edge: str) -> RunState:
+def ended_state(about: About, head: Head, members: Iterable[RunMember], edge: str) -> RunState:
     """Return the last state of an ended run."""
     return RunState(
         about.run,
@@ -161,7 +161,7 @@ def ended_state(about: About, head: Head, members: Iterable[Member], edge: str) 
     )
 
 
-def _robot(member: Member, doing: str, parts: Iterable[StepPart]) -> RunRobot:
+def _robot(member: RunMember, doing: str, parts: Iterable[StepPart]) -> RunRobot:
     """Return the state of one robot of a run."""
     outcome = member.outcome.value if member.outcome else ""
     doing = "spare" if member.spare else doing

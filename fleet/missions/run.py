@@ -23,12 +23,10 @@ from fleet.missions.state import (
     Begin,
     BeginTogether,
     Dismiss,
-    Effect,
     EmergencyStop,
     Ended,
     Enlist,
     Enlisted,
-    Event,
     Hold,
     Left,
     LogNote,
@@ -37,6 +35,8 @@ from fleet.missions.state import (
     Prepare,
     Replied,
     RobotPrepared,
+    RunEffect,
+    RunEvent,
     RunOutcome,
     Tick,
 )
@@ -136,7 +136,7 @@ class Run:
         """Seconds of the run's clock."""
         return self._elapsed + self._services.clock.monotonic() - self._since
 
-    def take(self, event: Event, *, new: bool = False) -> None:
+    def take(self, event: RunEvent, *, new: bool = False) -> None:
         """Handle an event: record its changes, then execute its effects."""
         effects = self.engine.handle(event, self.now)
         self.together.follow(self.engine.head.phase)
@@ -187,7 +187,7 @@ class Run:
 
     # -- effects ---------------------------------------------------------------------------------------
 
-    def _recorded(self, effects: list[Effect], new: bool, kept: bool) -> None:  # noqa: FBT001 - by position
+    def _recorded(self, effects: list[RunEffect], new: bool, kept: bool) -> None:  # noqa: FBT001 - by position
         """Execute effects after the record; a run whose start could not be recorded begins nothing."""
         if kept or not new:
             self._carry_out(effects)
@@ -195,7 +195,7 @@ class Run:
         self.engine.ending.close(RunOutcome.FAILED, f"it was not started: {self._services.store.problem}")
         self.take(Tick())  # reports the end and releases the robots
 
-    def _carry_out(self, effects: list[Effect]) -> None:
+    def _carry_out(self, effects: list[RunEffect]) -> None:
         """Execute the effects of a recorded event; on an unexpected error give the run up."""
         try:
             for effect in effects:
@@ -211,11 +211,11 @@ class Run:
         for member in self.engine.robots.ours():
             if not self.engine.robots.comes_down(member.robot):
                 with contextlib.suppress(Exception):  # one robot's failure must not keep another moving
-                    self._ask(member.robot, "command", {"command": "stop"}, "")
+                    self._request(member.robot, "command", {"command": "stop"}, "")
         self.engine.ending.close(RunOutcome.UNKNOWN, f"the edge failed: {reason}")
         self.take(Tick())  # records the end and releases the robots
 
-    def _follow(self, effect: Effect) -> None:
+    def _follow(self, effect: RunEffect) -> None:
         """Execute one effect."""
         match effect:
             case Begin(part):
@@ -226,7 +226,7 @@ class Run:
                 self.together.begin(step, parts)
             case Hold(part, resumes):
                 message = {"command": "resume" if resumes else "pause"}
-                self._ask(part.robot, "navigate", message, "", partial(self.holding.answered, effect))
+                self._request(part.robot, "navigate", message, "", partial(self.holding.answered, effect))
             case EmergencyStop(robots, reason):
                 self._services.stop(robots, f"run {self.id}: {reason}")
             case Enlist(robot):
@@ -262,9 +262,9 @@ class Run:
         if prepares:
             self.together.prepare(robot, kind, message, identity)
         else:
-            self._ask(robot, kind, message, identity, partial(self._replied, identity))
+            self._request(robot, kind, message, identity, partial(self._replied, identity))
 
-    def _ask(
+    def _request(
         self,
         robot: str,
         kind: Kind,
@@ -280,11 +280,11 @@ class Run:
     ) -> None:
         """Send a robot a message over the transport by which the run was started."""
         transport = Transport(self.about.transport)
-        asked = self._services.robots[robot].read(
+        requested = self._services.robots[robot].read(
             kind, payload, transport=transport, request_id=identity, waits=True
         )
-        if asked is not None:
-            asked(answer)
+        if requested is not None:
+            requested(answer)
 
     def _payload(self, message: dict[str, Any]) -> bytes:
         """Encode a message sent now."""
@@ -314,7 +314,7 @@ class Run:
 
         message = {"command": JOIN, "data": {"run": self.id}}
         if self._stamp is None:
-            self._ask(robot, "command", message, "", answered)
+            self._request(robot, "command", message, "", answered)
             return
         session, source_type = self.about.by, self.about.source_type
         payload = payload_of(message, session=session, source_type=source_type, now=self._stamp)
@@ -343,4 +343,4 @@ class Run:
 
     def leave(self, robot: str) -> None:
         """Release a robot."""
-        self._ask(robot, "command", {"command": LEAVE, "data": {"run": self.id}}, "")
+        self._request(robot, "command", {"command": LEAVE, "data": {"run": self.id}}, "")

@@ -12,7 +12,7 @@ from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.missions.program import Program
 from fleet.missions.run import Run
-from fleet.missions.state import Head, Occupied, Phase
+from fleet.missions.state import Head, Phase, PlaceOccupied
 from fleet.missions.store import StoredRun
 from fleet.model.occupancy import Claim, ClaimVerdict, Occupancy, Settled
 from fleet.model.place import Place
@@ -49,9 +49,9 @@ class RunPlaces:
         self._missions[run.id] = run.about.mission
         claim = self._occupancy.claim_of(run.id)
         if claim is not None and claim.complete:
-            run.take(Occupied())
+            run.take(PlaceOccupied())
         elif claim is None:
-            self._ask(run.id, run.engine.program, run.engine.head.until - run.now)
+            self._request(run.id, run.engine.program, run.engine.head.until - run.now)
         self._notify_waiting()
 
     def release_places(self, run: Run) -> None:
@@ -80,24 +80,24 @@ class RunPlaces:
         for kept in found:
             if _waits(kept.head):
                 away = max(0.0, self._clock.time() - kept.stamp)
-                self._ask(kept.about.run, kept.program, kept.head.until - kept.elapsed - away)
+                self._request(kept.about.run, kept.program, kept.head.until - kept.elapsed - away)
 
-    def _ask(self, run: str, program: Program, within: float) -> None:
+    def _request(self, run: str, program: Program, within: float) -> None:
         """Request the places of a run."""
         now = self._clock.monotonic()
         try:
-            self._settle(self._occupancy.ask(run, _wanted(program), now=now, within=within))
+            self._settle(self._occupancy.request(run, _wanted(program), now=now, within=within))
         except ValueError as error:  # fleet.yaml has changed since its start
-            self._tell(run, Occupied(late=f"occupies: {error}"))
+            self._tell(run, PlaceOccupied(late=f"occupies: {error}"))
 
     def _settle(self, settled: Iterable[Settled]) -> None:
         """Inform runs whose wait has ended."""
         for each in settled:
             if each.verdict is ClaimVerdict.GRANTED:
-                self._tell(each.holder, Occupied())
+                self._tell(each.holder, PlaceOccupied())
             else:
                 late = f"{each.place} did not become free in time: {self._names(each.held_by)} it"
-                self._tell(each.holder, Occupied(late=late))
+                self._tell(each.holder, PlaceOccupied(late=late))
 
     def _notify_waiting(self) -> None:
         """Inform waiting runs of the place and its holder, if that has changed."""
@@ -108,14 +108,14 @@ class RunPlaces:
             words = f"{place}, which {self._names(self._occupancy.held(place))}"
             run = self._run_of(claim.holder)
             if run is not None and run.engine.head.waits_for != words:
-                run.take(Occupied(words))
+                run.take(PlaceOccupied(words))
 
     def _names(self, holders: Iterable[str]) -> str:
         """Describe the holders of a place."""
         named = [f"run {run} of {self._missions.get(run, 'a mission')}" for run in holders]
         return f"{' and '.join(named) or 'another run'} has"
 
-    def _tell(self, run: str, event: Occupied) -> None:
+    def _tell(self, run: str, event: PlaceOccupied) -> None:
         """Inform a run; one that is not in progress yet requests its places again later."""
         found = self._run_of(run)
         if found is not None:

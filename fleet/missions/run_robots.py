@@ -13,7 +13,16 @@ from types import MappingProxyType
 import msgspec
 
 from fleet.missions.program import Act
-from fleet.missions.state import Begin, BeginTogether, Effect, Kind, LogNote, Member, PartOutcome, StepPart
+from fleet.missions.state import (
+    Begin,
+    BeginTogether,
+    LogNote,
+    PartKind,
+    PartOutcome,
+    RunEffect,
+    RunMember,
+    StepPart,
+)
 
 SHOWN_PARTS = 6  # newest parts of a robot that users see
 HALT_WITHIN = 15.0  # s until a halted robot must be seen standing
@@ -45,7 +54,7 @@ def first_identity(run: str, step: str, robot: str) -> str:
 class RunRobots:
     """Members by robot, parts by identity; ``effects`` collects effects, ``touched`` the changed objects."""
 
-    def __init__(self, run: str, members: Iterable[Member], parts: Iterable[StepPart] = ()) -> None:
+    def __init__(self, run: str, members: Iterable[RunMember], parts: Iterable[StepPart] = ()) -> None:
         self.run = run
         self.members = {member.robot: member for member in members}
         self.parts = {part.identity: part for part in parts}
@@ -58,15 +67,15 @@ class RunRobots:
             )
             for robot in self.members
         }
-        self.effects: list[Effect] = []
-        self.touched: dict[str, StepPart | Member] = {}
+        self.effects: list[RunEffect] = []
+        self.touched: dict[str, StepPart | RunMember] = {}
         self.halts = sum(part.kind == "halt" for part in self.parts.values())
 
     def note(self, text: str, robot: str = "", step: str = "") -> None:
         """Add a line to the run's log."""
         self.effects.append(LogNote(text, robot, step))
 
-    def within(self, roles: Iterable[str] | None = None) -> list[Member]:
+    def within(self, roles: Iterable[str] | None = None) -> list[RunMember]:
         """Return the robots that still take part, of some roles or of all."""
         wanted = None if roles is None else set(roles)
         return [
@@ -80,7 +89,7 @@ class RunRobots:
         member = self.members[robot]
         return role == member.role or role in member.plays
 
-    def act_of(self, member: Member, acts: Mapping[str, tuple[Act, ...]]) -> Act | None:
+    def act_of(self, member: RunMember, acts: Mapping[str, tuple[Act, ...]]) -> Act | None:
         """Return a robot's act from acts by role, or None. Its own role takes precedence over all."""
         for role in (member.role, *member.plays, "all"):
             if acts.get(role):
@@ -99,7 +108,7 @@ class RunRobots:
         found = ((each.robot, self.act_of(each, acts)) for each in self.within())
         return [(robot, act) for robot, act in found if act is not None]
 
-    def ours(self) -> list[Member]:
+    def ours(self) -> list[RunMember]:
         """Return the robots that may be commanded."""
         return [each for each in self.members.values() if each.ours]
 
@@ -108,7 +117,7 @@ class RunRobots:
         member = self.members.get(robot)
         return member is not None and (member.within or member.ours or member.spare)
 
-    def active(self, *kinds: Kind) -> list[StepPart]:
+    def active(self, *kinds: PartKind) -> list[StepPart]:
         """Return the active parts of these kinds; without kinds, of all."""
         return [part for part in self._active.values() if not kinds or part.kind in kinds]
 
@@ -125,7 +134,7 @@ class RunRobots:
         self.effects = [each for each in self.effects if each not in begins]
         self.effects.append(BeginTogether(step, tuple(each.part for each in begins)))
 
-    def begin(self, step: str, robot: str, act: Act, kind: Kind, now: float, *, attempt: int = 1) -> None:
+    def begin(self, step: str, robot: str, act: Act, kind: PartKind, now: float, *, attempt: int = 1) -> None:
         """Begin a part of a robot, if it is ours."""
         member = self.members[robot]
         if not member.ours:
@@ -196,7 +205,7 @@ class RunRobots:
             self.note(f"is out of the run, {outcome}: {reason}", robot)
         return was_within
 
-    def spares(self, role: str) -> list[Member]:
+    def spares(self, role: str) -> list[RunMember]:
         """Return the spares of a role (``all``: of every role)."""
         return [each for each in self.members.values() if each.spare and role in (each.role, "all")]
 

@@ -27,13 +27,12 @@ from fleet.missions.other_edges import EdgeOf, not_kept_apart, require_reach
 from fleet.missions.pausing import PAUSABLE
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Act, Do, Program
-from fleet.missions.report import ControlAsk, RunState, StartAsk, state_of
+from fleet.missions.report import MissionStartRequest, RunControlRequest, RunState, state_of
 from fleet.missions.roles import RoleCandidate, spare_of
 from fleet.missions.run import Run, RunPort
 from fleet.missions.run_places import RunPlaces
 from fleet.missions.state import (
     Abort,
-    Event,
     Left,
     PartOutcome,
     Pause,
@@ -41,6 +40,7 @@ from fleet.missions.state import (
     Restarted,
     Resume,
     RobotEvent,
+    RunEvent,
     Start,
     StopAll,
 )
@@ -56,7 +56,7 @@ MOST = 64  # runs in progress
 ENDED = 256  # run IDs kept after the end, for robots whose state still names them
 _RUN_ID = re.compile(r"[A-Za-z0-9-]{1,40}")
 
-_CONTROLS: Mapping[str, Callable[[str], Event]] = {"pause": Pause, "resume": Resume, "abort": Abort}
+_CONTROLS: Mapping[str, Callable[[str], RunEvent]] = {"pause": Pause, "resume": Resume, "abort": Abort}
 Allowed = Callable[[str, Origin, bool, bool], str | None]
 """Returns why a sender may not start a mission that commands or leads a robot; None if he may."""
 Began = Callable[[str, Mapping[str, Sequence[str]], str], None]
@@ -142,7 +142,7 @@ class Runs:
         self,
         mission: Mission,
         program: Program,
-        ask: StartAsk,
+        request: MissionStartRequest,
         transport: Transport,
         began: Began,
         *,
@@ -154,7 +154,7 @@ class Runs:
         ``workflow`` is the requesting workflow of the cloud. ``admitted``: the caller has checked the
         sender's authority for every robot and step.
         """
-        run = ask.run or secrets.token_hex(4)
+        run = request.run or secrets.token_hex(4)
         if run in self._runs or run in self._pending:
             began(run, {}, "")  # a repeat is the same run
             return
@@ -164,9 +164,11 @@ class Runs:
             return
         try:
             self.places.require(program)
-            roles = self.filling.fill(mission, program, ask)
+            roles = self.filling.fill(mission, program, request)
             if not admitted:
-                self._require_authority(program, roles, Origin(transport, ask.source_type, ask.session_id))
+                self._require_authority(
+                    program, roles, Origin(transport, request.source_type, request.session_id)
+                )
             engine = Engine(run, program, members_of(program, roles))
             self._require_routes(engine)
             require_reach(program, engine.robots, self.edge, self._edge_of)
@@ -178,13 +180,13 @@ class Runs:
             program.mission,
             digest_of(program, roles),
             self.clock.time(),
-            ask.session_id,
+            request.session_id,
             transport.value,
-            ask.source_type,
-            dict(ask.inputs),
+            request.source_type,
+            dict(request.inputs),
             workflow,
         )
-        made = Run(about, engine, self, stamp=ask.timestamp)
+        made = Run(about, engine, self, stamp=request.timestamp)
         self._join(made, partial(self._joined, made, roles, began))
 
     def _require_authority(
@@ -274,7 +276,9 @@ class Runs:
                 log.exception("run %s cannot go on", each.id)
                 each.give_up(f"{type(error).__name__}: {error}")
 
-    def control(self, run: str, ask: ControlAsk, on_answer: RefusalCallback = lambda _refusal: None) -> None:
+    def control(
+        self, run: str, request: RunControlRequest, on_answer: RefusalCallback = lambda _refusal: None
+    ) -> None:
         """Pause, resume or abort a run, or answer its question.
 
         ``on_answer`` receives the reason of a refusal, or an empty text; for a pause or a resumption, after
@@ -282,7 +286,7 @@ class Runs:
         """
         found = self._runs.get(run)
         made = found.holding.made if found else 0
-        refusal = _control(found, ask) if found else f"there is no run {run!r} under way"
+        refusal = _control(found, request) if found else f"there is no run {run!r} under way"
         if refusal or found is None:
             on_answer(refusal)
         else:
@@ -338,19 +342,19 @@ class Runs:
         run.take(Restarted())
 
 
-def _control(found: Run, ask: ControlAsk) -> str:
+def _control(found: Run, request: RunControlRequest) -> str:
     """Pass a control event to a run; return why the run did not accept it."""
-    if ask.do == "answer":
+    if request.do == "answer":
         question = found.engine.head.question
-        if question is None or (ask.question and question.id != ask.question):
+        if question is None or (request.question and question.id != request.question):
             return "it asks nothing" if question is None else "it asks something else by now"
-        found.take(PersonAnswer(question.id, ask.goes_on, ask.session_id))
+        found.take(PersonAnswer(question.id, request.goes_on, request.session_id))
         return ""
     before = found.engine.head.phase
-    unpausable = found.together.unpausable(before) if ask.do == "pause" else ""
+    unpausable = found.together.unpausable(before) if request.do == "pause" else ""
     if unpausable:
         return unpausable
-    found.take(_CONTROLS[ask.do](ask.session_id))
+    found.take(_CONTROLS[request.do](request.session_id))
     question = found.engine.head.question
     if found.engine.head.phase is before:
         return question.text if question else f"not possible while it is {before.value}"

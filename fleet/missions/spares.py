@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from fleet.missions.facts import RobotFacts
 from fleet.missions.program import Program
 from fleet.missions.run_robots import RunRobots
-from fleet.missions.state import Dismiss, Enlist, Enlisted, Head, Member, PartOutcome, Phase
+from fleet.missions.state import Dismiss, Enlist, Enlisted, Head, PartOutcome, Phase, RunMember
 
 ENLISTED_WITHIN = 10.0  # s for a spare to join the run
 
@@ -64,13 +64,13 @@ class Spares:
         self._robots.note(f"takes the place of {lost.robot}", spare.robot)
         return True
 
-    def _lost(self) -> Iterator[Member]:
+    def _lost(self) -> Iterator[RunMember]:
         """Yield the lost robots that are not replaced yet."""
         for each in self._robots.members.values():
             if not each.within and not each.spare and not each.replaced:
                 yield each
 
-    def _leave_out(self, spare: Member, why: str, now: float) -> None:
+    def _leave_out(self, spare: RunMember, why: str, now: float) -> None:
         """Record that a spare cannot be used."""
         spare.spare, spare.replaced = False, True
         spare.outcome, spare.reason, spare.since = PartOutcome.REFUSED, why, now

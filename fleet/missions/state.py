@@ -1,6 +1,6 @@
 """The state of one run, and the events and effects of the engine.
 
-All state that must survive the process is in ``Head``, ``Member`` and ``StepPart``. Times are seconds of the
+State that must survive the process is in ``Head``, ``RunMember`` and ``StepPart``. Times are seconds of the
 run's own clock, which starts at 0 with the run and continues across restarts.
 """
 
@@ -91,10 +91,10 @@ GOING_ON = frozenset(
 )
 """The phases in which the mission itself is executed."""
 
-Kind = Literal["do", "halt", "secure", "undo", "abort"]
+PartKind = Literal["do", "halt", "secure", "undo", "abort"]
 
 
-class Member(msgspec.Struct):
+class RunMember(msgspec.Struct):
     """One robot of a run. ``ours``: the run may command it. ``within``: it still takes part.
 
     A robot that failed no longer takes part, but is ours: it is held and undone. A robot that was taken,
@@ -125,7 +125,7 @@ class StepPart(msgspec.Struct):
     robot: str
     role: str
     attempt: int
-    kind: Kind
+    kind: PartKind
     act: Act
     began: float
     until: float
@@ -157,16 +157,13 @@ class UndoableStep(msgspec.Struct, frozen=True):
 
 
 class Head(msgspec.Struct):
-    """Position and phase of a run. ``at`` is the index of its instruction, ``loops`` counts rounds by index.
-
-    ``entered`` has the start time of each inner mission in progress, by index.
-    """
+    """Position and phase of a run."""
 
     phase: Phase = Phase.NEW
-    at: int = 0
+    at: int = 0  # index of the instruction
     serial: int = 0  # of the present step: a repeated step gets a new number
-    loops: dict[str, int] = {}
-    entered: dict[str, float] = {}
+    loops: dict[str, int] = {}  # rounds, by index of the loop
+    entered: dict[str, float] = {}  # start of each inner mission in progress, by index
     until: float = 0.0  # of a wait
     enlists: str = ""  # the spare that is asked to join
     waits_for: str = ""  # the awaited place, with its holder
@@ -243,7 +240,7 @@ class Enlisted(msgspec.Struct, frozen=True):
     refusal: str = ""
 
 
-class Occupied(msgspec.Struct, frozen=True):
+class PlaceOccupied(msgspec.Struct, frozen=True):
     """The run occupies its places; or the awaited place (``waits_for``), or why it gets none (``late``)."""
 
     waits_for: str = ""
@@ -310,13 +307,13 @@ class StopAll(msgspec.Struct, frozen=True):
     reason: str = ""
 
 
-Event = (
+RunEvent = (
     Start
     | Restarted
     | Tick
     | Replied
     | RobotPrepared
-    | Occupied
+    | PlaceOccupied
     | Enlisted
     | NotStarted
     | Facts
@@ -396,4 +393,6 @@ class Ended(msgspec.Struct, frozen=True):
     reason: str
 
 
-Effect = Begin | BeginTogether | Occupy | Enlist | Dismiss | Prepare | Hold | EmergencyStop | LogNote | Ended
+RunEffect = (
+    Begin | BeginTogether | Occupy | Enlist | Dismiss | Prepare | Hold | EmergencyStop | LogNote | Ended
+)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from fleet.missions.ending import Ending
 from fleet.missions.facts import RobotFacts
-from fleet.missions.inner import InnerMissions
+from fleet.missions.inner_missions import InnerMissions
 from fleet.missions.losses import RobotLosses, put
 from fleet.missions.program import (
     Again,

@@ -26,7 +26,7 @@ import msgspec
 
 from fleet.errors import StateError
 from fleet.missions.program import Program
-from fleet.missions.state import Head, LogNote, Member, RunOutcome, StepPart
+from fleet.missions.state import Head, LogNote, RunMember, RunOutcome, StepPart
 from fleet.runtime.decoding import decode_json
 from fleet.spool.database import open_checked, transaction
 from fleet.spool.state_folder import create_folder, locked
@@ -83,7 +83,7 @@ class RunChange(msgspec.Struct, frozen=True):
 
     run: str
     head: Head
-    touched: Sequence[StepPart | Member]
+    touched: Sequence[StepPart | RunMember]
     notes: Sequence[LogNote]
     stamp: float
     elapsed: float
@@ -97,7 +97,7 @@ class StoredRun(msgspec.Struct, frozen=True):
     about: About
     program: Program
     head: Head
-    members: list[Member]
+    members: list[RunMember]
     parts: list[StepPart]
     stamp: float
     elapsed: float
@@ -172,12 +172,12 @@ class RunStore:
             self._fail(error)
             return []
 
-    def ended(self, most: int, callback: Callable[[list[tuple[About, Head, list[Member]]]], None]) -> None:
+    def ended(self, most: int, callback: Callable[[list[tuple[About, Head, list[RunMember]]]], None]) -> None:
         """Pass the ended runs, newest first, to ``callback``, on the store's thread."""
         self._thread.submit(lambda: callback(self._ended(most)))
 
     def ended_run(
-        self, run: str, callback: Callable[[tuple[About, Head, list[Member]] | None], None]
+        self, run: str, callback: Callable[[tuple[About, Head, list[RunMember]] | None], None]
     ) -> None:
         """Pass an ended run to ``callback``, on the store's thread; None if there is none of this id."""
         try:
@@ -202,7 +202,7 @@ class RunStore:
             decode_json(about.encode(), About),
             decode_json(program.encode(), Program),
             decode_json(head.encode(), Head),
-            [decode_json(row.encode(), Member) for row in self._states("member", run)],
+            [decode_json(row.encode(), RunMember) for row in self._states("member", run)],
             [decode_json(row.encode(), StepPart) for row in self._states("part", run)],
             stamp,
             elapsed,
@@ -266,7 +266,7 @@ class RunStore:
         for table, column in (("note", "run"), ("part", "run"), ("member", "run"), ("run", "id")):
             database.executemany(f"DELETE FROM {table} WHERE {column} = ?", [(run,) for run in gone])  # noqa: S608 - constant
 
-    def _ended_run(self, run: str) -> tuple[About, Head, list[Member]] | None:
+    def _ended_run(self, run: str) -> tuple[About, Head, list[RunMember]] | None:
         """Read an ended run; None if there is none, or the file fails."""
         try:
             return next(iter(self._ended(1, run)), None)
@@ -274,7 +274,7 @@ class RunStore:
             self._fail(error)
             return None
 
-    def _ended(self, most: int, run: str = "") -> list[tuple[About, Head, list[Member]]]:
+    def _ended(self, most: int, run: str = "") -> list[tuple[About, Head, list[RunMember]]]:
         """Read the ended runs, or one of them."""
         if self._database is None:
             return []
@@ -286,7 +286,7 @@ class RunStore:
             (
                 decode_json(about.encode(), About),
                 decode_json(head.encode(), Head),
-                [decode_json(row.encode(), Member) for row in self._states("member", run)],
+                [decode_json(row.encode(), RunMember) for row in self._states("member", run)],
             )
             for run, about, head in rows
         ]
@@ -308,7 +308,7 @@ class RunStore:
         self.problem = problem
 
 
-def _key(each: StepPart | Member) -> str:
+def _key(each: StepPart | RunMember) -> str:
     """Return the key of a part or a member in its run."""
     return each.identity if isinstance(each, StepPart) else each.robot
 

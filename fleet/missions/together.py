@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Protocol
 
-from fleet.missions.state import Event, NotStarted, Phase, RobotPrepared, StepPart
+from fleet.missions.state import NotStarted, Phase, RobotPrepared, RunEvent, StepPart
 from fleet.model.command import Reply, Transport
 from fleet.wire.rules import Kind
 
@@ -42,7 +42,7 @@ class TogetherStep:
         transport: Transport,
         *,
         payload: Callable[[dict[str, Any]], bytes],
-        take: Callable[[Event], None],
+        take: Callable[[RunEvent], None],
         replied: Callable[[str, Reply], None],
     ) -> None:
         self._new = new

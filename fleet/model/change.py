@@ -57,7 +57,7 @@ class HoldRobot(msgspec.Struct, frozen=True):
     whole: bool = False
 
 
-class HoldAsked(msgspec.Struct, frozen=True, omit_defaults=True):
+class HoldRequest(msgspec.Struct, frozen=True, omit_defaults=True):
     """Request to a worker: settings of its robots, by name, and groups of the edge; None: unchanged."""
 
     robots: dict[str, HoldRobot] = {}
@@ -76,7 +76,7 @@ class HeldRobot(msgspec.Struct, frozen=True, omit_defaults=True):
     why: str = ""
 
 
-class ChangesAsked(msgspec.Struct, frozen=True, omit_defaults=True):
+class ChangesRequest(msgspec.Struct, frozen=True, omit_defaults=True):
     """Request to an edge: ``diff`` shows the changes, ``apply`` makes them.
 
     ``force``: also for robots in motion; ``by``: the sender. ``file``: the path that the sender means; an

@@ -126,7 +126,7 @@ MISSION = "mission"
 class Navigate(msgspec.Struct, frozen=True):
     """A navigation message: a new task, or a control of the running one; ``name`` is the command's name."""
 
-    ask: AnyTask | Control
+    instruction: AnyTask | Control
     action_id: str = ""
     origin: Origin = Origin(Transport.BUS)
     stamp: float | None = None

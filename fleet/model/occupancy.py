@@ -72,7 +72,7 @@ class Occupancy:
                 return f"{place} has room for {capacity}, not for {number}"
         return ""
 
-    def ask(self, holder: str, wanted: Mapping[str, int], *, now: float, within: float) -> list[Settled]:
+    def request(self, holder: str, wanted: Mapping[str, int], *, now: float, within: float) -> list[Settled]:
         """Request places for a holder that waits at most ``within`` seconds; return the claims settled by it.
 
         Raises ValueError for places that no holder can have, and for a holder with a claim.

@@ -13,7 +13,7 @@ import msgspec
 
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import Vector3
-from fleet.model.polygon import Point, Polygon, centroid, polygon_contains
+from fleet.model.polygon import Polygon, PolygonPoint, centroid, polygon_contains
 
 PlaceKind = Literal["dock", "pad", "door", "area"]
 PlaceFrame = Literal["site", "geodetic"]
@@ -78,7 +78,7 @@ def metric(polygon: Polygon, origin: GeoOrigin) -> Polygon:
     return tuple((corner.x, corner.y) for corner in corners)
 
 
-def is_allowed_point(point: Point, inclusion: Iterable[Polygon], exclusion: Iterable[Polygon]) -> bool:
+def is_allowed_point(point: PolygonPoint, inclusion: Iterable[Polygon], exclusion: Iterable[Polygon]) -> bool:
     """Return whether a fence of these polygons allows a point; without inclusions all points are inside."""
     allowed = tuple(inclusion)
     inside = not allowed or any(polygon_contains(polygon, point) for polygon in allowed)

@@ -6,17 +6,17 @@ import itertools
 import math
 from collections.abc import Iterator
 
-Point = tuple[float, float]
-Polygon = tuple[Point, ...]
-Edge = tuple[Point, Point]
+PolygonPoint = tuple[float, float]
+Polygon = tuple[PolygonPoint, ...]
+PolygonEdge = tuple[PolygonPoint, PolygonPoint]
 
 
-def edges(polygon: Polygon) -> Iterator[Edge]:
+def edges(polygon: Polygon) -> Iterator[PolygonEdge]:
     """Yield the sides; the last one returns to the first corner."""
     return itertools.pairwise((*polygon, polygon[0]))
 
 
-def polygon_contains(polygon: Polygon, point: Point) -> bool:
+def polygon_contains(polygon: Polygon, point: PolygonPoint) -> bool:
     """Return whether a point is inside; for a point on the border the result is undefined."""
     # Ray casting: a ray towards +x crosses the border an odd number of times from inside.
     x, y = point
@@ -27,12 +27,12 @@ def polygon_contains(polygon: Polygon, point: Point) -> bool:
     return inside
 
 
-def distance_to_border(polygon: Polygon, point: Point) -> float:
+def distance_to_border(polygon: Polygon, point: PolygonPoint) -> float:
     """Return the distance to the nearest side, metres, from inside or outside."""
     return min(_distance(edge, point) for edge in edges(polygon))
 
 
-def _distance(edge: Edge, point: Point) -> float:
+def _distance(edge: PolygonEdge, point: PolygonPoint) -> float:
     """Return the distance from a point to a side, metres."""
     (ax, ay), (bx, by) = edge
     dx, dy = bx - ax, by - ay
@@ -42,7 +42,7 @@ def _distance(edge: Edge, point: Point) -> float:
     return math.hypot(point[0] - ax - along * dx, point[1] - ay - along * dy)
 
 
-def crosses(polygon: Polygon, start: Point, end: Point) -> bool:
+def crosses(polygon: Polygon, start: PolygonPoint, end: PolygonPoint) -> bool:
     """Return whether the straight line from ``start`` to ``end`` touches or crosses a side."""
     return any(_meet((start, end), edge) for edge in edges(polygon))
 
@@ -59,7 +59,7 @@ def is_simple(polygon: Polygon) -> bool:
     return True
 
 
-def centroid(polygon: Polygon) -> Point:
+def centroid(polygon: Polygon) -> PolygonPoint:
     """Return the centroid of the area, which may be outside a polygon that is not convex."""
     ox, oy = polygon[0]  # relative to a corner: far from the origin the products would lose precision
     x = y = doubled = 0.0
@@ -76,7 +76,7 @@ def _area(polygon: Polygon) -> float:
     return sum(ax * by - bx * ay for (ax, ay), (bx, by) in edges(polygon)) / 2
 
 
-def _meet(one: Edge, other: Edge) -> bool:
+def _meet(one: PolygonEdge, other: PolygonEdge) -> bool:
     """Return whether two line segments touch or cross."""
     orientations = (
         _orientation(one[0], one[1], other[0]),
@@ -93,12 +93,12 @@ def _meet(one: Edge, other: Edge) -> bool:
     )
 
 
-def _orientation(a: Point, b: Point, c: Point) -> float:
+def _orientation(a: PolygonPoint, b: PolygonPoint, c: PolygonPoint) -> float:
     """Return the side of the line from a to b on which c lies: positive left, negative right, 0 on it."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _between(edge: Edge, point: Point) -> bool:
+def _between(edge: PolygonEdge, point: PolygonPoint) -> bool:
     """Return whether a point that is collinear with an edge lies between its ends."""
     (ax, ay), (bx, by) = edge
     return min(ax, bx) <= point[0] <= max(ax, bx) and min(ay, by) <= point[1] <= max(ay, by)

@@ -39,7 +39,7 @@ class ScheduleState(msgspec.Struct, frozen=True, omit_defaults=True):
     last: tuple[Firing, ...] = ()
 
 
-class ScheduleAsked(msgspec.Struct, frozen=True, omit_defaults=True):
+class ScheduleRequest(msgspec.Struct, frozen=True, omit_defaults=True):
     """Request about the schedules of an edge, or one of them by ``name``; ``by`` is the sender."""
 
     do: Literal["list", "enable", "disable", "run"] = "list"

@@ -13,7 +13,7 @@ ORIENTATIONS = 12  # orientations of the grid that are tried
 MINIMUM_GAIN = 0.1  # m of extra separation that another orientation must gain to be preferred
 
 
-def spread(number: int, spacing: float) -> tuple[Vector3, ...]:
+def grid_positions(number: int, spacing: float) -> tuple[Vector3, ...]:
     """Return positions of ``number`` robots on a square grid around the origin, ``spacing`` metres apart."""
     columns = math.ceil(math.sqrt(number))
     rows = math.ceil(number / columns)
@@ -29,7 +29,7 @@ def arranged(robots: Sequence[Vector3], centre: Vector3, spacing: float) -> list
     The grid is rotated so that the straight paths to it keep as far apart as possible.
     """
     best: tuple[float, list[Vector3]] = (-math.inf, [])
-    grid = spread(len(robots), spacing)
+    grid = grid_positions(len(robots), spacing)
     for turn in range(ORIENTATIONS):
         steps = [rotate_to_world(step, turn * math.pi / ORIENTATIONS) for step in grid]
         order = nearest_each(robots, [centre + step for step in steps])

@@ -15,7 +15,7 @@ AT_LEAST = 0.5  # s from the request to the instant: it must reach every process
 FARTHEST = 600.0  # s to the instant at the most; later starts are the task of schedules
 
 
-class StartAsked(msgspec.Struct, frozen=True, omit_defaults=True):
+class StartSignal(msgspec.Struct, frozen=True, omit_defaults=True):
     """Start the robots prepared under ``id`` at ``stamp``; without an id only the clock is requested."""
 
     id: str = ""

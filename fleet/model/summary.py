@@ -23,7 +23,7 @@ LONGEST_LINK = 80
 
 _ORDER = ("ok", "degraded", "offline", "fault")
 
-Word = Literal["ok", "degraded", "offline", "fault"]
+HealthName = Literal["ok", "degraded", "offline", "fault"]
 WordKey = Annotated[str, Meta(pattern=f"^({'|'.join(_ORDER)})$")]
 EdgeName = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_-]{0,62}$")]
 ShortText = Annotated[str, Meta(max_length=63)]
@@ -39,7 +39,7 @@ class Trouble(msgspec.Struct, frozen=True, omit_defaults=True):
     ``worker NAME``; empty for nothing. ``names`` are the first ``NAMED`` robots.
     """
 
-    level: Word
+    level: HealthName
     cause: Annotated[str, Meta(max_length=LONGEST_CAUSE)]
     since: Seconds
     robots: Count = 0
@@ -60,17 +60,17 @@ class Summary(msgspec.Struct, frozen=True, omit_defaults=True):
     stamp: Seconds
     uptime: Seconds
     site: ShortText = ""
-    health: Word = "ok"
+    health: HealthName = "ok"
     robots: dict[WordKey, Count] = {}
     stopped: Count = 0
     troubles: Annotated[tuple[Trouble, ...], Meta(max_length=LISTED)] = ()
     more: Count = 0
 
 
-def word_of(health: Health | str) -> Word:
+def word_of(health: Health | str) -> HealthName:
     """Return the level of a health, or of a word, for a summary; an unknown word is a fault."""
     word = health if isinstance(health, str) else health.level.word
-    return cast("Word", word) if word in _ORDER else "fault"
+    return cast("HealthName", word) if word in _ORDER else "fault"
 
 
 def encode(summary: Summary) -> bytes:

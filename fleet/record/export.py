@@ -28,7 +28,7 @@ FromFile = tuple[Schema | None, Channel, Message]
 """A message with its channel and the channel's schema."""
 
 
-class Recorded(msgspec.Struct, frozen=True):
+class RecordingSummary(msgspec.Struct, frozen=True):
     """One file: ``begins`` and ``ends`` are Unix s; ``messages`` is None for one without an index."""
 
     path: str
@@ -38,14 +38,14 @@ class Recorded(msgspec.Struct, frozen=True):
     messages: int | None = None
 
 
-def recorded_in(folder: Path) -> list[Recorded]:
+def recorded_in(folder: Path) -> list[RecordingSummary]:
     """Return the files of a folder, oldest first; raises StateError if there is no such folder."""
     if not folder.is_dir():
         raise StateError(f"there is no folder {folder}: nothing was recorded there")
     return [recorded(path) for path in files_in(folder)]
 
 
-def recorded(path: Path) -> Recorded:
+def recorded(path: Path) -> RecordingSummary:
     """Return the properties of a file: from its index, else from its name and modification time."""
     found = path.stat()
     try:
@@ -54,10 +54,10 @@ def recorded(path: Path) -> Recorded:
     except BROKEN:
         summary = None
     if summary is None or summary.statistics is None:
-        return Recorded(str(path), found.st_size, begin_of(path) or found.st_mtime, found.st_mtime)
+        return RecordingSummary(str(path), found.st_size, begin_of(path) or found.st_mtime, found.st_mtime)
     counted = summary.statistics
     begins, ends = counted.message_start_time / 1e9, counted.message_end_time / 1e9
-    return Recorded(str(path), found.st_size, begins, ends, counted.message_count)
+    return RecordingSummary(str(path), found.st_size, begins, ends, counted.message_count)
 
 
 def export(folder: Path, into: Path, *, since: float, until: float) -> int:
@@ -114,7 +114,7 @@ def copy(messages: Iterable[FromFile], output: IO[bytes]) -> int:
     return count
 
 
-def messages_of(files: list[Recorded], since: float, until: float) -> Iterator[FromFile]:
+def messages_of(files: list[RecordingSummary], since: float, until: float) -> Iterator[FromFile]:
     """Yield the messages of a window; a truncated file ends at the truncation."""
     start = max(0, round(since * 1e9))
     end = round(until * 1e9) if math.isfinite(until) else None

@@ -20,10 +20,10 @@ from fleet.clock import Clock
 from fleet.history.event_filter import EventFilter
 from fleet.history.record import Record
 from fleet.model.permission import Permission
-from fleet.model.schedule import ScheduleAsked
+from fleet.model.schedule import ScheduleRequest
 from fleet.record.recorder import Recorder
 from fleet.record.ring import Ring
-from fleet.record.sources import REPORTS, asked_first, published
+from fleet.record.sources import REPORTS, published, requested_first
 from fleet.record.task import RecordTask
 from fleet.runtime.decoding import decode_json
 
@@ -63,7 +63,7 @@ async def record(
                 async with asyncio.timeout(EVERY):
                     await ended.wait()
             for edge, bus in edges.joined.items():
-                joined.ask(edge, bus.control)
+                joined.request(edge, bus.control)
             await asyncio.to_thread(recorder.write)
             if recorder.problem != known:
                 known = recorder.problem
@@ -83,7 +83,7 @@ class _EdgeSubscriptions:
         self._recorder = recorder
         self._clock = clock
         self._history = _HistoryReader(recorder, clock)
-        self._asked: dict[str, float] = {}
+        self._requested: dict[str, float] = {}
 
     def connection_changed(self, edge: str, problem: str | None) -> None:
         """Log which edge is recorded."""
@@ -94,28 +94,28 @@ class _EdgeSubscriptions:
 
     def opened(self, edge: str, bus: Bus) -> None:
         """Subscribe on the bus of an edge, after querying whose the twins are; blocks."""
-        for key in asked_first(edge):
-            for answered, data in bus.control.ask(key, b"", timeout=ANSWER_WITHIN):
+        for key in requested_first(edge):
+            for answered, data in bus.control.request(key, b"", timeout=ANSWER_WITHIN):
                 self._recorder.take(edge, answered, data)
         for key in published(edge):
             bus.control.subscribe(key, partial(self._recorder.take, edge))
         for key in (REPORTS, keys.frames(edge, "*")):
             bus.reports.gather(key, partial(self._recorder.take_many, edge))
 
-    def ask(self, edge: str, control: ZenohSession) -> None:
+    def request(self, edge: str, control: ZenohSession) -> None:
         """Query the newest events of an edge, and periodically the values that rarely change."""
-        self._history.ask(edge, control)
+        self._history.request(edge, control)
         now = self._clock.monotonic()
-        if now - self._asked.get(edge, float("-inf")) < PERSISTENT_EVERY:
+        if now - self._requested.get(edge, float("-inf")) < PERSISTENT_EVERY:
             return
-        self._asked[edge] = now
+        self._requested[edge] = now
         schedules = keys.as_console(keys.schedules(edge), Permission.VIEW.word, control.identity)
-        for key, asked, payload in (
+        for key, requested, payload in (
             (keys.description(edge, "*"), keys.description(edge, "*"), b""),
-            (keys.schedules(edge), schedules, msgspec.json.encode(ScheduleAsked())),
+            (keys.schedules(edge), schedules, msgspec.json.encode(ScheduleRequest())),
         ):
-            control.ask_later(
-                asked,
+            control.request_later(
+                requested,
                 payload,
                 timeout=ANSWER_WITHIN,
                 on_answer=partial(self._recorder.take, edge, key),
@@ -131,26 +131,26 @@ class _HistoryReader:
         self._clock = clock
         self._began = clock.time()
         self._seen: dict[bytes, float] = {}
-        self._asked: set[str] = set()
+        self._requested: set[str] = set()
         self._until: dict[str, float] = {}
         self._lock = threading.Lock()
 
-    def ask(self, edge: str, control: ZenohSession) -> None:
+    def request(self, edge: str, control: ZenohSession) -> None:
         """Query the newest events, unless they were just queried or an answer is pending."""
         now = self._clock.time()
-        if edge in self._asked or abs(now - self._until.get(edge, 0.0)) < HISTORY_EVERY:
+        if edge in self._requested or abs(now - self._until.get(edge, 0.0)) < HISTORY_EVERY:
             return
-        self._asked.add(edge)
+        self._requested.add(edge)
         since = max(self._began, self._until.get(edge, now) - OVERLAP)
-        control.ask_later(
+        control.request_later(
             keys.history(edge),
             msgspec.json.encode(EventFilter(since=since)),
             timeout=ANSWER_WITHIN,
             on_answer=lambda data: self._answered(edge, data, now),
-            on_end=lambda: self._asked.discard(edge),
+            on_end=lambda: self._requested.discard(edge),
         )
 
-    def _answered(self, edge: str, data: bytes, asked: float) -> None:
+    def _answered(self, edge: str, data: bytes, requested: float) -> None:
         """Take the new events; on the bus's thread."""
         try:
             events = decode_json(data, list[Record])
@@ -160,6 +160,6 @@ class _HistoryReader:
         with self._lock:
             marks = [(msgspec.json.encode((edge, event)), event) for event in events]
             self._recorder.take_events(edge, [event for mark, event in marks if mark not in self._seen])
-            kept = {mark: at for mark, at in self._seen.items() if asked - at < 10 * OVERLAP}
-            self._seen = kept | dict.fromkeys((mark for mark, _ in marks), asked)
-            self._until[edge] = asked
+            kept = {mark: at for mark, at in self._seen.items() if requested - at < 10 * OVERLAP}
+            self._seen = kept | dict.fromkeys((mark for mark, _ in marks), requested)
+            self._until[edge] = requested

@@ -9,9 +9,9 @@ REPORTS = "cw/*/data/**"
 
 def published(edge: str) -> tuple[str, ...]:
     """Return the recorded keys of an edge besides reports."""
-    return (*asked_first(edge), keys.places(edge, "*"), keys.held(edge), keys.stop(edge))
+    return (*requested_first(edge), keys.places(edge, "*"), keys.held(edge), keys.stop(edge))
 
 
-def asked_first(edge: str) -> tuple[str, ...]:
+def requested_first(edge: str) -> tuple[str, ...]:
     """Return the keys whose last value is queried, because it may not be published soon."""
     return (keys.state(edge, "*"), keys.health(edge), keys.run(edge, "*"))

@@ -34,9 +34,9 @@ class SimulatedStart:
         found = self._robots[robot]
         prepared = found.read(kind, payload, transport=transport, request_id=identity, waits=True)
         try:
-            ask = found.requests.ask_of(kind, payload, transport=transport, request_id=identity)
-            if isinstance(ask, Command | Navigate):
-                trouble = against(found.controller, ask, found.spec_of(ask.name))
+            request = found.requests.decode_request(kind, payload, transport=transport, request_id=identity)
+            if isinstance(request, Command | Navigate):
+                trouble = against(found.controller, request, found.spec_of(request.name))
             else:
                 trouble = "a velocity is not started together"
         except WireError as error:

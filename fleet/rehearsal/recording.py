@@ -19,7 +19,7 @@ SHOWN = 10  # pairs of robots, closest first
 APART = 0.1  # m between two points of a track
 STANDS = 0.02  # m between two samples below which a robot counts as standing
 MOST_POINTS = 400  # of one track; beyond that it gets coarser
-Point = tuple[float, float, float, float]
+RecordedPoint = tuple[float, float, float, float]
 """Simulated seconds of the run, and metres."""
 
 
@@ -126,12 +126,12 @@ class _RobotTrack:
     """The points of one robot; ``_apart`` doubles when there are too many."""
 
     def __init__(self) -> None:
-        self._kept: list[Point] = []
-        self._last: Point | None = None
+        self._kept: list[RecordedPoint] = []
+        self._last: RecordedPoint | None = None
         self._moves = False
         self._apart = APART
 
-    def add(self, point: Point) -> None:
+    def add(self, point: RecordedPoint) -> None:
         """Add the next point; the kept points show the path, and where it started and stopped moving."""
         last, self._last = self._last, point
         if last is None:
@@ -146,7 +146,7 @@ class _RobotTrack:
             self._kept = self._kept[::2]
             self._apart *= 2
 
-    def points(self) -> tuple[Point, ...]:
+    def points(self) -> tuple[RecordedPoint, ...]:
         """Return the points, including the last one."""
         more = [self._last] if self._last is not None and self._last != self._kept[-1] else []
         return (*self._kept, *more)

@@ -19,7 +19,7 @@ from fleet.missions.model import MissionConfig
 from fleet.missions.points import SiteMap
 from fleet.missions.program import Program, WaitFor
 from fleet.missions.rehearsal import RehearsalResult, RehearsedRobot
-from fleet.missions.report import ControlAsk, RunState, StartAsk
+from fleet.missions.report import MissionStartRequest, RunControlRequest, RunState
 from fleet.missions.roles import RoleCandidate
 from fleet.missions.run import Run
 from fleet.missions.runs import Runs
@@ -155,13 +155,15 @@ class Rehearsal:
         task = self._task
         self._runs.filling.rehearsed = lambda *_: ""  # this is the rehearsal
         mission = Mission(task.name, {}, MissionConfig.model_validate_json(task.mission))
-        ask = StartAsk(robots=task.roles, run=RUN, session_id=task.session_id, source_type=task.source_type)
+        request = MissionStartRequest(
+            robots=task.roles, run=RUN, session_id=task.session_id, source_type=task.source_type
+        )
         self._refused: str | None = None
 
         def began(_run: str, _roles: Mapping[str, Sequence[str]], refusal: str) -> None:
             self._refused = refusal
 
-        self._runs.start(mission, without_long_waits(task.program), ask, Transport(task.transport), began)
+        self._runs.start(mission, without_long_waits(task.program), request, Transport(task.transport), began)
 
     async def _joined_run(self) -> Run:
         """Return the run after its robots have joined it; raises Unrehearsable."""
@@ -202,8 +204,10 @@ class Rehearsal:
         question = run.engine.head.question
         if question is not None and question.about == "step":
             self._assumed.append(f"a person answers {question.text!r} with: continue")
-            ask = ControlAsk("answer", question=question.id, goes_on=True, session_id="the rehearsal")
-            self._runs.control(RUN, ask)
+            request = RunControlRequest(
+                "answer", question=question.id, goes_on=True, session_id="the rehearsal"
+            )
+            self._runs.control(RUN, request)
 
     def _note_wait(self, run: Run) -> None:
         """Record a wait that times out: its condition is assumed to be fulfilled."""

@@ -105,7 +105,7 @@ class PlayedEdge:
     def _answer_last(self, question: Query) -> None:
         """Answer a query with the last states; on the bus's thread."""
         for key, payload in list(self._last.items()):
-            if keys_intersect(question.asked, key):
+            if keys_intersect(question.requested, key):
                 question.reply(payload, key)
         question.close()
 
@@ -121,5 +121,5 @@ class PlayedEdge:
 
 def _refuse(question: Query) -> None:
     """Refuse a request to a robot; on the bus's thread."""
-    question.reply(msgspec.json.encode(_REFUSAL), question.asked)
+    question.reply(msgspec.json.encode(_REFUSAL), question.requested)
     question.close()

@@ -22,7 +22,7 @@ from fleet.wire.databus import encode_report
 OpenT = TypeVar("OpenT")
 ResultT = TypeVar("ResultT")
 ParamsT = ParamSpec("ParamsT")
-Channels = Mapping[int, frozenset[str]]
+RecordedChannels = Mapping[int, frozenset[str]]
 """The channels on which each periodic call reports, by the number of the call in order of registration."""
 
 
@@ -66,7 +66,7 @@ class ReplayedRobot:
         limits: Limits,
         clock: RecordedTime,
         state: dict[str, Any],
-        known: Channels | None,
+        known: RecordedChannels | None,
     ) -> None:
         self.name = name = recorded.name
         self._prefix = f"/{recorded.edge}/{name}"

@@ -17,7 +17,7 @@ from fleet.link.url import OPENER
 from fleet.replay.differences import Difference, differences
 from fleet.replay.recorded_links import RecordedLinks
 from fleet.replay.recorded_robot import RecordedRobot, Said
-from fleet.replay.replayed_robot import Channels, RecordedTime, ReplayedRobot
+from fleet.replay.replayed_robot import RecordedChannels, RecordedTime, ReplayedRobot
 from fleet.robot_config import AdapterConfig
 from fleet.runtime.simulated_time import JumpingLoop
 
@@ -69,8 +69,8 @@ def _is_replayed(plugin: type[AnyAdapter], channel: str) -> bool:
 
 
 def _replayed(
-    plugin: type[AnyAdapter], config: AdapterConfig, recorded: RecordedRobot, known: Channels | None
-) -> tuple[Channels, Mapping[str, list[Said]], Difference | None]:
+    plugin: type[AnyAdapter], config: AdapterConfig, recorded: RecordedRobot, known: RecordedChannels | None
+) -> tuple[RecordedChannels, Mapping[str, list[Said]], Difference | None]:
     """Replay once; return the channels of each periodic call, all reports, and the adapter's failure."""
     with asyncio.Runner(loop_factory=JumpingLoop) as runner:
         return runner.run(
@@ -86,7 +86,7 @@ class _RobotReplay:
         plugin: type[AnyAdapter],
         config: AdapterConfig,
         recorded: RecordedRobot,
-        known: Channels | None,
+        known: RecordedChannels | None,
     ) -> None:
         self._plugin = plugin
         self._config = _with_link(config, recorded.links)
@@ -101,7 +101,7 @@ class _RobotReplay:
         self._robot: ReplayedRobot
         self._attempt: asyncio.Task[None]
 
-    async def run(self) -> tuple[Channels, Mapping[str, list[Said]], Difference | None]:
+    async def run(self) -> tuple[RecordedChannels, Mapping[str, list[Said]], Difference | None]:
         """Feed everything that was recorded."""
         OPENER.set(self._links.open)
         self._clock = RecordedTime(self._recorded.frames[0][1].at)

@@ -9,12 +9,12 @@ from typing import Protocol
 
 import msgspec
 
-from fleet.client.changes import ask_changes
+from fleet.client.changes import request_changes
 from fleet.client.edges import Edges
 from fleet.config.load import Loaded, load
 from fleet.config.yaml import SECRETS, read
 from fleet.errors import FleetError, NotRunning
-from fleet.model.change import Change, ChangeKind, ChangesAsked, Outcome
+from fleet.model.change import Change, ChangeKind, ChangesRequest, Outcome
 from fleet.rollout.bundle import FLEET_FILE, BundleError
 from fleet.rollout.faults import PartFault, faults_of
 
@@ -88,8 +88,8 @@ class LocalEdge:
 
     def apply(self, by: str) -> Applied:
         """Have the edge apply its fleet file."""
-        asked = ChangesAsked("apply", by=by, file=str(self._file.resolve()))
-        answer = ask_changes(self._edge, str(self._file), asked)
+        requested = ChangesRequest("apply", by=by, file=str(self._file.resolve()))
+        answer = request_changes(self._edge, str(self._file), requested)
         if answer is None:
             return Applied(waits=f"edge {self._edge} does not run; it starts with this bundle")
         return summary(answer.changes)

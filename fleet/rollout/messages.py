@@ -21,7 +21,7 @@ LONGEST_WHY = 500  # characters
 LONGEST_SETTLE = 600.0  # s
 
 Id = Annotated[str, Meta(max_length=64)]
-Address = Annotated[str, Meta(pattern="^([0-9a-f]{64})?$")]
+ContentAddress = Annotated[str, Meta(pattern="^([0-9a-f]{64})?$")]
 """Address of a bundle; empty for none."""
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -51,7 +51,7 @@ class DesiredState(msgspec.Struct, frozen=True):
     """
 
     rollout: Id
-    bundle: Address
+    bundle: ContentAddress
     parts: Annotated[int, Meta(ge=1, le=1000)]
     settle: Annotated[float, Meta(ge=0, le=LONGEST_SETTLE)] = 0.0
     by: Annotated[str, Meta(max_length=256)] = ""
@@ -69,13 +69,13 @@ class ObservedState(msgspec.Struct, frozen=True):
 
     edge: Id
     rollout: Id
-    bundle: Address
+    bundle: ContentAddress
     stage: BundleStage
     why: Annotated[str, Meta(max_length=LONGEST_WHY)] = ""
     lines: Annotated[
         tuple[Annotated[str, Meta(max_length=LONGEST_LINE)], ...], Meta(max_length=MOST_LINES)
     ] = ()
-    running: Address = ""
+    running: ContentAddress = ""
     version: int = 0
     health: Id = ""
     stamp: float = 0.0

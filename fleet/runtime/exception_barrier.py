@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 ResultT = TypeVar("ResultT")
-Given = ParamSpec("Given")
+ParamsT = ParamSpec("ParamsT")
 _HOST = Path(__file__).parents[1]
 _LIBRARIES = tuple(Path(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib"))
 
@@ -46,12 +46,12 @@ def call_guarded(work: Callable[..., ResultT], *arguments: object) -> ResultT:
 
 def log_exceptions(
     log: logging.Logger, failure: str
-) -> Callable[[Callable[Given, object]], Callable[Given, None]]:
+) -> Callable[[Callable[ParamsT, object]], Callable[ParamsT, None]]:
     """Return a decorator for calls on which nothing may depend: an exception is logged, with ``failure``."""
 
-    def contain(call: Callable[Given, object]) -> Callable[Given, None]:
+    def contain(call: Callable[ParamsT, object]) -> Callable[ParamsT, None]:
         @wraps(call)
-        def tried(*given: Given.args, **named: Given.kwargs) -> None:
+        def tried(*given: ParamsT.args, **named: ParamsT.kwargs) -> None:
             try:
                 call(*given, **named)
             except Exception:

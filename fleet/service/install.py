@@ -16,7 +16,7 @@ from fleet.service.agent_unit import AgentSpec, agent_text, agent_unit_name
 from fleet.service.devices import udev_rules
 from fleet.service.unit import GROUP, USER, ServiceSpec, sysusers_text, unit_name, unit_text
 
-Run = Callable[[Sequence[str]], str]
+RunProgram = Callable[[Sequence[str]], str]
 _HEAD = "# Written by fleet service install\n"
 _WITHIN = 120.0  # s for one program
 
@@ -50,7 +50,7 @@ def unit_file(edge: str, root: Path = Path("/")) -> Path:
 
 
 def install(
-    spec: ServiceSpec, root: Path, run: Run | None, *, start: bool, agent: AgentSpec | None = None
+    spec: ServiceSpec, root: Path, run: RunProgram | None, *, start: bool, agent: AgentSpec | None = None
 ) -> list[Path]:
     """Write the files below ``root``; with ``run``, load and enable them, and ``start`` the edge.
 
@@ -70,7 +70,7 @@ def install(
     return [root / path for path in files]
 
 
-def uninstall(edge: str, root: Path, run: Run | None) -> list[Path]:
+def uninstall(edge: str, root: Path, run: RunProgram | None) -> list[Path]:
     """Stop and disable the service and its agent, and remove their files.
 
     State, fleet file, bundles and user stay. Returns the removed files. Raises ServiceError, also if no
@@ -90,7 +90,7 @@ def uninstall(edge: str, root: Path, run: Run | None) -> list[Path]:
     return removed
 
 
-def _reload(run: Run, *, devices: bool) -> None:
+def _reload(run: RunProgram, *, devices: bool) -> None:
     """Reload the units of systemd and the rules of udev, and apply them to plugged-in devices."""
     run(["systemctl", "daemon-reload"])
     if devices:
@@ -133,7 +133,7 @@ def is_root() -> bool:
     return os.geteuid() == 0
 
 
-def status_of(unit: str, run: Run) -> Mapping[str, str]:
+def status_of(unit: str, run: RunProgram) -> Mapping[str, str]:
     """Return systemd's properties of a unit; raises ServiceError."""
     output = run(["systemctl", "show", f"--property={','.join(PROPERTIES)}", unit])
     pairs = (line.partition("=") for line in output.splitlines())

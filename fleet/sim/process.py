@@ -23,7 +23,7 @@ class SimProcess:
     def __init__(self, module: str) -> None:
         self._module = module
         self._process: asyncio.subprocess.Process | None = None
-        self._asking = asyncio.Lock()
+        self._requesting = asyncio.Lock()
 
     async def __aenter__(self) -> Self:
         """Start the subprocess; raises LinkRefused if that is impossible."""
@@ -62,16 +62,16 @@ class SimProcess:
 
         Raises LinkLost if the subprocess is gone, LinkRefused for an invalid specification.
         """
-        url = (await self.ask({"add": spec}))["url"]
+        url = (await self.request({"add": spec}))["url"]
         try:
             yield url
         finally:
             with contextlib.suppress(LinkLost, LinkRefused):
-                await self.ask({"remove": {"url": url}})
+                await self.request({"remove": {"url": url}})
 
     async def fault(self, url: str, name: str, value: float | None = 1.0) -> None:
         """Start a fault of the robot behind a link; None ends it. Raises LinkLost or LinkRefused."""
-        await self.ask({"fault": {"url": url, "name": name, "value": value}})
+        await self.request({"fault": {"url": url, "name": name, "value": value}})
 
     async def lost(self) -> Never:
         """Wait until the subprocess ends, then raise LinkLost."""
@@ -83,12 +83,12 @@ class SimProcess:
             raise LinkLost("the simulator is not running")
         return self._process
 
-    async def ask(self, line: object) -> Any:
+    async def request(self, line: object) -> Any:
         """Send one line of ``fleet.sim.server`` and return the answer; raises LinkLost or LinkRefused."""
         process = self._running()
         assert process.stdin is not None
         assert process.stdout is not None
-        async with self._asking:
+        async with self._requesting:
             if process.stdin.is_closing():
                 raise LinkLost(f"the simulator ended with status {await process.wait()}")
             try:

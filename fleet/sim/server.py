@@ -92,26 +92,26 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
             result = {"error": str(error)}
         return msgspec.json.encode(result) + b"\n"
 
-    async def _carry_out(self, ask: _Line) -> dict[str, object]:
+    async def _carry_out(self, request: _Line) -> dict[str, object]:
         """Execute one request; raises ValueError or OSError."""
-        if ask.add:
-            return {"url": (await self.add(decode_json(ask.add, self.Spec))).url}
-        if ask.fault is not None:
-            self._robot(ask.fault).fault(ask.fault.name, ask.fault.value)
+        if request.add:
+            return {"url": (await self.add(decode_json(request.add, self.Spec))).url}
+        if request.fault is not None:
+            self._robot(request.fault).fault(request.fault.name, request.fault.value)
             return {}
-        if ask.look is not None:
-            return {**self._robot(ask.look).look()}
-        if ask.remove is not None:
-            self._robot(ask.remove).close()
-            del self.robots[ask.remove.url]
+        if request.look is not None:
+            return {**self._robot(request.look).look()}
+        if request.remove is not None:
+            self._robot(request.remove).close()
+            del self.robots[request.remove.url]
             return {}
         raise ValueError("say one of add, fault, look and remove")
 
-    def _robot(self, ask: _RobotRequest) -> RobotT:
+    def _robot(self, request: _RobotRequest) -> RobotT:
         """Return the robot of a request; raises ValueError if there is none."""
-        if ask.url not in self.robots:
-            raise ValueError(f"there is no simulated robot at {ask.url}")
-        return self.robots[ask.url]
+        if request.url not in self.robots:
+            raise ValueError(f"there is no simulated robot at {request.url}")
+        return self.robots[request.url]
 
     async def run(self) -> None:
         """Simulate all robots until cancelled; then close them."""

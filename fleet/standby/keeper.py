@@ -52,7 +52,7 @@ class LeaseKeeper:
         self._clock = clock
         self._state = lease.state
         self._stops: dict[str, str] | None = None  # as stored
-        self._asking: asyncio.Task[None] | None = None
+        self._requesting: asyncio.Task[None] | None = None
         self._look_at = 0.0
         self._loop = asyncio.new_event_loop()
         self._ended = asyncio.Event()
@@ -100,8 +100,8 @@ class LeaseKeeper:
         while not self._ended.is_set():
             log_exceptions(log, "the lease could not be looked after; it is tried again")(self._poll)()
             await asyncio.sleep(POLL_EVERY)
-        if self._asking is not None:
-            await asyncio.wait({self._asking}, timeout=2 * ANSWER_WITHIN)
+        if self._requesting is not None:
+            await asyncio.wait({self._requesting}, timeout=2 * ANSWER_WITHIN)
         self.lease.hand_over("")
         self.lease.robots_released()
         if self.lease.next_write(self._clock()) is LeaseAction.RELEASE:
@@ -115,18 +115,18 @@ class LeaseKeeper:
         now = self._clock()
         self.lease.tick(now)
         self._tell()
-        if self._asking is not None and not self._asking.done():
+        if self._requesting is not None and not self._requesting.done():
             return
         action = self.lease.next_write(now, stops_changed=self._user.stops() != self._stops)
         if action is not None:
-            self._ask(self._write(action))
+            self._request(self._write(action))
         elif self.lease.needs_read and now >= self._look_at:
             self._look_at = now + POLL_INTERVAL
-            self._ask(self._read())
+            self._request(self._read())
 
-    def _ask(self, work: Coroutine[Any, Any, None]) -> None:
+    def _request(self, work: Coroutine[Any, Any, None]) -> None:
         """Begin a request."""
-        self._asking = self._loop.create_task(work)
+        self._requesting = self._loop.create_task(work)
 
     async def _read(self) -> None:
         """Read the store."""

@@ -14,7 +14,7 @@ class OwnStop(msgspec.Struct, frozen=True):
     """One robot's emergency stop in this process: whether it is set, and how often it was requested."""
 
     is_set: bool
-    asked: int
+    requested: int
 
 
 class Followed(msgspec.Struct, frozen=True):
@@ -44,21 +44,24 @@ class FollowedStops:
         stop = {robot: why for robot, why in listed.items() if robot in own and not own[robot].is_set}
         release = [
             robot
-            for robot, asked in self._listed.items()
-            if robot not in listed and robot in own and own[robot].is_set and own[robot].asked == asked
+            for robot, requested in self._listed.items()
+            if robot not in listed
+            and robot in own
+            and own[robot].is_set
+            and own[robot].requested == requested
         ]
         forward = [
             robot
             for robot, each in own.items()
             if each.is_set and robot not in listed and robot not in release
-            if each.asked > self._listed.get(robot, 0) and self._is_due(robot, each.asked, now)
+            if each.requested > self._listed.get(robot, 0) and self._is_due(robot, each.requested, now)
         ]
-        self._forwarded |= {robot: (own[robot].asked, now) for robot in forward}
+        self._forwarded |= {robot: (own[robot].requested, now) for robot in forward}
         # A stop that we set now because of the list counts as one more request.
-        self._listed = {robot: own[robot].asked + (robot in stop) for robot in listed if robot in own}
+        self._listed = {robot: own[robot].requested + (robot in stop) for robot in listed if robot in own}
         return Followed(stop, release, forward)
 
-    def _is_due(self, robot: str, asked: int, now: float) -> bool:
+    def _is_due(self, robot: str, requested: int, now: float) -> bool:
         """Return whether a stop that the holder does not list is forwarded now."""
         before, at = self._forwarded.get(robot, (0, now))
-        return asked > before or now - at >= AGAIN_AFTER
+        return requested > before or now - at >= AGAIN_AFTER

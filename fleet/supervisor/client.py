@@ -25,12 +25,12 @@ from fleet.supervisor.protocol import (
     HaltUnregistered,
     Hello,
     LeftNotice,
-    Message,
     OrderlyEnd,
     ProcessHeartbeat,
     RegisterHalt,
     StopAnswer,
     StopRequest,
+    SupervisorMessage,
     UnregisterHalt,
     Welcome,
     WriteUntil,
@@ -180,7 +180,7 @@ class SupervisorClient:
                 await dropped.wait()
         self._waiting.pop(number, None)
 
-    def _send(self, message: Message) -> None:
+    def _send(self, message: SupervisorMessage) -> None:
         """Send a message; the receiving thread notices when the supervisor is gone."""
         if self._sock is not None:
             with contextlib.suppress(OSError):
@@ -206,7 +206,7 @@ class SupervisorClient:
             except Exception:  # go on: the next message may be a stop
                 log.exception("a message of the supervisor could not be handled")
 
-    def _take(self, message: Message) -> None:
+    def _take(self, message: SupervisorMessage) -> None:
         """Handle a message."""
         match message:
             case StopRequest():

@@ -104,7 +104,7 @@ class StopAnswer(msgspec.Struct, tag="stopped", frozen=True):
     kept: bool = False
 
 
-Message = (
+SupervisorMessage = (
     Hello
     | StopRequest
     | Welcome
@@ -120,10 +120,10 @@ Message = (
     | StopAnswer
 )
 
-_decoder: msgspec.json.Decoder[Message] = json_decoder(Message)
+_decoder: msgspec.json.Decoder[SupervisorMessage] = json_decoder(SupervisorMessage)
 encode = msgspec.json.Encoder().encode
 
 
-def decode(data: bytes) -> Message:
+def decode(data: bytes) -> SupervisorMessage:
     """Decode a message; raises msgspec.DecodeError."""
     return decode_with(_decoder, data)

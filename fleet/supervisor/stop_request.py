@@ -32,18 +32,18 @@ def stop_all(
     message = protocol.encode(StopRequest(named, why=why, request=request))
     if len(message) > LONGEST:
         message = protocol.encode(StopRequest(why=why, request=request))
-    asked = []
+    requested = []
     for path in sockets_in(directory):
         try:
             sock = connected(path, within=STOP_WITHIN)
-            asked.append(sock)
+            requested.append(sock)
             sock.send(message)
         except ConnectionRefusedError:  # the socket of a dead supervisor
             with contextlib.suppress(OSError):
                 path.unlink(missing_ok=True)
         except OSError as error:
             log.error("the supervisor at %s cannot be reached: %s", path, error.strerror or error)  # noqa: TRY400
-    return [answer for sock in asked if (answer := _answer(sock)) is not None]
+    return [answer for sock in requested if (answer := _answer(sock)) is not None]
 
 
 def _answer(sock: socket.socket) -> StopAnswer | None:

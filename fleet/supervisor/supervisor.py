@@ -41,12 +41,12 @@ from fleet.supervisor.protocol import (
     EdgeRunning,
     Hello,
     LeftNotice,
-    Message,
     OrderlyEnd,
     ProcessHeartbeat,
     RegisterHalt,
     StopAnswer,
     StopRequest,
+    SupervisorMessage,
     UnregisterHalt,
     Welcome,
     WriteUntil,
@@ -79,7 +79,7 @@ class _Peer:
         self.user = user_of(sock)
         self.heard = now
 
-    def send(self, message: Message) -> bool:
+    def send(self, message: SupervisorMessage) -> bool:
         """Send a message; False when the peer is gone or does not read."""
         try:
             self.sock.send(protocol.encode(message))
@@ -288,7 +288,7 @@ class Supervisor:
             with contextlib.suppress(OSError):
                 os.close(descriptor)
 
-    def _take(self, peer: _Peer, message: Message, descriptors: list[int]) -> None:
+    def _take(self, peer: _Peer, message: SupervisorMessage, descriptors: list[int]) -> None:
         """Handle a message; raises OSError for a link that cannot be kept."""
         match message:
             case Hello():

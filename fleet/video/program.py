@@ -87,7 +87,7 @@ class _VideoProgram:
 
     def declare(self, key: str) -> None:
         """Serve requests on ``key``, and subscribe to the peer's answers and candidates."""
-        self._bus_session.answer(key, self._on_loop(self._asked))
+        self._bus_session.answer(key, self._on_loop(self._requested))
         for channel, local in (("cloud/webrtc_answer", False), (LOCAL_ANSWER, True)):
             answered = self._on_loop(partial(self._answered, local))
             self._bus_session.subscribe(data_key(self._twin, channel), answered)
@@ -123,7 +123,7 @@ class _VideoProgram:
 
         return arrived
 
-    async def _asked(self, question: Query) -> None:
+    async def _requested(self, question: Query) -> None:
         """Handle a request to start or stop video, and reply."""
         try:
             request = read_video_request(question.payload)

@@ -25,7 +25,7 @@ from fleet.wire.envelope import (
     origin_and_stamp,
     sampled_object,
     seconds_of,
-    stop_asked,
+    stop_requested,
     tolerant,
 )
 from fleet.wire.spelling import refuse_misspelt, refuse_unknown
@@ -148,7 +148,7 @@ def decode_motion(
     """
     try:
         message = sampled_object(payload) if transport is Transport.BUS else parse_object(payload)
-        stop = stop_asked(message, transport)
+        stop = stop_requested(message, transport)
         if stop is not None:
             return stop
         envelope = _envelope("motion", message, payload, transport, request_id, twin=twin)
@@ -297,10 +297,12 @@ def _video(envelope: _Envelope, _defaults: Defaults) -> Command:
     beside: dict[str, object] = {
         name: envelope.message[name] for name in ("recording", "sensor_id") if name in envelope.message
     }
-    asked = envelope.command(envelope.name, {**beside, **envelope.data})
-    if asked.origin.transport is not Transport.CLOUD or asked.origin.source_type is not None:
-        return asked
-    return msgspec.structs.replace(asked, origin=msgspec.structs.replace(asked.origin, source_type="tele"))
+    requested = envelope.command(envelope.name, {**beside, **envelope.data})
+    if requested.origin.transport is not Transport.CLOUD or requested.origin.source_type is not None:
+        return requested
+    return msgspec.structs.replace(
+        requested, origin=msgspec.structs.replace(requested.origin, source_type="tele")
+    )
 
 
 def _estop(envelope: _Envelope, _defaults: Defaults) -> Command:

@@ -53,14 +53,14 @@ def name_of(message: Mapping[str, object]) -> str:
     return name
 
 
-def identity(payload: bytes, stamp: float | None, request_id: str, asked: object) -> str:
+def identity(payload: bytes, stamp: float | None, request_id: str, requested: object) -> str:
     """Return an id by which repeats of a request are recognised; empty when they cannot be.
 
-    It is a digest of the sender's own id together with the request (``asked``), because a sender may reuse an
-    id for another request. Without an id it is a digest of the whole message, if that has a stamp.
+    It is a digest of the sender's own id and the request (``requested``), since a sender may reuse an id for
+    another request. Without an id it is a digest of the whole message, if that has a stamp.
     """
     if request_id:
-        return digest(request_id.encode() + msgspec.json.encode(asked))
+        return digest(request_id.encode() + msgspec.json.encode(requested))
     return "" if stamp is None else digest(payload)
 
 
@@ -102,7 +102,7 @@ def _require_twin(message: Mapping[str, object], twin: str) -> None:
         raise WireError(f"{named[:40]!a} is not this twin, which is {twin}", where="twin_uuid")
 
 
-def stop_asked(message: Mapping[str, object], transport: Transport) -> Command | None:
+def stop_requested(message: Mapping[str, object], transport: Transport) -> Command | None:
     """Return the stop that a message names on a topic with other commands; None when it names none."""
     name = stop_named(message) if "command" in message or "type" in message else ""
     if not name:

@@ -17,7 +17,7 @@ from fleet.model.geodesy import GeoOrigin, geo_from_world
 from fleet.model.geometry import Vector3
 from fleet.model.place import Place
 from fleet.model.site import Placement
-from fleet.model.spread import arranged, spread
+from fleet.model.spread import arranged, grid_positions
 from fleet.model.state import RobotState
 
 ONE_FRAME = 0.05  # m and rad by which two world frames may differ and still count as one
@@ -63,7 +63,7 @@ def goals(aim: GotoTarget, robots: list[RobotState]) -> list[dict[str, object]]:
             hint="--spacing 5 spreads them around it, 5 m from each other",
         )
     sites = [robot.site for robot in robots if robot.site is not None]
-    steps: Sequence[Vector3] = spread(len(robots), aim.spacing)
+    steps: Sequence[Vector3] = grid_positions(len(robots), aim.spacing)
     if len(sites) == len(robots):
         steps = arranged(sites, _centre(aim, robots[0], sites), aim.spacing)
     if aim.named is not None and (trouble := aim.named.trouble(steps)):

@@ -27,7 +27,7 @@ from fleet.wire.envelope import (
     optional_word,
     origin_and_stamp,
     sampled_object,
-    stop_asked,
+    stop_requested,
 )
 from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.strict import child, finite, parse_object, path, text
@@ -83,7 +83,7 @@ def decode_joints(
     """
     try:
         message = sampled_object(payload) if transport is Transport.BUS else parse_object(payload)
-        stop = stop_asked(message, transport)
+        stop = stop_requested(message, transport)
         if stop is not None:
             return stop
         origin, stamp = origin_and_stamp(message, transport, strict=True, twin=twin)

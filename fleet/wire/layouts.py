@@ -21,7 +21,7 @@ from fleet.wire.joints import NEVER_JOINTS
 from fleet.wire.rules import Layout
 from fleet.wire.topics import JOINT_UPDATE
 
-Body = dict[str, Any]
+LayoutBody = dict[str, Any]
 _SINGLE = {"position": "positions", "velocity": "velocities", "effort": "efforts"}
 
 
@@ -40,7 +40,7 @@ class MessageSource(msgspec.Struct, frozen=True):
     layout: Layout = ""
 
 
-def joint_messages(report: JointReport, by: MessageSource) -> list[tuple[str, Body]]:
+def joint_messages(report: JointReport, by: MessageSource) -> list[tuple[str, LayoutBody]]:
     """Return the messages for joints in the layout of ``by``; the older topic is always aggregated.
 
     Raises WireError for a joint whose name is an envelope field, in the flat form.
@@ -56,12 +56,12 @@ def joint_messages(report: JointReport, by: MessageSource) -> list[tuple[str, Bo
     return [*((JOINT_UPDATE, each) for each in laid), ("joint_states", whole)]
 
 
-def depth_data(report: DepthReport, layout: Layout) -> Body:
+def depth_data(report: DepthReport, layout: Layout) -> LayoutBody:
     """Return the fields of a depth message: the image as bytes (base64 in JSON), or as a list.
 
     Raises WireError for a list of anything but uint16.
     """
-    size: Body = {"width": report.width, "height": report.height, "dtype": report.dtype}
+    size: LayoutBody = {"width": report.width, "height": report.height, "dtype": report.dtype}
     if layout == "string":
         return {"data": report.image, **size}
     if layout == "list":
@@ -71,20 +71,20 @@ def depth_data(report: DepthReport, layout: Layout) -> Body:
     return {"data": {"depth_binary": report.image, **size}}
 
 
-def _aggregated(report: JointReport) -> Body:
+def _aggregated(report: JointReport) -> LayoutBody:
     """Return all joints in one message, by measured quantity."""
     sets = {"positions": report.positions, "velocities": report.velocities, "efforts": report.efforts}
     return {name: values for name, values in sets.items() if values}
 
 
-def _flat(report: JointReport) -> list[Body]:
+def _flat(report: JointReport) -> list[LayoutBody]:
     """Return the positions at the top level of one message; this form has no velocities and efforts."""
     if taken := NEVER_JOINTS & report.positions.keys():
         raise WireError(f"no joint of the flat form can be called {min(taken)!a}", where=JOINT_UPDATE)
     return [dict(report.positions)]
 
 
-def _single(report: JointReport) -> list[Body]:
+def _single(report: JointReport) -> list[LayoutBody]:
     """Return one message per joint."""
     sets = {field: getattr(report, name) for field, name in _SINGLE.items()}
     return [
@@ -97,6 +97,6 @@ def _single(report: JointReport) -> list[Body]:
     ]
 
 
-_JOINTS: Mapping[str, Callable[[JointReport], list[Body]]] = MappingProxyType(
+_JOINTS: Mapping[str, Callable[[JointReport], list[LayoutBody]]] = MappingProxyType(
     {"flat": _flat, "single": _single}
 )

@@ -14,7 +14,7 @@ from fleet.errors import WireError
 from fleet.model.command import Command, Transport
 from fleet.model.geodesy import GeoPoint
 from fleet.model.navigation import MISSION, Constraints, Control, FlyMission, Navigate, PlanItem
-from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, stop_asked, tolerant
+from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, stop_requested, tolerant
 from fleet.wire.measures import not_negative, positive, within
 from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.strict import child, kind, parse_object, path, read_loosely, text, whole
@@ -72,17 +72,17 @@ def decode_mission(payload: bytes, *, transport: Transport, twin: str = "") -> N
         message = given(parse_object(payload))
         name = name_of(message)
         control = CONTROLS.get(name)
-        stop = None if control else stop_asked(message, transport)
+        stop = None if control else stop_requested(message, transport)
         if stop is not None:
             return stop
         stops = control is Control.STOP
         execution = tolerant(optional_word, message, EXECUTION, strict=not stops) or ""
         origin, stamp = origin_and_stamp(message, transport, strict=not stops, twin=twin)
-        ask = control or _started(name, message, execution)
+        request = control or _started(name, message, execution)
     except WireError as error:
         execution = execution or read_loosely(payload, EXECUTION)
         raise BadCommand(error, command=name or "mission", action_id=execution) from None
-    return Navigate(ask, execution, origin, stamp, MISSION)
+    return Navigate(request, execution, origin, stamp, MISSION)
 
 
 def document_in(payload: bytes) -> dict[str, object]:

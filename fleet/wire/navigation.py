@@ -37,11 +37,11 @@ from fleet.wire.envelope import (
     name_of,
     optional_word,
     origin_and_stamp,
-    stop_asked,
+    stop_requested,
     tolerant,
 )
 from fleet.wire.measures import not_negative, positive, within
-from fleet.wire.rotation import Order, yaw_of
+from fleet.wire.rotation import QuaternionOrder, yaw_of
 from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.stops import STOP_WORDS, is_reply
 from fleet.wire.strict import child, finite, kind, number, parse_object, path, read_loosely, text, whole
@@ -93,7 +93,7 @@ _FIELDS: Mapping[str, frozenset[str]] = MappingProxyType(
 class _MessageConventions(msgspec.Struct, frozen=True):
     """Conventions for one message, from the robot's configuration and the vocabulary."""
 
-    order: Order
+    order: QuaternionOrder
     planar: bool
     home_altitude: float | None
     origin_heading: float
@@ -129,22 +129,22 @@ def decode_navigate(
             return None
         name = name_of(message)
         if name in STOP_WORDS and name not in CONTROLS:
-            return stop_asked(message, transport)
+            return stop_requested(message, transport)
         stops = CONTROLS.get(name) is Control.STOP
         action_id = tolerant(optional_word, message, "action_id", strict=not stops) or ""
         origin, stamp = origin_and_stamp(message, transport, strict=not stops, twin=twin)
         order = _order(name, rotation_order)
         reading = _MessageConventions(order, planar, home_altitude, origin_heading)
-        ask = CONTROLS.get(name) or _task(name, message, reading)
-        if not isinstance(ask, Control):
-            action_id = action_id or identity(payload, stamp, request_id, ask)
+        request = CONTROLS.get(name) or _task(name, message, reading)
+        if not isinstance(request, Control):
+            action_id = action_id or identity(payload, stamp, request_id, request)
     except WireError as error:
         action_id = action_id or read_loosely(payload, "action_id")
         raise BadCommand(error, command=name, action_id=action_id) from None
-    return Navigate(ask, action_id, origin, stamp)
+    return Navigate(request, action_id, origin, stamp)
 
 
-def _order(name: str, configured: Literal["auto", "wxyz", "xyzw"]) -> Order:
+def _order(name: str, configured: Literal["auto", "wxyz", "xyzw"]) -> QuaternionOrder:
     """Return the component order of list rotations: the configured one, else that of the vocabulary."""
     if configured != "auto":
         return configured

@@ -39,15 +39,15 @@ from fleet.wire.events import CLOUD_EVENTS, event_body
 from fleet.wire.layouts import MessageSource, depth_data
 from fleet.wire.missions import run_of
 from fleet.wire.rules import Layout
-from fleet.wire.states import STATES, State
+from fleet.wire.states import STATES, StateMessage
 from fleet.wire.strict import finite, without_nulls
 
 UNTAGGED_TELEMETRY = frozenset({"connected", "disconnected"})  # the SDK sends these without source type
 OF_A_STREAM = frozenset({"camera_sync_frame"})  # their ``session_id`` is that of a video stream
 
-Body = dict[str, Any]
-Leaves = list[tuple[str, Body]]
-Message = Body | State
+JsonObject = dict[str, Any]
+Leaves = list[tuple[str, JsonObject]]
+ReportMessage = JsonObject | StateMessage
 
 
 @functools.lru_cache(maxsize=1024)  # the same for most reports
@@ -77,7 +77,7 @@ def to_mqtt(report: Report, by: MessageSource, off: frozenset[str] = frozenset()
 
 def messages_of(
     report: Report, by: MessageSource, off: frozenset[str] = frozenset()
-) -> Sequence[tuple[str, Message]]:
+) -> Sequence[tuple[str, ReportMessage]]:
     """Return the messages of a report: (suffix of the twin's topic, message), usually one, possibly none.
 
     The suffix of joints is ``joint:update``, which ``Topics.twin`` resolves. No field of a report can
@@ -85,7 +85,7 @@ def messages_of(
     range.
     """
     make = STATES.get(type(report), _enveloped)
-    made: Sequence[tuple[str, Message]] = make(report, by)
+    made: Sequence[tuple[str, ReportMessage]] = make(report, by)
     return [each for each in made if each[0] not in off] if off else made
 
 
@@ -134,14 +134,14 @@ def _gps(report: GpsReport) -> Leaves:
     return [("gps", without_nulls(body))]
 
 
-def _place(point: GeoPoint) -> Body:
+def _place(point: GeoPoint) -> JsonObject:
     """Return a position on Earth with the field names of the wire."""
     return {"latitude": point.latitude, "longitude": point.longitude, "altitude": point.altitude}
 
 
 def _flight_state(report: FlightStateReport) -> Leaves:
     """``twin.flight_state.v1``; an empty mode means not reported."""
-    body: Body = {"is_flying": report.is_flying}
+    body: JsonObject = {"is_flying": report.is_flying}
     if report.flight_mode:
         body["flight_mode"] = report.flight_mode
     return [("flight_state", body)]
@@ -172,7 +172,7 @@ def _flight_controller(report: FlightControllerReport) -> Leaves:
     return [("flight_controller", without_nulls(body))]
 
 
-def _mission(mission: MissionProgress) -> Body:
+def _mission(mission: MissionProgress) -> JsonObject:
     """Return the progress of the autopilot's mission; a total of 0 is omitted."""
     body = {
         "current_seq": mission.current,
@@ -191,7 +191,7 @@ def _navigation(report: NavigationReport) -> Leaves:
     """One status of one action; the status of a mission has a topic of its own."""
     if report.step is not None:
         return _mission_status(report)
-    body: Body = {
+    body: JsonObject = {
         "action_id": report.action_id,
         "status": report.state,
         "progress": min(max(report.progress, 0.0), 100.0),
@@ -207,7 +207,7 @@ def _mission_status(report: NavigationReport) -> Leaves:
     """
     run = run_of(report.action_id)
     runs = bool(run) or report.state is ActionState.BLOCKED
-    body: Body = {
+    body: JsonObject = {
         "mission_execution_uuid": run or report.action_id,
         "status": ActionState.RUNNING if runs else report.state,
         "current_step": report.step,
@@ -223,7 +223,7 @@ def _telemetry(report: TelemetryReport) -> Leaves:
 
 def _photo(report: PhotoReport) -> Leaves:
     """One picture; the encoder writes its bytes in base64."""
-    body: Body = {
+    body: JsonObject = {
         "image": report.image,
         "format": report.format,
         "width": report.width,
@@ -241,7 +241,7 @@ def _depth(report: DepthReport, by: MessageSource) -> Leaves:
 def _pointcloud(report: PointCloudReport) -> Leaves:
     """Point cloud, with all three fields from which different readers take its layout."""
     check_pointcloud(report)
-    body: Body = {
+    body: JsonObject = {
         "type": "pointcloud",
         "data": report.points,
         "rows": len(report.points) // (4 * report.stride),

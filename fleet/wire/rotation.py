@@ -10,13 +10,13 @@ from fleet.errors import WireError
 from fleet.model.geometry import Quaternion
 from fleet.wire.strict import finite, number
 
-Order = Literal["wxyz", "xyzw"]
+QuaternionOrder = Literal["wxyz", "xyzw"]
 
 LARGEST_TILT = math.radians(20)  # tolerated tilt of a goal for a robot that cannot tilt
 LENGTH_ERROR = 0.05  # tolerated deviation of a quaternion's length from 1
 
 
-def yaw_of(value: object, *, order: Order, planar: bool, where: str) -> float:
+def yaw_of(value: object, *, order: QuaternionOrder, planar: bool, where: str) -> float:
     """Return the yaw (radians) of {w, x, y, z}, or of a list in the given order.
 
     Raises WireError unless it is a unit quaternion and, when ``planar``, for a tilt of more than 20 degrees:
@@ -33,7 +33,7 @@ def yaw_of(value: object, *, order: Order, planar: bool, where: str) -> float:
     return unit.yaw
 
 
-def _rotation(value: object, order: Order, where: str) -> Quaternion:
+def _rotation(value: object, order: QuaternionOrder, where: str) -> Quaternion:
     """Return the four components, by name or by position."""
     if isinstance(value, dict):
         return _by_name(value, where)

@@ -199,7 +199,7 @@ def _changed_inward(rule: InboundRule, layers: Iterable[Mapping[str, RuleChange]
     return msgspec.structs.replace(
         rule,
         on=rule.on if change.on is None else change.on,
-        max_rate=rule.max_rate if change.rate is None or rule.taker.asks else change.rate,
+        max_rate=rule.max_rate if change.rate is None or rule.taker.is_request else change.rate,
         size=rule.size if change.size is None else change.size,
     )
 

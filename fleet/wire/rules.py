@@ -103,7 +103,7 @@ class Recipient(enum.StrEnum):
     EDGE = "edge"  # the bridge itself
 
     @property
-    def asks(self) -> bool:
+    def is_request(self) -> bool:
         """True for a request to a robot."""
         return self not in (Recipient.RELAY, Recipient.EDGE)
 

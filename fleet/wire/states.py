@@ -59,10 +59,10 @@ class ImuMessage(Stamped, gc=False):
     accel: Vector3
 
 
-State = Position | Rotation | JointsMessage | ImuMessage
+StateMessage = Position | Rotation | JointsMessage | ImuMessage
 
 
-def _pose(report: PoseReport, by: MessageSource) -> list[tuple[str, State]]:
+def _pose(report: PoseReport, by: MessageSource) -> list[tuple[str, StateMessage]]:
     """Return the messages for the two topics of a pose."""
     position = NUDGED if report.position == ORIGIN else report.position
     rotation = NUDGED_TURN if report.rotation == UNTURNED else report.rotation
@@ -73,7 +73,7 @@ def _pose(report: PoseReport, by: MessageSource) -> list[tuple[str, State]]:
     return [("position", place), ("rotation", turn)]
 
 
-def _joints(report: JointReport, by: MessageSource) -> Sequence[tuple[str, State | dict[str, object]]]:
+def _joints(report: JointReport, by: MessageSource) -> Sequence[tuple[str, StateMessage | dict[str, object]]]:
     """Return one message for two topics; none without joints. Other layouts have messages of their own."""
     if not report.positions:
         return []
@@ -87,14 +87,14 @@ def _joints(report: JointReport, by: MessageSource) -> Sequence[tuple[str, State
     return [(JOINT_UPDATE, message), ("joint_states", message)]
 
 
-def _imu(report: ImuReport, by: MessageSource) -> list[tuple[str, State]]:
+def _imu(report: ImuReport, by: MessageSource) -> list[tuple[str, StateMessage]]:
     """Return the message of an IMU report."""
     message = ImuMessage(by.source_type, report.stamp, by.session_id, by.sensor_id, report.gyro, report.accel)
     return [("imu", message)]
 
 
 STATES: Mapping[
-    type[object], Callable[[Any, MessageSource], Sequence[tuple[str, State | dict[str, object]]]]
+    type[object], Callable[[Any, MessageSource], Sequence[tuple[str, StateMessage | dict[str, object]]]]
 ] = {
     PoseReport: _pose,
     JointReport: _joints,

@@ -18,7 +18,7 @@ from fleet.wire.envelope import optional_word, seconds_of
 from fleet.wire.strict import child, finite, parse_object, text, without_nulls
 
 LARGEST = 64 * 1024  # bytes
-Ended = Literal["success", "error", "canceled"]
+WorkflowOutcome = Literal["success", "error", "canceled"]
 
 
 class WorkflowRequest(msgspec.Struct, frozen=True):
@@ -49,7 +49,7 @@ def started(execution: str) -> bytes:
     return encode_finite({"execution_uuid": execution, "source_type": "edge"})
 
 
-def finished(status: Ended, message: str) -> bytes:
+def finished(status: WorkflowOutcome, message: str) -> bytes:
     """Return the report of the end of an execution; an empty ``message`` is omitted."""
     body = {"status": status, "error_message": message or None, "source_type": "edge"}
     return encode_finite(without_nulls(body))

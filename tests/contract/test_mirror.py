@@ -99,7 +99,7 @@ FLEET = {
     "link/stream.py": "fleet/link/test_latest_motion.py",
     "config/known.py": "fleet/config/test_missions.py",
     "rehearsal/common_start.py": "fleet/rehearsal/test_rehearsal.py",
-    "missions/inner.py": "fleet/missions/test_steps.py",
+    "missions/inner_missions.py": "fleet/missions/test_steps.py",
     "missions/losses.py": "fleet/missions/test_steps.py",
     "missions/observed.py": "fleet/missions/test_run.py",
     "missions/short_forms.py": "fleet/config/test_missions.py",

@@ -178,3 +178,25 @@ def test_classes_are_small_or_become_smaller(root):
     grown = {name: count for name, count in found.items() if count > LARGER.get(name, MOST_METHODS)}
     assert grown == {}
     assert LARGER.keys() <= found.keys(), "the list can be shorter"
+
+
+VARIABLES = {"TypeVar", "ParamSpec"}  # of types: each module defines its own
+
+
+def _type_names(path):
+    """Return the classes and the type aliases that a module defines."""
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.ClassDef):
+            yield node.name
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            name, made = node.targets[0].id, getattr(getattr(node.value, "func", None), "id", "")
+            if re.fullmatch("[A-Z][a-z][A-Za-z0-9]*", name) and made not in VARIABLES:
+                yield name
+
+
+def test_a_name_stands_for_one_class_or_type_alias(root):
+    modules = {}
+    for path in sources(root):
+        for name in _type_names(path):
+            modules.setdefault(name, set()).add(str(path.relative_to(root)))
+    assert {name: found for name, found in modules.items() if len(found) > 1} == {}

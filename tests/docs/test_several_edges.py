@@ -68,7 +68,7 @@ def test_only_summaries_go_up_and_questions_and_stops_pass(fleet_and_edge):
         return keys.summary("yard-1") in heard and f"token {keys.edge('yard-1')}" in heard
 
     wait_until("summary and token of the edge go up", put)
-    answers = wait_until("questions pass", lambda: list(view.ask(keys.history("*"), b"", timeout=1)))
+    answers = wait_until("questions pass", lambda: list(view.request(keys.history("*"), b"", timeout=1)))
     assert answers == [(keys.history("yard-1"), b"told")]
 
     def stop():

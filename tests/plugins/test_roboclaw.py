@@ -94,8 +94,8 @@ def test_the_dead_man_is_read_back_before_it_is_believed(codec):
     controller = Controller()
     assert codec.feed(controller(codec.setup())) == [Confirmed()]
     controller.timeout = 9
-    codec.feed(controller(codec._ask(15)))
-    assert codec.feed(controller(codec._ask(15))) == []
+    codec.feed(controller(codec._request(15)))
+    assert codec.feed(controller(codec._request(15))) == []
 
 
 @pytest.mark.parametrize("counters", [(1000, -500), (-1, -1), (-(2**31), 255)])

@@ -205,7 +205,7 @@ async def is_stopped_by_every_word_while_it_goes(it, _other):
 async def another_station_drives_it_and_it_is_stopped(it, other):
     """Have it driven at 4 m/s by another station, and stop it by each word."""
     for reason in ("stop", "emergency_stop", "hover"):
-        other.ask(176, 1, GUIDED)
+        other.request(176, 1, GUIDED)
         await it.until(lambda: mode(it) == "GUIDED", LONG)
         it.adapter._session.authority.lost_to = ""
         async with other.driving(4.0):

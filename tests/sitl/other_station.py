@@ -31,7 +31,7 @@ class OtherStation:
         """The vehicle's system id."""
         return self._it.adapter._session.vehicle.system
 
-    def ask(self, command, *params):
+    def request(self, command, *params):
         """Send a COMMAND_LONG."""
         values = [*params, *([0.0] * (7 - len(params)))]
         self.send(mav.MAVLink_command_long_message(self.system, 1, command, 0, *values))

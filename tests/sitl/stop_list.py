@@ -38,9 +38,9 @@ async def is_met(it, _other):
 async def is_flown_by_the_other(it, other):
     """Have it take off."""
     height = 25.0
-    other.ask(400, 1)
+    other.request(400, 1)
     await it.until(lambda: it.state.armed, LONG)
-    other.ask(22, math.nan, 0, 0, math.nan, math.nan, math.nan, it.state.home_altitude + height)
+    other.request(22, math.nan, 0, 0, math.nan, math.nan, math.nan, it.state.home_altitude + height)
     await it.until(lambda: it.state.relative_altitude > height * 0.7 and mode(it) == "AUTO.LOITER", LONG)
 
 
@@ -52,7 +52,7 @@ async def a_hovering_one_is_stopped(it, other):
     await it.until(lambda: speed(it) > 3.0, LONG)
     await it.adapter.stop("hover")
     await it.until(lambda: speed(it) < 0.7, 15.0)
-    other.ask(3000, FLIES_FORWARD)
+    other.request(3000, FLIES_FORWARD)
     await it.until(lambda: it.state.vtol_state == FLIES_FORWARD, LONG)
 
 

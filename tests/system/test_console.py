@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.console.links import LinkAsked, ask_link
+from fleet.console.links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
 from tests.tools.waiting import wait_until
@@ -66,12 +66,12 @@ def test_an_edge_starts_its_console_and_starts_it_again_when_it_dies(fleet, runt
         assert b"STOP ALL" in page.read()
     assert "#token" not in "".join(edge.errors)
 
-    path, asked = link_socket(Path(runtime), name), LinkAsked("anna", Permission.VIEW)
-    first = ask_link(path, asked).process
+    path, requested = link_socket(Path(runtime), name), LinkRequest("anna", Permission.VIEW)
+    first = request_link(path, requested).process
     os.kill(first, signal.SIGKILL)
 
     def again():
-        given = ask_link(path, asked)
+        given = request_link(path, requested)
         return given is not None and given.process != first
 
     wait_until("another console", again)

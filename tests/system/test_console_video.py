@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.console.links import LinkAsked, ask_link
+from fleet.console.links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
 from tests.tools.waiting import wait_until
@@ -55,7 +55,7 @@ def shown(yard, runtime, page):
     _, _, name = yard
     given = wait_until(
         "the console",
-        lambda: ask_link(link_socket(Path(runtime), name), LinkAsked("anna", Permission.OPERATE)),
+        lambda: request_link(link_socket(Path(runtime), name), LinkRequest("anna", Permission.OPERATE)),
     )
     page.set_default_timeout(WAIT)
     page.goto(given.link)

@@ -236,8 +236,8 @@ def test_an_edge_is_configured_by_the_environment_of_the_sdk_and_keeps_to_its_pr
     listener.publish(f"cyberwave/twin/{TWIN}/command", {**message, "timestamp": time.time()})
     sdk = CyberwaveMQTTClient("127.0.0.1", foreign_broker.port, api_key="cw_x", topic_prefix="local")
     sdk.connect()
-    ask = functools.partial(sdk.request_command, TWIN, "poke", source_type="tele", timeout_s=30.0)
-    answer = ask({"number": 2})
+    request = functools.partial(sdk.request_command, TWIN, "poke", source_type="tele", timeout_s=30.0)
+    answer = request({"number": 2})
     assert answer["status"] == "accepted", answer.get("reason", answer)
     end(sdk)
     topics = {at for at, message in listener.received if message.get("session_id") == session}

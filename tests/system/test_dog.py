@@ -20,12 +20,12 @@ class Operator:
         self.client = client
         self.subscriber = subscriber
 
-    def ask(self, command, **data):
+    def request(self, command, **data):
         """Send a command; return its receipt."""
         return self.client.mqtt.request_command(TWIN, command, data, source_type="tele")
 
     def retry_until_accepted(self, command):
-        wait_until(f"{command} to be taken", lambda: self.ask(command)["status"] == "accepted")
+        wait_until(f"{command} to be taken", lambda: self.request(command)["status"] == "accepted")
 
     def position(self):
         place = self.subscriber.of("position")[-1]["position"]
@@ -47,7 +47,7 @@ class Operator:
         receipt = {}
 
         def again():
-            receipt.update(self.ask(verb, **data))
+            receipt.update(self.request(verb, **data))
             time.sleep(0.1)  # as often as a thumb on a stick
             return until()
 
@@ -98,7 +98,7 @@ def test_the_sdk_walks_a_dog_round_a_square(operator):
             lambda heading=heading: math.remainder(operator.heading() - heading, math.tau) > 1.3,
             angular_z=0.8,
         )
-        assert operator.ask("stop")["status"] == "accepted"
+        assert operator.request("stop")["status"] == "accepted"
     assert math.dist(operator.position(), start) < 1.0
     operator.retry_until_accepted("sit_down")
     operator.is_seen("off")
@@ -108,9 +108,9 @@ def test_an_emergency_stop_over_the_cloud_ends_in_a_named_fault_until_it_is_rele
     operator.retry_until_accepted("stand_up")
     operator.is_seen("standing")
     operator.hold("move_forward", lambda: operator.mode() == "walking", linear_x=0.3)
-    assert operator.ask("emergency_stop")["status"] == "accepted"
+    assert operator.request("emergency_stop")["status"] == "accepted"
     operator.is_seen("off")
-    assert operator.ask("stand_up")["status"] != "accepted"
-    assert operator.ask("release_emergency_stop")["status"] == "accepted"
+    assert operator.request("stand_up")["status"] != "accepted"
+    assert operator.request("release_emergency_stop")["status"] == "accepted"
     operator.retry_until_accepted("stand_up")
     operator.is_seen("standing")

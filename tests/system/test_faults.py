@@ -36,7 +36,7 @@ class Storm:
         wait_until("all answers", done)
 
     def executed(self):
-        return executed(self.journal, self.client.asks)
+        return executed(self.journal, self.client.requests)
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def storm(request, fleet, tmp_path):
             running.robot(name, "is well", lambda state: state["health"] == "ok")
         client = CommandClient(port, TWINS)
         storm = Storm(running, proxy, client, journal)
-        client.ask("puppet-0")
+        client.request("puppet-0")
         storm.answered()
         yield storm
         client.close()
@@ -65,22 +65,22 @@ def storm(request, fleet, tmp_path):
 def test_in_a_storm_of_resets_every_command_is_done_once_and_answered(storm):
     for turn in range(8):
         for number, name in enumerate(TWINS):
-            storm.client.ask(name, "poke" if turn % 3 else "lunge")
+            storm.client.request(name, "poke" if turn % 3 else "lunge")
             if number == turn % 4:
                 storm.proxy.reset()
         storm.answered(every=0.2)
-    assert counted(storm.executed()) == {str(number): 1 for number in storm.client.asks}
+    assert counted(storm.executed()) == {str(number): 1 for number in storm.client.requests}
     assert broken([*storm.client.events(), *storm.executed()], COMMANDS) == []
     assert storm.proxy.accepted > 4
 
 
 def test_no_velocity_is_obeyed_that_was_long_under_way_and_fresh_ones_are(storm):
-    storm.client.ask("puppet-1")  # from now on it knows the sender's clock
+    storm.client.request("puppet-1")  # from now on it knows the sender's clock
     storm.answered()
     storm.proxy.delay = 1.5  # longer than a velocity lives: all of these come too late
     for _ in range(10):
         storm.client.drive("puppet-1")
-    last = storm.client.ask("puppet-1")
+    last = storm.client.request("puppet-1")
     storm.answered(every=10.0)
     assert str(last.number) in counted(storm.executed())
     assert [event for event in storm.executed() if event.moves] == []
@@ -96,12 +96,12 @@ def test_no_velocity_is_obeyed_that_was_long_under_way_and_fresh_ones_are(storm)
 
 def test_a_silent_network_is_noticed_and_what_it_swallowed_is_done_once_when_asked_again(storm):
     storm.proxy.blackhole = True
-    lost = [storm.client.ask(name) for name in TWINS]
+    lost = [storm.client.request(name) for name in TWINS]
     storm.running.line("cloud disconnected")
     storm.proxy.blackhole = False
     storm.answered(every=0.2)
-    fresh = [storm.client.ask(name) for name in TWINS]
+    fresh = [storm.client.request(name) for name in TWINS]
     storm.answered()
     counts = counted(storm.executed())
-    assert [counts[str(ask.number)] for ask in fresh] == [1, 1, 1, 1]
-    assert all(counts.get(str(ask.number), 0) <= 1 for ask in lost)
+    assert [counts[str(request.number)] for request in fresh] == [1, 1, 1, 1]
+    assert all(counts.get(str(request.number), 0) <= 1 for request in lost)

@@ -37,7 +37,7 @@ class Driver:
     pilot: Pilot
     edge: Running
 
-    def asked(self, command: str, **data: object) -> None:
+    def requested(self, command: str, **data: object) -> None:
         """Ask for a command until it is taken (its settings are read meanwhile); return once it is done."""
 
         def taken() -> bool:
@@ -140,7 +140,7 @@ def take(edge, sdk):
 
 def test_the_sdk_drives_a_rover_by_verbs_and_to_a_goal(take):
     mule = take("mule", ROVER_ASSET)
-    mule.asked("arm")
+    mule.requested("arm")
     began = mule.twin.get_pose()["position"]
     drive(
         lambda: mule.twin.move_forward(1.0),
@@ -153,7 +153,7 @@ def test_the_sdk_drives_a_rover_by_verbs_and_to_a_goal(take):
 
 def test_the_sdk_flies_a_plane_to_a_goal_that_it_circles(take):
     albatross = take("albatross", DRONE_ASSET)
-    albatross.asked("takeoff", altitude=40.0)
+    albatross.requested("takeoff", altitude=40.0)
     albatross.goes(200.0, 200.0, 50.0)
     assert albatross.away(200.0, 200.0) < 110.0
     answer = albatross.answer("move_forward", linear_x=1.0)
@@ -163,12 +163,12 @@ def test_the_sdk_flies_a_plane_to_a_goal_that_it_circles(take):
 
 def test_the_sdk_flies_a_vtol_in_its_hover_and_on_its_wings(take):
     heron = take("heron", DRONE_ASSET)
-    heron.asked("takeoff", altitude=40.0)
+    heron.requested("takeoff", altitude=40.0)
     heron.goes(10.0, 10.0, 40.0)
     assert heron.away(10.0, 10.0) < 3.0
-    heron.asked("transition", to="forward")
+    heron.requested("transition", to="forward")
     heron.goes(200.0, 200.0, 50.0)
     assert heron.away(200.0, 200.0) < 110.0
-    heron.asked("transition", to="hover")
-    heron.asked("land")
+    heron.requested("transition", to="hover")
+    heron.requested("land")
     assert abs(heron.twin.get_pose()["position"]["z"]) < 0.5

@@ -92,29 +92,29 @@ class Computer:
         supervisor = psutil.Process(self.run.pid)
         return [supervisor, *supervisor.children()]
 
-    def ask(self, key, payload=b"", kind=None):
+    def request(self, key, payload=b"", kind=None):
         """Ask the edge something; the answer as ``kind``, None when there is none."""
         with contextlib.suppress(BusError):
             if self._bus is None:
                 self._bus = join_control(BusSettings(self.name), self.runtime)
-            answers = self._bus.ask(key, payload, timeout=2.0)
+            answers = self._bus.request(key, payload, timeout=2.0)
             return next((decode_json(data, kind) for _, data in answers), None)
         return None
 
     @property
     def state(self):
         """The edge's own state."""
-        return self.ask(keys.health(self.name), kind=EdgeState)
+        return self.request(keys.health(self.name), kind=EdgeState)
 
     @property
     def robot(self):
         """The robot's state; waited for, because a busy computer is slow to answer."""
         key = keys.state(self.name, "rover")
-        return wait_until(f"edge {self.name} answers", lambda: self.ask(key, kind=RobotState))
+        return wait_until(f"edge {self.name} answers", lambda: self.request(key, kind=RobotState))
 
     def command(self, payload):
         """Ask something of the robot; None where nobody answers."""
-        return self.ask(keys.command(self.name, "rover"), payload, Reply)
+        return self.request(keys.command(self.name, "rover"), payload, Reply)
 
     def has_role(self, role):
         """Return whether the edge is in this role."""
@@ -358,13 +358,13 @@ def test_an_emergency_stop_is_set_on_the_other_edge_too(pair):
 
 def test_a_handover_holds_the_robot_and_is_quick(pair):
     holder, other = ready(pair)
-    asked_at = time.monotonic()
+    requested_at = time.monotonic()
     environment = os.environ | {"FLEET_RUNTIME_DIR": str(holder.runtime)}
     command = [sys.executable, "-m", "fleet", "failover"]
     said = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stderr
     assert f"edge {holder.name} has released its robots" in said.stdout
-    first = took_over(pair, holder, other, asked_at)
+    first = took_over(pair, holder, other, requested_at)
     last = max((each for each in pair.received() if each.edge == holder.name), key=lambda each: each.at)
     assert not last.moves
     assert first.at > last.at

@@ -76,7 +76,7 @@ class Site:
         program.line("waits for start_video")
         return program
 
-    def ask(self, name):
+    def request(self, name):
         """Ask as the frontend does, without a source type; return what is told on the status topic."""
         before = len(self.cloud.of(f"{name}/status"))
         self.subscriber.publish(self.cloud.topic("command"), {"type": name, "timestamp": time.time()})
@@ -113,7 +113,7 @@ def site(fleet, subscriber, foreign_broker, tmp_path):
 def test_a_camera_is_seen_in_a_browser_from_start_video_to_stop_video(site, camera, page, pictures):
     site.send_video(camera)
     assert site.streams() == {}
-    assert site.ask("start_video")["status"] == "ok"
+    assert site.request("start_video")["status"] == "ok"
     offer = site.show(page)
     assert (offer["target"], offer["sender"], offer["sensor"]) == ("backend", "edge", "camera")
 
@@ -134,7 +134,7 @@ def test_a_camera_is_seen_in_a_browser_from_start_video_to_stop_video(site, came
     wait_until("it is connected", lambda: site.streams()["camera"]["is_healthy"])
     assert site.streams()["camera"]["frames_sent"] > 0
 
-    assert site.ask("stop_video") | {"timestamp": 0} == {
+    assert site.request("stop_video") | {"timestamp": 0} == {
         "type": "video_stopped",
         "status": "ok",
         "source_type": "edge",
@@ -149,7 +149,7 @@ def test_a_camera_is_seen_in_a_browser_from_start_video_to_stop_video(site, came
 
 
 def test_video_that_nobody_sends_is_refused_with_what_to_do(site):
-    status = site.ask("start_video")
+    status = site.request("start_video")
     assert (status["type"], status["status"]) == ("video_started", "error")
     assert status["reason"] == "no program on the bus sends video of rex"
     (answer,) = site.cloud.answers("start_video")
@@ -160,23 +160,23 @@ def test_what_came_of_video_that_was_asked_for_on_the_bus_is_reported_in_the_clo
     assert site.edge.call("send", "rex", "start_video", "-f", str(site.file)).returncode
     status = site.cloud.wait_for("start_video/status", "the refusal", bool)
     assert (status["type"], status["status"], status["source_type"]) == ("video_started", "error", "edge")
-    assert site.ask("start_video")["status"] == "error"
+    assert site.request("start_video")["status"] == "error"
     assert len(site.cloud.of("start_video/status")) == 2
 
 
 def test_the_streams_of_a_program_that_is_killed_vanish(site, camera):
     program = site.send_video(camera, code=-signal.SIGKILL)
-    assert site.ask("start_video")["status"] == "ok"
+    assert site.request("start_video")["status"] == "ok"
     wait_until("the stream is told", lambda: site.streams().get("camera"))
     os.kill(program.process.pid, signal.SIGKILL)
     wait_until("the stream is gone", lambda: site.streams() == {})
-    assert site.ask("start_video")["status"] == "error"
+    assert site.request("start_video")["status"] == "error"
 
 
 def test_a_camera_that_gives_no_picture_is_reported(site, camera):
     camera.breaks()
     site.send_video(camera)
-    assert "No such file" in site.ask("start_video")["reason"]
+    assert "No such file" in site.request("start_video")["reason"]
 
 
 def test_a_program_goes_on_with_an_edge_that_was_killed_and_started_anew(site, camera):
@@ -187,5 +187,5 @@ def test_a_program_goes_on_with_an_edge_that_was_killed_and_started_anew(site, c
     session = site.cloud.wait_for("edge_health", "its session", bool)["session_id"]
     edge.kill()
     wait_until("a new edge", lambda: site.cloud.of("edge_health")[-1]["session_id"] != session)
-    wait_until("a program is there again", lambda: site.ask("start_video")["status"] == "ok")
+    wait_until("a program is there again", lambda: site.request("start_video")["status"] == "ok")
     site.cloud.wait_for("webrtc-offer", "its offer", bool)  # topics have no order between them

@@ -25,7 +25,7 @@ SPEED_STEP = 1000.0  # a velocity carries its number: that many numbers a m/s
 MOVES = frozenset({"lunge", "drive"})
 
 
-class Ask(msgspec.Struct):
+class RobotRequest(msgspec.Struct):
     """One thing that was asked, whether it was answered, why refused; ``sent`` counts its messages."""
 
     robot: str
@@ -47,35 +47,37 @@ class CommandClient:
         self._life = uuid.uuid4().hex  # an edge remembers what it was asked, also before it was restarted
         self._lock = threading.Lock()
         self._events: list[Event] = []
-        self.asks: dict[int, Ask] = {}
+        self.requests: dict[int, RobotRequest] = {}
         inboxes = [f"{self._root(robot)}/command/{name}/response" for robot in self._twins]
         self.mqtt = Mqtt(port, name, topics=inboxes, took=self._took)
 
-    def ask(self, robot: str, command: str = "poke") -> Ask:
+    def request(self, robot: str, command: str = "poke") -> RobotRequest:
         """Ask a robot once for something discrete."""
-        number = len(self.asks) + 1
+        number = len(self.requests) + 1
         message = _message(command, {"number": number})
-        ask = Ask(robot, number, f"{self._root(robot)}/command", message, time.monotonic())
-        self.asks[number] = ask
-        self._send(ask)
-        return ask
+        request = RobotRequest(robot, number, f"{self._root(robot)}/command", message, time.monotonic())
+        self.requests[number] = request
+        self._send(request)
+        return request
 
     def drive(self, robot: str) -> None:
         """Send a velocity, QoS 1; nobody answers it."""
-        number = len(self.asks) + 1
+        number = len(self.requests) + 1
         message = _message("move_forward", {"linear_x": number / SPEED_STEP})
-        ask = Ask(robot, number, f"{self._root(robot)}/command", message, time.monotonic(), 1, answered=True)
-        self.asks[number] = ask
-        self.mqtt.publish(ask.topic, ask.payload, qos=1)
+        request = RobotRequest(
+            robot, number, f"{self._root(robot)}/command", message, time.monotonic(), 1, answered=True
+        )
+        self.requests[number] = request
+        self.mqtt.publish(request.topic, request.payload, qos=1)
 
-    def unanswered(self) -> list[Ask]:
+    def unanswered(self) -> list[RobotRequest]:
         """Return what was not answered yet."""
-        return [ask for ask in self.asks.values() if not ask.answered]
+        return [request for request in self.requests.values() if not request.answered]
 
     def retry_until_accepted(self) -> None:
         """Ask again for what was not answered."""
-        for ask in self.unanswered():
-            self._send(ask)
+        for request in self.unanswered():
+            self._send(request)
 
     def events(self) -> list[Event]:
         """Return what was noted."""
@@ -90,33 +92,33 @@ class CommandClient:
         """Return the beginning of a robot's topics."""
         return f"cyberwave/twin/{self._twins[robot]}"
 
-    def _send(self, ask: Ask) -> None:
+    def _send(self, request: RobotRequest) -> None:
         """Send an ask; the broker says whether anybody is there to take it."""
-        ask.sent += 1
-        self._note(ask, What.RECEIVED)
+        request.sent += 1
+        self._note(request, What.RECEIVED)
         self.mqtt.publish(
-            ask.topic,
-            ask.payload,
+            request.topic,
+            request.payload,
             qos=1,
-            response_topic=f"{ask.topic}/{self._name}/response",
-            correlation_data=f"{self._life} {ask.number}".encode(),
+            response_topic=f"{request.topic}/{self._name}/response",
+            correlation_data=f"{self._life} {request.number}".encode(),
         )
 
-    def _note(self, ask: Ask, what: What, *, ok: bool = True) -> None:
+    def _note(self, request: RobotRequest, what: What, *, ok: bool = True) -> None:
         """Note an event."""
         with self._lock:
             self._events.append(
-                Event(time.monotonic(), what, ask.robot, str(ask.number), stamp=ask.stamp, ok=ok)
+                Event(time.monotonic(), what, request.robot, str(request.number), stamp=request.stamp, ok=ok)
             )
 
     def _took(self, packet: Any, _now: float) -> None:
         """Take a reply; on the connection's thread."""
-        ask = self.asks[int(packet.correlation_data.split()[1])]
-        ask.answered = True
+        request = self.requests[int(packet.correlation_data.split()[1])]
+        request.answered = True
         reply = json.loads(packet.payload)
         taken = reply["status"] == "accepted"
-        ask.refusal = "" if taken else reply.get("reason", reply["status"])
-        self._note(ask, What.REPLIED, ok=taken)
+        request.refusal = "" if taken else reply.get("reason", reply["status"])
+        self._note(request, What.REPLIED, ok=taken)
 
 
 def _message(command: str, data: Mapping[str, object]) -> bytes:
@@ -126,9 +128,9 @@ def _message(command: str, data: Mapping[str, object]) -> bytes:
     ).encode()
 
 
-def executed(journal: Path, asks: Mapping[int, Ask]) -> list[Event]:
+def executed(journal: Path, requests: Mapping[int, RobotRequest]) -> list[Event]:
     """Return what the puppets did, by their journal and by what they were asked."""
-    return [event for line in _lines(journal) if (event := _execution(line, asks)) is not None]
+    return [event for line in _lines(journal) if (event := _execution(line, requests)) is not None]
 
 
 def _lines(journal: Path) -> Iterable[Mapping[str, object]]:
@@ -140,16 +142,16 @@ def _lines(journal: Path) -> Iterable[Mapping[str, object]]:
             continue
 
 
-def _execution(line: Mapping[str, Any], asks: Mapping[int, Ask]) -> Event | None:
+def _execution(line: Mapping[str, Any], requests: Mapping[int, RobotRequest]) -> Event | None:
     """Return the event of one line, None for a stop, a velocity of zero, and what others asked."""
     number = line.get("number", round(line.get("x", 0.0) * SPEED_STEP))
     if not number:
         return None
-    ask = asks.get(number)
-    if ask is None:
+    request = requests.get(number)
+    if request is None:
         return None
     moves = line["what"] in MOVES
-    return Event(line["at"], What.EXECUTED, line["robot"], str(number), stamp=ask.stamp, moves=moves)
+    return Event(line["at"], What.EXECUTED, line["robot"], str(number), stamp=request.stamp, moves=moves)
 
 
 def counted(events: Sequence[Event]) -> dict[str, int]:
@@ -157,5 +159,5 @@ def counted(events: Sequence[Event]) -> dict[str, int]:
     counts: dict[str, int] = {}
     for event in events:
         if event.what is What.EXECUTED:
-            counts[event.ask] = counts.get(event.ask, 0) + 1
+            counts[event.request] = counts.get(event.request, 0) + 1
     return counts

@@ -24,7 +24,7 @@ class What(enum.StrEnum):
 
 
 class Event(msgspec.Struct, frozen=True):
-    """One thing that happened at ``at`` (monotonic s). ``ask`` names the ask, ``robot`` the robot.
+    """One thing that happened at ``at`` (monotonic s). ``request`` names the ask, ``robot`` the robot.
 
     ``stamp``: when it was asked (monotonic s). ``moves``: the robot moves because of it. ``ok``: the reply
     says that it was taken.
@@ -33,7 +33,7 @@ class Event(msgspec.Struct, frozen=True):
     at: float
     what: What
     robot: str
-    ask: str = ""
+    request: str = ""
     stamp: float | None = None
     moves: bool = False
     ok: bool = True
@@ -56,20 +56,20 @@ def broken(events: Iterable[Event], rules: Rules) -> list[str]:
     """Return every promise that the events break, one line each, in their order; empty when all is well."""
     ordered = sorted(events, key=lambda event: event.at)
     found: list[str] = []
-    for ask, mine in _by_ask(ordered).items():
-        found += [f"{ask}: {line}" for line in _broken_by(mine, rules)]
+    for request, mine in _by_request(ordered).items():
+        found += [f"{request}: {line}" for line in _broken_by(mine, rules)]
     for robot in sorted({event.robot for event in ordered}):
         found += [f"{robot}: {line}" for line in _moved_while_stopped(ordered, robot)]
     return found
 
 
-def _by_ask(events: Iterable[Event]) -> Mapping[str, list[Event]]:
+def _by_request(events: Iterable[Event]) -> Mapping[str, list[Event]]:
     """Return the events of each ask, in order."""
-    asks: dict[str, list[Event]] = {}
+    requests: dict[str, list[Event]] = {}
     for event in events:
-        if event.ask:
-            asks.setdefault(f"{event.robot} {event.ask}", []).append(event)
-    return asks
+        if event.request:
+            requests.setdefault(f"{event.robot} {event.request}", []).append(event)
+    return requests
 
 
 def _broken_by(events: list[Event], rules: Rules) -> Iterator[str]:
@@ -107,4 +107,4 @@ def _moved_while_stopped(events: Iterable[Event], robot: str) -> Iterator[str]:
         if event.what in (What.STOPPED, What.RELEASED):
             stopped = event.what is What.STOPPED
         elif event.what is What.EXECUTED and event.moves and stopped:
-            yield f"{event.ask} moves it although it is stopped"
+            yield f"{event.request} moves it although it is stopped"

@@ -10,8 +10,8 @@ RULES = Rules(max_age=0.5)
 LIFE = (What.RECEIVED, What.ADMITTED, What.EXECUTED, What.REPLIED)
 
 
-def life(ask, *whats, at=0.0, **fields):
-    return [Event(at + n / 100, what, "rex", ask, **fields) for n, what in enumerate(whats)]
+def life(request, *whats, at=0.0, **fields):
+    return [Event(at + n / 100, what, "rex", request, **fields) for n, what in enumerate(whats)]
 
 
 @given(st.lists(st.sampled_from([LIFE, (What.RECEIVED, What.REPLIED)])), st.randoms())

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 from fleet.sim.faults import parse_faults
 from fleet_mavlink.sim.faults import FAULTS
-from fleet_mavlink.sim.server import Address, Vehicles
+from fleet_mavlink.sim.server import SocketAddress, Vehicles
 from fleet_mavlink.sim.spec import VEHICLES, ZURICH, VehicleSpec, parse_home, parse_ready, spec_of
 
 
-def _address(text: str) -> Address:
+def _address(text: str) -> SocketAddress:
     """Return HOST:PORT."""
     host, _, port = text.rpartition(":")
     if not host or not port.isdigit():

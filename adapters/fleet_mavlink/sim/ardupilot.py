@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS
 from fleet_mavlink.sim.ardupilot_failsafes import ArduPilotFailsafes
 from fleet_mavlink.sim.ardupilot_modes import MODES
-from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
+from fleet_mavlink.sim.autopilot import Autopilot, Boot, CommandHandler
 from fleet_mavlink.sim.command_request import FAILED
 from fleet_mavlink.sim.fence import is_outside
 from fleet_mavlink.sim.manoeuvres import DriveManoeuvre, GoToManoeuvre, Land, Manoeuvre, place_of, resting
@@ -41,7 +41,7 @@ class ArduPilot(Autopilot):
     autopilot_id: ClassVar[int] = int(mav.MAV_AUTOPILOT_ARDUPILOTMEGA)
     capabilities: ClassVar[int] = 0xFBEF
     version: ClassVar[int] = 0x040603FF
-    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    commands: ClassVar[Mapping[int, CommandHandler]] = COMMANDS
     default_rates: ClassVar[Mapping[int, float]] = {mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
     real_ready: ClassVar[float] = 42.6
     gps_grace: ClassVar[float] = 8.1

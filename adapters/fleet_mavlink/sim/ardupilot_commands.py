@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_modes import MODES
-from fleet_mavlink.sim.autopilot import Handler, accept
+from fleet_mavlink.sim.autopilot import CommandHandler, accept
 from fleet_mavlink.sim.command_request import (
     ACCEPTED,
     DENIED,
@@ -45,15 +45,15 @@ def _result(done: bool) -> int:  # noqa: FBT001 - turns an outcome into MAV_RESU
     return ACCEPTED if done else FAILED
 
 
-def _arm(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _arm(pilot: ArduPilot, request: CommandRequest) -> int:
     """Arm (1) or disarm (0); 21196 disarms in the air and skips the checks of arming."""
-    if ask.p1 not in {0.0, 1.0}:
+    if request.p1 not in {0.0, 1.0}:
         return UNSUPPORTED
-    if ask.p1 == 0.0:
-        return _disarm(pilot, force=ask.p2 == FORCE)
+    if request.p1 == 0.0:
+        return _disarm(pilot, force=request.p2 == FORCE)
     if pilot.armed:
         return ACCEPTED
-    refusals = pilot.refusals_to_arm(force=ask.p2 in {FORCE, _SKIP_CHECKS})
+    refusals = pilot.refusals_to_arm(force=request.p2 in {FORCE, _SKIP_CHECKS})
     for refusal in refusals:
         pilot.say(CRITICAL, f"Arm: {refusal}")
     if refusals:
@@ -73,21 +73,21 @@ def _disarm(pilot: ArduPilot, *, force: bool) -> int:
     return ACCEPTED
 
 
-def _take_off(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _take_off(pilot: ArduPilot, request: CommandRequest) -> int:
     """Metres above home; COMMAND_INT only in GLOBAL_RELATIVE_ALT."""
-    if ask.frame is not None and ask.frame != mav.MAV_FRAME_GLOBAL_RELATIVE_ALT:
+    if request.frame is not None and request.frame != mav.MAV_FRAME_GLOBAL_RELATIVE_ALT:
         return DENIED
     able = pilot.armed and pilot.mode.name == "GUIDED" and not pilot.flying
-    if not able or not ask.altitude > 0.0:
+    if not able or not request.altitude > 0.0:
         return FAILED
-    pilot.manoeuvre = Takeoff(pilot, pilot.home_ned()[2] - ask.altitude)
+    pilot.manoeuvre = Takeoff(pilot, pilot.home_ned()[2] - request.altitude)
     return ACCEPTED
 
 
-def _set_mode(pilot: ArduPilot, ask: CommandRequest) -> int:
-    if not whole(ask.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+def _set_mode(pilot: ArduPilot, request: CommandRequest) -> int:
+    if not whole(request.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
         return FAILED
-    return _result(pilot.change_mode(whole(ask.p2)))
+    return _result(pilot.change_mode(whole(request.p2)))
 
 
 def _return(pilot: ArduPilot, _command: CommandRequest) -> int:
@@ -98,128 +98,132 @@ def _land(pilot: ArduPilot, _command: CommandRequest) -> int:
     return _result(pilot.change_mode(MODES["LAND"].custom))
 
 
-def _start_mission(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _start_mission(pilot: ArduPilot, request: CommandRequest) -> int:
     """Start only when armed, and only the whole mission."""
-    if ask.p1 or ask.p2 or not pilot.missions.loaded:
+    if request.p1 or request.p2 or not pilot.missions.loaded:
         return DENIED
     return _result(pilot.armed and pilot.change_mode(MODES["AUTO"].custom))
 
 
-def _set_current(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _set_current(pilot: ArduPilot, request: CommandRequest) -> int:
     """Continue with an item, now or when the mission is flown; 0 restarts it."""
-    return _result(pilot.missions.set_current(whole(ask.p1)))
+    return _result(pilot.missions.set_current(whole(request.p1)))
 
 
-def _turn(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _turn(pilot: ArduPilot, request: CommandRequest) -> int:
     """Turn to degrees 0 to 360 at degrees per second, absolute or relative (param 4)."""
-    if pilot.mode.name != "GUIDED" or not pilot.flying or not 0.0 <= ask.p1 <= 360.0:
+    if pilot.mode.name != "GUIDED" or not pilot.flying or not 0.0 <= request.p1 <= 360.0:
         return FAILED
-    heading = math.radians(ask.p1)
-    direction = whole(ask.p3)
-    if ask.p4:
+    heading = math.radians(request.p1)
+    direction = whole(request.p3)
+    if request.p4:
         heading = pilot.body.heading + heading * (direction or 1)
-    rate = math.radians(ask.p2) if ask.p2 > 0.0 else pilot.agility.turn
+    rate = math.radians(request.p2) if request.p2 > 0.0 else pilot.agility.turn
     pilot.manoeuvre = Turn(pilot, heading, rate, direction)
     return ACCEPTED
 
 
-def _reposition(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _reposition(pilot: ArduPilot, request: CommandRequest) -> int:
     """Fly to a position; COMMAND_INT only; frames 0 and 5 are AMSL, 3 and 6 above home."""
-    if ask.frame is None:
+    if request.frame is None:
         return UNSUPPORTED
-    above_home = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}.get(ask.frame)
+    above_home = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}.get(request.frame)
     if above_home is None or pilot.home is None:
         return DENIED
-    if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(MODES["GUIDED"].custom)):
+    if pilot.mode.name != "GUIDED" and not (
+        whole(request.p2) & 1 and pilot.change_mode(MODES["GUIDED"].custom)
+    ):
         return DENIED
-    place = pilot.frame.ned_of(ask.latitude, ask.longitude, ask.altitude + above_home * pilot.home[2])
+    place = pilot.frame.ned_of(
+        request.latitude, request.longitude, request.altitude + above_home * pilot.home[2]
+    )
     if not pilot.flying or not all(map(math.isfinite, place)):
         return DENIED
     if pilot.outside_fence(place):
         return FAILED
-    pilot.manoeuvre = GoToManoeuvre(*place, speed=ask.p1 if ask.p1 > 0.0 else None)
+    pilot.manoeuvre = GoToManoeuvre(*place, speed=request.p1 if request.p1 > 0.0 else None)
     return ACCEPTED
 
 
-def _pause(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _pause(pilot: ArduPilot, request: CommandRequest) -> int:
     """Hold (0) or continue (1) in GUIDED and AUTO."""
     if pilot.mode.name not in {"GUIDED", "AUTO"}:
         return DENIED
-    if ask.p1 == 0.0 and pilot.paused is None:
+    if request.p1 == 0.0 and pilot.paused is None:
         pilot.paused, pilot.manoeuvre = pilot.manoeuvre, hold(pilot)
-    elif ask.p1 == 1.0 and pilot.paused is not None:
+    elif request.p1 == 1.0 and pilot.paused is not None:
         pilot.manoeuvre, pilot.paused = pilot.paused, None
     return ACCEPTED
 
 
-def _speed(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _speed(pilot: ArduPilot, request: CommandRequest) -> int:
     """Set the speed for later moves."""
-    if not ask.p2 > 0.0:
+    if not request.p2 > 0.0:
         return FAILED
-    pilot.speeds.asked = ask.p2
+    pilot.speeds.requested = request.p2
     return ACCEPTED
 
 
-def _home(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _home(pilot: ArduPilot, request: CommandRequest) -> int:
     """Set home here (param 1 = 1), or at a position."""
     if not pilot.origin_set:
         return FAILED
-    if ask.p1 == 1.0:
+    if request.p1 == 1.0:
         pilot.set_home()
         return ACCEPTED
-    place = (ask.latitude, ask.longitude, ask.altitude)
+    place = (request.latitude, request.longitude, request.altitude)
     if not all(map(math.isfinite, place)) or place[:2] == (0.0, 0.0):
         return FAILED
     pilot.home = place
     return ACCEPTED
 
 
-def _terminate(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _terminate(pilot: ArduPilot, request: CommandRequest) -> int:
     """Disarm by force."""
-    return _disarm(pilot, force=True) if ask.p1 >= 1.0 else FAILED
+    return _disarm(pilot, force=True) if request.p1 >= 1.0 else FAILED
 
 
-def _auxiliary(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _auxiliary(pilot: ArduPilot, request: CommandRequest) -> int:
     """Stop the motors but stay armed: releasing it starts them again."""
-    if ask.p1 != _MOTOR_STOP:
+    if request.p1 != _MOTOR_STOP:
         return FAILED
-    if ask.p2 == 2.0 and pilot.motors_stopped is None:
+    if request.p2 == 2.0 and pilot.motors_stopped is None:
         pilot.motors_stopped, pilot.manoeuvre = pilot.manoeuvre, Idle()
-    elif ask.p2 == 0.0 and pilot.motors_stopped is not None:
+    elif request.p2 == 0.0 and pilot.motors_stopped is not None:
         pilot.manoeuvre, pilot.motors_stopped = pilot.motors_stopped, None
     return ACCEPTED
 
 
-def _reboot(pilot: ArduPilot, ask: CommandRequest) -> int:
-    if pilot.armed or ask.p1 not in {1.0, 3.0}:
+def _reboot(pilot: ArduPilot, request: CommandRequest) -> int:
+    if pilot.armed or request.p1 not in {1.0, 3.0}:
         return FAILED
-    pilot.reboot_asked = True
+    pilot.reboot_requested = True
     return ACCEPTED
 
 
-def _calibrate(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _calibrate(pilot: ArduPilot, request: CommandRequest) -> int:
     """Send IN_PROGRESS and immediately the result."""
     if pilot.armed:
         return FAILED
-    pilot.acknowledge(ask, IN_PROGRESS)
+    pilot.acknowledge(request, IN_PROGRESS)
     return ACCEPTED
 
 
-def _interval(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _interval(pilot: ArduPilot, request: CommandRequest) -> int:
     """Set an interval; unknown messages and rates of 400 Hz and more are denied."""
-    if whole(ask.p1) not in BUILDERS or 0.0 < ask.p2 <= _FASTEST * 1e6:
-        if whole(ask.p1) in BUILDERS:
+    if whole(request.p1) not in BUILDERS or 0.0 < request.p2 <= _FASTEST * 1e6:
+        if whole(request.p1) in BUILDERS:
             pilot.say(CRITICAL, "Requested rate for message is too fast")
         return DENIED
-    return message_interval(pilot, ask)
+    return message_interval(pilot, request)
 
 
-def _request(pilot: ArduPilot, ask: CommandRequest) -> int:
+def _request(pilot: ArduPilot, request: CommandRequest) -> int:
     """Send a message; accepted also if it cannot be built yet, and then not sent."""
-    message = requested(pilot, whole(ask.p1))
+    message = requested(pilot, whole(request.p1))
     if message is not None:
         pilot.out.append(message)
-    return ACCEPTED if message is not None or whole(ask.p1) in BUILDERS else FAILED
+    return ACCEPTED if message is not None or whole(request.p1) in BUILDERS else FAILED
 
 
 def _check(pilot: ArduPilot, _command: CommandRequest) -> int:
@@ -244,7 +248,7 @@ def _cancel_compass(pilot: ArduPilot, _command: CommandRequest) -> int:
     return ACCEPTED
 
 
-COMMANDS: Mapping[int, Handler] = {
+COMMANDS: Mapping[int, CommandHandler] = {
     mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,
     mav.MAV_CMD_NAV_LAND: _land,
     mav.MAV_CMD_NAV_TAKEOFF: _take_off,

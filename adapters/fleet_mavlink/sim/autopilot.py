@@ -38,7 +38,7 @@ from fleet_mavlink.sim.speeds import FlightSpeeds
 from fleet_mavlink.sim.streams import SimStreams, home_position
 from fleet_mavlink.sim.uptime import Uptime
 
-Handler = Callable[
+CommandHandler = Callable[
     [Any, CommandRequest], "int | None"
 ]  # (autopilot, ask) -> MAV_RESULT; None: no acknowledgement
 
@@ -69,7 +69,7 @@ class Autopilot(Speaker, ABC):
     modes: ClassVar[Mapping[str, FlightMode]]
     capabilities: ClassVar[int]
     version: ClassVar[int]
-    commands: ClassVar[Mapping[int, Handler]]
+    commands: ClassVar[Mapping[int, CommandHandler]]
     default_rates: ClassVar[Mapping[int, float]]
     real_ready: ClassVar[float]  # seconds from boot to a usable position
     gps_grace: ClassVar[float]  # seconds without GPS after which the position is no longer usable
@@ -111,7 +111,7 @@ class Autopilot(Speaker, ABC):
         self.terminated = False
         self.gcs_heard_at: float | None = None
         self.fence_broken = False
-        self.reboot_asked = False
+        self.reboot_requested = False
 
     # position
 
@@ -180,12 +180,12 @@ class Autopilot(Speaker, ABC):
 
     # commands
 
-    def command(self, ask: CommandRequest) -> None:
+    def command(self, request: CommandRequest) -> None:
         """Execute a command and acknowledge it."""
-        handler = self.commands.get(ask.command)
-        result = handler(self, ask) if handler else UNSUPPORTED
+        handler = self.commands.get(request.command)
+        result = handler(self, request) if handler else UNSUPPORTED
         if result is not None:
-            self.acknowledge(ask, result)
+            self.acknowledge(request, result)
 
     @abstractmethod
     def setpoint(self, message: object) -> None:
@@ -313,6 +313,6 @@ class Autopilot(Speaker, ABC):
         self.manoeuvre = hold(self) if self.armed else Idle()
 
 
-def accept(_pilot: Autopilot, _ask: CommandRequest) -> int:
+def accept(_pilot: Autopilot, _request: CommandRequest) -> int:
     """Accept a command that changes nothing here."""
     return ACCEPTED

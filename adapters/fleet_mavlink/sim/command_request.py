@@ -37,7 +37,7 @@ class CommandRequest:
     component: int
 
 
-def ask_of(message: Any) -> CommandRequest:
+def decode_request(message: Any) -> CommandRequest:
     """Return the command in a COMMAND_LONG or COMMAND_INT."""
     frame: int | None = None
     latitude, longitude, altitude = 0.0, 0.0, 0.0
@@ -72,6 +72,8 @@ def whole(number: float) -> int:
     return int(number) if math.isfinite(number) else -1
 
 
-def ack(ask: CommandRequest, result: int, progress: int = 0) -> object:
+def ack(request: CommandRequest, result: int, progress: int = 0) -> object:
     """Return the COMMAND_ACK addressed to the sender."""
-    return mav.MAVLink_command_ack_message(ask.command, result, progress, 0, ask.system, ask.component)
+    return mav.MAVLink_command_ack_message(
+        request.command, result, progress, 0, request.system, request.component
+    )

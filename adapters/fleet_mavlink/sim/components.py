@@ -8,7 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.command_request import ACCEPTED, UNSUPPORTED, ask_of, whole
+from fleet_mavlink.sim.command_request import ACCEPTED, UNSUPPORTED, decode_request, whole
 from fleet_mavlink.sim.gimbal import DEVICE, SimGimbal
 from fleet_mavlink.sim.remote_id import SimRemoteId
 from fleet_mavlink.sim.vehicle import SimVehicle
@@ -50,7 +50,7 @@ class Component:
         """Return its messages besides its heartbeat."""
         return []
 
-    def asked(self, message: object, now: float) -> list[object] | None:  # noqa: ARG002 - for subclasses
+    def requested(self, message: object, now: float) -> list[object] | None:  # noqa: ARG002 - for subclasses
         """Return the answers to a message; None if it is not addressed to the component."""
         return None
 
@@ -85,16 +85,18 @@ class SimCamera(Component):
         self._pictures = 0
         self._ready_at: list[float] = []
 
-    def asked(self, message: Any, now: float) -> list[object] | None:
+    def requested(self, message: Any, now: float) -> list[object] | None:
         """Answer IMAGE_START_CAPTURE for one picture; all others are unsupported."""
         if message.get_type() != "COMMAND_LONG" or message.target_component != self.component:
             return None
-        ask = ask_of(message)
-        takes = ask.command == mav.MAV_CMD_IMAGE_START_CAPTURE and whole(ask.p3) == 1
+        request = decode_request(message)
+        takes = request.command == mav.MAV_CMD_IMAGE_START_CAPTURE and whole(request.p3) == 1
         if takes:
             self._ready_at.append(now + _EXPOSURE)
         result = ACCEPTED if takes else UNSUPPORTED
-        return [mav.MAVLink_command_ack_message(ask.command, result, 0, 0, ask.system, ask.component)]
+        return [
+            mav.MAVLink_command_ack_message(request.command, result, 0, 0, request.system, request.component)
+        ]
 
     def messages(self, now: float) -> list[object]:
         """Report the pictures that are taken."""

@@ -26,20 +26,20 @@ class SimGimbal:
         self._owner: tuple[int, int] | None = None
         self._reported_at = -math.inf
 
-    def configure(self, ask: CommandRequest) -> int:
+    def configure(self, request: CommandRequest) -> int:
         """Take control (DO_GIMBAL_MANAGER_CONFIGURE): for the given ids, or for the sender."""
-        if ask.p1 == _ITSELF:
-            self._owner = (ask.system, ask.component)
-        elif ask.p1 >= 0.0:
-            self._owner = (int(ask.p1), int(ask.p2))
+        if request.p1 == _ITSELF:
+            self._owner = (request.system, request.component)
+        elif request.p1 >= 0.0:
+            self._owner = (int(request.p1), int(request.p2))
         return ACCEPTED
 
-    def turn(self, ask: CommandRequest) -> int:
+    def turn(self, request: CommandRequest) -> int:
         """Turn (DO_GIMBAL_MANAGER_PITCHYAW): degrees and degrees per second, NaN leaves an axis unchanged."""
-        if self._owner != (ask.system, ask.component):
+        if self._owner != (request.system, request.component):
             return DENIED
-        self._pitch.ask(ask.p1, ask.p3)
-        self._yaw.ask(ask.p2, ask.p4)
+        self._pitch.request(request.p1, request.p3)
+        self._yaw.request(request.p2, request.p4)
         return ACCEPTED
 
     def tick(self, dt: float) -> None:
@@ -74,7 +74,7 @@ class _Axis:
         self._angle: float | None = None
         self._speed = 0.0
 
-    def ask(self, angle: float, speed: float) -> None:
+    def request(self, angle: float, speed: float) -> None:
         """Set an angle, else a rate; two NaNs change nothing."""
         if math.isfinite(angle):
             self._angle = angle

@@ -32,7 +32,7 @@ class SimLogs:
         """End the transfer."""
         self._at = self._end = 0
 
-    def asked_list(self, message: Any) -> Iterable[object]:
+    def requested_list(self, message: Any) -> Iterable[object]:
         """Answer LOG_REQUEST_LIST with an entry for each log."""
         last = max(self._sizes)
         return [
@@ -41,7 +41,7 @@ class SimLogs:
             if message.start <= number <= message.end
         ]
 
-    def asked_data(self, message: Any) -> Iterable[object]:
+    def requested_data(self, message: Any) -> Iterable[object]:
         """Begin to send a part of a log; nothing beyond its end."""
         size = self._sizes.get(message.id, 0)
         if message.id != self._number or not self._data:
@@ -50,7 +50,7 @@ class SimLogs:
         self._end = min(size, message.ofs + message.count)
         return ()
 
-    def asked_end(self) -> Iterable[object]:
+    def requested_end(self) -> Iterable[object]:
         """End the transfer."""
         self.reboot()
         return ()

@@ -158,7 +158,7 @@ class MissionManoeuvre(Manoeuvre):
     def _do(self, pilot: Autopilot, item: Item) -> None:
         """Execute an item without motion: it is done at once."""
         if item.command == mav.MAV_CMD_DO_CHANGE_SPEED and item.p2 > 0.0:
-            pilot.speeds.asked = item.p2
+            pilot.speeds.requested = item.p2
         self._reached(pilot)
 
     def _waited(self, pilot: Autopilot) -> bool:

@@ -27,7 +27,7 @@ class _Upload:
     kind: int
     count: int
     items: list[Item]
-    asked_at: float
+    requested_at: float
     heard_at: float
 
 
@@ -56,9 +56,9 @@ class MissionUpload:
         if now - upload.heard_at > _GIVE_UP:
             self._under_way = None
             return [self._ack(upload, mav.MAV_MISSION_OPERATION_CANCELLED)]
-        if now - upload.asked_at < self._behaviour.repeat:
+        if now - upload.requested_at < self._behaviour.repeat:
             return ()
-        upload.asked_at = now
+        upload.requested_at = now
         return [self._request(upload)]
 
     def count(self, message: Any, now: float) -> Iterable[object]:
@@ -95,7 +95,7 @@ class MissionUpload:
         upload.items.append(item)
         if len(upload.items) == upload.count:
             return self._complete(upload)
-        upload.asked_at = now
+        upload.requested_at = now
         return [self._request(upload)]
 
     def _complete(self, upload: _Upload) -> Iterable[object]:

@@ -19,11 +19,11 @@ INT16 = int(mav.MAV_PARAM_TYPE_INT16)
 INT8 = int(mav.MAV_PARAM_TYPE_INT8)
 
 Encoding = Literal["cast", "bytewise"]
-Values = dict[str, tuple[int, float]]  # name -> (MAV_PARAM_TYPE, value)
+ParameterValues = dict[str, tuple[int, float]]  # name -> (MAV_PARAM_TYPE, value)
 _LIST_PACE = 20  # values sent per step of the vehicle
 
 
-def ardupilot_params(system_id: int) -> Values:
+def ardupilot_params(system_id: int) -> ParameterValues:
     """Return the parameters used here, with ArduCopter's defaults."""
     return {
         "ARMING_CHECK": (INT32, 1),
@@ -66,7 +66,7 @@ def ardupilot_params(system_id: int) -> Values:
     }
 
 
-def rover_params(system_id: int) -> Values:
+def rover_params(system_id: int) -> ParameterValues:
     """Return the parameters used here, with ArduRover's defaults."""
     return ardupilot_params(system_id) | {
         "FENCE_TYPE": (INT8, 6),
@@ -81,7 +81,7 @@ def rover_params(system_id: int) -> Values:
     }
 
 
-def plane_params(system_id: int) -> Values:
+def plane_params(system_id: int) -> ParameterValues:
     """Return the parameters used here, with ArduPlane's defaults."""
     return ardupilot_params(system_id) | {
         "MIN_GROUNDSPEED": (REAL32, 0.0),
@@ -102,7 +102,7 @@ def plane_params(system_id: int) -> Values:
     }
 
 
-def quadplane_params(system_id: int) -> Values:
+def quadplane_params(system_id: int) -> ParameterValues:
     """Return the parameters used here, with a QuadPlane's defaults."""
     return plane_params(system_id) | {
         "Q_ASSIST_SPEED": (REAL32, 7.0),
@@ -113,7 +113,7 @@ def quadplane_params(system_id: int) -> Values:
     }
 
 
-def px4_plane_params(system_id: int) -> Values:
+def px4_plane_params(system_id: int) -> ParameterValues:
     """Return the parameters used here, with the defaults of PX4's simulated plane."""
     return px4_params(system_id) | {
         "FW_AIRSPD_MAX": (REAL32, 20.0),
@@ -129,7 +129,7 @@ def px4_plane_params(system_id: int) -> Values:
     }
 
 
-def px4_params(system_id: int) -> Values:
+def px4_params(system_id: int) -> ParameterValues:
     """Return the parameters used here, with PX4's defaults."""
     return {
         "BAT_CRIT_THR": (REAL32, 0.07),
@@ -191,7 +191,7 @@ def decode(kind: int, sensors: float, encoding: Encoding) -> float | None:
 class Params:
     """Parameters of one vehicle (they survive a reboot) and the answers to the PARAM messages."""
 
-    def __init__(self, values: Values, encoding: Encoding) -> None:
+    def __init__(self, values: ParameterValues, encoding: Encoding) -> None:
         self._values = values
         self._encoding = encoding
         self._queue: list[str] = []
@@ -211,14 +211,14 @@ class Params:
         batch, self._queue = self._queue[:_LIST_PACE], self._queue[_LIST_PACE:]
         return [self._message(name) for name in batch]
 
-    def asked_list(self) -> Iterable[object]:
+    def requested_list(self) -> Iterable[object]:
         """Begin to send all parameters; PX4 adds its hash at the end."""
         self._queue = sorted(self._values)
         if self._encoding == "bytewise":
             self._queue.append("_HASH_CHECK")
         return ()
 
-    def asked_read(self, message: Any) -> Iterable[object]:
+    def requested_read(self, message: Any) -> Iterable[object]:
         """Answer PARAM_REQUEST_READ by name, or by index if it is not negative."""
         names = sorted(self._values)
         name = message.param_id
@@ -226,7 +226,7 @@ class Params:
             name = names[message.param_index] if message.param_index < len(names) else ""
         return [self._message(name)] if name in self._values or name == "_HASH_CHECK" else ()
 
-    def asked_set(self, message: Any) -> Iterable[object]:
+    def requested_set(self, message: Any) -> Iterable[object]:
         """Store the value of a PARAM_SET and answer with the stored one; the range is not checked."""
         name = message.param_id
         if name not in self._values:

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot import ArduPilot
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS as COPTERS
-from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
+from fleet_mavlink.sim.autopilot import Autopilot, Boot, CommandHandler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
 from fleet_mavlink.sim.manoeuvres import Idle, Manoeuvre
 from fleet_mavlink.sim.modes import GUIDED_BASE, MANUAL_BASE, FlightMode
@@ -33,7 +33,7 @@ class PlaneSpeeds(ArduPilotSpeeds):
     @property
     def cruise(self) -> float:
         """AIRSPEED_CRUISE, or the speed of DO_CHANGE_SPEED, at least MIN_GROUNDSPEED (without wind)."""
-        return max(self.asked or self._params["AIRSPEED_CRUISE"], self._params["MIN_GROUNDSPEED"])
+        return max(self.requested or self._params["AIRSPEED_CRUISE"], self._params["MIN_GROUNDSPEED"])
 
     @property
     def climb(self) -> float:
@@ -91,50 +91,52 @@ _ALL = (
 MODES = {mode.name: mode for mode in _ALL}
 
 
-def _arm(pilot: SimArduPlane, ask: CommandRequest) -> int:
+def _arm(pilot: SimArduPlane, request: CommandRequest) -> int:
     """Arm like a copter, with other texts."""
     before = pilot.armed
-    result = COPTERS[mav.MAV_CMD_COMPONENT_ARM_DISARM](pilot, ask)
+    result = COPTERS[mav.MAV_CMD_COMPONENT_ARM_DISARM](pilot, request)
     if pilot.armed is not before:
         pilot.say(INFO, "Throttle armed" if pilot.armed else "Throttle disarmed")
     return FAILED if result is None else result
 
 
-def _reposition(pilot: SimArduPlane, ask: CommandRequest) -> int:
+def _reposition(pilot: SimArduPlane, request: CommandRequest) -> int:
     """Circle a position, in GUIDED or with the flag that changes to it; param 3 is the radius."""
-    above = None if ask.frame is None else _ABOVE_HOME.get(ask.frame)
-    if above is None or pilot.home is None or not math.isfinite(ask.latitude + ask.longitude):
+    above = None if request.frame is None else _ABOVE_HOME.get(request.frame)
+    if above is None or pilot.home is None or not math.isfinite(request.latitude + request.longitude):
         return DENIED
-    north, east, down = pilot.frame.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2])
+    north, east, down = pilot.frame.ned_of(
+        request.latitude, request.longitude, request.altitude + above * pilot.home[2]
+    )
     if pilot.outside_fence((north, east, down)):
         return DENIED
     guided = pilot.modes["GUIDED"].custom
-    if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(guided)):
+    if pilot.mode.name != "GUIDED" and not (whole(request.p2) & 1 and pilot.change_mode(guided)):
         return FAILED
     if not pilot.body.grounded:
-        radius = ask.p3 if math.isfinite(ask.p3) and ask.p3 > 0.0 else pilot.circle_radius
+        radius = request.p3 if math.isfinite(request.p3) and request.p3 > 0.0 else pilot.circle_radius
         pilot.manoeuvre = CircleManoeuvre(north, east, down, radius)
     return ACCEPTED
 
 
-def _speed(pilot: SimArduPlane, ask: CommandRequest) -> int:
+def _speed(pilot: SimArduPlane, request: CommandRequest) -> int:
     """Set an airspeed within its limits, in GUIDED and AUTO; a ground speed sets MIN_GROUNDSPEED."""
     params = pilot.params
     if pilot.mode.name not in {"GUIDED", "AUTO"}:
         return FAILED
-    if whole(ask.p1) == _AIRSPEED and ask.p2 == _DEFAULT:
-        pilot.airspeeds.asked = None
+    if whole(request.p1) == _AIRSPEED and request.p2 == _DEFAULT:
+        pilot.airspeeds.requested = None
         return ACCEPTED
-    if whole(ask.p1) == _AIRSPEED and not params["AIRSPEED_MIN"] <= ask.p2 <= params["AIRSPEED_MAX"]:
+    if whole(request.p1) == _AIRSPEED and not params["AIRSPEED_MIN"] <= request.p2 <= params["AIRSPEED_MAX"]:
         return FAILED
-    if whole(ask.p1) == _AIRSPEED:
-        pilot.airspeeds.asked = ask.p2
+    if whole(request.p1) == _AIRSPEED:
+        pilot.airspeeds.requested = request.p2
     else:
-        params["MIN_GROUNDSPEED"] = ask.p2
+        params["MIN_GROUNDSPEED"] = request.p2
     return ACCEPTED
 
 
-def _land(pilot: SimArduPlane, _ask: CommandRequest) -> int:
+def _land(pilot: SimArduPlane, _request: CommandRequest) -> int:
     """DO_LAND_START: continue the mission at its landing; fails without one."""
     items = pilot.missions.items
     found = [at for at, item in enumerate(items) if item.command == mav.MAV_CMD_DO_LAND_START]
@@ -144,21 +146,21 @@ def _land(pilot: SimArduPlane, _ask: CommandRequest) -> int:
     return ACCEPTED if pilot.change_mode(pilot.modes["AUTO"].custom) else FAILED
 
 
-def _return(pilot: SimArduPlane, _ask: CommandRequest) -> int:
+def _return(pilot: SimArduPlane, _request: CommandRequest) -> int:
     return ACCEPTED if pilot.change_mode(pilot.modes["RTL"].custom) else FAILED
 
 
-def _start_mission(pilot: SimArduPlane, _ask: CommandRequest) -> int:
+def _start_mission(pilot: SimArduPlane, _request: CommandRequest) -> int:
     return ACCEPTED if pilot.armed and pilot.change_mode(pilot.modes["AUTO"].custom) else FAILED
 
 
-def _take_off_with_rotors(_pilot: SimArduPlane, _ask: CommandRequest) -> int:
+def _take_off_with_rotors(_pilot: SimArduPlane, _request: CommandRequest) -> int:
     """Fail: NAV_TAKEOFF is for QuadPlanes."""
     return FAILED
 
 
 _NOT_KNOWN = frozenset({mav.MAV_CMD_NAV_LAND, mav.MAV_CMD_DO_PAUSE_CONTINUE, mav.MAV_CMD_CONDITION_YAW})
-COMMANDS: Mapping[int, Handler] = {
+COMMANDS: Mapping[int, CommandHandler] = {
     **{command: handler for command, handler in COPTERS.items() if command not in _NOT_KNOWN},
     mav.MAV_CMD_COMPONENT_ARM_DISARM: _arm,
     mav.MAV_CMD_DO_REPOSITION: _reposition,
@@ -174,7 +176,7 @@ class SimArduPlane(ArduPilot):
     """ArduPlane without lifting rotors."""
 
     vehicle_type: ClassVar[int] = int(mav.MAV_TYPE_FIXED_WING)
-    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    commands: ClassVar[Mapping[int, CommandHandler]] = COMMANDS
     modes: ClassVar[Mapping[str, FlightMode]] = MODES
     first_mode: ClassVar[str] = "INITIALISING"
     switched_mode: ClassVar[str] = "MANUAL"

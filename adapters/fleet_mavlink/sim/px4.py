@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
+from fleet_mavlink.sim.autopilot import Autopilot, Boot, CommandHandler
 from fleet_mavlink.sim.command_request import ACCEPTED, TEMPORARILY_REJECTED, CommandRequest, ack
 from fleet_mavlink.sim.fence import CIRCLE, HEIGHT, POLYGON, is_outside
 from fleet_mavlink.sim.manoeuvres import DriveManoeuvre, GoToManoeuvre, Manoeuvre
@@ -44,7 +44,7 @@ class SimPx4(Autopilot):
     autopilot_id: ClassVar[int] = int(mav.MAV_AUTOPILOT_PX4)
     capabilities: ClassVar[int] = 0xE8FF
     version: ClassVar[int] = 0x011001FF
-    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    commands: ClassVar[Mapping[int, CommandHandler]] = COMMANDS
     default_rates: ClassVar[Mapping[int, float]] = {
         mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
         mav.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
@@ -192,14 +192,14 @@ class SimPx4(Autopilot):
         """Obey SET_MODE; it is acknowledged as DO_SET_MODE."""
         requester = message.get_srcSystem(), message.get_srcComponent()
         nan = float("nan")
-        ask = CommandRequest(mav.MAV_CMD_DO_SET_MODE, 1.0, 0.0, 0.0, nan, nan, nan, nan, None, *requester)
+        request = CommandRequest(mav.MAV_CMD_DO_SET_MODE, 1.0, 0.0, 0.0, nan, nan, nan, nan, None, *requester)
         mode = MODES_BY_NUMBER.get(message.custom_mode)
-        self.acknowledge(ask, self.change_mode(mode) if mode else ACCEPTED)
+        self.acknowledge(request, self.change_mode(mode) if mode else ACCEPTED)
 
-    def acknowledge_again(self, ask: CommandRequest, result: int) -> None:
+    def acknowledge_again(self, request: CommandRequest, result: int) -> None:
         """Send the commander's answer after that of the MAVLink module."""
         if "no_ack" not in self.faults:
-            self.later(self.ack_delay + _COMMANDER, ack(ask, result))
+            self.later(self.ack_delay + _COMMANDER, ack(request, result))
 
     def take_off(self, manoeuvre: Manoeuvre) -> None:
         """Start a take-off now, or once the motors are armed."""
@@ -211,9 +211,11 @@ class SimPx4(Autopilot):
 
     def begin_takeoff(self) -> None:
         """Start the requested take-off; its delay counts from now."""
-        asked, self.takeoff = self.takeoff, None
-        if asked is not None:
-            self.manoeuvre = Px4Takeoff(self, asked.altitude) if isinstance(asked, Px4Takeoff) else asked
+        requested, self.takeoff = self.takeoff, None
+        if requested is not None:
+            self.manoeuvre = (
+                Px4Takeoff(self, requested.altitude) if isinstance(requested, Px4Takeoff) else requested
+            )
 
     def takeoff_detected(self) -> None:
         """Send the text, and set home again."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.autopilot import Handler, accept
+from fleet_mavlink.sim.autopilot import CommandHandler, accept
 from fleet_mavlink.sim.command_request import (
     ACCEPTED,
     DENIED,
@@ -40,15 +40,15 @@ if TYPE_CHECKING:
 _HOP = 0.6  # m climbed by a take-off to a height below the vehicle
 
 
-def _arm(pilot: SimPx4, ask: CommandRequest) -> int:
+def _arm(pilot: SimPx4, request: CommandRequest) -> int:
     """Arm (1) or disarm (0); 21196 disarms in the air."""
-    if ask.p1 not in {0.0, 1.0}:
+    if request.p1 not in {0.0, 1.0}:
         return UNSUPPORTED
-    if ask.p1 == 0.0:
-        return _disarm(pilot, force=ask.p2 == FORCE)
+    if request.p1 == 0.0:
+        return _disarm(pilot, force=request.p2 == FORCE)
     if pilot.armed or pilot.terminated:
         return ACCEPTED  # a terminated flight acknowledges without effect
-    refusals = pilot.refusals(force=ask.p2 == FORCE)
+    refusals = pilot.refusals(force=request.p2 == FORCE)
     for refusal in refusals:
         pilot.say(CRITICAL, f"Arming denied: {refusal}")
     if refusals:
@@ -68,31 +68,31 @@ def _disarm(pilot: SimPx4, *, force: bool) -> int:
     return ACCEPTED
 
 
-def _take_off(pilot: SimPx4, ask: CommandRequest) -> int:
+def _take_off(pilot: SimPx4, request: CommandRequest) -> int:
     """Take off to AMSL, whatever the frame; NaN keeps a value, 0/0 is a position in the Gulf of Guinea."""
     if pilot.terminated:
         return TEMPORARILY_REJECTED
-    pilot.take_off(_takeoff_manoeuvre(pilot, ask))
+    pilot.take_off(_takeoff_manoeuvre(pilot, request))
     return ACCEPTED
 
 
-def _takeoff_manoeuvre(pilot: SimPx4, ask: CommandRequest) -> Manoeuvre:
-    if ask.latitude == 0.0 and ask.longitude == 0.0:
+def _takeoff_manoeuvre(pilot: SimPx4, request: CommandRequest) -> Manoeuvre:
+    if request.latitude == 0.0 and request.longitude == 0.0:
         return Idle()
     here = pilot.geo()[2]
-    altitude = ask.altitude if math.isfinite(ask.altitude) else here + pilot.params["MIS_TAKEOFF_ALT"]
+    altitude = request.altitude if math.isfinite(request.altitude) else here + pilot.params["MIS_TAKEOFF_ALT"]
     if altitude <= here:
         pilot.say(CRITICAL, "Already higher than takeoff altitude")
         altitude = here + (_HOP if pilot.body.grounded else 0.0)
     return Px4Takeoff(pilot, altitude)
 
 
-def _set_mode(pilot: SimPx4, ask: CommandRequest) -> None:
+def _set_mode(pilot: SimPx4, request: CommandRequest) -> None:
     """Acknowledge twice: the MAVLink module always accepts, then the commander answers."""
-    pilot.acknowledge(ask, ACCEPTED)
-    mode = MODES_BY_NUMBER.get((whole(ask.p3) << 24 | whole(ask.p2) << 16) & 0xFFFFFFFF)
-    custom = whole(ask.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    pilot.acknowledge_again(ask, pilot.change_mode(mode) if custom and mode else ACCEPTED)
+    pilot.acknowledge(request, ACCEPTED)
+    mode = MODES_BY_NUMBER.get((whole(request.p3) << 24 | whole(request.p2) << 16) & 0xFFFFFFFF)
+    custom = whole(request.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    pilot.acknowledge_again(request, pilot.change_mode(mode) if custom and mode else ACCEPTED)
 
 
 def _return(pilot: SimPx4, _command: CommandRequest) -> int:
@@ -133,17 +133,17 @@ def _start_mission(pilot: SimPx4, _command: CommandRequest) -> int:
     return ACCEPTED
 
 
-def _reposition(pilot: SimPx4, ask: CommandRequest) -> int:
+def _reposition(pilot: SimPx4, request: CommandRequest) -> int:
     """Fly to a position, AMSL whatever the frame; NaN keeps a value; heading in radians."""
-    if not whole(ask.p2) & 1:
+    if not whole(request.p2) & 1:
         return UNSUPPORTED
-    place = (ask.latitude, ask.longitude, ask.altitude)
-    return _go(pilot, place, heading=ask.p4, speed=ask.p1)
+    place = (request.latitude, request.longitude, request.altitude)
+    return _go(pilot, place, heading=request.p4, speed=request.p1)
 
 
-def _altitude(pilot: SimPx4, ask: CommandRequest) -> int:
+def _altitude(pilot: SimPx4, request: CommandRequest) -> int:
     """DO_CHANGE_ALTITUDE: AMSL."""
-    return _go(pilot, (math.nan, math.nan, ask.p1), heading=math.nan, speed=-1.0)
+    return _go(pilot, (math.nan, math.nan, request.p1), heading=math.nan, speed=-1.0)
 
 
 def _go(pilot: SimPx4, place: Geo, *, heading: float, speed: float) -> int:
@@ -159,17 +159,17 @@ def _go(pilot: SimPx4, place: Geo, *, heading: float, speed: float) -> int:
     return ACCEPTED
 
 
-def _speed(pilot: SimPx4, ask: CommandRequest) -> int:
+def _speed(pilot: SimPx4, request: CommandRequest) -> int:
     """Set the speed, m/s; -1 keeps it."""
-    if ask.p2 > 0.0:
-        pilot.speeds.asked = ask.p2
+    if request.p2 > 0.0:
+        pilot.speeds.requested = request.p2
     return ACCEPTED
 
 
-def _home(pilot: SimPx4, ask: CommandRequest) -> int:
+def _home(pilot: SimPx4, request: CommandRequest) -> int:
     """Set home here (param 1 = 1), or at a position."""
-    place = (ask.latitude, ask.longitude, ask.altitude)
-    if ask.p1 == 1.0:
+    place = (request.latitude, request.longitude, request.altitude)
+    if request.p1 == 1.0:
         pilot.set_home()
     elif all(map(math.isfinite, place)):
         pilot.home = place
@@ -178,30 +178,30 @@ def _home(pilot: SimPx4, ask: CommandRequest) -> int:
     return ACCEPTED
 
 
-def _terminate(pilot: SimPx4, ask: CommandRequest) -> int:
+def _terminate(pilot: SimPx4, request: CommandRequest) -> int:
     """Stop the motors while the heartbeat stays armed; only a reboot ends it."""
-    if not ask.p1 > 1.5 and ask.p1 != 1.0:
+    if not request.p1 > 1.5 and request.p1 != 1.0:
         return DENIED
     pilot.terminated = True
     pilot.enter(MODES["TERMINATION"])
     return ACCEPTED
 
 
-def _reboot(pilot: SimPx4, ask: CommandRequest) -> int:
-    if pilot.armed or ask.p1 not in {1.0, 3.0}:
+def _reboot(pilot: SimPx4, request: CommandRequest) -> int:
+    if pilot.armed or request.p1 not in {1.0, 3.0}:
         return DENIED
-    pilot.reboot_asked = True
+    pilot.reboot_requested = True
     return ACCEPTED
 
 
-def _interval(pilot: SimPx4, ask: CommandRequest) -> int:
+def _interval(pilot: SimPx4, request: CommandRequest) -> int:
     """Set an interval; unknown messages fail."""
-    return message_interval(pilot, ask) if whole(ask.p1) in BUILDERS else FAILED
+    return message_interval(pilot, request) if whole(request.p1) in BUILDERS else FAILED
 
 
-def _request(pilot: SimPx4, ask: CommandRequest) -> int:
+def _request(pilot: SimPx4, request: CommandRequest) -> int:
     """Send a message; denied if it is unknown, or has no data yet."""
-    message = requested(pilot, whole(ask.p1))
+    message = requested(pilot, whole(request.p1))
     if message is None:
         return DENIED
     pilot.out.append(message)
@@ -217,18 +217,18 @@ def _check(pilot: SimPx4, _command: CommandRequest) -> int:
     return ACCEPTED
 
 
-def _calibrate(pilot: SimPx4, ask: CommandRequest) -> int:
+def _calibrate(pilot: SimPx4, request: CommandRequest) -> int:
     """PREFLIGHT_CALIBRATION: parameter 2 calibrates the compass; all zero stops it; others finish at once."""
     if pilot.armed:
         return TEMPORARILY_REJECTED
-    if ask.p2 == 1.0:
+    if request.p2 == 1.0:
         pilot.equipment.compass.start(pilot.time, pilot)
-    elif not any((ask.p1, ask.p2, ask.p3, ask.p4)):
+    elif not any((request.p1, request.p2, request.p3, request.p4)):
         pilot.equipment.compass.cancel(pilot)
     return ACCEPTED
 
 
-COMMANDS: Mapping[int, Handler] = {
+COMMANDS: Mapping[int, CommandHandler] = {
     mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,
     mav.MAV_CMD_NAV_LAND: _land,
     mav.MAV_CMD_NAV_TAKEOFF: _take_off,

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.autopilot import Autopilot, Handler
+from fleet_mavlink.sim.autopilot import Autopilot, CommandHandler
 from fleet_mavlink.sim.command_request import (
     ACCEPTED,
     TEMPORARILY_REJECTED,
@@ -44,7 +44,7 @@ class Px4PlaneSpeeds(Px4Speeds):
     @property
     def cruise(self) -> float:
         """FW_AIRSPD_TRIM, or the requested speed."""
-        return self.asked or self._params["FW_AIRSPD_TRIM"]
+        return self.requested or self._params["FW_AIRSPD_TRIM"]
 
     @property
     def climb(self) -> float:
@@ -106,28 +106,28 @@ MODES = {
 }
 
 
-def _reposition(pilot: SimPx4Plane, ask: CommandRequest) -> int:
+def _reposition(pilot: SimPx4Plane, request: CommandRequest) -> int:
     """Circle a position; NaN keeps a value; the radius in param 3 is ignored."""
-    if not whole(ask.p2) & 1:
+    if not whole(request.p2) & 1:
         return UNSUPPORTED
-    return pilot.go((ask.latitude, ask.longitude, ask.altitude), ask.p1)
+    return pilot.go((request.latitude, request.longitude, request.altitude), request.p1)
 
 
-def _altitude(pilot: SimPx4Plane, ask: CommandRequest) -> int:
-    return pilot.go((math.nan, math.nan, ask.p1), -1.0)
+def _altitude(pilot: SimPx4Plane, request: CommandRequest) -> int:
+    return pilot.go((math.nan, math.nan, request.p1), -1.0)
 
 
-def _start_mission(pilot: SimPx4Plane, ask: CommandRequest) -> int:
+def _start_mission(pilot: SimPx4Plane, request: CommandRequest) -> int:
     """Refuse a mission without a landing, unless MIS_TKO_LAND_REQ permits it."""
     landing = any(item.command in _LANDINGS for item in pilot.missions.items)
     if int(pilot.params["MIS_TKO_LAND_REQ"]) in _NEEDS_LANDING and not landing:
         pilot.say(CRITICAL, "Mission rejected: Landing waypoint/pattern required")
         pilot.say(CRITICAL, "Mission start denied! No valid mission")
         return TEMPORARILY_REJECTED
-    return COPTERS[mav.MAV_CMD_MISSION_START](pilot, ask) or ACCEPTED
+    return COPTERS[mav.MAV_CMD_MISSION_START](pilot, request) or ACCEPTED
 
 
-COMMANDS: Mapping[int, Handler] = {
+COMMANDS: Mapping[int, CommandHandler] = {
     **COPTERS,
     mav.MAV_CMD_DO_REPOSITION: _reposition,
     mav.MAV_CMD_DO_CHANGE_ALTITUDE: _altitude,
@@ -139,7 +139,7 @@ class SimPx4Plane(SimPx4):
     """PX4 fixed wing."""
 
     vehicle_type: ClassVar[int] = int(mav.MAV_TYPE_FIXED_WING)
-    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    commands: ClassVar[Mapping[int, CommandHandler]] = COMMANDS
     modes: ClassVar[Mapping[str, FlightMode]] = MODES
     speeds_type: ClassVar[type[FlightSpeeds]] = Px4PlaneSpeeds
     agility: ClassVar[Agility] = Agility(4.0, 3.0, 1.0)
@@ -175,14 +175,14 @@ class SimPx4Plane(SimPx4):
 
     def begin_takeoff(self) -> None:
         """Roll along the nose and climb to the requested height."""
-        asked, self.takeoff = self.takeoff, None
-        if isinstance(asked, Px4Takeoff) and self.body.grounded:
+        requested, self.takeoff = self.takeoff, None
+        if isinstance(requested, Px4Takeoff) and self.body.grounded:
             self.say(INFO, "Takeoff on runway")
-            self.manoeuvre = RunwayTakeoff(self.frame.down_of(asked.altitude))
-        elif isinstance(asked, Px4Takeoff):
+            self.manoeuvre = RunwayTakeoff(self.frame.down_of(requested.altitude))
+        elif isinstance(requested, Px4Takeoff):
             self.enter(self.modes["LOITER"])
-        elif asked is not None:
-            self.manoeuvre = asked
+        elif requested is not None:
+            self.manoeuvre = requested
 
     @property
     def landed(self) -> bool:

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.autopilot import Boot, Handler
+from fleet_mavlink.sim.autopilot import Boot, CommandHandler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, CommandRequest, whole
 from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Manoeuvre
@@ -32,9 +32,9 @@ _SLOWS_WITHIN = 40.0  # m
 _HOVER_MODES = COPTER_MODES | {"MISSION": replace(COPTER_MODES["MISSION"], enter=HoverMission)}
 
 
-def _transition(pilot: SimPx4Vtol, ask: CommandRequest) -> int:
+def _transition(pilot: SimPx4Vtol, request: CommandRequest) -> int:
     """Begin it; on the ground it is done at once, and it cannot be armed on its wings then."""
-    to = whole(ask.p1)
+    to = whole(request.p1)
     if to not in _TAKES:
         return DENIED
     pilot.begin_transition(to)
@@ -45,7 +45,7 @@ class SimPx4Vtol(SimPx4Plane):
     """PX4 standard VTOL."""
 
     vehicle_type: ClassVar[int] = 22  # MAV_TYPE_VTOL_FIXEDROTOR, which has another name here
-    commands: ClassVar[Mapping[int, Handler]] = {**PLANES, mav.MAV_CMD_DO_VTOL_TRANSITION: _transition}
+    commands: ClassVar[Mapping[int, CommandHandler]] = {**PLANES, mav.MAV_CMD_DO_VTOL_TRANSITION: _transition}
     modes: ClassVar[Mapping[str, FlightMode]] = PLANE_MODES | {
         "MISSION": replace(PLANE_MODES["MISSION"], enter=VtolMission)
     }

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
+from fleet_mavlink.sim.autopilot import Autopilot, Boot, CommandHandler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
 from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Idle, Land, Manoeuvre, Return, Sink, Takeoff
 from fleet_mavlink.sim.modes import GUIDED_BASE, FlightMode
@@ -54,11 +54,11 @@ _AUTO = replace(PLANE_MODES["AUTO"], enter=VtolMission)
 MODES = {**PLANE_MODES, **{mode.name: mode for mode in (_AUTO, *_BY_ROTORS)}}
 
 
-def _take_off(pilot: SimQuadPlane, ask: CommandRequest) -> int:
+def _take_off(pilot: SimQuadPlane, request: CommandRequest) -> int:
     """Climb by the given height above its present position, in GUIDED; only as an offset."""
-    if ask.frame is not None and ask.frame != _OFFSET:
+    if request.frame is not None and request.frame != _OFFSET:
         return DENIED
-    height = -ask.altitude if ask.frame is not None else ask.altitude
+    height = -request.altitude if request.frame is not None else request.altitude
     if pilot.mode.name != "GUIDED":
         pilot.say(INFO, "User Takeoff only in GUIDED mode")
         return FAILED
@@ -73,30 +73,32 @@ def _take_off(pilot: SimQuadPlane, ask: CommandRequest) -> int:
     return ACCEPTED
 
 
-def _reposition(pilot: SimQuadPlane, ask: CommandRequest) -> int:
+def _reposition(pilot: SimQuadPlane, request: CommandRequest) -> int:
     """Go to a position: hover there with Q_GUIDED_MODE 1, else as a plane."""
     if not pilot.hovers_in_guided:
-        result = PLANES[mav.MAV_CMD_DO_REPOSITION](pilot, ask)
+        result = PLANES[mav.MAV_CMD_DO_REPOSITION](pilot, request)
         if result == ACCEPTED and pilot.flying and pilot.body.hovers:
             pilot.go_forward(pilot.manoeuvre)
         return FAILED if result is None else result
-    above = None if ask.frame is None else _ABOVE_HOME.get(ask.frame)
-    if above is None or pilot.home is None or not math.isfinite(ask.latitude + ask.longitude):
+    above = None if request.frame is None else _ABOVE_HOME.get(request.frame)
+    if above is None or pilot.home is None or not math.isfinite(request.latitude + request.longitude):
         return DENIED
     guided = pilot.modes["GUIDED"].custom
-    if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(guided)):
+    if pilot.mode.name != "GUIDED" and not (whole(request.p2) & 1 and pilot.change_mode(guided)):
         return FAILED
     if pilot.flying:
-        pilot.go_to(*pilot.frame.ned_of(ask.latitude, ask.longitude, ask.altitude + above * pilot.home[2]))
+        pilot.go_to(
+            *pilot.frame.ned_of(request.latitude, request.longitude, request.altitude + above * pilot.home[2])
+        )
     return ACCEPTED
 
 
-def _transition(pilot: SimQuadPlane, _ask: CommandRequest) -> int:
+def _transition(pilot: SimQuadPlane, _request: CommandRequest) -> int:
     """Accept it in AUTO only."""
     return ACCEPTED if pilot.mode.name == "AUTO" else FAILED
 
 
-COMMANDS: Mapping[int, Handler] = {
+COMMANDS: Mapping[int, CommandHandler] = {
     **PLANES,
     mav.MAV_CMD_NAV_TAKEOFF: _take_off,
     mav.MAV_CMD_DO_REPOSITION: _reposition,
@@ -119,14 +121,14 @@ class AssistedSpeeds(PlaneSpeeds):
     @property
     def cruise(self) -> float:
         """The requested speed, raised near Q_ASSIST_SPEED."""
-        asked, helped = super().cruise, self._params["Q_ASSIST_SPEED"]
-        return helped + _PUSHED if asked < helped + _HELPS else asked
+        requested, helped = super().cruise, self._params["Q_ASSIST_SPEED"]
+        return helped + _PUSHED if requested < helped + _HELPS else requested
 
 
 class SimQuadPlane(SimArduPlane):
     """ArduPlane with Q_ENABLE 1."""
 
-    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    commands: ClassVar[Mapping[int, CommandHandler]] = COMMANDS
     modes: ClassVar[Mapping[str, FlightMode]] = MODES
     body: VtolBody
 

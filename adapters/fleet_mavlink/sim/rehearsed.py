@@ -11,7 +11,7 @@ from fleet_mavlink.ardupilot_rover import ArduRover
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.sim.spec import QUICK_READY, VehicleName, VehicleSpec
-from fleet_mavlink.sim.vehicle import Flavour, SimVehicle
+from fleet_mavlink.sim.vehicle import FlavourName, SimVehicle
 from fleet_mavlink.sim.wire import MavlinkWire
 
 _PX4_MODES = frozenset(Px4.modes.values()) - frozenset(ArduCopter.modes.values())
@@ -83,7 +83,7 @@ def _spec(config: MavlinkConfig, start: SimulationStart) -> VehicleSpec:
     """Return the vehicle to simulate: by its link, for a real vehicle one of its kind."""
     if config.simulated:
         return VehicleSpec.parse(config.link, system_id=config.system_id)
-    flavour: Flavour = "px4" if start.mode in _PX4_MODES else "ardupilot"
+    flavour: FlavourName = "px4" if start.mode in _PX4_MODES else "ardupilot"
     vehicle: VehicleName = "rover" if start.mode in _ROVER_MODES else "multirotor"
     if start.mode in _PLANE_MODES:
         vehicle = "plane"

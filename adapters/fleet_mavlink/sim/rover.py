@@ -9,14 +9,14 @@ from typing import ClassVar
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot import ArduPilot
-from fleet_mavlink.sim.autopilot import Boot, Handler
+from fleet_mavlink.sim.autopilot import Boot, CommandHandler
 from fleet_mavlink.sim.manoeuvres import Idle, Manoeuvre
 from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.physics import Agility
 from fleet_mavlink.sim.rover_commands import COMMANDS
 from fleet_mavlink.sim.rover_failsafes import RoverFailsafes
 from fleet_mavlink.sim.rover_modes import MODES
-from fleet_mavlink.sim.rover_moves import BRAKED, DISARMED, Coast, Roll, RollTo
+from fleet_mavlink.sim.rover_moves import BRAKED, DISARMED, Coast, DriveToPosition, Roll
 from fleet_mavlink.sim.rover_physics import WheeledBody
 from fleet_mavlink.sim.setpoints import ReceivedSetpoint, setpoint_of
 from fleet_mavlink.sim.speaker import INFO
@@ -34,7 +34,7 @@ class RoverSpeeds(ArduPilotSpeeds):
     @property
     def cruise(self) -> float:
         """WP_SPEED."""
-        return self.asked or self._params["WP_SPEED"]
+        return self.requested or self._params["WP_SPEED"]
 
     @property
     def yaw_follows_course(self) -> bool:
@@ -46,7 +46,7 @@ class SimArduRover(ArduPilot):
     """ArduRover. Its home keeps an altitude of 0.14 m until the first disarming."""
 
     vehicle_type: ClassVar[int] = int(mav.MAV_TYPE_GROUND_ROVER)
-    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    commands: ClassVar[Mapping[int, CommandHandler]] = COMMANDS
     modes: ClassVar[Mapping[str, FlightMode]] = MODES
     first_mode: ClassVar[str] = "INITIALISING"
     switched_mode: ClassVar[str] = "MANUAL"
@@ -97,7 +97,7 @@ class SimArduRover(ArduPilot):
     def enter(self, mode: FlightMode) -> None:
         """Change to a mode; a disarmed rover keeps coasting."""
         self.reversed = False
-        self.speeds.asked = None
+        self.speeds.requested = None
         super().enter(mode)
         self._arrival_reported = False
         if isinstance(self.manoeuvre, Idle):
@@ -134,7 +134,7 @@ class SimArduRover(ArduPilot):
         x, y, z = setpoint.position or (0.0, 0.0, 0.0)
         if setpoint.frame in _RELATIVE_FRAMES:
             x, y, _ = self.frame.ned_of(x, y, z)
-        return RollTo(x, y)
+        return DriveToPosition(x, y)
 
     def watch_idle(self) -> None:
         """Stay armed; report the arrival on the way home once."""

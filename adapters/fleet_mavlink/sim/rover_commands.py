@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS as COPTERS
-from fleet_mavlink.sim.autopilot import Handler
+from fleet_mavlink.sim.autopilot import CommandHandler
 from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
 from fleet_mavlink.sim.common_commands import FORCE
-from fleet_mavlink.sim.rover_moves import RollTo
+from fleet_mavlink.sim.rover_moves import DriveToPosition
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
 
 if TYPE_CHECKING:
@@ -28,16 +28,16 @@ _UNSUPPORTED = frozenset(
 )
 
 
-def _arm(pilot: SimArduRover, ask: CommandRequest) -> int:
+def _arm(pilot: SimArduRover, request: CommandRequest) -> int:
     """Arm (1) or disarm (0), even while it drives."""
-    if ask.p1 == 0.0:
+    if request.p1 == 0.0:
         if pilot.armed:
             pilot.say(INFO, "Throttle disarmed")
         pilot.disarm()
         return ACCEPTED
     if pilot.armed:
         return ACCEPTED
-    refusals = pilot.refusals_to_arm(force=ask.p2 == FORCE)
+    refusals = pilot.refusals_to_arm(force=request.p2 == FORCE)
     for refusal in refusals:
         pilot.say(CRITICAL, f"Arm: {refusal}")
     if refusals:
@@ -48,48 +48,48 @@ def _arm(pilot: SimArduRover, ask: CommandRequest) -> int:
     return ACCEPTED
 
 
-def _set_mode(pilot: SimArduRover, ask: CommandRequest) -> int:
+def _set_mode(pilot: SimArduRover, request: CommandRequest) -> int:
     """Change the mode; denied without the flag for a custom mode."""
-    if not whole(ask.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+    if not whole(request.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
         return DENIED
-    return ACCEPTED if pilot.change_mode(whole(ask.p2)) else FAILED
+    return ACCEPTED if pilot.change_mode(whole(request.p2)) else FAILED
 
 
-def _reposition(pilot: SimArduRover, ask: CommandRequest) -> int:
+def _reposition(pilot: SimArduRover, request: CommandRequest) -> int:
     """Drive to a position: COMMAND_INT, in GUIDED or with the flag that changes to it."""
-    if ask.frame is None or not math.isfinite(ask.latitude + ask.longitude):
+    if request.frame is None or not math.isfinite(request.latitude + request.longitude):
         return DENIED
     guided = pilot.modes["GUIDED"].custom
-    if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(guided)):
+    if pilot.mode.name != "GUIDED" and not (whole(request.p2) & 1 and pilot.change_mode(guided)):
         return DENIED
-    north, east, _ = pilot.frame.ned_of(ask.latitude, ask.longitude, 0.0)
-    pilot.manoeuvre = RollTo(north, east)
+    north, east, _ = pilot.frame.ned_of(request.latitude, request.longitude, 0.0)
+    pilot.manoeuvre = DriveToPosition(north, east)
     return ACCEPTED
 
 
-def _speed(pilot: SimArduRover, ask: CommandRequest) -> int:
+def _speed(pilot: SimArduRover, request: CommandRequest) -> int:
     """Set the speed; fails without effect for a speed of 0, and without a target position."""
-    if not ask.p2 > 0.0 or not isinstance(pilot.manoeuvre, RollTo):
+    if not request.p2 > 0.0 or not isinstance(pilot.manoeuvre, DriveToPosition):
         return FAILED
-    pilot.speeds.asked = ask.p2
+    pilot.speeds.requested = request.p2
     return ACCEPTED
 
 
-def _reverse(pilot: SimArduRover, ask: CommandRequest) -> int:
+def _reverse(pilot: SimArduRover, request: CommandRequest) -> int:
     """Drive to positions in reverse (1) or forward (0), until the mode changes."""
-    pilot.reversed = ask.p1 == 1.0
+    pilot.reversed = request.p1 == 1.0
     return ACCEPTED
 
 
-def _return(pilot: SimArduRover, _ask: CommandRequest) -> int:
+def _return(pilot: SimArduRover, _request: CommandRequest) -> int:
     return ACCEPTED if pilot.change_mode(pilot.modes["RTL"].custom) else FAILED
 
 
-def _start_mission(pilot: SimArduRover, _ask: CommandRequest) -> int:
+def _start_mission(pilot: SimArduRover, _request: CommandRequest) -> int:
     return ACCEPTED if pilot.armed and pilot.change_mode(pilot.modes["AUTO"].custom) else FAILED
 
 
-COMMANDS: Mapping[int, Handler] = {
+COMMANDS: Mapping[int, CommandHandler] = {
     **{command: handler for command, handler in COPTERS.items() if command not in _UNSUPPORTED},
     mav.MAV_CMD_COMPONENT_ARM_DISARM: _arm,
     mav.MAV_CMD_DO_SET_MODE: _set_mode,

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.mission_flight import MissionManoeuvre
 from fleet_mavlink.sim.physics import Aim
-from fleet_mavlink.sim.rover_moves import BRAKED, Coast, RollTo
+from fleet_mavlink.sim.rover_moves import BRAKED, Coast, DriveToPosition
 from fleet_mavlink.sim.speaker import INFO
 
 if TYPE_CHECKING:
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 def _roll(pilot: Autopilot, item: Item) -> Manoeuvre:
     north, east, _ = pilot.frame.ned_of(item.x / 1e7, item.y / 1e7, 0.0)
-    return RollTo(north, east)
+    return DriveToPosition(north, east)
 
 
 def _home(pilot: Autopilot, _item: Item) -> Manoeuvre:
     north, east, _ = pilot.home_ned()
-    return RollTo(north, east)
+    return DriveToPosition(north, east)
 
 
 def _stay(_pilot: Autopilot, _item: Item) -> Manoeuvre:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from fleet_mavlink.sim.manoeuvres import Manoeuvre
 from fleet_mavlink.sim.modes import FlightMode
 from fleet_mavlink.sim.rover_mission import DriveMission
-from fleet_mavlink.sim.rover_moves import BRAKED, HELD, Coast, RollTo
+from fleet_mavlink.sim.rover_moves import BRAKED, HELD, Coast, DriveToPosition
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -31,7 +31,7 @@ def _guided(pilot: Autopilot) -> Manoeuvre:
 def _home(pilot: Autopilot) -> Manoeuvre:
     """Drive home and stand there, armed."""
     north, east, _ = pilot.home_ned()
-    return RollTo(north, east)
+    return DriveToPosition(north, east)
 
 
 _ALL = (

@@ -60,7 +60,7 @@ class Roll(Coast):
         return Aim(speed * math.cos(heading), speed * math.sin(heading), 0.0, self._heading, self._rate)
 
 
-class RollTo(GoToManoeuvre):
+class DriveToPosition(GoToManoeuvre):
     """Drive to a position, in reverse by DO_SET_REVERSE, and stand there."""
 
     def __init__(self, north: float, east: float) -> None:

@@ -15,13 +15,13 @@ from fleet_mavlink.sim.wire import MavlinkWire
 
 _log = logging.getLogger(__name__)
 _ANSWER = 0.005  # s after a message, for delayed answers
-Address = tuple[str, int]
+SocketAddress = tuple[str, int]
 
 
 class Station(asyncio.DatagramProtocol):
     """One vehicle on its own UDP socket; it sends to ``target``, or to the last sender."""
 
-    def __init__(self, spec: VehicleSpec, target: Address | None) -> None:
+    def __init__(self, spec: VehicleSpec, target: SocketAddress | None) -> None:
         loop = asyncio.get_running_loop()
         self._loop = loop
         self._started = loop.time()
@@ -144,14 +144,14 @@ class Vehicles(SimServer[VehicleSpec, Station]):
         """Create a vehicle that waits on a UDP port of its own."""
         return await self._on_udp(spec, None, 0)
 
-    async def add_udp(self, spec: VehicleSpec, target: Address | None = None, port: int = 0) -> Station:
+    async def add_udp(self, spec: VehicleSpec, target: SocketAddress | None = None, port: int = 0) -> Station:
         """Add a vehicle; without a target it waits on 127.0.0.1:``port`` (0: a free one).
 
         Raises OSError if the port is in use.
         """
         return self.add_robot(await self._on_udp(spec, target, port))
 
-    async def _on_udp(self, spec: VehicleSpec, target: Address | None, port: int) -> Station:
+    async def _on_udp(self, spec: VehicleSpec, target: SocketAddress | None, port: int) -> Station:
         """Open a vehicle's UDP socket."""
         loop = asyncio.get_running_loop()
         local = ("127.0.0.1", port) if target is None else ("0.0.0.0", 0)  # noqa: S104 - it only sends to the target

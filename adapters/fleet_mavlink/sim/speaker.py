@@ -52,21 +52,21 @@ class Speaker:
         """Send a message after a delay."""
         self._later.append((self.time + delay, message))
 
-    def acknowledge(self, ask: CommandRequest, result: int) -> None:
+    def acknowledge(self, request: CommandRequest, result: int) -> None:
         """Acknowledge a command, unless a fault or the autopilot's short queue loses the answer."""
         if "no_ack" in self.faults or self.random.random() < self.faults.get("ack_loss", 0.0):
             return
         delay = self.ack_delay
         slow = self.faults.get("slow_ack", 0.0)
         if slow:
-            self.out.append(ack(ask, mav.MAV_RESULT_IN_PROGRESS, 10))
+            self.out.append(ack(request, mav.MAV_RESULT_IN_PROGRESS, 10))
             delay += slow
         if len(self._later) >= self.ack_queue:
             return
         if delay:
-            self.later(delay, ack(ask, result))
+            self.later(delay, ack(request, result))
         else:
-            self.out.append(ack(ask, result))
+            self.out.append(ack(request, result))
 
     def send_due_texts(self) -> None:
         """Send the delayed messages that are due."""

@@ -8,10 +8,10 @@ from fleet_mavlink.sim.params import Params
 
 
 class FlightSpeeds(ABC):
-    """Speeds of one autopilot; ``asked``: speed of the last DO_CHANGE_SPEED."""
+    """Speeds of one autopilot; ``requested``: speed of the last DO_CHANGE_SPEED."""
 
     def __init__(self, params: Params) -> None:
-        self.asked: float | None = None
+        self.requested: float | None = None
         self._params = params
 
     @property
@@ -56,7 +56,7 @@ class ArduPilotSpeeds(FlightSpeeds):
     @property
     def cruise(self) -> float:
         """WPNAV_SPEED."""
-        return self.asked or self._params["WPNAV_SPEED"] / 100
+        return self.requested or self._params["WPNAV_SPEED"] / 100
 
     @property
     def top(self) -> float:
@@ -95,7 +95,7 @@ class Px4Speeds(FlightSpeeds):
     @property
     def cruise(self) -> float:
         """MPC_XY_CRUISE."""
-        return self.asked or self._params["MPC_XY_CRUISE"]
+        return self.requested or self._params["MPC_XY_CRUISE"]
 
     @property
     def top(self) -> float:

@@ -13,15 +13,15 @@ from fleet.sim.faults import check_fault
 from fleet_mavlink.sim.ardupilot import ArduPilot
 from fleet_mavlink.sim.autopilot import Autopilot, Boot
 from fleet_mavlink.sim.battery import SimBattery
-from fleet_mavlink.sim.command_request import ask_of
+from fleet_mavlink.sim.command_request import decode_request
 from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.faults import FAULTS
 from fleet_mavlink.sim.files import FILES, answer
 from fleet_mavlink.sim.mission_items import ARDUPILOT_BEHAVIOUR, PX4_BEHAVIOUR
 from fleet_mavlink.sim.missions import SimMissions
 from fleet_mavlink.sim.params import (
+    ParameterValues,
     Params,
-    Values,
     ardupilot_params,
     plane_params,
     px4_params,
@@ -42,8 +42,8 @@ from fleet_mavlink.sim.rover_physics import WheeledBody
 from fleet_mavlink.sim.spec import VehicleName
 from fleet_mavlink.sim.streams import ALL_STREAMS, BUILDERS, DATA_STREAMS
 
-Flavour = Literal["ardupilot", "px4"]
-_VEHICLES: Mapping[tuple[Flavour, VehicleName], tuple[Callable[[Boot], Autopilot], type[Body]]] = {
+FlavourName = Literal["ardupilot", "px4"]
+_VEHICLES: Mapping[tuple[FlavourName, VehicleName], tuple[Callable[[Boot], Autopilot], type[Body]]] = {
     ("ardupilot", "multirotor"): (ArduPilot, Body),
     ("ardupilot", "rover"): (SimArduRover, WheeledBody),
     ("ardupilot", "plane"): (SimArduPlane, WingedBody),
@@ -52,7 +52,7 @@ _VEHICLES: Mapping[tuple[Flavour, VehicleName], tuple[Callable[[Boot], Autopilot
     ("px4", "plane"): (SimPx4Plane, WingedBody),
     ("px4", "vtol"): (SimPx4Vtol, VtolBody),
 }
-_PARAMS: Mapping[tuple[Flavour, VehicleName], Callable[[int], Values]] = {
+_PARAMS: Mapping[tuple[FlavourName, VehicleName], Callable[[int], ParameterValues]] = {
     ("ardupilot", "multirotor"): ardupilot_params,
     ("ardupilot", "rover"): rover_params,
     ("ardupilot", "plane"): plane_params,
@@ -81,7 +81,7 @@ class SimVehicle:
 
     def __init__(
         self,
-        flavour: Flavour,
+        flavour: FlavourName,
         *,
         vehicle: VehicleName = "multirotor",
         system_id: int = 1,
@@ -179,7 +179,7 @@ class SimVehicle:
         """Return the output, and a handler's answers; reboot if requested."""
         messages = [*self.pilot.out, *answers]
         self.pilot.out.clear()
-        if self.pilot.reboot_asked:
+        if self.pilot.reboot_requested:
             self.reboot(now)
         return self._lagging(messages, now)
 
@@ -235,7 +235,7 @@ _ONCE: Mapping[str, Callable[[SimVehicle, float], None]] = {
 
 
 def _command(pilot: Any, message: object) -> None:
-    pilot.command(ask_of(message))
+    pilot.command(decode_request(message))
 
 
 def _data_stream(pilot: Autopilot, message: Any) -> None:
@@ -289,7 +289,7 @@ def _list_logs(pilot: Autopilot, message: object) -> Iterable[object]:
     if pilot.armed and isinstance(pilot, ArduPilot):
         pilot.send_text_once(3, "Disarm for log download")
         return []
-    return pilot.equipment.logs.asked_list(message)
+    return pilot.equipment.logs.requested_list(message)
 
 
 _HANDLERS: Mapping[str, Callable[[Any, object], Iterable[object] | None]] = {
@@ -297,8 +297,8 @@ _HANDLERS: Mapping[str, Callable[[Any, object], Iterable[object] | None]] = {
     "COMMAND_LONG": _command,
     "FILE_TRANSFER_PROTOCOL": _files,
     "HEARTBEAT": _heartbeat,
-    "LOG_REQUEST_DATA": lambda pilot, message: pilot.equipment.logs.asked_data(message),
-    "LOG_REQUEST_END": lambda pilot, _message: pilot.equipment.logs.asked_end(),
+    "LOG_REQUEST_DATA": lambda pilot, message: pilot.equipment.logs.requested_data(message),
+    "LOG_REQUEST_END": lambda pilot, _message: pilot.equipment.logs.requested_end(),
     "LOG_REQUEST_LIST": _list_logs,
     "MISSION_CLEAR_ALL": lambda pilot, message: pilot.missions.clear(message),
     "MISSION_COUNT": lambda pilot, message: pilot.missions.upload.count(message, pilot.time),
@@ -309,9 +309,9 @@ _HANDLERS: Mapping[str, Callable[[Any, object], Iterable[object] | None]] = {
     "MISSION_REQUEST_LIST": lambda pilot, message: pilot.missions.request_list(message),
     "MISSION_SET_CURRENT": _set_current,
     **dict.fromkeys(REMOTE_ID_MESSAGES, _remote_id),
-    "PARAM_REQUEST_LIST": lambda pilot, _message: pilot.params.asked_list(),
-    "PARAM_REQUEST_READ": lambda pilot, message: pilot.params.asked_read(message),
-    "PARAM_SET": lambda pilot, message: pilot.params.asked_set(message),
+    "PARAM_REQUEST_LIST": lambda pilot, _message: pilot.params.requested_list(),
+    "PARAM_REQUEST_READ": lambda pilot, message: pilot.params.requested_read(message),
+    "PARAM_SET": lambda pilot, message: pilot.params.requested_set(message),
     "PING": _ping,
     "REQUEST_DATA_STREAM": _data_stream,
     "SET_MODE": lambda pilot, message: pilot.set_mode(message),

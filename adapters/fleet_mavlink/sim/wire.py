@@ -56,7 +56,9 @@ class MavlinkWire:
             if message.get_type() == "SETUP_SIGNING":
                 self._sign(message)
                 continue
-            answers = [each.framed(said) for each in self._accessories if (said := each.asked(message, now))]
+            answers = [
+                each.framed(said) for each in self._accessories if (said := each.requested(message, now))
+            ]
             if answers:
                 frames.extend(answers[0])
             else:

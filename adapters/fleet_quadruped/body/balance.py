@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from fleet_quadruped.body.legs import Point
+from fleet_quadruped.body.legs import LegPoint
 
 GRAVITY = 9.81  # m/s2
 _LEAN_TIME = 0.1  # s: time constant of leaning into an acceleration
@@ -22,7 +22,7 @@ _SHORT = 0.01  # m: feet this close do not define a line
 _THIN = 1e-4  # m2: collinear feet carry no load beside their line
 _MOST = 0.05  # m: largest lean
 
-Place = tuple[float, float]  # m forward and to the left
+GroundPoint = tuple[float, float]  # m forward and to the left
 
 
 class Balance:
@@ -37,11 +37,20 @@ class Balance:
         self.speed = self.place = (0.0, 0.0)
         self._sway = self._lean = (0.0, 0.0)
 
-    def push(self, height: float) -> Place:
+    def push(self, height: float) -> GroundPoint:
         """Return the ground's push forward and to the left, as shares of the body's weight."""
         return (self._sway[0] - self.place[0]) / height, (self._sway[1] - self.place[1]) / height
 
-    def step(self, dt: float, height: float, place: Place, goal: Place, *, left: float, pull: Place) -> None:
+    def step(
+        self,
+        dt: float,
+        height: float,
+        place: GroundPoint,
+        goal: GroundPoint,
+        *,
+        left: float,
+        pull: GroundPoint,
+    ) -> None:
         """Advance by ``dt`` seconds.
 
         The centre of pressure is at ``place`` for another ``left`` seconds; after that the body is to move as
@@ -63,7 +72,7 @@ class Balance:
         self.x, self.y = x, y
 
 
-def inside(place: Place, start: Point, end: Point, third: Point) -> Place:
+def inside(place: GroundPoint, start: LegPoint, end: LegPoint, third: LegPoint) -> GroundPoint:
     """Return the place, moved to the third foot's side of the line between two if needed, with a margin."""
     line_x, line_y = end[0] - start[0], end[1] - start[1]
     long = math.hypot(line_x, line_y)
@@ -78,7 +87,7 @@ def inside(place: Place, start: Point, end: Point, third: Point) -> Place:
     return (place[0] + out_x * missing, place[1] + out_y * missing) if missing > 0 else place
 
 
-def loads(feet: Sequence[Point], stance: Sequence[bool], place: Place) -> list[float]:
+def loads(feet: Sequence[LegPoint], stance: Sequence[bool], place: GroundPoint) -> list[float]:
     """Return the share of the weight on each foot for this centre of pressure; 0 for feet in the air."""
     count, mean_x, mean_y, xx, yy, xy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     for (x, y, _), stands in zip(feet, stance, strict=True):

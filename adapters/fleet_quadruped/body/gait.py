@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 
 import msgspec
 
-from fleet_quadruped.body.balance import Balance, Place, inside, loads
-from fleet_quadruped.body.legs import DogLeg, Point
+from fleet_quadruped.body.balance import Balance, GroundPoint, inside, loads
+from fleet_quadruped.body.legs import DogLeg, LegPoint
 from fleet_quadruped.body.pattern import Pattern, trot
 from fleet_quadruped.robot.parts import Gait
 
@@ -57,7 +57,7 @@ class GaitSteps:
         self._last = False  # the gait ends after this half cycle
         self.walking = False
         self.balance = Balance()
-        self.feet: list[Point] = [(x, y, 0.0) for x, y in self._neutral]
+        self.feet: list[LegPoint] = [(x, y, 0.0) for x, y in self._neutral]
         self._lifted = list(self.feet)
         self.stance = [True] * 4
         self.loads = [0.25] * 4
@@ -112,7 +112,7 @@ class GaitSteps:
         *,
         tilt: tuple[float, float],
         pull: tuple[float, float] = (0.0, 0.0),
-    ) -> list[Point]:
+    ) -> list[LegPoint]:
         """Return the feet after ``dt`` seconds.
 
         ``error``: measured minus requested velocity; ``tilt``: (roll, pitch), rad; ``pull``: requested
@@ -159,7 +159,7 @@ class GaitSteps:
         left = (0.5 - self._phase % 0.5) * pattern.period
         self.balance.step(dt, height, place, goal, left=left, pull=pull)
 
-    def _support_centre(self, side: int, *, rear: bool) -> Place:
+    def _support_centre(self, side: int, *, rear: bool) -> GroundPoint:
         """Return the centre of pressure for standing on both feet of a side (0 left) and one of the other.
 
         ``rear``: the other side's rear foot is lifted, else its front foot.
@@ -218,7 +218,7 @@ class GaitSteps:
         share = min(1.0, self._gait.reach / length) if length > 0 else 1.0
         return x + ahead_x * share, y + ahead_y * share
 
-    def _levelled(self, height: float, roll: float, pitch: float) -> list[Point]:
+    def _levelled(self, height: float, roll: float, pitch: float) -> list[LegPoint]:
         """Return the feet relative to the body at its height; feet on the ground also level the body."""
         posture, ground, ahead, aside = (
             self._gait.posture,
@@ -226,7 +226,7 @@ class GaitSteps:
             self.balance.x,
             self.balance.y,
         )
-        feet: list[Point] = []
+        feet: list[LegPoint] = []
         for (x, y, lift), stands in zip(self.feet, self.stance, strict=True):
             level = posture * (roll * y - pitch * x) if stands else 0.0
             feet.append((x - ahead, y - aside, ground + lift + max(-0.05, min(0.05, level))))

@@ -8,9 +8,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-Point = tuple[float, float, float]
-Angles = tuple[float, float, float]
-Reached = tuple[Point, tuple[Point, Point, Point]]  # position of a foot, and its Jacobian by columns
+LegPoint = tuple[float, float, float]
+LegAngles = tuple[float, float, float]
+Reached = tuple[
+    LegPoint, tuple[LegPoint, LegPoint, LegPoint]
+]  # position of a foot, and its Jacobian by columns
 _NEARLY = 0.999  # of the leg's full length: keeps the leg off its singularity
 
 
@@ -25,11 +27,11 @@ class DogLeg(NamedTuple):
     thigh: float
     calf: float
 
-    def foot(self, angles: Angles) -> Point:
+    def foot(self, angles: LegAngles) -> LegPoint:
         """Return the centre of the foot."""
         return self.reach(angles)[0]
 
-    def angles(self, foot: Point) -> Angles:
+    def angles(self, foot: LegPoint) -> LegAngles:
         """Return the angles for this foot position, or for the nearest reachable one in its direction."""
         x, y, z = foot
         _, _, side, back, offset, thigh, calf = self
@@ -45,7 +47,7 @@ class DogLeg(NamedTuple):
         lean = math.acos((one + square - two) / (2 * thigh * length))
         return abad, math.atan2(-x, down) - back * lean, back * (math.pi - bend)
 
-    def reach(self, angles: Angles) -> Reached:
+    def reach(self, angles: LegAngles) -> Reached:
         """Return the centre of the foot, and its velocity for 1 rad/s of each joint."""
         abad, hip, knee = angles
         _, _, side, _, offset, thigh, calf = self
@@ -56,6 +58,6 @@ class DogLeg(NamedTuple):
         y, z = out * cos + down * sin, out * sin - down * cos
         return (x, y, z), ((0.0, -z, y), (-down, x * sin, -x * cos), (-low, low_x * sin, -low_x * cos))
 
-    def reaches(self, foot: Point) -> bool:
+    def reaches(self, foot: LegPoint) -> bool:
         """Return True if the leg can reach this position."""
         return math.dist(self.foot(self.angles(foot)), foot) < 1e-3

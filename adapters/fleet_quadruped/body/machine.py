@@ -12,8 +12,8 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.lowering import Lowering
 from fleet_quadruped.body.measured import ZEROS, Sense, Targets
 from fleet_quadruped.body.motion import PostureMotion, folding, rising, sitting
-from fleet_quadruped.body.posing import Goal, Posing
-from fleet_quadruped.body.probing import probing
+from fleet_quadruped.body.posing import JointGoal, Posing
+from fleet_quadruped.body.probing import probing_motion
 from fleet_quadruped.body.recovery import Recovery
 from fleet_quadruped.body.requests import (
     ALREADY,
@@ -72,28 +72,28 @@ class BodyStateMachine:
         self.recovery = Recovery(dog)
         self._reset = False
         self.posing: Posing | None = None  # in POSING and HELD
-        self.goal: Goal = ()  # present joint targets
+        self.goal: JointGoal = ()  # present joint targets
 
     # -- requests -------------------------------------------------------------------------------------
 
-    def ask(self, ask: BodyRequest, value: float, sense: Sense) -> str:
+    def request(self, request: BodyRequest, value: float, sense: Sense) -> str:
         """Accept a request; return the reason of a refusal, empty if it is accepted or already met."""
-        if self.mode in ALREADY.get(ask, ()):
+        if self.mode in ALREADY.get(request, ()):
             return ""
-        if (ask, self.mode) in ENTERED:
-            self._enter(ENTERED[ask, self.mode])
+        if (request, self.mode) in ENTERED:
+            self._enter(ENTERED[request, self.mode])
             return ""
-        if ask is BodyRequest.HEIGHT:
+        if request is BodyRequest.HEIGHT:
             stands = self.mode in STANDS
             return self.walker.change_height(value) if stands else f"it is {self.mode.value}; stand up first"
-        if ask is BodyRequest.RESET:
+        if request is BodyRequest.RESET:
             return self._reset_faults()
-        if ask in {BodyRequest.STAND, BodyRequest.POSE} and self._change_posture(ask):
+        if request in {BodyRequest.STAND, BodyRequest.POSE} and self._change_posture(request):
             return ""
         can_roll = self._dog.poses.roll_near is not None
-        refused = refusal(ask, self.mode, self.fault, sense.imu, can_roll=can_roll)
+        refused = refusal(request, self.mode, self.fault, sense.imu, can_roll=can_roll)
         if not refused:
-            self._after = STARTED[ask]
+            self._after = STARTED[request]
             self._enter(BodyMode.ENABLING)
         return refused
 
@@ -119,19 +119,19 @@ class BodyStateMachine:
         """Lower a robot that was found held by its drives, and take the torque off."""
         self._enter(BodyMode.DAMPED)
 
-    def _change_posture(self, ask: BodyRequest) -> bool:
+    def _change_posture(self, request: BodyRequest) -> bool:
         """Start joint moves of a standing robot, or return to standing, slowly; False in another mode.
 
         A robot whose joints were moved while it lay stands up instead.
         """
-        if ask is BodyRequest.POSE and self.mode is BodyMode.STANDING:
+        if request is BodyRequest.POSE and self.mode is BodyMode.STANDING:
             self._enter(BodyMode.POSING)
             self.posing = Posing(self._dog, self._dog.stance(self.walker.height), stands=True)
             return True
         posing = self.posing
         if self.mode not in POSED:
             return False
-        if ask is BodyRequest.POSE:
+        if request is BodyRequest.POSE:
             self.mode = BodyMode.POSING
             if posing is not None:
                 posing.leaves = False
@@ -139,7 +139,7 @@ class BodyStateMachine:
             self.mode, posing.leaves = BodyMode.HELD, posing.stands
             if not posing.stands:
                 self._enter(BodyMode.RISING)
-        return ask is BodyRequest.POSE or posing is not None
+        return request is BodyRequest.POSE or posing is not None
 
     def _reset_faults(self) -> str:
         if self._lowering is not None and self._lowering.stuck:  # a person holds the robot
@@ -254,7 +254,7 @@ class BodyStateMachine:
         return BodyOutput(DriveAction.HOLD, targets)
 
     def _checking(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> BodyOutput:
-        self._motion = self._motion or probing(self._dog, sense.angles)
+        self._motion = self._motion or probing_motion(self._dog, sense.angles)
         targets = self._motion.step(dt)
         if self._motion.done:
             self._enter(BodyMode.SITTING)

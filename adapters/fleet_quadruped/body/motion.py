@@ -11,7 +11,7 @@ from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.names import Twelve
 
-Path = Callable[[float], Twelve]
+JointPath = Callable[[float], Twelve]
 _FOLD_TIME = 0.8  # s
 _TRAPPED = 1.3  # rad between a hip and its folded angle: the leg may lie under the body
 _STRETCH, _STRETCH_TIME = 0.9, 0.6  # rad at the knee, s
@@ -23,7 +23,7 @@ class Segment(NamedTuple):
 
     seconds: float
     goal: Twelve
-    path: Path | None = None
+    path: JointPath | None = None
 
 
 class PostureMotion:

@@ -12,7 +12,7 @@ from fleet_quadruped.body.measured import ZEROS, Targets
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import Twelve
 
-Goal = Sequence[float | None]
+JointGoal = Sequence[float | None]
 """Target of each joint, rad, in the order of ``JOINTS``; None, or an empty sequence: no target."""
 
 
@@ -41,7 +41,7 @@ class Posing:
         """True when every joint is back at the start."""
         return self._added == ZEROS
 
-    def step(self, dt: float, goal: Goal, base: Targets) -> Targets:
+    def step(self, dt: float, goal: JointGoal, base: Targets) -> Targets:
         """Return the targets after ``dt`` seconds; ``base``: targets without the joint moves."""
         if self.leaves:
             goal = self.start

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fleet import quaternion_from_euler
-from fleet_quadruped.body.legs import Point
+from fleet_quadruped.body.legs import LegPoint
 from fleet_quadruped.body.motion import PostureMotion, Segment
 from fleet_quadruped.body.turning import to_body
 from fleet_quadruped.robot.description import DogDescription
@@ -51,7 +51,7 @@ def look_times(dog: DogDescription) -> tuple[float, ...]:
     return tuple(first + number * (MOVE_TIME + HOLD_TIME) for number in range(len(lean_tests(dog))))
 
 
-def probing(dog: DogDescription, start: Twelve) -> PostureMotion:
+def probing_motion(dog: DogDescription, start: Twelve) -> PostureMotion:
     """Fold slowly, crouch, and move the trunk to each of ``lean_tests``."""
     fold = dog.posture(dog.poses.fold)
     first, *others = lean_tests(dog)
@@ -81,7 +81,7 @@ def lean_angles(dog: DogDescription, lean: Lean) -> Twelve:
     rotation = quaternion_from_euler(lean.roll, lean.pitch, lean.yaw)
     angles: list[float] = []
     for leg in dog.legs:
-        stands: Point = (
+        stands: LegPoint = (
             leg.x - lean.x,
             leg.y + leg.side * leg.offset - lean.y,
             dog.geometry.foot_radius - lean.up,

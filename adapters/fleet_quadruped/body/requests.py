@@ -55,16 +55,18 @@ STARTED: Mapping[BodyRequest, BodyMode] = MappingProxyType(
 """Requests that enable the drives of a robot that is off, and the mode that follows."""
 
 
-def refusal(ask: BodyRequest, mode: BodyMode, fault: str, imu: MeasuredImu | None, *, can_roll: bool) -> str:
+def refusal(
+    request: BodyRequest, mode: BodyMode, fault: str, imu: MeasuredImu | None, *, can_roll: bool
+) -> str:
     """Return the reason against enabling the drives for a request; empty if there is none.
 
     ``fault``: the latched fault; ``can_roll``: the description has roll poses.
     """
-    if mode is not BodyMode.OFF or ask not in STARTED:
-        return f"it is {mode.value}; stop it first" if ask is BodyRequest.POSE else f"it is {mode.value}"
+    if mode is not BodyMode.OFF or request not in STARTED:
+        return f"it is {mode.value}; stop it first" if request is BodyRequest.POSE else f"it is {mode.value}"
     if fault:
         return f"a fault is latched: {fault}; look at the dog, then send reset_faults"
-    return _LIES_WRONGLY[ask](imu, can_roll)
+    return _LIES_WRONGLY[request](imu, can_roll)
 
 
 def _not_upright(hint: str) -> Callable[[MeasuredImu | None, bool], str]:

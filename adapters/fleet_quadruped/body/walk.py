@@ -6,7 +6,7 @@ import math
 
 from fleet_quadruped.body.balance import GRAVITY
 from fleet_quadruped.body.gait import GaitSteps, Twist
-from fleet_quadruped.body.legs import Point
+from fleet_quadruped.body.legs import LegPoint
 from fleet_quadruped.body.measured import Sense, Targets
 from fleet_quadruped.body.odometry import LegOdometry
 from fleet_quadruped.body.pattern import trot, walk
@@ -101,7 +101,7 @@ class Walker:
             within(added.turn + share * (wanted.turn - seen.turn), _CORRECTION),
         )
 
-    def _targets(self, dt: float, feet: list[Point], sense: Sense) -> Targets:
+    def _targets(self, dt: float, feet: list[LegPoint], sense: Sense) -> Targets:
         """Return the joint targets for the feet: angles, speeds, and torques that carry the weight."""
         angles: list[float] = []
         for leg, (x, y, z) in zip(self._dog.legs, feet, strict=True):

@@ -7,11 +7,11 @@ from collections.abc import Collection, Mapping
 from fleet import CanBus, Clock, LinkLost
 
 LISTEN = 0.25  # s: the slowest controller sends 10 frames a second
-Address = tuple[str, int]
+BusAddress = tuple[str, int]
 """Name of a bus, and identifier of a frame."""
 
 
-def require_sole_controller(buses: Mapping[str, CanBus], ours: Collection[Address], clock: Clock) -> None:
+def require_sole_controller(buses: Mapping[str, CanBus], ours: Collection[BusAddress], clock: Clock) -> None:
     """Listen before the first frame is sent; raises LinkLost if another node sends one of ``ours``.
 
     The sender may be a second program, or the former controller, which is still sitting the robot down.

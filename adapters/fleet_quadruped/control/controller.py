@@ -10,8 +10,8 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.height import height_of
 from fleet_quadruped.body.machine import BodyStateMachine
 from fleet_quadruped.body.measured import Sense
-from fleet_quadruped.can.bus_guard import Address
-from fleet_quadruped.control.holding import failed, holding, not_enabled, silent_bus, silent_joint
+from fleet_quadruped.can.bus_guard import BusAddress
+from fleet_quadruped.control.drive_summaries import failed, holding, not_enabled, silent_bus, silent_joint
 from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.off_watch import OffWatch
 from fleet_quadruped.control.order_tracker import OrderTracker
@@ -51,7 +51,7 @@ class Controller:
         self._trip: Trip | None = None
 
     @property
-    def addresses(self) -> frozenset[Address]:
+    def addresses(self) -> frozenset[BusAddress]:
         """Identifiers that only one controller may send."""
         return self.drives.addresses
 

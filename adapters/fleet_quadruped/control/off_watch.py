@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fleet_quadruped.control.holding import all_off, holding
+from fleet_quadruped.control.drive_summaries import all_off, holding
 from fleet_quadruped.drives.base import JointsFeedback
 from fleet_quadruped.robot.joint import Joint
 

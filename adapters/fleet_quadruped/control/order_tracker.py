@@ -8,7 +8,7 @@ from fleet_quadruped.body.machine import BodyStateMachine
 from fleet_quadruped.body.measured import Sense
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.orders import Order
-from fleet_quadruped.safety.stages import ASKED_TO_LEAVE, EMERGENCY_STOP, BodyMode, StopStage, Trip
+from fleet_quadruped.safety.stages import EMERGENCY_STOP, REQUESTED_TO_LEAVE, BodyMode, StopStage, Trip
 
 _STOP_TRIP = Trip(StopStage.DAMP, EMERGENCY_STOP)
 _POWERS = frozenset({BodyRequest.STAND, BodyRequest.RECOVER, BodyRequest.CHECK, BodyRequest.POSE})
@@ -37,9 +37,9 @@ class OrderTracker:
         body, activity = self._body, order.activity
         if activity.number > self.answered:
             self.answered = activity.number
-            self._release(activity.ask)
-            refusal = unfit() if self._powers_up(activity.ask) else ""
-            self.refusal = refusal or body.ask(activity.ask, activity.value, sense)
+            self._release(activity.request)
+            refusal = unfit() if self._powers_up(activity.request) else ""
+            self.refusal = refusal or body.request(activity.request, activity.value, sense)
         if order.halts > self.halted:
             self.halted = order.halts
             body.halt()
@@ -50,14 +50,14 @@ class OrderTracker:
                 body.fault = body.fault or _STOP_TRIP.cause
         silent = now - order.alive
         if order.leave or silent > self._abandoned:
-            why = ASKED_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s"
+            why = REQUESTED_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s"
             body.trip(Trip(StopStage.SIT, why))
 
-    def _release(self, ask: BodyRequest) -> None:
+    def _release(self, request: BodyRequest) -> None:
         """Clear the fault of an emergency stop, which the host has released, on a request to get up."""
-        if ask in {BodyRequest.STAND, BodyRequest.RECOVER} and self._body.fault == EMERGENCY_STOP:
+        if request in {BodyRequest.STAND, BodyRequest.RECOVER} and self._body.fault == EMERGENCY_STOP:
             self._body.fault = ""
 
-    def _powers_up(self, ask: BodyRequest) -> bool:
+    def _powers_up(self, request: BodyRequest) -> bool:
         """Return True if the request enables the drives; a latched fault is refused by the body itself."""
-        return ask in _POWERS and self._body.mode is BodyMode.OFF and not self._body.fault
+        return request in _POWERS and self._body.mode is BodyMode.OFF and not self._body.fault

@@ -15,7 +15,7 @@ class Activity(msgspec.Struct, frozen=True):
     """A discrete request; its number makes it execute exactly once."""
 
     number: int = 0
-    ask: BodyRequest = BodyRequest.STAND
+    request: BodyRequest = BodyRequest.STAND
     value: float = 0.0
 
 

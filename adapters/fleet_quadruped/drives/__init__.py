@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 DRIVES = "fleet.quadruped_drives"
 SIMULATED_DRIVES = "fleet.quadruped_simulated_drives"
-_ASKED = ("problems", "load", "shared", "identifiers", "farthest")
+_REQUESTED = ("problems", "load", "shared", "identifiers", "farthest")
 """Static methods of the class, needed before a bus is open."""
 
 
@@ -53,7 +53,7 @@ class DriveKind(Protocol):
 def drive_kind(protocol: str) -> DriveKind:
     """Return the drives for a protocol; raises ConfigError with the known protocols."""
     kind = load_entry(DRIVES, protocol)
-    missing = [name for name in _ASKED if not callable(getattr(kind, name, None))]
+    missing = [name for name in _REQUESTED if not callable(getattr(kind, name, None))]
     if missing or not callable(kind):
         raise ConfigError(f"{protocol!r} is not a class of joint drives: it has no {', '.join(missing)}")
     return cast("DriveKind", kind)

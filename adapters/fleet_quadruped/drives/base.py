@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 
 from fleet import CanFrame
 from fleet_quadruped.body.measured import Targets
-from fleet_quadruped.can.bus_guard import Address
+from fleet_quadruped.can.bus_guard import BusAddress
 from fleet_quadruped.robot.joint import Joint
 
 
@@ -91,7 +91,7 @@ class JointDrive(Protocol):
     """
 
     @property
-    def addresses(self) -> frozenset[Address]:
+    def addresses(self) -> frozenset[BusAddress]:
         """Identifiers of the frames with targets for these drives; only one controller may send them."""
 
     def configure(self) -> None:

@@ -33,7 +33,7 @@ class DriveRequester:
         self._buses = buses
         self._take = take
 
-    def ask(
+    def request(
         self,
         drives: Sequence[RequestableT],
         question: Callable[[RequestableT], CanFrame],

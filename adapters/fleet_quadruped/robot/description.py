@@ -10,7 +10,7 @@ from pathlib import Path
 from pydantic import Field, model_validator
 
 from fleet import ConfigError
-from fleet_quadruped.body.legs import Angles, DogLeg
+from fleet_quadruped.body.legs import DogLeg, LegAngles
 from fleet_quadruped.drives import drive_kind
 from fleet_quadruped.robot.busload import HIGHEST, bus_loads
 from fleet_quadruped.robot.joint import Joint
@@ -146,7 +146,7 @@ class DogDescription(Section):
         )
 
 
-def leg_angles(posture: Twelve, leg: int) -> Angles:
+def leg_angles(posture: Twelve, leg: int) -> LegAngles:
     """Return the three angles of one leg from all twelve."""
     return posture[3 * leg], posture[3 * leg + 1], posture[3 * leg + 2]
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Literal
 
-Leg = Literal["FL", "FR", "RL", "RR"]
+LegName = Literal["FL", "FR", "RL", "RR"]
 Part = Literal["abad", "hip", "knee"]
 GaitName = Literal["trot", "walk"]
 
-LEGS: tuple[Leg, ...] = ("FL", "FR", "RL", "RR")
+LEGS: tuple[LegName, ...] = ("FL", "FR", "RL", "RR")
 PARTS: tuple[Part, ...] = ("abad", "hip", "knee")
 JOINTS: tuple[str, ...] = tuple(f"{leg}_{part}" for leg in LEGS for part in PARTS)
 

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from fleet_quadruped.frames import FrameMap
 
-Positive = Annotated[float, Field(gt=0)]
+PositiveNumber = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -19,7 +19,7 @@ def _rising(pair: tuple[float, float]) -> tuple[float, float]:
     return pair
 
 
-Range = Annotated[tuple[float, float], AfterValidator(_rising)]
+RisingRange = Annotated[tuple[float, float], AfterValidator(_rising)]
 
 
 class Section(BaseModel):
@@ -32,18 +32,18 @@ class Machine(Section):
     """The robot as a whole."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_-]{0,62}$", description="Name in logs and faults.")
-    mass: Positive = Field(description="Total mass, kg.")
+    mass: PositiveNumber = Field(description="Total mass, kg.")
 
 
 class Geometry(Section):
     """Positions of the legs and lengths of their links."""
 
-    hip_x: Positive = Field(description="Body centre to the abduction axes, forward, m.")
-    hip_y: Positive = Field(description="Body centre to the abduction axes, sideways, m.")
-    abad_offset: Positive = Field(description="Abduction axis to the plane of the leg, m.")
-    thigh: Positive = Field(description="Hip axis to knee axis, m.")
-    calf: Positive = Field(description="Knee axis to the centre of the foot, m.")
-    foot_radius: Positive = Field(description="Radius of the round foot, m.")
+    hip_x: PositiveNumber = Field(description="Body centre to the abduction axes, forward, m.")
+    hip_y: PositiveNumber = Field(description="Body centre to the abduction axes, sideways, m.")
+    abad_offset: PositiveNumber = Field(description="Abduction axis to the plane of the leg, m.")
+    thigh: PositiveNumber = Field(description="Hip axis to knee axis, m.")
+    calf: PositiveNumber = Field(description="Knee axis to the centre of the foot, m.")
+    foot_radius: PositiveNumber = Field(description="Radius of the round foot, m.")
     front_knees: Literal["backward", "forward"] = Field(
         "backward", description="Direction in which they point."
     )
@@ -66,7 +66,7 @@ class Temperature(Section):
 
     index: int = Field(ge=0x2000, le=0x9FFF, description="Index, like 0x2031.")
     sub: int = Field(0, ge=0, le=255, description="Subindex.")
-    scale: Positive = Field(1.0, description="Degrees C of one unit.")
+    scale: PositiveNumber = Field(1.0, description="Degrees C of one unit.")
 
     @property
     def entry(self) -> int:
@@ -77,11 +77,11 @@ class Temperature(Section):
 class Motor(Section):
     """An MIT motor: the ranges and fields of its frames, from its manual."""
 
-    angle: Positive = Field(description="Greatest angle in its frames, in both directions, rad.")
-    speed: Positive = Field(description="Greatest speed, rad/s.")
-    torque: Positive = Field(description="Greatest torque, N m.")
-    kp: Positive = Field(500, description="Greatest stiffness, N m/rad.")
-    kd: Positive = Field(5, description="Greatest damping, N m s/rad.")
+    angle: PositiveNumber = Field(description="Greatest angle in its frames, in both directions, rad.")
+    speed: PositiveNumber = Field(description="Greatest speed, rad/s.")
+    torque: PositiveNumber = Field(description="Greatest torque, N m.")
+    kp: PositiveNumber = Field(500, description="Greatest stiffness, N m/rad.")
+    kd: PositiveNumber = Field(5, description="Greatest damping, N m s/rad.")
     damiao: bool = Field(False, description="Has a status in its replies, registers and a watchdog.")
     temperature_at: Literal[6, 7] | None = Field(
         None, description="Byte of its replies that holds the temperature."
@@ -120,15 +120,19 @@ class Drive(Section):
 class Actuator(Section):
     """Common properties of the joints of one kind. Limits are for a left leg; abduction is mirrored."""
 
-    limits: Range = Field(description="Lowest and highest angle, rad.")
-    velocity: Positive = Field(description="Highest speed, rad/s.")
-    torque: Positive = Field(description="Highest torque, N m.")
+    limits: RisingRange = Field(description="Lowest and highest angle, rad.")
+    velocity: PositiveNumber = Field(description="Highest speed, rad/s.")
+    torque: PositiveNumber = Field(description="Highest torque, N m.")
     profile: str = Field("", description="MIT: motor model of these joints, if not drive.profile.")
     kp: float = Field(60, ge=0, description="MIT, ODrive, moteus: stiffness, N m/rad.")
     kd: float = Field(2, ge=0, description="MIT, ODrive, moteus: damping, N m s/rad.")
-    ratio: Positive = Field(1, description="Motor turns per turn of the joint.")
-    counts_per_rad: Positive = Field(10_000, description="CiA 402: position units per rad of the motor.")
-    rated_torque: Positive = Field(10, description="CiA 402: torque of the joint at 1000 per mille, N m.")
+    ratio: PositiveNumber = Field(1, description="Motor turns per turn of the joint.")
+    counts_per_rad: PositiveNumber = Field(
+        10_000, description="CiA 402: position units per rad of the motor."
+    )
+    rated_torque: PositiveNumber = Field(
+        10, description="CiA 402: torque of the joint at 1000 per mille, N m."
+    )
     temperature_warn: float = Field(70, description="Temperature from which the robot slows down, degrees C.")
     temperature_max: float = Field(85, description="Temperature at which the robot sits down, degrees C.")
 
@@ -145,21 +149,21 @@ class Wiring(Section):
 class Pace(Section):
     """Limits of velocity and acceleration."""
 
-    speed: Positive = Field(0.8, description="Highest forward speed, m/s.")
-    strafe: Positive = Field(0.3, description="Highest sideways speed, m/s.")
-    turn: Positive = Field(1.0, description="Highest turning speed, rad/s.")
-    acceleration: Positive = Field(0.8, description="m/s2.")
-    turn_acceleration: Positive = Field(2.5, description="rad/s2.")
+    speed: PositiveNumber = Field(0.8, description="Highest forward speed, m/s.")
+    strafe: PositiveNumber = Field(0.3, description="Highest sideways speed, m/s.")
+    turn: PositiveNumber = Field(1.0, description="Highest turning speed, rad/s.")
+    acceleration: PositiveNumber = Field(0.8, description="m/s2.")
+    turn_acceleration: PositiveNumber = Field(2.5, description="rad/s2.")
 
 
 class WalkGait(Pace):
     """The slow gait, with three feet on the ground."""
 
-    speed: Positive = Field(0.15, description="Highest forward speed, m/s.")
-    strafe: Positive = Field(0.08, description="Highest sideways speed, m/s.")
-    turn: Positive = Field(0.35, description="Highest turning speed, rad/s.")
-    acceleration: Positive = Field(0.3, description="m/s2.")
-    turn_acceleration: Positive = Field(0.75, description="rad/s2.")
+    speed: PositiveNumber = Field(0.15, description="Highest forward speed, m/s.")
+    strafe: PositiveNumber = Field(0.08, description="Highest sideways speed, m/s.")
+    turn: PositiveNumber = Field(0.35, description="Highest turning speed, rad/s.")
+    acceleration: PositiveNumber = Field(0.3, description="m/s2.")
+    turn_acceleration: PositiveNumber = Field(0.75, description="rad/s2.")
     period: float = Field(1.4, gt=0.5, le=5, description="Duration of one cycle of four steps, s.")
     sway: float = Field(
         0.5, ge=0.3, le=0.7, description="How far the body sways towards the standing side, as a share."
@@ -169,13 +173,15 @@ class WalkGait(Pace):
 class Gait(Pace):
     """Dimensions and timing of the trot; ``walk`` is the slow gait."""
 
-    height: Positive = Field(0.27, description="Height of the hip axes while standing, m.")
-    lowest: Positive = Field(0.15, description="Lowest standing height, m.")
-    highest: Positive = Field(0.32, description="Highest standing height, m.")
+    height: PositiveNumber = Field(0.27, description="Height of the hip axes while standing, m.")
+    lowest: PositiveNumber = Field(0.15, description="Lowest standing height, m.")
+    highest: PositiveNumber = Field(0.32, description="Highest standing height, m.")
     period: float = Field(0.42, gt=0.1, le=2, description="Duration of one trot cycle, s.")
     duty: float = Field(0.58, ge=0.5, lt=0.9, description="Share of the cycle that a foot is on the ground.")
-    swing: Positive = Field(0.06, description="Height to which a foot is lifted, m.")
-    reach: Positive = Field(0.16, description="Greatest distance of a foot from its neutral position, m.")
+    swing: PositiveNumber = Field(0.06, description="Height to which a foot is lifted, m.")
+    reach: PositiveNumber = Field(
+        0.16, description="Greatest distance of a foot from its neutral position, m."
+    )
     walk: WalkGait = Field(WalkGait(), description="Gait ``walk`` of the velocity contract.")
     posture: Share = Field(0.5, description="How strongly the legs level the body.")
 
@@ -196,8 +202,8 @@ class Poses(Section):
         None, description="Rolling over: legs on the side that it rolls towards."
     )
     roll_far: LegPose | None = Field(None, description="Rolling over: legs on the other side.")
-    rise_time: Positive = Field(1.5, description="Duration of standing up from ``fold``, s.")
-    sit_time: Positive = Field(1.2, description="Duration of sitting down, s.")
+    rise_time: PositiveNumber = Field(1.5, description="Duration of standing up from ``fold``, s.")
+    sit_time: PositiveNumber = Field(1.2, description="Duration of sitting down, s.")
 
 
 class Sensor(Section):
@@ -205,13 +211,13 @@ class Sensor(Section):
 
     bus: str = Field(description="Name of the bus.")
     frames: tuple[FrameMap, ...] = Field(min_length=1, description="Frames and the values in them.")
-    timeout: Positive = Field(0.1, description="Silence after which the values are stale, s.")
+    timeout: PositiveNumber = Field(0.1, description="Silence after which the values are stale, s.")
 
 
 class DogBattery(Sensor):
     """The battery's frames and thresholds."""
 
-    timeout: Positive = Field(5.0, description="Silence after which the values are stale, s.")
+    timeout: PositiveNumber = Field(5.0, description="Silence after which the values are stale, s.")
     warn: float = Field(25, ge=0, le=100, description="Percent at which health becomes degraded.")
     sit_at: float = Field(10, ge=0, le=100, description="Percent at which the robot sits down.")
 

@@ -40,10 +40,10 @@ class BodyMode(enum.StrEnum):
 EMERGENCY_STOP = "emergency stop"
 """Cause of the only latched stop that a new request to get up clears, once the host has released it."""
 
-ASKED_TO_LEAVE = "the controller was dismissed"
+REQUESTED_TO_LEAVE = "the controller was dismissed"
 """Cause of the stop when the controller is dismissed."""
 
-MEANT = frozenset({EMERGENCY_STOP, ASKED_TO_LEAVE})
+MEANT = frozenset({EMERGENCY_STOP, REQUESTED_TO_LEAVE})
 """Causes that are intended: no fault that a person has to inspect."""
 
 

@@ -46,7 +46,7 @@ class FixedFrame(Section, ProtectedFrame):
         return CanFrame(self.id, bytes.fromhex(self.data))
 
 
-class Frames(Section):
+class WalkerFrames(Section):
     """Frames by meaning. A command is repeated until the state shows that it was accepted."""
 
     velocity: Annotated[FrameMap, AfterValidator(_axes)] = Field(description="Sent in every cycle.")
@@ -63,7 +63,7 @@ class Frames(Section):
     slow: tuple[FrameMap, ...] = Field((), description="Values sent at a lower rate: percent, voltage.")
 
     @model_validator(mode="after")
-    def _same_protection(self) -> Frames:
+    def _same_protection(self) -> WalkerFrames:
         """Refuse frames of one identifier with different counters or checksums."""
         protected: dict[int, tuple[object, object]] = {}
         for frame in self.outgoing:
@@ -79,7 +79,7 @@ class Frames(Section):
         return (self.velocity, *self.start, *(frame for frame in named if frame is not None))
 
 
-def wire_of(frames: Frames) -> WalkerWire:
+def wire_of(frames: WalkerFrames) -> WalkerWire:
     """Return the messages of the machine."""
     fixed: dict[str, FixedFrame | None] = {name: getattr(frames, name) for name in COMMANDS}
     height = frames.height

@@ -9,12 +9,12 @@ from fleet import CanBus, CanFrame, LinkLost
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.body.velocity_ramp import limited, ramped
-from fleet_quadruped.can.bus_guard import Address
+from fleet_quadruped.can.bus_guard import BusAddress
 from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.orders import DogState, LoopTiming, Order
 from fleet_quadruped.drives.cia402.commission import NodeName, write_node
 from fleet_quadruped.drives.cia402.frames import SDO_RESPONSE
-from fleet_quadruped.safety.stages import ASKED_TO_LEAVE, EMERGENCY_STOP, BodyMode
+from fleet_quadruped.safety.stages import EMERGENCY_STOP, REQUESTED_TO_LEAVE, BodyMode
 from fleet_quadruped.selfwalk.by_objects import SDO_ABORT
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.height import StandingHeight
@@ -44,7 +44,7 @@ class SelfWalkController:
         self._telemetry = Telemetry(walker)
         self._sender = FrameSender(self._bus, self._wire)
         self._lamp = Lamp(walker.led, buses)
-        self._asks = RequestTracker()
+        self._requests = RequestTracker()
         self._velocity_check = VelocityCheck()
         self._activity = self._stops = self._halted = 0
         self._stop_repeat = StopRepeat()
@@ -55,7 +55,7 @@ class SelfWalkController:
         self._height = StandingHeight(walker)
 
     @property
-    def addresses(self) -> frozenset[Address]:
+    def addresses(self) -> frozenset[BusAddress]:
         """Identifiers of the velocity, which only one controller may send."""
         return frozenset((self.walker.bus, frame.id) for frame in self._wire.velocity)
 
@@ -96,7 +96,7 @@ class SelfWalkController:
         node = self._wire.node
         if node is not None and frame.id == SDO_RESPONSE + node and frame.data[:1] == bytes([SDO_ABORT]):
             code = int.from_bytes(frame.data[4:8], "little")
-            self._asks.end(f"the machine refuses the object (SDO abort {code:08X}h)")
+            self._requests.end(f"the machine refuses the object (SDO abort {code:08X}h)")
 
     def finish(self, now: float, dt: float, order: Order) -> None:
         """End a cycle; raises LinkLost if the machine is silent for too long."""
@@ -111,7 +111,7 @@ class SelfWalkController:
         emergency = self._wire.commands["emergency_stop"]
         if self._stop_repeat.active(now, resting=self.resting):
             self._sender.put(emergency)
-        elif (frame := self._asks.step(now, self._telemetry.mode, self._telemetry.error)) is not None:
+        elif (frame := self._requests.step(now, self._telemetry.mode, self._telemetry.error)) is not None:
             self._sender.put(frame)
         self._lamp.show(order.lamp)
 
@@ -129,8 +129,8 @@ class SelfWalkController:
             mode=telemetry.mode.value,
             fault=self.fault,
             warning=self._warning(),
-            answered=self._asks.answered,
-            refusal=self._asks.refusal,
+            answered=self._requests.answered,
+            refusal=self._requests.refusal,
             stopped=self._stops,
             halted=self._halted,
             posed=measured,
@@ -186,40 +186,42 @@ class SelfWalkController:
         activity = order.activity
         if activity.number > self._activity:
             self._activity = activity.number
-            self._asks.begin(activity.number, activity.ask, *self._answer(activity.ask, activity.value), now)
+            self._requests.begin(
+                activity.number, activity.request, *self._answer(activity.request, activity.value), now
+            )
         if order.stop > self._stops:
             self._stops, self._stop_repeat.pending = order.stop, True
             self._stop(EMERGENCY_STOP, now)
         self._halted = order.halts
         silent = now - order.alive
         if order.leave or silent > self.walker.safety.abandoned:
-            self._sit(ASKED_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s")
+            self._sit(REQUESTED_TO_LEAVE if order.leave else f"no contact with its host for {silent:.0f} s")
         percent = self._telemetry.percent
         if percent is not None and percent <= self.walker.sit_at:
             self._sit(f"battery: {percent:.0f} %, it sits down at {self.walker.sit_at:g} %")
 
-    def _answer(self, ask: BodyRequest, value: float) -> tuple[CanFrame | None, str]:
+    def _answer(self, request: BodyRequest, value: float) -> tuple[CanFrame | None, str]:
         """Return the frame for a request, and the reason of a refusal, empty if it is accepted."""
-        if ask is BodyRequest.HEIGHT:
+        if request is BodyRequest.HEIGHT:
             return self._height.change(value, self._telemetry.mode)
-        frame = self._wire.commands.get(NAMES[ask])
-        if ask is BodyRequest.RESET:
+        frame = self._wire.commands.get(NAMES[request])
+        if request is BodyRequest.RESET:
             if self._stop_repeat.pending:
                 return None, "it has not carried out the emergency stop yet"
             self.fault = ""
             return frame, ""
         if frame is None:
-            return None, f"this machine's description has no {NAMES[ask]}"
-        if ask is BodyRequest.SIT:
+            return None, f"this machine's description has no {NAMES[request]}"
+        if request is BodyRequest.SIT:
             return frame, ""
-        refusal = self._not_now(ask)
+        refusal = self._not_now(request)
         return (None, refusal) if refusal else (frame, "")
 
-    def _not_now(self, ask: BodyRequest) -> str:
+    def _not_now(self, request: BodyRequest) -> str:
         """Return why it cannot get up now; a request that the host lets through clears an emergency stop."""
         if self._telemetry.is_stale:
             return "the machine reports no state"
-        if self._telemetry.mode is not BodyMode.OFF and self._telemetry.mode not in TAKEN[ask]:
+        if self._telemetry.mode is not BodyMode.OFF and self._telemetry.mode not in TAKEN[request]:
             return f"it is {self._telemetry.mode.value}"
         if self.fault == EMERGENCY_STOP:
             self.fault = ""
@@ -229,7 +231,7 @@ class SelfWalkController:
         """Send the machine's emergency stop, and latch the cause; an older fault stays latched."""
         self.fault = self.fault or cause
         self._stop_repeat.begin(now)
-        self._asks.end(cause)
+        self._requests.end(cause)
 
     def _sit(self, cause: str) -> None:
         """Sit down while it stands; the command is repeated until the mode changes."""

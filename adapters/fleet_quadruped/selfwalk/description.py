@@ -14,7 +14,7 @@ from fleet_quadruped.robot.parts import (
     CanBusConfig,
     Machine,
     Pace,
-    Positive,
+    PositiveNumber,
     Section,
     Sensor,
     Switch,
@@ -22,7 +22,7 @@ from fleet_quadruped.robot.parts import (
 )
 from fleet_quadruped.safety.stages import BodyMode
 from fleet_quadruped.selfwalk import by_frames, by_objects
-from fleet_quadruped.selfwalk.by_frames import Frames
+from fleet_quadruped.selfwalk.by_frames import WalkerFrames
 from fleet_quadruped.selfwalk.by_objects import Objects
 from fleet_quadruped.selfwalk.wire import AXES, WalkerWire
 
@@ -49,16 +49,16 @@ class SelfWalker(Section):
         "never does must not be driven over CAN.",
     )
     timeout: float = Field(0.2, gt=0, le=2, description="Silence after which its state is stale, s.")
-    slow_timeout: Positive = Field(5.0, description="Silence after which its slow values are stale, s.")
+    slow_timeout: PositiveNumber = Field(5.0, description="Silence after which its slow values are stale, s.")
     pace: Pace = Pace()
-    height: Positive = Field(0.27, description="Standing height after standing up, m.")
-    lowest: Positive = Field(0.15, description="Lowest standing height, m.")
-    highest: Positive = Field(0.32, description="Highest standing height, m.")
+    height: PositiveNumber = Field(0.27, description="Standing height after standing up, m.")
+    lowest: PositiveNumber = Field(0.15, description="Lowest standing height, m.")
+    highest: PositiveNumber = Field(0.32, description="Highest standing height, m.")
     modes: dict[int, Annotated[BodyMode, BeforeValidator(_word)]] = Field(
         description="Meaning of its mode numbers."
     )
     errors: dict[int, str] = Field({}, description="Meaning of its error numbers; 0 is no error.")
-    frames: Frames | None = Field(None, description="Messages of a machine with proprietary frames.")
+    frames: WalkerFrames | None = Field(None, description="Messages of a machine with proprietary frames.")
     objects: Objects | None = Field(
         None, description="Messages of a machine with a CANopen object dictionary."
     )

@@ -40,7 +40,7 @@ class PendingRequest(NamedTuple):
     """One request in progress."""
 
     number: int
-    ask: BodyRequest
+    request: BodyRequest
     frame: CanFrame
     since: float
 
@@ -54,7 +54,9 @@ class RequestTracker:
         self._pending: PendingRequest | None = None
         self._next = 0.0
 
-    def begin(self, number: int, ask: BodyRequest, frame: CanFrame | None, refusal: str, now: float) -> None:
+    def begin(
+        self, number: int, request: BodyRequest, frame: CanFrame | None, refusal: str, now: float
+    ) -> None:
         """Begin a request, or answer it at once: refused, or done if there is no frame to send."""
         self.end("another command came first")
         self._next = now
@@ -62,7 +64,7 @@ class RequestTracker:
         if refusal or frame is None:
             self.answered, self.refusal = number, refusal
             return
-        self._pending = PendingRequest(number, ask, frame, now)
+        self._pending = PendingRequest(number, request, frame, now)
 
     def end(self, refusal: str = "") -> None:
         """Answer the request in progress."""
@@ -74,12 +76,12 @@ class RequestTracker:
         pending = self._pending
         if pending is None:
             return None
-        asked = now > pending.since
-        if asked and _is_taken(pending, mode, error, now):
+        requested = now > pending.since
+        if requested and _is_taken(pending, mode, error, now):
             self.end()
             return None
         if now - pending.since > WITHIN:
-            name = NAMES.get(pending.ask, pending.ask.value)
+            name = NAMES.get(pending.request, pending.request.value)
             self.end(f"{name} was not taken within {WITHIN:g} s: it is {mode.value}{error and f', {error}'}")
             return None
         if now < self._next:
@@ -90,8 +92,8 @@ class RequestTracker:
 
 def _is_taken(pending: PendingRequest, mode: BodyMode, error: str, now: float) -> bool:
     """Return True if the state shows it; a height is not reported, so it is sent a few times."""
-    if pending.ask is BodyRequest.HEIGHT:
+    if pending.request is BodyRequest.HEIGHT:
         return now - pending.since > _HEIGHT_REPEATS * EVERY
-    if pending.ask is BodyRequest.RESET:
+    if pending.request is BodyRequest.RESET:
         return not error
-    return mode in TAKEN[pending.ask]
+    return mode in TAKEN[pending.request]

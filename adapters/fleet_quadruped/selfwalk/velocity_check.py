@@ -6,7 +6,7 @@ import math
 
 from fleet_quadruped.body.gait import Twist
 
-_ASKED, _TURN = 0.1, 0.2  # m/s, rad/s: slower requests are not compared
+_REQUESTED, _TURN = 0.1, 0.2  # m/s, rad/s: slower requests are not compared
 _SHARE = 0.25  # share of the request that it must report
 _SLACK = 1.0  # s for reaching a velocity
 _STILL, _STILL_TURN = 0.15, 0.3  # m/s, rad/s: tolerance while it should stand still
@@ -23,27 +23,26 @@ class VelocityCheck:
         self.why = self.runs = ""
         self._idle = self._running = 0.0  # s
 
-    def check_cycle(self, dt: float, asked: Twist, reported: Twist) -> None:
+    def check_cycle(self, dt: float, requested: Twist, reported: Twist) -> None:
         """Compare one cycle: requested and reported velocity (m/s, rad/s)."""
-        still = asked == Twist()
-        self._idle = self._idle + dt if not still and _idles(asked, reported) else 0.0
+        still = requested == Twist()
+        self._idle = self._idle + dt if not still and _idles(requested, reported) else 0.0
         moves = math.hypot(reported.x, reported.y) > _STILL or abs(reported.turn) > _STILL_TURN
         self._running = self._running + dt if still and moves else 0.0
         self.why = self.runs = ""
         if self._idle > _SLACK:
-            self.why = (
-                f"requested {_words(asked)}, reports {_words(reported)}: it is blocked, or does not follow"
-            )
+            words = f"requested {_words(requested)}, reports {_words(reported)}"
+            self.why = f"{words}: it is blocked, or does not follow"
         if self._running > _HALT:
             self.runs = f"requested to stand still, reports {_words(reported)}"
 
 
-def _idles(asked: Twist, reported: Twist) -> bool:
+def _idles(requested: Twist, reported: Twist) -> bool:
     """Return True if the reported velocity is much slower than requested, or opposite."""
-    speed = math.hypot(asked.x, asked.y)
-    along = (asked.x * reported.x + asked.y * reported.y) / speed if speed > _ASKED else math.inf
-    turn = reported.turn * math.copysign(1.0, asked.turn) if abs(asked.turn) > _TURN else math.inf
-    return along < _SHARE * speed or turn < _SHARE * abs(asked.turn)
+    speed = math.hypot(requested.x, requested.y)
+    along = (requested.x * reported.x + requested.y * reported.y) / speed if speed > _REQUESTED else math.inf
+    turn = reported.turn * math.copysign(1.0, requested.turn) if abs(requested.turn) > _TURN else math.inf
+    return along < _SHARE * speed or turn < _SHARE * abs(requested.turn)
 
 
 def _words(twist: Twist) -> str:

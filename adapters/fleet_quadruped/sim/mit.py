@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from fleet import CanFrame
 from fleet_quadruped.drives.mit import frames as wire
-from fleet_quadruped.drives.mit.frames import Command, MitCommand
+from fleet_quadruped.drives.mit.frames import MitCommand, MitSetpoint
 from fleet_quadruped.drives.mit.profiles import profile_of
 from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import Drive
@@ -34,7 +34,7 @@ class SimMitDrive(SimDampingDrive):
         self._registers[wire.TIMEOUT_REGISTER] = bytes(4)
         self._registers[wire.MASTER_REGISTER] = struct.pack("<I", wire.MASTER + joint.id)
         self.status = 0
-        self._command: Command = MitCommand()
+        self._command: MitSetpoint = MitCommand()
         self._silence = 0.0
         self._timeout = math.inf  # s of silence after which it takes the torque off
         self._place = (wire.MASTER + joint.id) if self._profile.damiao else 0  # identifier of its replies

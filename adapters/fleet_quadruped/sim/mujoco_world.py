@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 
 from fleet import Quaternion, Vector3
-from fleet_quadruped.body.legs import DogLeg, Point
+from fleet_quadruped.body.legs import DogLeg, LegPoint
 from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.body.turning import to_body
 from fleet_quadruped.robot.description import DogDescription
@@ -161,7 +161,7 @@ class MujocoWorld:
             self._imu = MeasuredImu(rotation, Vector3(*self._rates.tolist()), Vector3(*felt))
         return self._imu
 
-    def place(self) -> Point:
+    def place(self) -> LegPoint:
         """Return the position of the trunk."""
         x, y, z = self.data.qpos[0:3].tolist()
         return x, y, z

@@ -89,10 +89,10 @@ class Rig:
         for _ in range(round(seconds / self.dog.dt)):
             self.cycle()
 
-    def ask(self, ask: BodyRequest, value: float = 0.0) -> str:
+    def request(self, request: BodyRequest, value: float = 0.0) -> str:
         """Send a request to the body; return the reason of a refusal, empty if it is accepted."""
         self.order = msgspec.structs.replace(
-            self.order, activity=Activity(self.order.activity.number + 1, ask, value)
+            self.order, activity=Activity(self.order.activity.number + 1, request, value)
         )
         self.cycle()
         return self.state().refusal
@@ -110,7 +110,7 @@ class Rig:
     def stand(self) -> None:
         """Stand up, from off to standing."""
         self.settle()
-        refusal = self.ask(BodyRequest.STAND)
+        refusal = self.request(BodyRequest.STAND)
         self.go(3.0)
         if self.mode is not BodyMode.STANDING:
             raise AssertionError(refusal or self.fault or f"it is {self.mode}")

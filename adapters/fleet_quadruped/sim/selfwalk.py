@@ -87,8 +87,8 @@ class SimWalker:
             number: FrameIntegrity(number, protected) for number, protected in self._wire.protected.items()
         }
         self._idle = self._runs_away = False
-        self._asked: dict[str, float] = {}
-        self._asked_at = -math.inf
+        self._requested: dict[str, float] = {}
+        self._requested_at = -math.inf
         self._since = self._next_state = self._next_slow = 0.0
         self._syncs = 0
         self._muted = False
@@ -163,8 +163,8 @@ class SimWalker:
         right = len(frame.data) == self._lengths[frame.id] and self._runs()
         found = self._velocity.decode(frame.id, frame.data) if right else None
         if found is not None:
-            self._asked.update(found)
-            self._asked_at = self.time
+            self._requested.update(found)
+            self._requested_at = self.time
 
     def _command(self, name: str) -> None:
         """Execute a command."""
@@ -182,8 +182,8 @@ class SimWalker:
         if step is not None and self.time - self._since >= step.after:
             self._enter(step.then)
         stands = self.mode in {BodyMode.STANDING, BodyMode.WALKING}
-        fresh = stands and self.time - self._asked_at <= self.walker.silence and not self._error
-        goal = Twist(*(self._asked.get(name, 0.0) if fresh and not self._idle else 0.0 for name in AXES))
+        fresh = stands and self.time - self._requested_at <= self.walker.silence and not self._error
+        goal = Twist(*(self._requested.get(name, 0.0) if fresh and not self._idle else 0.0 for name in AXES))
         goal = _RUNAWAY if self._runs_away else goal
         share = min(1.0, dt / _LAG)
         self.twist = Twist(

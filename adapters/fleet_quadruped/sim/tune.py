@@ -51,7 +51,7 @@ def tries_needed(dog: DogDescription, turn: Quaternion, most: int = 3) -> int | 
     drop(world, turn)
     rig = Rig(dog, world)
     rig.go(_HEARD)
-    if rig.ask(BodyRequest.RECOVER):
+    if rig.request(BodyRequest.RECOVER):
         return None
     body = rig.controller.body
     while rig.mode in _STANDING_UP and body.recovery.tries <= most:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from fleet import Quaternion, Vector3, quaternion_from_yaw
-from fleet_quadruped.body.legs import Point
+from fleet_quadruped.body.legs import LegPoint
 from fleet_quadruped.body.measured import MeasuredImu
 from fleet_quadruped.body.odometry import body_twist
 from fleet_quadruped.robot.description import DogDescription, leg_angles
@@ -56,7 +56,7 @@ class World(Protocol):
     def imu(self) -> MeasuredImu:
         """Return the measurement of an ideal IMU in the body."""
 
-    def place(self) -> Point:
+    def place(self) -> LegPoint:
         """Return the position of the body, m."""
 
 
@@ -107,11 +107,11 @@ class KinematicWorld:
         rotation: Quaternion = quaternion_from_yaw(self._yaw)
         return MeasuredImu(rotation, Vector3(0.0, 0.0, self._turn), Vector3(0.0, 0.0, GRAVITY))
 
-    def place(self) -> Point:
+    def place(self) -> LegPoint:
         """Return the position of the body."""
         return self._x, self._y, self._dog.geometry.foot_radius - min(foot[2] for foot in self._feet)
 
-    def _all_feet(self) -> list[Point]:
+    def _all_feet(self) -> list[LegPoint]:
         posture = tuple(motor.angle for motor in self.motors)
         feet = []
         for number, leg in enumerate(self._dog.legs):

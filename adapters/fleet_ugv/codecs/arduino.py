@@ -14,7 +14,7 @@ from typing import ClassVar
 import msgspec
 
 from fleet_ugv.codecs.base import LineCodec
-from fleet_ugv.model import AckermannCommand, BaseFault, Event, Feedback, Motion, Wheels
+from fleet_ugv.model import AckermannCommand, BaseFault, Feedback, Motion, UgvEvent, Wheels
 
 PID_RATE = 30.0  # Hz
 LONGEST_LINE = 256  # bytes, more than the longest line of the board
@@ -41,7 +41,7 @@ class ArduinoCodec(LineCodec):
         self._ticks = ticks
         self._servo = servo or Servo()
 
-    def _event(self, line: bytes) -> Event | None:
+    def _event(self, line: bytes) -> UgvEvent | None:
         """Decode one answer, which may follow an echo of its request."""
         line = line.rpartition(b"\r")[2].strip()
         counters = _COUNTERS.fullmatch(line)

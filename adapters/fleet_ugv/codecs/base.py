@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from fleet import LineFraming, Unsupported
-from fleet_ugv.model import Event, Motion
+from fleet_ugv.model import Motion, UgvEvent
 
 
 class Codec(ABC):
@@ -23,7 +23,7 @@ class Codec(ABC):
     garbage: int = 0
 
     @abstractmethod
-    def feed(self, data: bytes) -> Sequence[Event]:
+    def feed(self, data: bytes) -> Sequence[UgvEvent]:
         """Take received bytes; return the events that they complete. Never raises; garbage is counted."""
 
     @abstractmethod
@@ -62,11 +62,11 @@ class LineCodec(Codec):
         self.garbage = 0
         self._framer = LineFraming(b"\n", longest).framer()
 
-    def feed(self, data: bytes) -> Sequence[Event]:
+    def feed(self, data: bytes) -> Sequence[UgvEvent]:
         """Take received bytes; return the events of the complete lines."""
         events = map(self._event, self._framer.feed(data))
         return [event for event in events if event is not None]
 
     @abstractmethod
-    def _event(self, line: bytes) -> Event | None:
+    def _event(self, line: bytes) -> UgvEvent | None:
         """Decode one line; None when it is no event. Garbage is counted."""

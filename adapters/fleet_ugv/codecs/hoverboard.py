@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from fleet_ugv.codecs.base import Codec
-from fleet_ugv.model import Event, Feedback, Motion, Wheels
+from fleet_ugv.model import Feedback, Motion, UgvEvent, Wheels
 
 START = 0xABCD
 LARGEST = 1000  # units of steer and speed
@@ -46,10 +46,10 @@ class HoverboardCodec(Codec):
         self._speed_of_rpm = math.pi * diameter / 60
         self._rest = b""
 
-    def feed(self, data: bytes) -> Sequence[Event]:
+    def feed(self, data: bytes) -> Sequence[UgvEvent]:
         """Take received bytes; anything that is not a frame is skipped up to the next start mark."""
         self._rest += data
-        events: list[Event] = []
+        events: list[UgvEvent] = []
         while True:
             at = self._rest.find(_MARK)
             if at != 0:

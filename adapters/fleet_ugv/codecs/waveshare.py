@@ -15,7 +15,7 @@ import msgspec
 
 from fleet import Vector3
 from fleet_ugv.codecs.base import LineCodec
-from fleet_ugv.model import BaseFault, Confirmed, Event, Feedback, Motion, Wheels
+from fleet_ugv.model import BaseFault, Confirmed, Feedback, Motion, UgvEvent, Wheels
 
 FASTEST = 2.0  # m/s; the firmware ignores more
 LONGEST_LINE = 1024  # bytes, more than the longest line of the board
@@ -49,7 +49,7 @@ class WaveshareCodec(LineCodec):
         self._timeout = round(timeout * 1000)
         self.gimbal_stop = b'{"T":135}\n' if module == PAN_TILT else b""
 
-    def _event(self, line: bytes) -> Event | None:
+    def _event(self, line: bytes) -> UgvEvent | None:
         """Decode one line; plain text is ignored, because the board prints it while it boots."""
         try:
             said = _decode(line)

@@ -22,7 +22,7 @@ from fleet.console.foxglove.channels import Channels, Sample
 from fleet.console.foxglove.protocol import PROTOCOLS
 from fleet.console.foxglove.tokens import Tokens
 from fleet.console.foxglove.viewer import Viewer
-from fleet.record.sources import REPORTS, asked_first, published
+from fleet.record.sources import REPORTS, published, requested_first
 
 log = logging.getLogger(__name__)
 
@@ -112,8 +112,8 @@ class Feed:
         """Subscribe on the bus of an edge, and query values that are published rarely; blocks."""
         take = partial(self._take, edge, loop)
         control = heard.bus.control
-        for key in asked_first(edge):
-            take(control.ask(key, b"", timeout=ANSWER_WITHIN))
+        for key in requested_first(edge):
+            take(control.request(key, b"", timeout=ANSWER_WITHIN))
         for key in published(edge):
             heard.ends.append(control.subscribe(key, lambda key, payload: take([(key, payload)])))
         heard.ends.append(heard.bus.reports.gather(REPORTS, take))

@@ -25,7 +25,7 @@ _HEAD = struct.Struct("<BIQ")  # opcode, subscription, received (Unix ns)
 _WARNING = 1
 _encode = msgspec.json.Encoder().encode
 
-Number = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+Uint32 = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 
 
 class FoxgloveChannel(msgspec.Struct, frozen=True):
@@ -39,8 +39,8 @@ class FoxgloveChannel(msgspec.Struct, frozen=True):
 class FoxgloveSubscription(msgspec.Struct, frozen=True, rename="camel"):
     """Subscription to a channel; ``id`` is the client's number for it."""
 
-    id: Number
-    channel_id: Number
+    id: Uint32
+    channel_id: Uint32
 
 
 class Subscribe(msgspec.Struct, frozen=True, rename="camel", tag_field="op", tag="subscribe"):
@@ -52,7 +52,7 @@ class Subscribe(msgspec.Struct, frozen=True, rename="camel", tag_field="op", tag
 class Unsubscribe(msgspec.Struct, frozen=True, rename="camel", tag_field="op", tag="unsubscribe"):
     """Ends subscriptions."""
 
-    subscription_ids: Annotated[tuple[Number, ...], msgspec.Meta(max_length=MOST_AT_ONCE)]
+    subscription_ids: Annotated[tuple[Uint32, ...], msgspec.Meta(max_length=MOST_AT_ONCE)]
 
 
 class _Op(msgspec.Struct, frozen=True):
@@ -61,10 +61,10 @@ class _Op(msgspec.Struct, frozen=True):
     op: str
 
 
-Asked = Subscribe | Unsubscribe
+ViewerRequest = Subscribe | Unsubscribe
 
 
-def read_asked(message: str | bytes) -> Asked:
+def read_requested(message: str | bytes) -> ViewerRequest:
     """Decode a message of a client; raises WireError, also for operations that a read-only view refuses."""
     if isinstance(message, bytes):
         raise WireError("this view is read-only: it takes no data")
@@ -73,7 +73,7 @@ def read_asked(message: str | bytes) -> Asked:
         kind = decode_json(data, _Op).op
         if kind not in {"subscribe", "unsubscribe"}:
             raise WireError(f"this view is read-only: {kind[:40]} is not taken")
-        found: Asked = decode_json(data, Asked)  # type: ignore[arg-type]
+        found: ViewerRequest = decode_json(data, ViewerRequest)  # type: ignore[arg-type]
     except msgspec.DecodeError as error:
         raise WireError(f"it cannot be read: {error}") from None
     return found

@@ -11,13 +11,13 @@ from fleet.clock import Clock
 from fleet.console.foxglove.backlog import Backlog
 from fleet.console.foxglove.channels import Channels, Sample
 from fleet.console.foxglove.protocol import (
-    Asked,
     FoxgloveChannel,
     FoxgloveSubscription,
     Subscribe,
+    ViewerRequest,
     advertisement,
     message_data,
-    read_asked,
+    read_requested,
     server_info,
     warning,
 )
@@ -107,32 +107,34 @@ class Viewer:
                 return
             text = message.get("text")
             try:
-                self._take(read_asked(text if text is not None else message.get("bytes") or b""))
+                self._take(read_requested(text if text is not None else message.get("bytes") or b""))
             except WireError as error:
                 bad += 1
                 await self._socket.send_text(warning(str(error)))
         await self._socket.close(POLICY)
 
-    def _take(self, asked: Asked) -> None:
+    def _take(self, requested: ViewerRequest) -> None:
         """Begin or end subscriptions; a new one gets the newest sample at once. Raises WireError."""
-        if isinstance(asked, Subscribe):
-            for each in asked.subscriptions:
+        if isinstance(requested, Subscribe):
+            for each in requested.subscriptions:
                 self._subscribe(each)
         else:
-            ended = set(asked.subscription_ids)
+            ended = set(requested.subscription_ids)
             self._subscriptions = {
                 channel: each for channel, each in self._subscriptions.items() if each not in ended
             }
         self._changed()
 
-    def _subscribe(self, asked: FoxgloveSubscription) -> None:
+    def _subscribe(self, requested: FoxgloveSubscription) -> None:
         """Begin one subscription; raises WireError."""
-        if not 1 <= asked.channel_id <= len(self._channels.all):
-            raise WireError(f"there is no channel {asked.channel_id}")
-        if asked.channel_id in self._subscriptions or asked.id in self._subscriptions.values():
-            raise WireError(f"channel {asked.channel_id} or subscription {asked.id} is subscribed already")
-        self._subscriptions[asked.channel_id] = asked.id
-        newest = self._channels.newest.get(asked.channel_id)
+        if not 1 <= requested.channel_id <= len(self._channels.all):
+            raise WireError(f"there is no channel {requested.channel_id}")
+        if requested.channel_id in self._subscriptions or requested.id in self._subscriptions.values():
+            raise WireError(
+                f"channel {requested.channel_id} or subscription {requested.id} is subscribed already"
+            )
+        self._subscriptions[requested.channel_id] = requested.id
+        newest = self._channels.newest.get(requested.channel_id)
         if newest is not None:
             self._backlog.add(newest, self._clock.monotonic())
             self._wakeup.set()

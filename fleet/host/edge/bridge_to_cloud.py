@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from fleet.bridge.bridge import Bridge
 from fleet.bridge.command_replies import RobotPort
-from fleet.bridge.downlink import Handler
+from fleet.bridge.downlink import MessageHandler
 from fleet.bridge.relay import Put
 from fleet.clock import Clock
 from fleet.config.schema import FleetConfig
@@ -22,7 +22,7 @@ def bridge_of(
     alive: Callable[[str], bool],
     claimed: Callable[[str, str], None],
     clock: Clock,
-    handlers: Mapping[str, Handler],
+    handlers: Mapping[str, MessageHandler],
 ) -> Bridge | None:
     """Return the bridge of an edge and its robots, by twin; None without a cloud. Raises CloudError."""
     cloud = config.cloud

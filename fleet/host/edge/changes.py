@@ -24,7 +24,7 @@ from fleet.config.problems import InvalidConfig
 from fleet.errors import FleetError, StateError
 from fleet.host.edge.changes_elsewhere import WorkerFileChanges, ended, waits
 from fleet.host.edge.last_configuration import keep
-from fleet.host.edge.member_rules import groups_blocker, unfit
+from fleet.host.edge.member_rules import groups_blocker, membership_refusal
 from fleet.host.edge.membership import Membership, RobotRegistrations
 from fleet.host.edge.shown_configuration import shown_configuration
 from fleet.host.edge.stops_during_change import StopsDuringChange
@@ -42,7 +42,7 @@ from fleet.model.change import (
     Change,
     ChangeKind,
     ChangesAnswer,
-    ChangesAsked,
+    ChangesRequest,
     Outcome,
 )
 from fleet.model.command import Transport
@@ -95,10 +95,10 @@ class ConfigurationChanges:
         """Serve requests on the bus; its thread passes them to the loop."""
         loop = self._process.loop
 
-        def asked(question: Query) -> None:
+        def requested(question: Query) -> None:
             loop.call_soon_threadsafe(self._begin, question)
 
-        control.answer(keys.changes(self._process.edge), asked)
+        control.answer(keys.changes(self._process.edge), requested)
 
     async def begin(self) -> None:
         """Write the running configuration to disk."""
@@ -120,9 +120,9 @@ class ConfigurationChanges:
     async def _carry_out(self, question: Query) -> None:
         """Execute a request, and answer."""
         try:
-            asked = decode_json(question.payload, ChangesAsked)
-            answer = await self._answer_to(asked)
-            if asked.text:
+            requested = decode_json(question.payload, ChangesRequest)
+            answer = await self._answer_to(requested)
+            if requested.text:
                 text = await asyncio.to_thread(shown_configuration, self._running.file)
                 answer = msgspec.structs.replace(answer, text=text)
         except msgspec.DecodeError as error:
@@ -132,15 +132,15 @@ class ConfigurationChanges:
             answer = ChangesAnswer(refusal=f"the change failed: {type(error).__name__}: {error}")
         _answer(question, answer)
 
-    async def _answer_to(self, asked: ChangesAsked) -> ChangesAnswer:
+    async def _answer_to(self, requested: ChangesRequest) -> ChangesAnswer:
         """Return the differences, and with ``apply`` the outcome of each."""
-        if asked.format > FORMAT:
+        if requested.format > FORMAT:
             return ChangesAnswer(
-                refusal=f"this edge reads format {FORMAT} of it, not {asked.format}: update it"
+                refusal=f"this edge reads format {FORMAT} of it, not {requested.format}: update it"
             )
         file = str(self._running.file.resolve())
-        if asked.file not in {"", file}:
-            return ChangesAnswer((), file, f"this edge reads {file}, not {asked.file}")
+        if requested.file not in {"", file}:
+            return ChangesAnswer((), file, f"this edge reads {file}, not {requested.file}")
         try:
             new = await asyncio.to_thread(load, self._running.file)
         except InvalidConfig as error:
@@ -149,12 +149,12 @@ class ConfigurationChanges:
         except FleetError as error:
             return ChangesAnswer((), file, f"{file} cannot be used; nothing was changed: {error}")
         found = await asyncio.to_thread(_found, self._running, new)
-        if asked.do == "diff":
+        if requested.do == "diff":
             planned = (
                 msgspec.structs.replace(each, why=each.why or self._blocker(each, new)) for each in found
             )
             return ChangesAnswer(tuple(planned), file, warnings=tuple(map(str, new.warnings)))
-        changes = await self._apply(found, new, asked)
+        changes = await self._apply(found, new, requested)
         await self._keep()
         return ChangesAnswer(changes, file)
 
@@ -177,7 +177,7 @@ class ConfigurationChanges:
     def _member_blocker(self, change: Change, new: Loaded, *, force: bool) -> str:
         """Return why a robot cannot be added or removed now; empty when it can."""
         name, added = change.name, change.kind is ChangeKind.ADDED
-        why = unfit(self._running, new.config, name if added else "")
+        why = membership_refusal(self._running, new.config, name if added else "")
         if why or added or force:
             return why
         runs = ", ".join(self._registrations.runs_with(name))
@@ -185,17 +185,19 @@ class ConfigurationChanges:
 
     # -- application -----------------------------------------------------------------------------------
 
-    async def _apply(self, found: Iterable[Change], new: Loaded, asked: ChangesAsked) -> tuple[Change, ...]:
+    async def _apply(
+        self, found: Iterable[Change], new: Loaded, requested: ChangesRequest
+    ) -> tuple[Change, ...]:
         """Apply the changes, one robot or worker after the other."""
         await self._widen(new.config.members)
         self._stops.begin(self._groups)
         try:
-            return await self._carried_out(found, new, asked)
+            return await self._carried_out(found, new, requested)
         finally:
             self._stops.end()
 
     async def _carried_out(
-        self, found: Iterable[Change], new: Loaded, asked: ChangesAsked
+        self, found: Iterable[Change], new: Loaded, requested: ChangesRequest
     ) -> tuple[Change, ...]:
         """Apply the changes, and record them."""
         found = sorted(found, key=lambda change: change.kind is not ChangeKind.REMOVED)  # twins become free
@@ -205,18 +207,18 @@ class ConfigurationChanges:
         for change in found:
             await asyncio.sleep(0)  # a thousand robots must not delay a stop
             if change.kind in MEMBERS:
-                done.append(await self._member(change, new, asked))
+                done.append(await self._member(change, new, requested))
             elif change.kind not in LIVE:
                 done.append(_left(change))
             elif change.section:
                 sections.append(change)
             elif change.name in self._process.robots:
-                done.append(await self._changed(change, new, asked))
+                done.append(await self._changed(change, new, requested))
             else:
                 by_worker.setdefault(self._remote[change.name].worker, []).append(change)
         for worker, changes in by_worker.items():
             after, ends = await self._worker_changes.carry_out(
-                worker, changes, self._running, new, force=asked.force
+                worker, changes, self._running, new, force=requested.force
             )
             done += ends
             if after is not self._running:
@@ -225,19 +227,19 @@ class ConfigurationChanges:
         missing = sorted(_names_of(new) ^ _names_of(self._running))
         done += await self._take_sections(sections, new, missing)
         for change in done:
-            _record(self._process, change, asked)
+            _record(self._process, change, requested)
         return tuple(done)
 
-    async def _member(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
+    async def _member(self, change: Change, new: Loaded, requested: ChangesRequest) -> Change:
         """Add or remove a robot."""
-        if why := self._member_blocker(change, new, force=asked.force):
+        if why := self._member_blocker(change, new, force=requested.force):
             return ended(change, Outcome.REFUSED, why)
         name, added = change.name, change.kind is ChangeKind.ADDED
         try:
             if added:
                 trouble = await self._membership.add(name, self._running, new)
             else:
-                trouble = await self._membership.remove(name, self._running, force=asked.force)
+                trouble = await self._membership.remove(name, self._running, force=requested.force)
         except Exception as error:
             log.exception("the change of %s failed", name)
             trouble = f"{type(error).__name__}: {error}"
@@ -270,15 +272,15 @@ class ConfigurationChanges:
             self._workers.all_run_with(self._running)
         return [ended(change, Outcome.DONE) for change in changes]
 
-    async def _changed(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
+    async def _changed(self, change: Change, new: Loaded, requested: ChangesRequest) -> Change:
         """Change a robot of this process; a failure does not keep the others from their changes."""
         try:
-            return await self._here(change, new, asked)
+            return await self._here(change, new, requested)
         except Exception as error:
             log.exception("the change of %s failed", change.name)
             return ended(change, Outcome.FAILED, f"{type(error).__name__}: {error}")
 
-    async def _here(self, change: Change, new: Loaded, asked: ChangesAsked) -> Change:
+    async def _here(self, change: Change, new: Loaded, requested: ChangesRequest) -> Change:
         """Change a robot of this process."""
         robot = self._process.robots[change.name]
         try:
@@ -286,8 +288,8 @@ class ConfigurationChanges:
         except Exception as error:  # noqa: BLE001 - the validators are the adapter's own code
             return ended(change, Outcome.FAILED, f"its adapter, as it is loaded, refuses it: {error}")
         live, moves = change.kind is ChangeKind.SETTINGS, moving(robot)
-        blocker = moves if asked.force else not_resting(robot)
-        if blocker and (live or not asked.force):
+        blocker = moves if requested.force else not_resting(robot)
+        if blocker and (live or not requested.force):
             return self._stricter(robot, config, new, change, blocker)
         can, wanted = robot.controller.can, config
         if moves:  # the rebuild stops it; looser settings wait until its standstill is confirmed
@@ -350,7 +352,7 @@ class ConfigurationChanges:
             log.warning("the running configuration is not stored for fleet diff: %s", error)
 
 
-def _record(process: RobotProcess, change: Change, asked: ChangesAsked) -> None:
+def _record(process: RobotProcess, change: Change, requested: ChangesRequest) -> None:
     """Write the outcome of a change into the history."""
     if change.kind is ChangeKind.UNTOUCHED:
         return
@@ -358,7 +360,7 @@ def _record(process: RobotProcess, change: Change, asked: ChangesAsked) -> None:
     text = f"fleet apply: {change.name} {change.kind.value}: {change.outcome.value}"
     text += f": {change.why}" if change.why else ""
     log.info("%s", text)
-    requester = Requester(Transport.BUS, asked.by)
+    requester = Requester(Transport.BUS, requested.by)
     robot = "" if change.section else change.name
     event = EventReport(process.clock.time(), EventKind.COMMAND, text, severity, requester, "apply")
     process.history.add(robot, event)

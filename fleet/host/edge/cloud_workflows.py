@@ -17,17 +17,17 @@ from fleet.config.missions import Mission
 from fleet.config.schema import WorkflowConfig
 from fleet.errors import Refused
 from fleet.host.edge.start_requests import StartRequests
-from fleet.missions.report import ControlAsk, RunState, StartAsk, ended_state
+from fleet.missions.report import MissionStartRequest, RunControlRequest, RunState, ended_state
 from fleet.missions.runs import Runs, check_run_id
-from fleet.missions.state import Head, Member, RunOutcome
+from fleet.missions.state import Head, RunMember, RunOutcome
 from fleet.missions.store import About
 from fleet.model.command import Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.wire.rules import WORKFLOW_CANCEL, WORKFLOW_FINISHED, WORKFLOW_RUN, WORKFLOW_STARTED
 from fleet.wire.topics import Topic
-from fleet.wire.workflows import Ended, WorkflowRequest, decode_workflow, finished, started
+from fleet.wire.workflows import WorkflowOutcome, WorkflowRequest, decode_workflow, finished, started
 
-ENDS: Mapping[str, Ended] = {
+ENDS: Mapping[str, WorkflowOutcome] = {
     RunOutcome.COMPLETED: "success",
     RunOutcome.WITH_LOSSES: "success",
     RunOutcome.FAILED: "error",
@@ -70,63 +70,65 @@ class CloudWorkflows:
 
     def _run(self, topic: Topic, message: CloudMessage) -> None:
         """Start a run, unless it is known already."""
-        workflow, asked = topic.twin, decode_workflow(message.payload)
+        workflow, requested = topic.twin, decode_workflow(message.payload)
         config = self._workflows[workflow]
 
-        def made() -> tuple[Mission, StartAsk]:
-            check_run_id(asked.execution)
+        def made() -> tuple[Mission, MissionStartRequest]:
+            check_run_id(requested.execution)
             mission = self._mission(config.mission)
             if mission is None:
                 raise Refused(f"there is no mission {config.mission!r}")
-            ask = StartAsk(
-                inputs={**asked.inputs, **config.inputs},
-                run=asked.execution,
-                session_id=_name(workflow, asked),
+            request = MissionStartRequest(
+                inputs={**requested.inputs, **config.inputs},
+                run=requested.execution,
+                session_id=_name(workflow, requested),
                 source_type=config.source_type,
-                timestamp=asked.stamp,
+                timestamp=requested.stamp,
             )
-            return mission, ask
+            return mission, request
 
-        self._starts.begin(made, Transport.CLOUD, partial(self._began, workflow, asked), workflow=workflow)
+        self._starts.begin(
+            made, Transport.CLOUD, partial(self._began, workflow, requested), workflow=workflow
+        )
 
     def _began(
         self,
         workflow: str,
-        asked: WorkflowRequest,
+        requested: WorkflowRequest,
         _run: str,
         _roles: Mapping[str, Sequence[str]],
         refusal: str,
     ) -> None:
         """Publish that a run was started, now or earlier; or why not. From any thread."""
         if not refusal:
-            self.publish(workflow, WORKFLOW_STARTED, started(asked.execution))
+            self.publish(workflow, WORKFLOW_STARTED, started(requested.execution))
             return
-        self._runs.store.ended_run(asked.execution, partial(self._refused, workflow, asked, refusal))
+        self._runs.store.ended_run(requested.execution, partial(self._refused, workflow, requested, refusal))
 
     def _refused(
         self,
         workflow: str,
-        asked: WorkflowRequest,
+        requested: WorkflowRequest,
         refusal: str,
-        ended: tuple[About, Head, list[Member]] | None,
+        ended: tuple[About, Head, list[RunMember]] | None,
     ) -> None:
         """Publish why a run was not started; for an ended run, its end again. From any thread."""
         if ended is not None and ended[0].workflow == workflow:
             self._finish(workflow, ended_state(*ended, self._runs.edge))
             return
-        who = Requester(Transport.CLOUD, _name(workflow, asked), self._workflows[workflow].source_type)
+        who = Requester(Transport.CLOUD, _name(workflow, requested), self._workflows[workflow].source_type)
         mission, now = self._workflows[workflow].mission, self._clock.time()
         text = f"mission {mission} refused: {refusal}"
-        event = EventReport(now, EventKind.COMMAND, text, Severity.WARNING, who, mission, asked.execution)
+        event = EventReport(now, EventKind.COMMAND, text, Severity.WARNING, who, mission, requested.execution)
         self._record("", event)
-        self._publish_end(workflow, asked.execution, "error", f"refused: {refusal}")
+        self._publish_end(workflow, requested.execution, "error", f"refused: {refusal}")
 
     def _cancel(self, topic: Topic, message: CloudMessage) -> None:
         """Abort a run of this workflow; runs that have ended, or are not of it, are left alone."""
-        asked = decode_workflow(message.payload)
-        run = self._runs.find(asked.execution)
+        requested = decode_workflow(message.payload)
+        run = self._runs.find(requested.execution)
         if run is not None and run.about.workflow == topic.twin:
-            self._runs.control(run.id, ControlAsk("abort", session_id=_name(topic.twin, asked)))
+            self._runs.control(run.id, RunControlRequest("abort", session_id=_name(topic.twin, requested)))
 
     def _finish(self, workflow: str, state: RunState) -> None:
         """Publish the end of a run, with its exact outcome unless it was completed."""
@@ -134,7 +136,7 @@ class CloudWorkflows:
         completed = state.outcome == RunOutcome.COMPLETED
         self._publish_end(workflow, state.run, ENDS[state.outcome], "" if completed else words)
 
-    def _publish_end(self, workflow: str, execution: str, end: Ended, message: str) -> None:
+    def _publish_end(self, workflow: str, execution: str, end: WorkflowOutcome, message: str) -> None:
         """Publish the end of an execution, unless its id is invalid in a topic."""
         try:
             check_run_id(execution)
@@ -143,6 +145,6 @@ class CloudWorkflows:
         self.publish(workflow, WORKFLOW_FINISHED.replace("+", execution), finished(end, message))
 
 
-def _name(workflow: str, asked: WorkflowRequest) -> str:
+def _name(workflow: str, requested: WorkflowRequest) -> str:
     """Return the sender of a run, for people and as the session of the request."""
-    return f"workflow {workflow}" + (f" by {asked.by[:40]}" if asked.by else "")
+    return f"workflow {workflow}" + (f" by {requested.by[:40]}" if requested.by else "")

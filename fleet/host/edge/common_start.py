@@ -22,7 +22,7 @@ from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.model.command import Reply, ReplyStatus, Transport
-from fleet.model.start import PINGS, Offset, StartAnswer, StartAsked, check_clock, offset_of
+from fleet.model.start import PINGS, Offset, StartAnswer, StartSignal, check_clock, offset_of
 from fleet.model.state import RobotState
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json
@@ -89,7 +89,7 @@ class CommonStart:
             if answers == 0:
                 take(Reply(robot, ReplyStatus.TIMEOUT, "its process does not answer"))
 
-        self._session.ask_later(
+        self._session.request_later(
             keys.prepare(edge, robot),
             payload,
             timeout=END_WITHIN,
@@ -120,9 +120,9 @@ class CommonStart:
             self._fail(error.reason)
             return
         self._stamp = self._clock.time() + AHEAD
-        asked = msgspec.json.encode(StartAsked(self._id, self._stamp))
+        requested = msgspec.json.encode(StartSignal(self._id, self._stamp))
         found: dict[str, str] = {}
-        answers = [self._answers(edge, asked, AHEAD - SPARE) for edge in self._measured]
+        answers = [self._answers(edge, requested, AHEAD - SPARE) for edge in self._measured]
         for answer in itertools.chain(*await asyncio.gather(*answers)):
             found |= answer.robots
         unheard = "its process did not take the instant in time"
@@ -140,13 +140,13 @@ class CommonStart:
         """Measure the clocks of an edge's processes; the fastest of several pings counts."""
         for _ in range(PINGS):
             sent = self._clock.time()
-            for answer in await self._answers(edge, msgspec.json.encode(StartAsked()), PING_WITHIN):
+            for answer in await self._answers(edge, msgspec.json.encode(StartSignal()), PING_WITHIN):
                 offset = offset_of(sent, answer.time, self._clock.time())
                 known = self._clocks.get((edge, answer.process))
                 if known is None or offset.bound < known.bound:
                     self._clocks[edge, answer.process] = offset
 
-    async def _answers(self, edge: str, asked: bytes, within: float) -> list[StartAnswer]:
+    async def _answers(self, edge: str, requested: bytes, within: float) -> list[StartAnswer]:
         """Query all processes of an edge; return the answers that arrive in time."""
         found: list[StartAnswer] = []
         ended = asyncio.Event()
@@ -155,9 +155,9 @@ class CommonStart:
             with contextlib.suppress(msgspec.DecodeError):
                 found.append(decode_json(data, StartAnswer))
 
-        self._session.ask_later(
+        self._session.request_later(
             keys.starts(edge),
-            asked,
+            requested,
             timeout=within,
             on_answer=lambda data: self._soon(partial(take, data)),
             on_end=partial(self._soon, ended.set),

@@ -14,7 +14,7 @@ from fleet.clock import Clock
 from fleet.config.other_edges import PartnerConfig
 from fleet.host.safety.admission import LEAVE
 from fleet.host.safety.source_policy import SourcePolicy
-from fleet.missions.coordination import CoordinatorLeases, Lapsed, LeaseAnswer, LeaseAsk
+from fleet.missions.coordination import CoordinatorLeases, Lapsed, LeaseAnswer, RobotLeaseRequest
 from fleet.missions.run import RunPort
 from fleet.missions.run_robots import COMES_DOWN
 from fleet.model.command import Origin, Reply, Transport
@@ -52,7 +52,7 @@ class Coordinators:
     def declare(self, control: ZenohSession, every: Callable[[float, Callable[[], None]], object]) -> None:
         """Serve requests for leases, and check the present ones periodically."""
         if self._trusted:
-            control.answer(keys.coordinator(self._edge), self._asked)
+            control.answer(keys.coordinator(self._edge), self._requested)
             every(POLL_INTERVAL, self.check)
 
     def check(self) -> None:
@@ -63,34 +63,34 @@ class Coordinators:
             except Exception:  # each lapsed lease is reported only once, and an error would end the timer
                 log.exception("%s could not be made safe", lapsed.robot)
 
-    def _asked(self, question: Query) -> None:
+    def _requested(self, question: Query) -> None:
         """Receive a request for a lease; on the bus's thread."""
         self._soon(partial(self._answer, question))
 
     def _answer(self, question: Query) -> None:
         """Grant or renew a lease, or answer why not; on the event loop."""
         try:
-            ask = decode_json(question.payload, LeaseAsk)
+            request = decode_json(question.payload, RobotLeaseRequest)
         except msgspec.DecodeError as error:
             refusal = str(error)
         else:
-            refusal = self._refusal(ask)
+            refusal = self._refusal(request)
             if not refusal:
-                self._leases.grant(ask, self._clock.monotonic())
+                self._leases.grant(request, self._clock.monotonic())
         answer = LeaseAnswer(refusal, self._site)
         question.reply(msgspec.json.encode(answer), keys.coordinator(self._edge))
         question.close()
 
-    def _refusal(self, ask: LeaseAsk) -> str:
+    def _refusal(self, request: RobotLeaseRequest) -> str:
         """Return why an edge may not have robots in its run; empty when it may."""
-        if ask.edge not in self._trusted:
-            return f"fleet.yaml of {self._edge} does not let {ask.edge} coordinate its robots (partners)"
-        if not ask.begins:
-            lapsed = bool(ask.robots) and not self._leases.holds(ask.edge, ask.run)
+        if request.edge not in self._trusted:
+            return f"fleet.yaml of {self._edge} does not let {request.edge} coordinate its robots (partners)"
+        if not request.begins:
+            lapsed = bool(request.robots) and not self._leases.holds(request.edge, request.run)
             return "the lease has lapsed" if lapsed else ""
-        transport = Transport.CLOUD if ask.transport == Transport.CLOUD else Transport.BUS
-        origin = Origin(transport, ask.source_type, ask.session_id)
-        for robot in ask.robots:
+        transport = Transport.CLOUD if request.transport == Transport.CLOUD else Transport.BUS
+        origin = Origin(transport, request.source_type, request.session_id)
+        for robot in request.robots:
             if robot not in self._robots:
                 return f"{self._edge} has no robot {robot!r}"
             refusal = self._policies[robot].mission_refusal(origin, commands=True, navigates=True)
@@ -111,18 +111,18 @@ class Coordinators:
         self._record(lapsed.robot, event)
         log.error("%s: %s: %s", lapsed.robot, why, lapsed.do)
         if lapsed.do == "hold" and not (state.last_command in COMES_DOWN and state.activity):
-            self._ask(robot, "stop", lapsed)
+            self._request(robot, "stop", lapsed)
             return
-        self._ask(robot, LEAVE, lapsed)  # only its run may move it
+        self._request(robot, LEAVE, lapsed)  # only its run may move it
         if lapsed.do != "hold":  # else it is landing already, which only makes it safer
-            self._ask(robot, lapsed.do, lapsed)
+            self._request(robot, lapsed.do, lapsed)
 
-    def _ask(self, robot: RunPort, command: str, lapsed: Lapsed) -> None:
+    def _request(self, robot: RunPort, command: str, lapsed: Lapsed) -> None:
         """Command a robot in the name of this edge; if it refuses, stop it."""
 
         def answered(reply: Reply) -> None:
             if command not in ("stop", LEAVE) and (not reply.ok or reply.done is False):
-                self._soon(partial(self._ask, robot, "stop", lapsed))
+                self._soon(partial(self._request, robot, "stop", lapsed))
 
         data = {"run": lapsed.run} if command == LEAVE else {}
         message = {"command": command, "data": data, "session_id": f"lease of {lapsed.edge}"}

@@ -23,7 +23,7 @@ POLL_INTERVAL = 0.5  # s between checks; a file counts as saved once two of them
 
 FIRST, LONGEST = 10, 120  # checks until a worker that refuses is asked again
 
-Ask = Callable[[str, str, bool], Awaitable[str]]
+ReloadWorker = Callable[[str, str, bool], Awaitable[str]]
 """Makes a worker reload an adapter's file, by force or at rest; returns why it does not."""
 
 
@@ -55,8 +55,10 @@ def watched_files(loaded: Loaded) -> list[WatchedFile]:
 class DropInWatch:
     """Checks the files, and asks their workers; ``blocker`` returns which of a worker's robots moves."""
 
-    def __init__(self, files: Iterable[WatchedFile], ask: Ask, blocker: Callable[[str], str]) -> None:
-        self._ask, self._blocker = ask, blocker
+    def __init__(
+        self, files: Iterable[WatchedFile], request: ReloadWorker, blocker: Callable[[str], str]
+    ) -> None:
+        self._request, self._blocker = request, blocker
         self._seen = {file: _stamp(file.path) for file in files}
         self._in_use = dict(self._seen)
         self._reported: dict[WatchedFile, str] = {}
@@ -86,7 +88,7 @@ class DropInWatch:
     async def _take(self, file: WatchedFile, stamp: tuple[int, int]) -> None:
         """Reload a file; a failure is logged once."""
         waits = "" if file.simulated else self._blocker(file.worker)
-        why = waits or await self._asked(file)
+        why = waits or await self._requested(file)
         if not why:
             log.warning("%s: taken into use by worker %s", file.path, file.worker)
         elif why != self._reported.get(file):
@@ -98,10 +100,10 @@ class DropInWatch:
             pause = min(2 * self._again[file].pause, LONGEST) if file in self._again else FIRST
             self._again[file] = _NextAttempt(pause, self._polls + pause)
 
-    async def _asked(self, file: WatchedFile) -> str:
+    async def _requested(self, file: WatchedFile) -> str:
         """Ask a worker; return why it does not reload the file, or cannot be asked."""
         try:
-            return await self._ask(file.worker, file.adapter, file.simulated)
+            return await self._request(file.worker, file.adapter, file.simulated)
         except Exception as error:
             log.exception("worker %s could not be asked", file.worker)
             return f"worker {file.worker} could not be asked: {type(error).__name__}: {error}"

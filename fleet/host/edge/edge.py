@@ -253,10 +253,10 @@ class Edge:
         """Reload drop-in files whenever they are saved; before ``run``."""
         workers = self._worker_changes
 
-        async def ask(worker: str, adapter: str, force: bool) -> str:  # noqa: FBT001 - by position
+        async def request(worker: str, adapter: str, force: bool) -> str:  # noqa: FBT001 - by position
             return await workers.start_again(worker, adapter, force=force)
 
-        self._watches = DropInWatch(watched_files(self._loaded), ask, workers.blocker)
+        self._watches = DropInWatch(watched_files(self._loaded), request, workers.blocker)
 
     def robots(self) -> list[LocalRobot | RemoteRobot]:
         """Return every robot of this edge, also those in its workers."""
@@ -341,9 +341,9 @@ class Edge:
             self.bridge.uplink.own(robot.twin for robot in self.process.robots.values())
             self.bus.reports.gather("cw/*/data/**", self.bridge.handle_samples)
             self.bridge.streams.listen(self.bus.reports.subscribe)
-        self.bus.control.answer(keys.health(edge), self._asked_health)
-        self.bus.control.answer(keys.history(edge), self._recall.asked)
-        self.bus.control.answer(keys.schedules(edge), self.schedules.asked, more=keys.SENDER_SUFFIX)
+        self.bus.control.answer(keys.health(edge), self._requested_health)
+        self.bus.control.answer(keys.history(edge), self._recall.requested)
+        self.bus.control.answer(keys.schedules(edge), self.schedules.requested, more=keys.SENDER_SUFFIX)
         self.missions.declare()
         self._changes.declare(self.bus.control)
         self._notifier.subscribe(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})
@@ -375,7 +375,7 @@ class Edge:
         assert self._presence is not None
         self._presence.beat(self.state(), self.states())
 
-    def _asked_health(self, question: Query) -> None:
+    def _requested_health(self, question: Query) -> None:
         """Answer with the edge's state; on the bus's thread."""
 
         def tell() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from fleet.config.load import Loaded
 from fleet.config.missions import Mission, events_of, mission_of
 from fleet.errors import Refused
-from fleet.missions.report import StartAsk
+from fleet.missions.report import MissionStartRequest
 
 
 class KnownMissions:
@@ -25,11 +25,11 @@ class KnownMissions:
         """Return a mission by its name; None for an unknown one."""
         return self.by_name.get(name)
 
-    def asked(self, name: str, ask: StartAsk) -> Mission:
+    def requested(self, name: str, request: MissionStartRequest) -> Mission:
         """Return the mission of a request, which may contain its own; raises Refused, InvalidConfig."""
         missions = self.by_name
-        if ask.mission is not None:
-            return mission_of(name, ask.mission, missions, self._events)
+        if request.mission is not None:
+            return mission_of(name, request.mission, missions, self._events)
         mission = missions.get(name)
         if mission is None:
             known = ", ".join(missions) or "none"

@@ -10,7 +10,7 @@ from fleet.host.process.stop_inputs import robots_of
 AGAIN = "end fleet run and start it again"
 
 
-def unfit(running: Loaded, new: FleetConfig, added: str) -> str:
+def membership_refusal(running: Loaded, new: FleetConfig, added: str) -> str:
     """Return why a robot of the new file cannot be ``added``, or one be removed; empty when it can."""
     if running.config.pair is not None:
         return f"both edges of a pair begin with the same robots: {AGAIN}"

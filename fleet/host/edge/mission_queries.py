@@ -17,9 +17,9 @@ from fleet.host.edge.rehearsals import Rehearsals
 from fleet.host.edge.run_results import RunResults
 from fleet.host.edge.start_requests import StartRequests
 from fleet.missions.filling import mission_state
-from fleet.missions.report import ControlAsk, Controlled, StartAsk, Started, ended_state
+from fleet.missions.report import Controlled, MissionStartRequest, RunControlRequest, Started, ended_state
 from fleet.missions.runs import Runs
-from fleet.missions.state import Head, Member
+from fleet.missions.state import Head, RunMember
 from fleet.missions.store import About, RunLogEntry, RunStore
 from fleet.model.command import Transport
 from fleet.runtime.decoding import decode_json
@@ -65,7 +65,7 @@ class MissionQueries:
 
     def _mission(self, question: Query) -> None:
         """Receive a query for a mission; on the bus's thread."""
-        name, do = question.asked.rpartition("/")[2], question.parameters.get("do")
+        name, do = question.requested.rpartition("/")[2], question.parameters.get("do")
         if do == "rehearsal":
             self._soon(partial(self._rehearsals.answer_state, question))
             return
@@ -78,9 +78,9 @@ class MissionQueries:
             question.close()
             return
 
-        def made() -> tuple[Mission, StartAsk]:
-            ask = self._requesters.start(question)
-            return self._missions.asked(name, ask), ask
+        def made() -> tuple[Mission, MissionStartRequest]:
+            request = self._requesters.start(question)
+            return self._missions.requested(name, request), request
 
         began = partial(self._answer_started, name, question)
         if do == "rehearse":
@@ -99,7 +99,7 @@ class MissionQueries:
 
     def _run(self, question: Query) -> None:
         """Receive a query for a run; on the bus's thread."""
-        self._soon(partial(self._answer_run, question, question.asked.rpartition("/")[2]))
+        self._soon(partial(self._answer_run, question, question.requested.rpartition("/")[2]))
 
     def _answer_run(self, question: Query, run: str) -> None:
         """Answer with states, or control a run."""
@@ -112,18 +112,18 @@ class MissionQueries:
             question.answer(_encode(Controlled(refusal)), key)
 
         try:
-            ask = decode_json(question.payload, ControlAsk)
+            request = decode_json(question.payload, RunControlRequest)
         except msgspec.DecodeError as error:
             on_answer(str(error))
             return
-        if ask.do == "log":
+        if request.do == "log":
             self._store.story(run, partial(self._answer_story, question, run))
             return
-        if ask.do == "results":
+        if request.do == "results":
             self._results.answer(question, key, run)
             return
         try:
-            self._runs.control(run, self._requesters.control(question, run, ask), on_answer)
+            self._runs.control(run, self._requesters.control(question, run, request), on_answer)
         except Refused as error:
             on_answer(str(error))
 
@@ -141,7 +141,7 @@ class MissionQueries:
                 question.reply(_encode(state), keys.run(self._edge, state.run))
         shown = {state.run for state in active}
 
-        def ended(found: list[tuple[About, Head, list[Member]]]) -> None:
+        def ended(found: list[tuple[About, Head, list[RunMember]]]) -> None:
             for about, head, members in found:
                 if about.run not in shown and ("*" in run or about.run == run):
                     state = ended_state(about, head, members, self._edge)

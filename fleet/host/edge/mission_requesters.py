@@ -9,7 +9,7 @@ import msgspec
 from fleet.bus.zenoh_session import Query
 from fleet.errors import Refused
 from fleet.host.requests.bus_senders import BusSenders
-from fleet.missions.report import ControlAsk, RunState, StartAsk
+from fleet.missions.report import MissionStartRequest, RunControlRequest, RunState
 from fleet.missions.runs import check_run_id
 from fleet.model.command import Transport
 from fleet.model.event import Requester
@@ -27,33 +27,35 @@ class MissionRequesters:
         self._senders = senders
         self._started: deque[tuple[str, str]] = deque(maxlen=KNOWN)  # (run, proven starter)
 
-    def start(self, question: Query) -> StartAsk:
+    def start(self, question: Query) -> MissionStartRequest:
         """Return a request to start a mission from a permitted sender; raises Refused, DecodeError."""
-        if "*" in question.asked:
+        if "*" in question.requested:
             raise Refused("a mission is started on one edge", hint="name the edge and the mission")
         if len(question.payload) > LARGEST:
             raise Refused(f"the mission is larger than {LARGEST >> 20} MiB")
-        ask = decode_json(question.payload, StartAsk)
-        if ask.run:
-            check_run_id(ask.run)
-        needed = Permission.OPERATE if ask.mission is None else Permission.ADMIN
-        what = f"mission {question.asked.rpartition('/')[2]}: {question.parameters.get('do')}"
-        if refusal := self._senders.refusal(question, needed, what, claimed=ask.session_id):
+        request = decode_json(question.payload, MissionStartRequest)
+        if request.run:
+            check_run_id(request.run)
+        needed = Permission.OPERATE if request.mission is None else Permission.ADMIN
+        what = f"mission {question.requested.rpartition('/')[2]}: {question.parameters.get('do')}"
+        if refusal := self._senders.refusal(question, needed, what, claimed=request.session_id):
             raise Refused(refusal)
         proven = self._senders.proven(question)
         if proven is None:
-            return ask
-        ask = msgspec.structs.replace(ask, session_id=proven or ask.session_id)
-        if ask.run:
-            self._started.append((ask.run, ask.session_id))
-        return ask
+            return request
+        request = msgspec.structs.replace(request, session_id=proven or request.session_id)
+        if request.run:
+            self._started.append((request.run, request.session_id))
+        return request
 
-    def control(self, question: Query, run: str, ask: ControlAsk) -> ControlAsk:
+    def control(self, question: Query, run: str, request: RunControlRequest) -> RunControlRequest:
         """Return a request to control a run from a permitted sender; raises Refused."""
-        what = f"run {run}: {ask.do}"
-        if refusal := self._senders.refusal(question, Permission.OPERATE, what, claimed=ask.session_id):
+        what = f"run {run}: {request.do}"
+        if refusal := self._senders.refusal(question, Permission.OPERATE, what, claimed=request.session_id):
             raise Refused(refusal)
-        return msgspec.structs.replace(ask, session_id=self._senders.proven(question) or ask.session_id)
+        return msgspec.structs.replace(
+            request, session_id=self._senders.proven(question) or request.session_id
+        )
 
     def starter(self, state: RunState) -> Requester:
         """Return the starter of a run, for the history."""

@@ -146,7 +146,7 @@ class Descriptions:
         """Return a robot's description; None before it was received."""
         return self._descriptions.get(name)
 
-    def ask(self, then: Callable[[], None]) -> None:
+    def request(self, then: Callable[[], None]) -> None:
         """Query all descriptions, then call ``then``, on the event loop."""
         waiting = set(self._edges)
         if not waiting:
@@ -161,7 +161,7 @@ class Descriptions:
                 self._soon(then)
 
         for name in sorted(self._edges):
-            self._control.ask_later(
+            self._control.request_later(
                 keys.description(self._edges[name], name),
                 b"",
                 timeout=DESCRIBED_WITHIN,

@@ -15,7 +15,7 @@ from fleet.clock import Clock
 from fleet.config.missions import Mission
 from fleet.errors import Refused
 from fleet.missions.program import Program
-from fleet.missions.report import ControlAsk, StartAsk
+from fleet.missions.report import MissionStartRequest, RunControlRequest
 from fleet.missions.runs import BACK_WITHIN, Runs
 from fleet.model.command import Transport
 from fleet.schedules.runner import StartRequest, StartResult
@@ -51,16 +51,16 @@ class MissionStarter:
         if mission is None:
             return StartResult(refusal=f"there is no mission {wanted.mission!r}")
         by = f"schedule {wanted.schedule}"
-        ask = StartAsk(inputs=dict(wanted.inputs), run=self._run_of(wanted.key), session_id=by)
+        request = MissionStartRequest(inputs=dict(wanted.inputs), run=self._run_of(wanted.key), session_id=by)
         try:
-            program = await asyncio.to_thread(mission.program, ask.inputs)
+            program = await asyncio.to_thread(mission.program, request.inputs)
             await self._back()
-            busy = await self._busy(mission, program, ask, replace=wanted.replace)
+            busy = await self._busy(mission, program, request, replace=wanted.replace)
         except Refused as error:
             return StartResult(refusal=error.reason)
         if busy:
             return StartResult(busy=busy)
-        return await self._start(mission, program, ask, wanted.without)
+        return await self._start(mission, program, request, wanted.without)
 
     def _run_of(self, key: str) -> str:
         """Return the id of the run of a firing's key: the same in every process of this edge."""
@@ -77,27 +77,31 @@ class MissionStarter:
         self._described(described.set)
         await described.wait()
 
-    async def _busy(self, mission: Mission, program: Program, ask: StartAsk, *, replace: bool) -> str:
+    async def _busy(
+        self, mission: Mission, program: Program, request: MissionStartRequest, *, replace: bool
+    ) -> str:
         """Return the runs in the way, once those to be replaced have ended; raises Refused."""
         until = self._clock.monotonic() + ENDED_WITHIN
-        asked: set[str] = set()
-        while found := self._runs.filling.conflicting_runs(mission, program, ask):
+        requested: set[str] = set()
+        while found := self._runs.filling.conflicting_runs(mission, program, request):
             if not replace:
                 return f"run {', '.join(found)}"
             if self._clock.monotonic() >= until:
                 raise Refused(
                     f"run {', '.join(found)} is to be replaced, and did not end within {ENDED_WITHIN:g} s"
                 )
-            for run in set(found) - asked:
+            for run in set(found) - requested:
                 refused: list[str] = []
-                self._runs.control(run, ControlAsk("abort", session_id=ask.session_id), refused.append)
+                self._runs.control(
+                    run, RunControlRequest("abort", session_id=request.session_id), refused.append
+                )
                 if not any(refused):
-                    asked.add(run)
+                    requested.add(run)
             await asyncio.sleep(POLL_INTERVAL)
         return ""
 
     async def _start(
-        self, mission: Mission, program: Program, ask: StartAsk, without: Mapping[str, str]
+        self, mission: Mission, program: Program, request: MissionStartRequest, without: Mapping[str, str]
     ) -> StartResult:
         """Start a run, and wait until it is on disk."""
         began: asyncio.Future[tuple[Mapping[str, Sequence[str]], str]] = asyncio.Future()
@@ -106,13 +110,15 @@ class MissionStarter:
             if not began.done():
                 began.set_result((roles, refusal))
 
-        self._runs.start(mission, program, ask, Transport.MISSION, hear)
+        self._runs.start(mission, program, request, Transport.MISSION, hear)
         roles, refusal = await began
         if refusal:
             return StartResult(refusal=refusal)
-        if not await asyncio.to_thread(self._runs.store.knows, ask.run):  # written after it, on one thread
+        if not await asyncio.to_thread(
+            self._runs.store.knows, request.run
+        ):  # written after it, on one thread
             return StartResult(refusal=self._runs.store.problem)
         left_out = self._runs.filling.left_out(mission, roles)
         return StartResult(
-            ask.run, left_out={robot: why for robot, why in without.items() if robot in left_out}
+            request.run, left_out={robot: why for robot, why in without.items() if robot in left_out}
         )

@@ -113,8 +113,8 @@ class Missions:
             folder=folder,
             clock=process.clock,
         )
-        self.starter = MissionStarter(missions.get, self.runs, self._descriptions.ask, process.clock)
-        self.starts = StartRequests(self.runs, self._descriptions.ask, self._soon)
+        self.starter = MissionStarter(missions.get, self.runs, self._descriptions.request, process.clock)
+        self.starts = StartRequests(self.runs, self._descriptions.request, self._soon)
         self.plans = TwinPlans(
             self.runs,
             self.starts,

@@ -39,7 +39,7 @@ LAST_WORDS = 2.0  # s for waiting notices when the edge ends
 GRAVE = frozenset({Severity.ERROR, Severity.CRITICAL})
 """Events of these severities are sent whatever their kind."""
 
-Send = Callable[[bytes, float], None]
+SendPayload = Callable[[bytes, float], None]
 """Sends a notice within so many seconds; raises OSError."""
 
 
@@ -118,7 +118,7 @@ class Notifier:
 class NoticeTarget:
     """One target. ``problem`` is why the last notice failed, empty when it arrived."""
 
-    def __init__(self, config: NotifyConfig, edge: str, clock: Clock, send: Send) -> None:
+    def __init__(self, config: NotifyConfig, edge: str, clock: Clock, send: SendPayload) -> None:
         self.problem = ""
         self.config = config
         self._edge = edge
@@ -197,7 +197,7 @@ def notice(edge: str, robot: str, event: EventReport, left_out: int = 0) -> byte
     return msgspec.json.encode(body | ({"left_out": left_out} if left_out else {}))
 
 
-def sender_of(config: NotifyConfig) -> Send:
+def sender_of(config: NotifyConfig) -> SendPayload:
     """Return the function that sends to a target."""
     if config.url is None:
         command = list(config.command)

@@ -54,7 +54,7 @@ class PairStops:
     def follow(self, entry: LeaseEntry) -> None:
         """Set and release stops as the holder has them; forward those that only this edge received."""
         own = {
-            name: OwnStop(each.controller.latched, each.controller.latch.asked)
+            name: OwnStop(each.controller.latched, each.controller.latch.requested)
             for name, each in self._robots.items()
         }
         what = self._followed.follow(entry.stops, own, self._clock.monotonic())
@@ -63,7 +63,7 @@ class PairStops:
             log.warning("%s: its emergency stop was released at edge %s", name, entry.edge)
             latch = self._robots[name].controller.latch
             latch.release()
-            if latch.asked != own[name].asked:  # a stop arrived meanwhile, on the bus's thread
+            if latch.requested != own[name].requested:  # a stop arrived meanwhile, on the bus's thread
                 latch.engage("a stop that came with the release")
                 latch.record()
         if what.forward:

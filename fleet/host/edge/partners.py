@@ -21,8 +21,8 @@ from fleet.config.other_edges import PartnerConfig
 from fleet.errors import WireError
 from fleet.host.runtime.threads import HALT_WAIT, run_in_thread
 from fleet.host.safety.admission import JOIN, LEAVE
-from fleet.host.workers.remote_robot import SILENT_AFTER, ask_robot
-from fleet.missions.coordination import RENEWED_EVERY, LeaseAnswer, LeaseAsk
+from fleet.host.workers.remote_robot import SILENT_AFTER, request_robot
+from fleet.missions.coordination import RENEWED_EVERY, LeaseAnswer, RobotLeaseRequest
 from fleet.missions.program import Do
 from fleet.missions.run import Run
 from fleet.missions.state import instruction_of
@@ -157,8 +157,8 @@ class Partners:
             kept = robots if run in runs else set()
             if not kept:
                 del self._held[run, edge]
-            ask = LeaseAsk(run, self._edge, dict.fromkeys(kept, _failed_do(runs.get(run))))
-            self._ask(edge, ask, lambda _answer: None)
+            request = RobotLeaseRequest(run, self._edge, dict.fromkeys(kept, _failed_do(runs.get(run))))
+            self._request(edge, request, lambda _answer: None)
 
     def take(
         self,
@@ -194,7 +194,7 @@ class Partners:
     ) -> None:
         """Make a robot join a run once its edge has granted the lease."""
         robots = {*self._held.get((run, robot.edge), ()), robot.name}
-        ask = LeaseAsk(
+        request = RobotLeaseRequest(
             run,
             self._edge,
             dict.fromkeys(robots, "hold"),
@@ -218,13 +218,13 @@ class Partners:
             else:
                 send(joined)
 
-        self._ask(robot.edge, ask, granted)
+        self._request(robot.edge, request, granted)
 
     def send(
         self, robot: PartnerRobot, payload: bytes, parameters: Mapping[str, str], answer: Answer
     ) -> None:
         """Send a message to a robot; its replies come back on the event loop."""
-        ask_robot(
+        request_robot(
             self._control,
             keys.command(robot.edge, robot.name),
             payload,
@@ -234,7 +234,9 @@ class Partners:
             silent=f"edge {robot.edge}",
         )
 
-    def _ask(self, edge: str, ask: LeaseAsk, on_answer: Callable[[LeaseAnswer], None]) -> None:
+    def _request(
+        self, edge: str, request: RobotLeaseRequest, on_answer: Callable[[LeaseAnswer], None]
+    ) -> None:
         """Request a lease; ``on_answer`` gets the answer, on the event loop."""
         found: list[LeaseAnswer] = []
 
@@ -245,9 +247,9 @@ class Partners:
             silent = LeaseAnswer(f"edge {edge} does not let {self._edge} coordinate its robots, or is silent")
             self._soon(partial(on_answer, found[0] if found else silent))
 
-        self._control.ask_later(
+        self._control.request_later(
             keys.coordinator(edge),
-            msgspec.json.encode(ask),
+            msgspec.json.encode(request),
             timeout=GRANTED_WITHIN,
             on_answer=answered,
             on_end=ended,

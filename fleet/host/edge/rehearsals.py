@@ -32,17 +32,17 @@ from fleet.missions.program import Program
 from fleet.missions.rehearsal import (
     FRESH,
     Passed,
-    Point,
     Present,
-    RehearsalAsk,
     RehearsalNote,
+    RehearsalPoll,
     RehearsalResult,
     RehearsalState,
+    TrackPoint,
     digest,
     program_digest,
     refusal,
 )
-from fleet.missions.report import StartAsk
+from fleet.missions.report import MissionStartRequest
 from fleet.model.command import Transport
 from fleet.model.geodesy import GeoOrigin
 from fleet.model.state import RobotState
@@ -99,7 +99,7 @@ class Rehearsals:
         self,
         program: Program,
         roles: dict[str, list[str]] | None,
-        places: dict[str, Point | None],
+        places: dict[str, TrackPoint | None],
     ) -> str:
         """Return why a mission may not be started without another rehearsal; empty when it may."""
         present = Present(program, self._config, self._clock.time(), places, roles)
@@ -109,20 +109,24 @@ class Rehearsals:
         """Use another configuration; passes of the one before no longer count."""
         self._loaded, self._config = loaded, config_digest(loaded)
 
-    def begin(self, question: Query, mission: Mission, program: Program, ask: StartAsk) -> None:
+    def begin(
+        self, question: Query, mission: Mission, program: Program, request: MissionStartRequest
+    ) -> None:
         """Start a rehearsal, and answer; on the event loop."""
         try:
-            state = self._start_rehearsal(mission, program, ask)
+            state = self._start_rehearsal(mission, program, request)
         except Refused as error:
             state = RehearsalState(refusal=str(error))
         question.reply(_encode(state))
         question.close()
 
-    def _start_rehearsal(self, mission: Mission, program: Program, ask: StartAsk) -> RehearsalState:
+    def _start_rehearsal(
+        self, mission: Mission, program: Program, request: MissionStartRequest
+    ) -> RehearsalState:
         """Start a rehearsal; raises Refused."""
         if self._now is not None and not self._now.task.done():
             raise Refused("another rehearsal is under way", hint="wait for its end")
-        roles = self._filling.fill(mission, program, ask, rehearses=True)
+        roles = self._filling.fill(mission, program, request, rehearses=True)
         ours = {robot.name for robot, _ in self._loaded.robots}
         others = sorted({name for names in roles.values() for name in names} - ours)
         if others:
@@ -144,8 +148,8 @@ class Rehearsals:
             str(self._loaded.folder.absolute()),
             GeoOrigin(*site) if site else None,
             Transport.BUS.value,
-            ask.source_type,
-            ask.session_id,
+            request.source_type,
+            request.session_id,
         )
         places = {name: place_of(states[name]) for names in roles.values() for name in names}
         passed = Passed(
@@ -162,13 +166,13 @@ class Rehearsals:
     def answer_state(self, question: Query) -> None:
         """Answer with the state of a rehearsal; on the event loop."""
         try:
-            ask = decode_json(question.payload, RehearsalAsk)
+            request = decode_json(question.payload, RehearsalPoll)
         except msgspec.DecodeError as error:
             state = RehearsalState(refusal=str(error))
         else:
-            known = self._now is not None and self._now.id == ask.id
-            unknown = RehearsalState(refusal=f"there is no rehearsal {ask.id[:40]!a}")
-            state = self._now.state(ask.since) if self._now is not None and known else unknown
+            known = self._now is not None and self._now.id == request.id
+            unknown = RehearsalState(refusal=f"there is no rehearsal {request.id[:40]!a}")
+            state = self._now.state(request.since) if self._now is not None and known else unknown
         question.reply(_encode(state))
         question.close()
 
@@ -191,7 +195,7 @@ class _RunningRehearsal:
         self._roles = task.roles
         self._clock = clock
         self._keep = keep
-        self._asked = clock.monotonic()
+        self._requested = clock.monotonic()
         self._seconds, self._step = 0.0, ""
         self._notes: list[RehearsalNote] = []
         self._result: RehearsalResult | None = None
@@ -202,7 +206,7 @@ class _RunningRehearsal:
 
     def state(self, since: int) -> RehearsalState:
         """Return its state; the query also keeps it running."""
-        self._asked = self._clock.monotonic()
+        self._requested = self._clock.monotonic()
         notes = tuple(self._notes[since:])
         return RehearsalState(
             self.id, "", self._roles, self._seconds, self._step, notes, self._result, self._failure
@@ -253,7 +257,7 @@ class _RunningRehearsal:
     def _given_up(self, heard: float) -> bool:
         """Return whether it is no longer queried, or its process has been silent since ``heard``."""
         now = self._clock.monotonic()
-        if now - self._asked >= UNHEARD:
+        if now - self._requested >= UNHEARD:
             self._failure = "its progress is no longer requested"
         elif now - heard >= SILENT:
             self._failure = f"its process said nothing for {SILENT:g} s"
@@ -278,7 +282,7 @@ class _RunningRehearsal:
         self._result = result
 
 
-def place_of(state: RobotState) -> Point | None:
+def place_of(state: RobotState) -> TrackPoint | None:
     """Return a robot's position, in the site's frame, else in its own world; None while unknown."""
     at = state.site or state.position
     return None if at is None else (at.x, at.y, at.z)

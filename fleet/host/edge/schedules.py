@@ -17,7 +17,7 @@ from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.history_recorder import never_raises
 from fleet.model.event import EventKind, EventReport
 from fleet.model.permission import Permission
-from fleet.model.schedule import ScheduleAnswer, ScheduleAsked
+from fleet.model.schedule import ScheduleAnswer, ScheduleRequest
 from fleet.model.state import RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.schedules.model import ScheduleConfig
@@ -124,7 +124,7 @@ class EdgeSchedules:
 
         return both
 
-    def asked(self, question: Query) -> None:
+    def requested(self, question: Query) -> None:
         """Receive a query, on the bus's thread."""
         asyncio.run_coroutine_threadsafe(self._answer(question), self._loop)
 
@@ -159,12 +159,12 @@ class EdgeSchedules:
     async def _answer(self, question: Query) -> None:
         """Answer a query; each has exactly one reply."""
         try:
-            asked = decode_json(question.payload, ScheduleAsked)
-            needed = Permission.VIEW if asked.do == "list" else Permission.OPERATE
-            what = f"schedule {asked.name}: {asked.do}"
-            refusal = self._senders.refusal(question, needed, what, claimed=asked.by)
-            asked = msgspec.structs.replace(asked, by=self._senders.proven(question) or asked.by)
-            answer = ScheduleAnswer(refusal=refusal) if refusal else await self._answered(asked)
+            requested = decode_json(question.payload, ScheduleRequest)
+            needed = Permission.VIEW if requested.do == "list" else Permission.OPERATE
+            what = f"schedule {requested.name}: {requested.do}"
+            refusal = self._senders.refusal(question, needed, what, claimed=requested.by)
+            requested = msgspec.structs.replace(requested, by=self._senders.proven(question) or requested.by)
+            answer = ScheduleAnswer(refusal=refusal) if refusal else await self._answered(requested)
         except (msgspec.DecodeError, StateError) as error:
             answer = ScheduleAnswer(refusal=str(error))
         except Exception as error:
@@ -173,24 +173,24 @@ class EdgeSchedules:
         question.reply(msgspec.json.encode(answer))
         question.close()
 
-    async def _answered(self, asked: ScheduleAsked) -> ScheduleAnswer:
+    async def _answered(self, requested: ScheduleRequest) -> ScheduleAnswer:
         """Execute a request; raises StateError."""
-        if not self._needed.is_set() and asked.do == "list":
+        if not self._needed.is_set() and requested.do == "list":
             return ScheduleAnswer()
-        if asked.do != "list" and asked.name not in self._config:
+        if requested.do != "list" and requested.name not in self._config:
             known = ", ".join(sorted(self._config)) or "none"
-            return ScheduleAnswer(refusal=f"there is no schedule {asked.name!r}; there are: {known}")
+            return ScheduleAnswer(refusal=f"there is no schedule {requested.name!r}; there are: {known}")
         async with asyncio.timeout(SERVED_WITHIN):
             await self._served.wait()
         schedules = self._schedules
         if schedules is None or self._problem:
             return ScheduleAnswer(refusal=self._problem or "this edge fires no schedules now")
-        if asked.do == "run":
-            firing = await schedules.start_now(asked.name, by=asked.by)
+        if requested.do == "run":
+            firing = await schedules.start_now(requested.name, by=requested.by)
             if not firing.run:
                 return ScheduleAnswer(refusal=firing.reason or "it waits: another run is in its way")
-        elif asked.do != "list":
-            await schedules.enable(asked.name, enabled=asked.do == "enable", by=asked.by)
+        elif requested.do != "list":
+            await schedules.enable(requested.name, enabled=requested.do == "enable", by=requested.by)
         return ScheduleAnswer(tuple(await schedules.states()))
 
 

@@ -120,7 +120,7 @@ class Standby:
         self._bar("no edge of the pair is known to have the lease yet")
         for robot in self._robots:
             robot.controller.permit.refusal = lambda: "this edge does not hold the lease of its pair"
-        self._process.bus.control.answer(keys.failover(self._edge), self._asked)
+        self._process.bus.control.answer(keys.failover(self._edge), self._requested)
         self._keeper.begin()
 
     def ending(self) -> None:
@@ -242,7 +242,7 @@ class Standby:
 
     # -- a deliberate handover -------------------------------------------------------------------------
 
-    def _asked(self, question: Query) -> None:
+    def _requested(self, question: Query) -> None:
         """Hand the lease over on request; on the bus's thread."""
 
         def hand_over() -> None:

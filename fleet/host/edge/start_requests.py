@@ -13,15 +13,15 @@ from fleet.config.missions import Mission
 from fleet.config.problems import InvalidConfig
 from fleet.errors import Refused
 from fleet.missions.program import Program
-from fleet.missions.report import StartAsk
+from fleet.missions.report import MissionStartRequest
 from fleet.missions.runs import Began, Runs
 from fleet.model.command import Transport
 
 log = logging.getLogger(__name__)
 
-Made = Callable[[], tuple[Mission, StartAsk]]
+Made = Callable[[], tuple[Mission, MissionStartRequest]]
 """Returns the mission of a request, and the request; raises Refused, InvalidConfig, DecodeError."""
-Checked = Callable[[Mission, Program, StartAsk], None]
+Checked = Callable[[Mission, Program, MissionStartRequest], None]
 """Continues with a checked mission."""
 
 
@@ -45,14 +45,14 @@ class StartRequests:
         ``began`` gets the result, on any thread. The other arguments are those of ``Runs.start``.
         """
 
-        def start(mission: Mission, program: Program, ask: StartAsk) -> None:
-            if not ask.only_fill:
+        def start(mission: Mission, program: Program, request: MissionStartRequest) -> None:
+            if not request.only_fill:
                 self._runs.start(
-                    mission, program, ask, transport, began, workflow=workflow, admitted=admitted
+                    mission, program, request, transport, began, workflow=workflow, admitted=admitted
                 )
                 return
             try:
-                began("", self._runs.filling.fill(mission, program, ask), "")
+                began("", self._runs.filling.fill(mission, program, request), "")
             except Refused as error:
                 began("", {}, str(error))
 
@@ -72,14 +72,14 @@ class StartRequests:
     def _check(self, made: Made, then: Checked, began: Began) -> None:
         """Check a mission; this may take long, so not on the event loop."""
         try:
-            mission, ask = made()
-            program = mission.program(ask.inputs)
-            if ask.run and not ask.only_fill and self._runs.store.has_ended(ask.run):
-                raise Refused(f"run {ask.run} has ended: a repeat of it is not carried out")  # noqa: TRY301
+            mission, request = made()
+            program = mission.program(request.inputs)
+            if request.run and not request.only_fill and self._runs.store.has_ended(request.run):
+                raise Refused(f"run {request.run} has ended: a repeat of it is not carried out")  # noqa: TRY301
         except (Refused, InvalidConfig, msgspec.DecodeError) as error:
             began("", {}, str(error))
         except Exception as error:
             log.exception("a mission could not be checked")
             began("", {}, f"{type(error).__name__}; the edge's log says why")
         else:
-            self._soon(partial(self._described, partial(then, mission, program, ask)))
+            self._soon(partial(self._described, partial(then, mission, program, request)))

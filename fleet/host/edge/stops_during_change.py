@@ -17,7 +17,7 @@ class StopsDuringChange:
         self._stops: list[tuple[tuple[str, ...], StopCause]] = []
         self._groups: Mapping[str, Iterable[str]] = {}
         self._under_way = False
-        process.stop_asked = self._asked
+        process.stop_requested = self._requested
 
     def begin(self, groups: Mapping[str, Iterable[str]]) -> None:
         """Start recording; ``groups`` are those that robots will have."""
@@ -43,7 +43,7 @@ class StopsDuringChange:
         known = {name, *(group for group, members in self._groups.items() if name in members)}
         return [cause for named, cause in list(self._stops) if not named or known.intersection(named)]
 
-    def _asked(self, names: tuple[str, ...], cause: StopCause) -> None:
+    def _requested(self, names: tuple[str, ...], cause: StopCause) -> None:
         """Record a stop before robots are looked up, so that one added later gets it; from any thread."""
         if self._under_way:
             self._stops.append((names, cause))

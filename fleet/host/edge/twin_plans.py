@@ -33,10 +33,10 @@ from fleet.host.safety.admission import JOIN
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.missions.plan import PILOT, mission_of_plan
 from fleet.missions.program import Do, Program
-from fleet.missions.report import ControlAsk, RunState, StartAsk, ended_state
+from fleet.missions.report import MissionStartRequest, RunControlRequest, RunState, ended_state
 from fleet.missions.run import Run
 from fleet.missions.runs import Runs, check_run_id
-from fleet.missions.state import Head, Member, Phase, RunOutcome
+from fleet.missions.state import Head, Phase, RunMember, RunOutcome
 from fleet.missions.store import About
 from fleet.model.command import Answer, Origin, Reply, ReplyStatus, Request, Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
@@ -141,27 +141,29 @@ class TwinPlans:
     def read(self, robot: RobotPort, payload: bytes, direct: Request | None) -> Request | None:
         """Return the request for a message; ``direct`` is the request that the robot itself decoded."""
         try:
-            ask = decode_mission(payload, transport=Transport.CLOUD, twin=robot.twin)
+            request = decode_mission(payload, transport=Transport.CLOUD, twin=robot.twin)
         except WireError:
             return direct  # it reports the error, or stops
-        if not isinstance(ask, Navigate) or direct is None:
+        if not isinstance(request, Navigate) or direct is None:
             return direct
-        if isinstance(ask.ask, Control):
-            return Request(partial(self._control, robot, ask, ask.ask, direct), direct.stops, direct.once)
-        start = partial(self._start, robot, ask, document_in(payload), self._clock.monotonic())
+        if isinstance(request.instruction, Control):
+            return Request(
+                partial(self._control, robot, request, request.instruction, direct), direct.stops, direct.once
+            )
+        start = partial(self._start, robot, request, document_in(payload), self._clock.monotonic())
         return Request(start, once=True)
 
     def _start(
         self,
         robot: RobotPort,
-        ask: Navigate,
+        request: Navigate,
         document: dict[str, object],
         arrived: float,
         answer: Answer,
     ) -> None:
         """Start a run, unless it is known already; on the event loop."""
-        run, origin = ask.action_id, ask.origin
-        tell = partial(self._began, robot, ask, answer)
+        run, origin = request.action_id, request.origin
+        tell = partial(self._began, robot, request, answer)
         if robot.name not in self._policies:
             tell("", {}, f"{robot.name} was taken out of this edge")
             return
@@ -173,15 +175,15 @@ class TwinPlans:
             tell("", {}, refusal)
             return
 
-        def made() -> tuple[Mission, StartAsk]:
+        def made() -> tuple[Mission, MissionStartRequest]:
             check_run_id(run)
             name = str(document.get("name") or "")
-            start = StartAsk(
+            start = MissionStartRequest(
                 robots={PILOT: [robot.name]},
                 run=run,
                 session_id=origin.session,
                 source_type=origin.source_type,
-                timestamp=ask.stamp,
+                timestamp=request.stamp,
             )
             return mission_of("plan", mission_of_plan(document, f"the plan {name}")), start
 
@@ -190,7 +192,7 @@ class TwinPlans:
     def _began(  # noqa: PLR0917 - by position
         self,
         robot: RobotPort,
-        ask: Navigate,
+        request: Navigate,
         answer: Answer,
         run: str,
         roles: Mapping[str, Sequence[str]],
@@ -201,10 +203,10 @@ class TwinPlans:
             self._soon(partial(self._accepted, robot, run, not roles, answer))
             return
 
-        def looked(ended: tuple[About, Head, list[Member]] | None) -> None:
-            self._soon(partial(self._refused, robot, ask, refusal, ended, answer))
+        def looked(ended: tuple[About, Head, list[RunMember]] | None) -> None:
+            self._soon(partial(self._refused, robot, request, refusal, ended, answer))
 
-        self._runs.store.ended_run(ask.action_id, looked)
+        self._runs.store.ended_run(request.action_id, looked)
 
     def _accepted(self, robot: RobotPort, run: str, repeated: bool, answer: Answer) -> None:  # noqa: FBT001 - by position
         """Accept a start; for a repeat, publish the run's status again."""
@@ -215,44 +217,44 @@ class TwinPlans:
     def _refused(
         self,
         robot: RobotPort,
-        ask: Navigate,
+        request: Navigate,
         refusal: str,
-        ended: tuple[About, Head, list[Member]] | None,
+        ended: tuple[About, Head, list[RunMember]] | None,
         answer: Answer,
     ) -> None:
         """Refuse a start; for an ended run, publish its end again."""
-        run, now = ask.action_id, self._clock.time()
+        run, now = request.action_id, self._clock.time()
         if ended is not None:
             state, message = status_of(ended_state(*ended, self._runs.edge))
             answer(Reply(MISSION, ReplyStatus.ACCEPTED))
         else:
             state, message = ActionState.FAILED, refusal
             answer(Reply(MISSION, ReplyStatus.REJECTED, refusal))
-            who = Requester(Transport.CLOUD, ask.origin.session, ask.origin.source_type)
+            who = Requester(Transport.CLOUD, request.origin.session, request.origin.source_type)
             text = f"mission refused: {refusal}"
             event = EventReport(now, EventKind.COMMAND, text, Severity.WARNING, who, MISSION, run)
             self._record(robot.name, event)
         self._publish[robot.name](NavigationReport(now, run, state, 0.0, message, 0))
 
     def _control(
-        self, robot: RobotPort, ask: Navigate, control: Control, direct: Request, answer: Answer
+        self, robot: RobotPort, request: Navigate, control: Control, direct: Request, answer: Answer
     ) -> None:
         """Control the run of the message, or else the robot itself; on the event loop."""
-        run = self._run_of(robot.name, ask.action_id)
+        run = self._run_of(robot.name, request.action_id)
         if run is None:
             direct(answer)
             return
-        by, on_answer = ask.origin.session, partial(_answer_for_mission, answer)
+        by, on_answer = request.origin.session, partial(_answer_for_mission, answer)
         if control is Control.STOP:
-            self._runs.control(run.id, ControlAsk("abort", session_id=by))
-            self._ask(robot, {"command": "stop"}, ask, on_answer)
+            self._runs.control(run.id, RunControlRequest("abort", session_id=by))
+            self._request(robot, {"command": "stop"}, request, on_answer)
         elif control is Control.PAUSE:
-            pause = ControlAsk("pause", session_id=by)
+            pause = RunControlRequest("pause", session_id=by)
             self._runs.control(run.id, pause, lambda refusal: on_answer(_reply(refusal)))
         else:
             # The robot judges the sender and age of the request, as when it joins a run.
             joins: dict[str, object] = {"command": JOIN, "data": {"run": run.id}}
-            self._ask(robot, joins, ask, partial(self._resume, run, by, on_answer))
+            self._request(robot, joins, request, partial(self._resume, run, by, on_answer))
 
     def _resume(self, run: Run, by: str, on_answer: Answer, reply: Reply) -> None:
         """Resume a run that its robot may resume."""
@@ -261,15 +263,17 @@ class TwinPlans:
                 on_answer(reply)
             return
         question = run.engine.head.question
-        asked = ControlAsk("resume", session_id=by)
+        requested = RunControlRequest("resume", session_id=by)
         if question is not None:
-            asked = ControlAsk("answer", question.id, goes_on=True, session_id=by)
-        self._runs.control(run.id, asked, lambda refusal: on_answer(_reply(refusal)))
+            requested = RunControlRequest("answer", question.id, goes_on=True, session_id=by)
+        self._runs.control(run.id, requested, lambda refusal: on_answer(_reply(refusal)))
 
-    def _ask(self, robot: RobotPort, message: dict[str, object], ask: Navigate, answer: Answer) -> None:
+    def _request(
+        self, robot: RobotPort, message: dict[str, object], request: Navigate, answer: Answer
+    ) -> None:
         """Send a request to a robot in the name of a message's sender."""
-        origin: Origin = ask.origin
-        sender = {"session_id": origin.session, "source_type": origin.source_type, "timestamp": ask.stamp}
+        origin: Origin = request.origin
+        sender = {"session_id": origin.session, "source_type": origin.source_type, "timestamp": request.stamp}
         payload = msgspec.json.encode(message | without_nulls(sender))
         command = robot.read("command", payload, transport=origin.transport, waits=True)
         if command is not None:
@@ -304,12 +308,12 @@ class _PlanPort:
         unread: str = "",
     ) -> Request | None:
         """Decode a message, from any thread; an emergency stop is executed at once."""
-        asked = self._robot.read(
+        requested = self._robot.read(
             kind, payload, transport=transport, request_id=request_id, waits=waits, unread=unread
         )
         if kind != "mission" or unread:
-            return asked
-        return self._plans.read(self._robot, payload, asked)
+            return requested
+        return self._plans.read(self._robot, payload, requested)
 
 
 def status_of(state: RunState) -> tuple[ActionState, str]:
@@ -322,7 +326,7 @@ def status_of(state: RunState) -> tuple[ActionState, str]:
     return ActionState.RUNNING, "paused" if state.phase == Phase.PAUSED else ""
 
 
-def pilots(program: Program, members: Iterable[Member]) -> list[str]:
+def pilots(program: Program, members: Iterable[RunMember]) -> list[str]:
     """Return the robots that fly a plan from their autopilot's memory in a program."""
     found = []
     for member in members:

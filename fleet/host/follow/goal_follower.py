@@ -112,9 +112,9 @@ class GoalFollower:
     def _pace(self, task: AnyTask) -> MotionLimits:
         """Return the limits of motion for a task."""
         fastest = self._limits.speed or NO_LIMIT
-        asked = task.constraints.max_speed
+        requested = task.constraints.max_speed
         yaw_rate = (self._limits.yaw_rate or NO_LIMIT) * SHARE
-        return MotionLimits(min(fastest, asked) if asked else fastest, yaw_rate)
+        return MotionLimits(min(fastest, requested) if requested else fastest, yaw_rate)
 
 
 class _SelfNavigating:

@@ -77,7 +77,7 @@ class LegFollower:
         self._tolerance = min(max(tolerance, TIGHTEST), WIDEST)
         self._holonomic = holonomic
         self._stuck = StuckDetector()
-        self._asked = ZERO_VELOCITY
+        self._requested = ZERO_VELOCITY
         self._number = -1
         self._leg = self._legs[0]
         self._path = Path([self._leg.points[0], *self._leg.points])
@@ -102,9 +102,9 @@ class LegFollower:
         elapsed, self._at = min(max(now - self._at, 0.0), 0.5), now
         wanted = self._STEPS[self.phase](self, pose, now)
         resting = wanted.is_zero and self.phase is not FollowPhase.DRIVE
-        self._asked = wanted if resting else ramp(self._asked, wanted, self._pace, elapsed)
+        self._requested = wanted if resting else ramp(self._requested, wanted, self._pace, elapsed)
         self._watch(pose, now)
-        return self._asked
+        return self._requested
 
     def progress(self) -> Progress:
         """Return the progress; it never falls, and is 100 only at the end."""
@@ -212,7 +212,7 @@ class LegFollower:
 
     def _look(self) -> float:
         """Return the look-ahead distance."""
-        return min(max(LOOK_TIME * self._asked.linear.horizontal(), LOOK_SHORTEST), LOOK_LONGEST)
+        return min(max(LOOK_TIME * self._requested.linear.horizontal(), LOOK_SHORTEST), LOOK_LONGEST)
 
     def _left(self, pose: Pose) -> float:
         """Return the metres until the robot must be slow."""
@@ -243,10 +243,10 @@ class LegFollower:
         remaining = self._remaining()
         if self._blocked_at is not None and remaining < self._blocked_remaining - self._tolerance:
             self._blocked_at = None
-        if not self._stuck.update(pose, self._asked, remaining, now):
+        if not self._stuck.update(pose, self._requested, remaining, now):
             return
         if self._blocked_at is None:
             self._blocked_at, self._blocked_remaining = now, remaining
         if now - self._blocked_at > GIVE_UP:
             raise TimedOut(f"blocked for {GIVE_UP:g} s with {remaining:.2f} m to go")
-        self._asked = self._enter(FollowPhase.BLOCKED, now)
+        self._requested = self._enter(FollowPhase.BLOCKED, now)

@@ -11,7 +11,7 @@ from fleet.model.geodesy import GeoOrigin, world_from_geo
 from fleet.model.geometry import Pose, Vector3, rotate_to_world
 from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, RelativeMove, Task
 
-Point = tuple[float, float]
+FlatPoint = tuple[float, float]
 FARTHEST = 10_000.0  # m; a goal beyond is certainly a mistake
 MOST_GOALS = 1000
 
@@ -22,7 +22,7 @@ class Leg(msgspec.Struct, frozen=True):
     ``backwards``: the robot drives in reverse.
     """
 
-    points: tuple[Point, ...]
+    points: tuple[FlatPoint, ...]
     yaw: float | None = None
     wait: float = 0.0
     backwards: bool = False
@@ -47,7 +47,7 @@ def legs_of(task: Task, pose: Pose, origin: GeoOrigin | None) -> tuple[Leg, ...]
 def _legs(goals: tuple[Goal, ...], start: Vector3, origin: GeoOrigin | None) -> tuple[Leg, ...]:
     """Split a path where the robot has to stand: at a heading, at a wait, at the end."""
     legs: list[Leg] = []
-    points: list[Point] = []
+    points: list[FlatPoint] = []
     for number, goal in enumerate(goals, 1):
         points.append(_place(goal, start, origin))
         if goal.yaw is not None or goal.wait > 0 or number == len(goals):
@@ -65,7 +65,7 @@ def _relative(task: RelativeMove, pose: Pose) -> Leg:
     return Leg((_checked(place, pose.position),), backwards=body.x < 0 and abs(body.y) < abs(body.x))
 
 
-def _place(goal: Goal, start: Vector3, origin: GeoOrigin | None) -> Point:
+def _place(goal: Goal, start: Vector3, origin: GeoOrigin | None) -> FlatPoint:
     """Return a goal in the world frame."""
     if goal.position is not None:
         return _checked(goal.position, start)
@@ -74,7 +74,7 @@ def _place(goal: Goal, start: Vector3, origin: GeoOrigin | None) -> Point:
     return _checked(world_from_geo(origin, goal.geo), start)
 
 
-def _checked(place: Vector3, start: Vector3) -> Point:
+def _checked(place: Vector3, start: Vector3) -> FlatPoint:
     """Return a point in the plane; raises Refused if it is not finite or too far."""
     if not (math.isfinite(place.x) and math.isfinite(place.y)):
         raise Refused("a goal has finite coordinates")

@@ -6,7 +6,7 @@ import math
 
 import msgspec
 
-from fleet.host.follow.legs import Point
+from fleet.host.follow.legs import FlatPoint
 from fleet.model.geometry import Pose, Vector3, Velocity, rotate_to_world, wrap_angle
 
 BRAKING = 0.25  # m/s2 with which the approach to the goal is planned
@@ -25,14 +25,14 @@ class MotionLimits(msgspec.Struct, frozen=True):
     yaw_acceleration: float = 3.0
 
 
-def bearing(pose: Pose, target: Point, *, backwards: bool = False) -> float:
+def bearing(pose: Pose, target: FlatPoint, *, backwards: bool = False) -> float:
     """Return the angle from the robot's front (``backwards``: its back) to a point, left positive."""
     at = pose.position
     heading = pose.rotation.yaw + (math.pi if backwards else 0.0)
     return wrap_angle(math.atan2(target[1] - at.y, target[0] - at.x) - heading)
 
 
-def distance(pose: Pose, target: Point) -> float:
+def distance(pose: Pose, target: FlatPoint) -> float:
     """Return the distance to a point in the plane, m."""
     return math.dist((pose.position.x, pose.position.y), target)
 
@@ -48,7 +48,9 @@ def approach(remaining: float, pace: MotionLimits) -> float:
     return min(pace.speed, max(CREEP, min(math.sqrt(2 * BRAKING * remaining), 1.2 * remaining)))
 
 
-def pursue(pose: Pose, target: Point, remaining: float, pace: MotionLimits, *, backwards: bool) -> Velocity:
+def pursue(
+    pose: Pose, target: FlatPoint, remaining: float, pace: MotionLimits, *, backwards: bool
+) -> Velocity:
     """Return the velocity along the arc to a point (pure pursuit), slower within ``remaining`` metres."""
     error, apart = bearing(pose, target, backwards=backwards), max(distance(pose, target), 0.05)
     curvature = 2 * math.sin(error) / max(apart, 0.15)
@@ -59,7 +61,7 @@ def pursue(pose: Pose, target: Point, remaining: float, pace: MotionLimits, *, b
 
 
 def holonomic_velocity(
-    pose: Pose, target: Point, remaining: float, yaw: float, pace: MotionLimits
+    pose: Pose, target: FlatPoint, remaining: float, yaw: float, pace: MotionLimits
 ) -> Velocity:
     """Return the velocity of a holonomic robot: straight to a point, turning on the remaining."""
     angle = bearing(pose, target)

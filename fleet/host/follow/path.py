@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from fleet.host.follow.legs import Point
+from fleet.host.follow.legs import FlatPoint
 
 CORNER = math.radians(30)  # a sharper turn is driven to its vertex and not cut
 AT_CORNER = 0.06  # m before a corner's vertex at which the next piece becomes the target
@@ -16,7 +16,7 @@ WINDOW = 1.0  # m ahead in which the robot is searched: a path may cross itself
 class Path:
     """Polyline through at least two points; a position on it is the distance from its start."""
 
-    def __init__(self, points: Sequence[Point]) -> None:
+    def __init__(self, points: Sequence[FlatPoint]) -> None:
         self._points = tuple(points)
         steps = (math.dist(one, other) for one, other in itertools.pairwise(self._points))
         self._distances = (0.0, *itertools.accumulate(steps))
@@ -28,7 +28,7 @@ class Path:
         return self._distances[-1]
 
     @property
-    def end(self) -> Point:
+    def end(self) -> FlatPoint:
         """The last point."""
         return self._points[-1]
 
@@ -36,7 +36,7 @@ class Path:
         """Return how many vertices after the first have been passed, not counting the last."""
         return sum(1 for vertex in self._distances[1:-1] if vertex <= travelled + AT_CORNER)
 
-    def ahead(self, here: Point, travelled: float) -> float:
+    def ahead(self, here: FlatPoint, travelled: float) -> float:
         """Return the position nearest to ``here``, from ``travelled`` to at most ``WINDOW`` ahead of it."""
         best, nearest = travelled, math.inf
         for number in range(len(self._points) - 1):
@@ -49,7 +49,7 @@ class Path:
                 best, nearest = place, apart
         return best
 
-    def point(self, travelled: float) -> Point:
+    def point(self, travelled: float) -> FlatPoint:
         """Return the point at a position."""
         for number in range(len(self._points) - 1):
             low, high = self._distances[number], self._distances[number + 1]
@@ -59,7 +59,7 @@ class Path:
                 return x + part * (to_x - x), y + part * (to_y - y)
         return self.end
 
-    def aim(self, travelled: float, lookahead: float) -> Point:
+    def aim(self, travelled: float, lookahead: float) -> FlatPoint:
         """Return the point to drive to: ``lookahead`` metres ahead, but not beyond the next corner."""
         corner = next((vertex for vertex in self._corners if vertex > travelled + AT_CORNER), self.length)
         return self.point(min(travelled + lookahead, corner))
@@ -69,7 +69,7 @@ class Path:
         corner = next((vertex for vertex in self._corners if vertex > travelled + AT_CORNER), self.length)
         return max(0.0, corner - travelled)
 
-    def _project(self, here: Point, number: int) -> float:
+    def _project(self, here: FlatPoint, number: int) -> float:
         """Return the position on a segment that is nearest to a point."""
         (x, y), (to_x, to_y) = self._points[number], self._points[number + 1]
         low, high = self._distances[number], self._distances[number + 1]
@@ -87,6 +87,6 @@ class Path:
         return tuple(found)
 
 
-def _direction(one: Point, other: Point) -> float:
+def _direction(one: FlatPoint, other: FlatPoint) -> float:
     """Return the heading from one point to another."""
     return math.atan2(other[1] - one[1], other[0] - one[0])

@@ -51,7 +51,7 @@ class RobotFollower:
         self._pace = pace
         self._holonomic = holonomic
         self._at = now
-        self._asked = ZERO_VELOCITY
+        self._requested = ZERO_VELOCITY
         self._goes = False
         self._message = ""
 
@@ -60,8 +60,8 @@ class RobotFollower:
         elapsed, self._at = min(max(now - self._at, 0.0), 0.5), now
         at, age = self._where()
         wanted = ZERO_VELOCITY if age > STALE else self._towards(pose, at)
-        self._asked = wanted if wanted.is_zero else ramp(self._asked, wanted, self._pace, elapsed)
-        return self._asked
+        self._requested = wanted if wanted.is_zero else ramp(self._requested, wanted, self._pace, elapsed)
+        return self._requested
 
     def progress(self) -> Progress:
         """Return the progress: always 0 %, since the task has no end."""

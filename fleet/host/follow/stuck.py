@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fleet.model.geometry import Pose, Velocity, wrap_angle
 
-ASKED_SPEED = 0.04  # m/s
-ASKED_TURN = 0.15  # rad/s
+REQUESTED_SPEED = 0.04  # m/s
+REQUESTED_TURN = 0.15  # rad/s
 MOVED = 0.03  # m that count as progress
 TURNED = 0.087  # rad
 STUCK_AFTER = 3.0  # s without either
@@ -27,10 +27,10 @@ class StuckDetector:
         self._anchor = None
         self._nearest = float("inf")
 
-    def update(self, pose: Pose, asked: Velocity, remaining: float, now: float) -> bool:
+    def update(self, pose: Pose, requested: Velocity, remaining: float, now: float) -> bool:
         """Return True when the robot is stuck; ``remaining``: metres of the whole path."""
-        drives = asked.linear.horizontal() >= ASKED_SPEED
-        if not drives and abs(asked.yaw_rate) < ASKED_TURN:
+        drives = requested.linear.horizontal() >= REQUESTED_SPEED
+        if not drives and abs(requested.yaw_rate) < REQUESTED_TURN:
             self.reset()
             return False
         if self._anchor is None or _moved(self._anchor, pose):

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
-from fleet.host.journal.execution_journal import Latched, Row, StartedCommand
+from fleet.host.journal.execution_journal import JournalRow, Latched, StartedCommand
 from fleet.host.journal.past_commands import PastCommand
 
 ROW = 64  # bytes of a command's row besides its texts
@@ -21,7 +21,7 @@ class CommandEnd(msgspec.Struct, frozen=True):
     identity: str
 
 
-Change = Row | CommandEnd
+JournalChange = JournalRow | CommandEnd
 """One change of the journal; a row of ``ExecutionJournal`` is one that must not wait for the disk."""
 
 
@@ -49,7 +49,7 @@ class NetChanges:
         """The new commands, oldest first."""
         return (started for started, _ in self.commands.values())
 
-    def add(self, changes: Iterable[Change]) -> None:
+    def add(self, changes: Iterable[JournalChange]) -> None:
         """Add changes that were made later."""
         for change in changes:
             if isinstance(change, Latched):

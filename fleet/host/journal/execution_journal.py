@@ -54,12 +54,12 @@ class Form(msgspec.Struct, frozen=True, array_like=True, tag="format"):
     number: int
 
 
-Row = StartedCommand | Latched
+JournalRow = StartedCommand | Latched
 
 ANY = "*"
 """The robot name that stands for all robots, when it is unknown which were stopped."""
 FORMAT = 1
-_ROW: msgspec.json.Decoder[Row | Form] = json_decoder(Row | Form)
+_ROW: msgspec.json.Decoder[JournalRow | Form] = json_decoder(JournalRow | Form)
 _encode = msgspec.json.Encoder().encode
 _FIRST = _encode(Form(FORMAT)) + b"\n"
 
@@ -85,7 +85,7 @@ class ExecutionJournal:
         # A half-written row or a half-done clear behind the end would otherwise become part of the next row.
         self._map[self._end :] = bytes(len(self._map) - self._end)
 
-    def add(self, row: Row) -> None:
+    def add(self, row: JournalRow) -> None:
         """Write a row; once this returns, the end of the process does not lose it."""
         line = (b"" if self._end else _FIRST) + _encode(row) + b"\n"
         end = self._end + len(line)
@@ -105,7 +105,7 @@ class ExecutionJournal:
         self._map[: self._end] = bytes(self._end)
         self._end = 0
 
-    def replace(self, rows: Iterable[Row]) -> None:
+    def replace(self, rows: Iterable[JournalRow]) -> None:
         """Write these rows in place of all.
 
         The end of the process at any instruction leaves either the old ones or the new ones.
@@ -126,7 +126,7 @@ class ExecutionJournal:
         self._file, self._map, self._end = file, mapped, len(data)
 
     @contextlib.contextmanager
-    def all_rows(self, *, clear: bool = True) -> Iterator[list[Row]]:
+    def all_rows(self, *, clear: bool = True) -> Iterator[list[JournalRow]]:
         """Give the rows of all processes of this edge; an incomplete row at the end of a file is skipped.
 
         After the block, those of dead processes are removed, and with ``clear`` our own. Nobody else would
@@ -197,7 +197,7 @@ def _locked(file: int) -> bool:
     return True
 
 
-def _rows(path: Path) -> Iterator[Row]:
+def _rows(path: Path) -> Iterator[JournalRow]:
     """Read one file; a newer format stops every robot, since the stops in it are unknown."""
     for line in path.read_bytes().partition(b"\0")[0].splitlines():
         try:

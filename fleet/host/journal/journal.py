@@ -20,8 +20,8 @@ from pathlib import Path
 
 from fleet.clock import Clock
 from fleet.errors import StateError
-from fleet.host.journal.changes import Change, CommandEnd, NetChanges
-from fleet.host.journal.execution_journal import ExecutionJournal, Latched, Row, StartedCommand
+from fleet.host.journal.changes import CommandEnd, JournalChange, NetChanges
+from fleet.host.journal.execution_journal import ExecutionJournal, JournalRow, Latched, StartedCommand
 from fleet.host.journal.journal_file import LOST, JournalFile
 from fleet.host.journal.past_commands import DONE, MOTION, InterruptedCommand, PastCommand, answer_to
 from fleet.host.journal.unwritten_mark import UnwrittenMark
@@ -41,7 +41,7 @@ RETRY = 1.0  # s between attempts to write what the disk did not take
 NOTED_AGAIN = 60.0  # s after which lasting motion is recorded again: old records are forgotten
 
 
-def _forget(_change: Change) -> None:
+def _forget(_change: JournalChange) -> None:
     """Discard a change."""
 
 
@@ -51,7 +51,7 @@ class RobotJournal:
     def __init__(
         self,
         robot: str = "",
-        put: Callable[[Change], None] = _forget,
+        put: Callable[[JournalChange], None] = _forget,
         *,
         latched: str = "",
         past: Sequence[PastCommand] = (),
@@ -146,7 +146,7 @@ class Journal:
         self._adding = threading.Lock()  # covers adding to both the queue and the execution journal
         self._set: dict[str, str] = {}  # robot to cause: the emergency stops that are set
         self._execution_journal = self._open_execution_journal(path)
-        self._waiting: deque[Change] = deque()
+        self._waiting: deque[JournalChange] = deque()
         self._unwritten = NetChanges()  # changes that the database does not have yet
         self._mark = UnwrittenMark(folder, path.name)
         self._closing = threading.Event()
@@ -168,13 +168,13 @@ class Journal:
             self._fail(error)
             return None
 
-    def _all_rows(self, *, clear: bool = True) -> AbstractContextManager[list[Row]]:
+    def _all_rows(self, *, clear: bool = True) -> AbstractContextManager[list[JournalRow]]:
         """Give the rows of all execution journals."""
         journal = self._execution_journal
         return nullcontext([]) if journal is None else journal.all_rows(clear=clear)
 
     def _open_file(
-        self, left: AbstractContextManager[list[Row]], *, within: float = math.inf
+        self, left: AbstractContextManager[list[JournalRow]], *, within: float = math.inf
     ) -> JournalFile | None:
         """Open and migrate the database; None, with ``problem`` set, if it cannot be written."""
         try:
@@ -195,7 +195,7 @@ class Journal:
             with self._using:
                 self._file, self._left = file, NetChanges()
 
-    def _add(self, row: Row) -> None:
+    def _add(self, row: JournalRow) -> None:
         """Write a row to the execution journal; never raises."""
         if self._execution_journal is not None:
             try:
@@ -271,7 +271,7 @@ class Journal:
             if journal is not None:
                 journal.close()
 
-    def _put(self, change: Change) -> None:
+    def _put(self, change: JournalChange) -> None:
         """Add a change; from here on, a started command or a stop survives the process."""
         if isinstance(change, CommandEnd) and not self.ends_are_reported():
             return

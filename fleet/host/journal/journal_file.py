@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.host.journal.changes import NetChanges
-from fleet.host.journal.execution_journal import ANY, Latched, Row, StartedCommand
+from fleet.host.journal.execution_journal import ANY, JournalRow, Latched, StartedCommand
 from fleet.host.journal.past_commands import InterruptedCommand, PastCommand
 from fleet.host.journal.unwritten_mark import UnwrittenMark, remove
 from fleet.host.safety.dedup_cache import KEPT
@@ -63,7 +63,7 @@ class JournalFile:
     def __init__(
         self,
         folder: Path,
-        left: AbstractContextManager[Iterable[Row]],
+        left: AbstractContextManager[Iterable[JournalRow]],
         mark: UnwrittenMark,
         *,
         within: float = math.inf,
@@ -128,7 +128,7 @@ class JournalFile:
         self._database.execute(_MARK_REPORTED, (robot,))
         return [InterruptedCommand(*row) for row in rows]
 
-    def _recover(self, rows: Iterable[Row]) -> None:
+    def _recover(self, rows: Iterable[JournalRow]) -> None:
         """Write rows of execution journals; writes even without any, because a full disk can be read."""
         with transaction(self._database):
             self._database.execute(_LATCH, ("", ""))

@@ -25,7 +25,7 @@ from fleet.errors import WireError
 from fleet.host.process.permitted_requests import PermittedRequests
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.requests.answering import answer_to
-from fleet.host.requests.decode import Ask
+from fleet.host.requests.decode import RobotRequest
 from fleet.host.requests.event_reporter import with_proof
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.dry_run import against
@@ -33,7 +33,7 @@ from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.motion_guard import BEGINNINGS
 from fleet.model.command import Command, JointSetpoint, Reply, ReplyStatus, Setpoint, Transport
 from fleet.model.navigation import Control, Navigate
-from fleet.model.start import FARTHEST, StartAnswer, StartAsked
+from fleet.model.start import FARTHEST, StartAnswer, StartSignal
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json
 from fleet.wire.rules import Kind
@@ -54,7 +54,7 @@ class _PreparedRequest(msgspec.Struct, eq=False):
 
     start: str
     robot: LocalRobot
-    ask: Command | Navigate
+    request: Command | Navigate
     receipt: Receipt
     until: float
     stamp: float | None = None
@@ -66,12 +66,14 @@ class _PrepareQueries:
     def __init__(
         self,
         process: RobotProcess,
-        asked: Callable[[LocalRobot, Query], None],
+        requested: Callable[[LocalRobot, Query], None],
         interrupted: Callable[[str, str], None],
     ) -> None:
         self._edge, self._interrupted = process.edge, interrupted
         control, pattern = process.bus.control, keys.prepare(process.edge, "*")
-        self._table = QueryTable(control, pattern, asked, more=keys.SENDER_SUFFIX, apart=not process.alone)
+        self._table = QueryTable(
+            control, pattern, requested, more=keys.SENDER_SUFFIX, apart=not process.alone
+        )
 
     def join(self, robot: LocalRobot) -> None:
         """Take requests to prepare a robot."""
@@ -98,15 +100,15 @@ class CommonStarts:
         """Serve the requests for common starts on the bus."""
         edge, control = self._process.edge, self._process.bus.control
         self._process.services.append(
-            _PrepareQueries(self._process, self._asked_to_prepare, self._interrupted)
+            _PrepareQueries(self._process, self._requested_to_prepare, self._interrupted)
         )
-        control.answer(keys.starts(edge), self._asked)
+        control.answer(keys.starts(edge), self._requested)
         control.watch_tokens(keys.starting(edge, "*"), self._token)
         self._process.scheduler.every(POLL_INTERVAL, self._look)
 
     # -- the bus's threads -----------------------------------------------------------------------------
 
-    def _asked_to_prepare(self, robot: LocalRobot, question: Query) -> None:
+    def _requested_to_prepare(self, robot: LocalRobot, question: Query) -> None:
         """Receive a request to prepare a robot; a stop is executed at once."""
         kind = question.parameters.get("kind", "command")
         if not stop_in(question.payload, cast("Kind", kind) if kind in KINDS else "command"):
@@ -118,16 +120,16 @@ class CommonStarts:
         if take is not None:
             self._loop.call_soon_threadsafe(take, answer_to(question, waits=False))
 
-    def _asked(self, question: Query) -> None:
+    def _requested(self, question: Query) -> None:
         """Answer with the present time, at once; set the instant of a start."""
         try:
-            asked = decode_json(question.payload, StartAsked)
+            requested = decode_json(question.payload, StartSignal)
         except msgspec.DecodeError as error:
             log.warning("a start that cannot be read: %s", error)
             question.close()
             return
-        if asked.id:
-            self._loop.call_soon_threadsafe(self._set, question, asked)
+        if requested.id:
+            self._loop.call_soon_threadsafe(self._set, question, requested)
         else:
             self._answer(question, {})
 
@@ -154,40 +156,43 @@ class CommonStarts:
         waits = question.parameters.get("wait") == "1"
         start = question.parameters.get("start", "")
         answer = answer_to(question, waits=waits)
-        name, trouble, ask = "start", "", None
+        name, trouble, request = "start", "", None
         try:
-            ask = _read(robot, question)
-            name = ask.name
-            trouble = self._permitted.refusal_of(robot, question, ask)
+            request = _read(robot, question)
+            name = request.name
+            trouble = self._permitted.refusal_of(robot, question, request)
             proven = self._process.senders.proven(question)
-            ask = ask if proven is None else with_proof(ask, proven)
-            trouble = trouble or self._against(robot, ask, start) or await self._unready(robot, ask)
-            trouble = trouble or self._against(robot, ask, start)
+            request = request if proven is None else with_proof(request, proven)
+            trouble = trouble or self._against(robot, request, start) or await self._unready(robot, request)
+            trouble = trouble or self._against(robot, request, start)
         except WireError as error:
             trouble = str(error)
-        if trouble or ask is None:
+        if trouble or request is None:
             answer(Reply(name, ReplyStatus.REJECTED, trouble))
             return
         receipt = Receipt(name, answer, waits=waits)
         until = self._clock.monotonic() + KEPT
-        self._prepared[robot.name] = _PreparedRequest(start, robot, ask, receipt, until)
-        if isinstance(ask, Navigate) and not isinstance(ask.ask, Control):
-            robot.controller.guard.means(ask.ask)
+        self._prepared[robot.name] = _PreparedRequest(start, robot, request, receipt, until)
+        if isinstance(request, Navigate) and not isinstance(request.instruction, Control):
+            robot.controller.guard.means(request.instruction)
         question.reply(msgspec.json.encode(Reply(name, ReplyStatus.ACCEPTED)))
 
-    def _against(self, robot: LocalRobot, ask: Command | Navigate, start: str) -> str:
+    def _against(self, robot: LocalRobot, request: Command | Navigate, start: str) -> str:
         """Return why a robot cannot be prepared now; empty when it can."""
         if not start or start not in self._alive:
             return "the sender of the common start is not present"
         if robot.name in self._prepared:
             return "it is prepared for another start"
-        if ask.stamp is not None and abs(self._clock.time() - ask.stamp) > robot.config.command_max_age:
-            return f"the message is {self._clock.time() - ask.stamp:.1f} s old"
-        return against(robot.controller, ask, robot.spec_of(ask.name))
+        if (
+            request.stamp is not None
+            and abs(self._clock.time() - request.stamp) > robot.config.command_max_age
+        ):
+            return f"the message is {self._clock.time() - request.stamp:.1f} s old"
+        return against(robot.controller, request, robot.spec_of(request.name))
 
-    async def _unready(self, robot: LocalRobot, ask: Command | Navigate) -> str:
+    async def _unready(self, robot: LocalRobot, request: Command | Navigate) -> str:
         """Return why the robot itself reports that it is not ready; empty when it is."""
-        if ask.name not in BEGINNINGS or robot.spec_of(READY) is None:
+        if request.name not in BEGINNINGS or robot.spec_of(READY) is None:
             return ""
         ended: asyncio.Future[Reply] = self._loop.create_future()
 
@@ -195,7 +200,7 @@ class CommonStarts:
             if (reply.done is not None or not reply.ok) and not ended.done():
                 ended.set_result(reply)
 
-        robot.requests.begin(Command(READY, origin=ask.origin), Receipt(READY, on_reply, waits=True))
+        robot.requests.begin(Command(READY, origin=request.origin), Receipt(READY, on_reply, waits=True))
         try:
             async with asyncio.timeout(READY_WITHIN):
                 reply = await ended
@@ -207,10 +212,10 @@ class CommonStarts:
 
     # -- the instant -----------------------------------------------------------------------------------
 
-    def _set(self, question: Query, asked: StartAsked) -> None:
+    def _set(self, question: Query, requested: StartSignal) -> None:
         """Set the instant of a start, unless one of its robots can no longer begin."""
-        of_it = [one for one in self._prepared.values() if one.start == asked.id]
-        ahead = asked.stamp - self._clock.time()
+        of_it = [one for one in self._prepared.values() if one.start == requested.id]
+        ahead = requested.stamp - self._clock.time()
         problems = {one.robot.name: self._blocker(one, ahead) for one in of_it}
         first = next((f"{name}: {why}" for name, why in problems.items() if why), "")
         for one in of_it:
@@ -218,9 +223,9 @@ class CommonStarts:
                 problems[one.robot.name] = problems[one.robot.name] or f"not without the others: {first}"
                 self._drop(one, problems[one.robot.name])
             else:
-                one.stamp = asked.stamp
+                one.stamp = requested.stamp
         if of_it and not first:
-            self._loop.call_later(ahead, self._begin, asked.id)
+            self._loop.call_later(ahead, self._begin, requested.id)
         self._answer(question, problems)
 
     def _blocker(self, one: _PreparedRequest, ahead: float) -> str:
@@ -233,7 +238,7 @@ class CommonStarts:
             return (
                 f"its instant is {-ahead:.2f} s past" if ahead <= 0 else f"its instant is {ahead:.0f} s ahead"
             )
-        return against(one.robot.controller, one.ask, one.robot.spec_of(one.ask.name))
+        return against(one.robot.controller, one.request, one.robot.spec_of(one.request.name))
 
     def _begin(self, start: str) -> None:
         """Begin: pass all prepared requests of a start to the robots' controllers, one after another."""
@@ -247,8 +252,8 @@ class CommonStarts:
                 self._refuse(one, f"its instant was missed by {off:.2f} s")
                 continue
             # the agreed instant counts as the time of the request
-            stamp = None if one.ask.stamp is None else one.stamp
-            one.robot.requests.begin(msgspec.structs.replace(one.ask, stamp=stamp), one.receipt)
+            stamp = None if one.request.stamp is None else one.stamp
+            one.robot.requests.begin(msgspec.structs.replace(one.request, stamp=stamp), one.receipt)
 
     # -- cancellation ----------------------------------------------------------------------------------
 
@@ -295,7 +300,7 @@ class CommonStarts:
 
     def _refuse(self, one: _PreparedRequest, why: str) -> None:
         """Report that a robot does not begin."""
-        one.robot.controller.event_reporter.log.warning("%s is not started: %s", one.ask.name, why)
+        one.robot.controller.event_reporter.log.warning("%s is not started: %s", one.request.name, why)
         one.receipt.reject(f"not started: {why}")
 
 
@@ -310,15 +315,15 @@ def _read(robot: LocalRobot, question: Query) -> Command | Navigate:
     if kind not in KINDS:
         raise WireError(f"{kind[:40]!a} is nothing that is started together; one of {', '.join(KINDS)}")
     transport = Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS
-    ask: Ask | None = robot.requests.ask_of(
+    request: RobotRequest | None = robot.requests.decode_request(
         cast("Kind", kind),
         question.payload,
         transport=transport,
         request_id=question.parameters.get("id", ""),
     )
-    if ask is None or isinstance(ask, Setpoint | JointSetpoint) or ask.name in STOP_WORDS:
+    if request is None or isinstance(request, Setpoint | JointSetpoint) or request.name in STOP_WORDS:
         raise WireError("a velocity is not started together: it is obeyed at once")
-    return ask
+    return request
 
 
 def _words_of(said: object) -> str:

@@ -32,7 +32,7 @@ class HistoryService:
         self._history = history
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="fleet-recall")
 
-    def asked(self, question: Query) -> None:
+    def requested(self, question: Query) -> None:
         """Queue a query; it is answered on a separate thread, which may wait for the disk."""
         try:
             self._reader.submit(self._answer, question)

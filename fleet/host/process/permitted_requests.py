@@ -9,7 +9,7 @@ from __future__ import annotations
 from fleet.bus.zenoh_session import Query
 from fleet.errors import WireError
 from fleet.host.requests.bus_senders import BusSenders
-from fleet.host.requests.decode import Ask, is_stop
+from fleet.host.requests.decode import RobotRequest, is_stop
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.model.command import Command, Reply, ReplyStatus, Transport
 from fleet.model.permission import Permission, needed_for_command
@@ -32,19 +32,21 @@ class PermittedRequests:
         if not question.suffix:
             return None
         try:
-            ask = robot.requests.ask_of(kind, question.payload, transport=transport, request_id="")
+            request = robot.requests.decode_request(
+                kind, question.payload, transport=transport, request_id=""
+            )
         except WireError as error:
             if not self._refused(robot, question, Permission.OPERATE, kind):
                 return None
             return Reply(kind, ReplyStatus.REJECTED, str(error))
-        if ask is None or is_stop(ask):
+        if request is None or is_stop(request):
             return None
-        why = self.refusal_of(robot, question, ask)
-        return Reply(ask.name, ReplyStatus.REJECTED, why) if why else None
+        why = self.refusal_of(robot, question, request)
+        return Reply(request.name, ReplyStatus.REJECTED, why) if why else None
 
-    def refusal_of(self, robot: LocalRobot, question: Query, ask: Ask) -> str:
+    def refusal_of(self, robot: LocalRobot, question: Query, request: RobotRequest) -> str:
         """Return why the sender may not ask this of a robot; empty when it may, and for programs."""
-        return self._refused(robot, question, _needed(ask), ask.name, ask.origin.session)
+        return self._refused(robot, question, _needed(request), request.name, request.origin.session)
 
     def _refused(
         self, robot: LocalRobot, question: Query, needed: Permission, what: str, claimed: str = ""
@@ -53,6 +55,6 @@ class PermittedRequests:
         return self._senders.refusal(question, needed, what, claimed=claimed, robot=robot.name)
 
 
-def _needed(ask: Ask) -> Permission:
+def _needed(request: RobotRequest) -> Permission:
     """Return the permission that a request to a robot needs."""
-    return needed_for_command(ask.name) if isinstance(ask, Command) else Permission.OPERATE
+    return needed_for_command(request.name) if isinstance(request, Command) else Permission.OPERATE

@@ -34,9 +34,9 @@ class RobotEndpoints:
         self._tokens: dict[str, Callable[[], None]] = {}  # withdraws the token of each robot
         table = partial(QueryTable[LocalRobot], bus.control, apart=not alone)
         self._tables: Mapping[Callable[[str, str], str], QueryTable[LocalRobot]] = {
-            keys.command: table(keys.command(edge, "*"), self._asked, more=keys.SENDER_SUFFIX),
-            keys.state: table(keys.state(edge, "*"), self._asked_state),
-            keys.description: table(keys.description(edge, "*"), self._asked_description),
+            keys.command: table(keys.command(edge, "*"), self._requested, more=keys.SENDER_SUFFIX),
+            keys.state: table(keys.state(edge, "*"), self._requested_state),
+            keys.description: table(keys.description(edge, "*"), self._requested_description),
         }
 
     def join(self, robot: LocalRobot) -> None:
@@ -52,15 +52,15 @@ class RobotEndpoints:
         for key, table in self._tables.items():
             table.remove(key(self._edge, robot.name))
 
-    def _asked(self, robot: LocalRobot, question: Query) -> None:
+    def _requested(self, robot: LocalRobot, question: Query) -> None:
         """Take a query for a robot's commands; on the bus's thread, hence it only hands over."""
         self._loop.call_soon_threadsafe(self._read(robot, question))
 
-    def _asked_state(self, robot: LocalRobot, question: Query) -> None:
+    def _requested_state(self, robot: LocalRobot, question: Query) -> None:
         """Answer with the present state, on the event loop; on the bus's thread."""
         self._loop.call_soon_threadsafe(lambda: question.answer(msgspec.json.encode(robot.state())))
 
-    def _asked_description(self, robot: LocalRobot, question: Query) -> None:
+    def _requested_description(self, robot: LocalRobot, question: Query) -> None:
         """Answer with the present description, on the event loop; on the bus's thread."""
         self._loop.call_soon_threadsafe(lambda: question.answer(msgspec.json.encode(robot.describe())))
 

@@ -141,7 +141,7 @@ class RobotProcess:
         self.claims = self.holders.claims
         self.on_stop: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
         # Called before the robots are looked up; it must neither wait nor raise.
-        self.stop_asked: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
+        self.stop_requested: Callable[[tuple[str, ...], StopCause], None] = lambda _names, _cause: None
 
     def _make(self, spec: RobotSpec, journal: RobotJournal | None = None) -> LocalRobot:
         """Build one robot; the links that it opens leave copies of their frames for a recorder."""
@@ -250,7 +250,7 @@ class RobotProcess:
     def stop_robots(self, names: tuple[str, ...], cause: StopCause) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
         try:
-            self.stop_asked(names, cause)
+            self.stop_requested(names, cause)
         except Exception:
             log.exception("a stop was not noted for the robots that join; those that run are stopped")
         stopped = [robot for robot in list(self.robots.values()) if not names or robot.name in names]
@@ -273,9 +273,9 @@ class RobotProcess:
             log.error("%s: this process ends", why)
             self.loop.call_soon_threadsafe(ended.set)
 
-        def stop_named(asked: StopRequest) -> list[str]:
-            cause = local_cause(asked.by, asked.why, asked.request)
-            return stop(msgspec.json.encode(asked.names), cause)
+        def stop_named(requested: StopRequest) -> list[str]:
+            cause = local_cause(requested.by, requested.why, requested.request)
+            return stop(msgspec.json.encode(requested.names), cause)
 
         self.supervised.begin(self.edge, self.worker, stop=stop_named, end=end)
 

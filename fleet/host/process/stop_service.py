@@ -58,7 +58,7 @@ def serve_stops(
                 _keep(robot, cause)
         return stopped
 
-    def asked(question: Query) -> None:
+    def requested(question: Query) -> None:
         stopped = stop(question.payload, cause_in(question.parameters))
         question.reply(msgspec.json.encode(stopped))
         question.close()
@@ -68,7 +68,7 @@ def serve_stops(
 
     for bus_session in (bus.control, bus.reports):
         bus_session.subscribe_noted(key, published)
-    bus.control.answer(key, asked)
+    bus.control.answer(key, requested)
     return lambda payload, cause: stop_everywhere(process, remote, names_in(payload, groups), cause)
 
 

@@ -44,22 +44,26 @@ class VideoRelay:
         self._loop = loop
         self._clock = clock
 
-    def take(self, ask: Command, receipt: Receipt) -> None:
+    def take(self, request: Command, receipt: Receipt) -> None:
         """Relay a command: done when a program has done it, refused when there is none."""
-        if ask.origin.transport is not Transport.CLOUD:
+        if request.origin.transport is not Transport.CLOUD:
             receipt.watch(self._tell)
         refusals: list[str] = []
-        asked = self._clock.monotonic()
+        requested = self._clock.monotonic()
 
         def answered(payload: bytes) -> None:
             self._loop.call_soon_threadsafe(self._answered, payload, receipt, refusals)
 
         def ended() -> None:
-            waited = self._clock.monotonic() - asked  # now: a busy loop must not look like a silent program
+            waited = (
+                self._clock.monotonic() - requested
+            )  # now: a busy loop must not look like a silent program
             self._loop.call_soon_threadsafe(self._ended, waited, receipt, refusals)
 
-        query = video_request(ask)
-        self._bus_session.ask_later(self._key, query, timeout=ANSWER_WITHIN, on_answer=answered, on_end=ended)
+        query = video_request(request)
+        self._bus_session.request_later(
+            self._key, query, timeout=ANSWER_WITHIN, on_answer=answered, on_end=ended
+        )
 
     def _answered(self, payload: bytes, receipt: Receipt, refusals: list[str]) -> None:
         """Process one program's reply; there may be one program per camera, and one success is enough."""

@@ -22,7 +22,7 @@ from fleet.wire.stops import STOP_WORDS, UNREAD, stop_in
 
 log = logging.getLogger(__name__)
 
-Ask = Command | Setpoint | JointSetpoint | Navigate
+RobotRequest = Command | Setpoint | JointSetpoint | Navigate
 
 LARGEST = MIB  # bytes of the largest message that is decoded
 
@@ -48,7 +48,7 @@ class RequestDecoder:
         self._home_altitude = home_altitude
         self._planar = planar
         self._defaults = defaults
-        self._decoders: dict[Kind, Callable[..., Ask | None]] = {
+        self._decoders: dict[Kind, Callable[..., RobotRequest | None]] = {
             "navigate": self._navigate,
             "motion": decode_motion,
             "joints": partial(decode_joints, leads=config.role == "leader"),
@@ -57,7 +57,7 @@ class RequestDecoder:
 
     def decode(
         self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str = "", unread: str = ""
-    ) -> Ask | None:
+    ) -> RobotRequest | None:
         """Return the request in a message; None for a message without one (a reply).
 
         ``unread`` says why the payload must not be decoded; empty when it may. A stop is returned even if the
@@ -84,7 +84,9 @@ class RequestDecoder:
                 return Command(stop, origin=Origin(transport), flaw=why)
             raise WireError(why) from None
 
-    def _decode(self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str) -> Ask | None:
+    def _decode(
+        self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str
+    ) -> RobotRequest | None:
         """Decode a message strictly."""
         if kind == "command":
             return decode_command(
@@ -92,7 +94,9 @@ class RequestDecoder:
             )
         return self._decoders[kind](payload, transport=transport, request_id=request_id, twin=self._twin)
 
-    def _navigate(self, payload: bytes, *, transport: Transport, request_id: str, twin: str) -> Ask | None:
+    def _navigate(
+        self, payload: bytes, *, transport: Transport, request_id: str, twin: str
+    ) -> RobotRequest | None:
         """Decode a message of the ``navigate/command`` topic."""
         origin = self._origin
         home = self._home_altitude()
@@ -107,21 +111,28 @@ class RequestDecoder:
             twin=twin,
         )
 
-    def _mission(self, payload: bytes, *, transport: Transport, request_id: str, twin: str) -> Ask | None:  # noqa: ARG002 - one signature for all decoders
+    def _mission(
+        self,
+        payload: bytes,
+        *,
+        transport: Transport,
+        request_id: str,  # noqa: ARG002 - one signature for all decoders
+        twin: str,
+    ) -> RobotRequest | None:
         """Decode a message of the ``mission/command`` topic."""
         return decode_mission(payload, transport=transport, twin=twin)
 
 
-def is_stop(ask: Ask) -> bool:
+def is_stop(request: RobotRequest) -> bool:
     """Return True for a request that can only end motion."""
-    if isinstance(ask, Navigate):
-        return ask.ask is Control.STOP
-    return isinstance(ask, Command) and ask.name in STOP_WORDS
+    if isinstance(request, Navigate):
+        return request.instruction is Control.STOP
+    return isinstance(request, Command) and request.name in STOP_WORDS
 
 
-def is_discrete(ask: Ask) -> bool:
+def is_discrete(request: RobotRequest) -> bool:
     """Return True for a request that is not part of a stream of velocities or joint targets."""
-    return not isinstance(ask, Setpoint | JointSetpoint)
+    return not isinstance(request, Setpoint | JointSetpoint)
 
 
 def reply_with_flaw(answer: Answer, flaw: str) -> Answer:
@@ -135,11 +146,11 @@ def reply_with_flaw(answer: Answer, flaw: str) -> Answer:
     return tell
 
 
-def max_wait(ask: Ask, config: AdapterConfig) -> float:
+def max_wait(request: RobotRequest, config: AdapterConfig) -> float:
     """Return how many seconds a request may wait for the event loop; stops and zeros may always wait."""
-    if isinstance(ask, Setpoint):
-        return math.inf if ask.velocity.is_zero else config.max_age
-    if isinstance(ask, JointSetpoint):
+    if isinstance(request, Setpoint):
+        return math.inf if request.velocity.is_zero else config.max_age
+    if isinstance(request, JointSetpoint):
         return config.max_age
-    holds = isinstance(ask, Navigate) and ask.ask is Control.PAUSE
-    return math.inf if holds or is_stop(ask) else config.command_max_age
+    holds = isinstance(request, Navigate) and request.instruction is Control.PAUSE
+    return math.inf if holds or is_stop(request) else config.command_max_age

@@ -13,7 +13,7 @@ from typing import TypeVar
 import msgspec
 
 from fleet.clock import Clock
-from fleet.host.requests.decode import Ask
+from fleet.host.requests.decode import RobotRequest
 from fleet.model.command import Command, Origin, Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.navigation import Navigate
@@ -35,7 +35,7 @@ LEVELS = MappingProxyType(
 )
 
 _OURS = frozenset({Transport.MISSION, Transport.LOCAL})  # no message from outside can claim these
-AnyAsk = TypeVar("AnyAsk", bound=Ask)
+RobotRequestT = TypeVar("RobotRequestT", bound=RobotRequest)
 
 
 def robot_log(name: str) -> logging.Logger:
@@ -49,10 +49,10 @@ def requester_of(origin: Origin) -> Requester:
     return Requester(origin.transport, origin.session, origin.source_type, proven=proven)
 
 
-def with_proof(ask: AnyAsk, name: str) -> AnyAsk:
+def with_proof(request: RobotRequestT, name: str) -> RobotRequestT:
     """Return a request with a proven sender; ``name`` replaces the sender's name, empty keeps it."""
-    known = msgspec.structs.replace(ask.origin, session=name or ask.origin.session, proven=True)
-    return msgspec.structs.replace(ask, origin=known)
+    known = msgspec.structs.replace(request.origin, session=name or request.origin.session, proven=True)
+    return msgspec.structs.replace(request, origin=known)
 
 
 class EventReporter:
@@ -73,7 +73,7 @@ class EventReporter:
         self._publish = log_exceptions(log, f"an event of {name} could not be reported")(publish)
         self._clock = clock
         self._in_motion = in_motion
-        self._ask: Ask | None = None  # request for which it moves, or moved last
+        self._request: RobotRequest | None = None  # request for which it moves, or moved last
         self._ended = float("-inf")
         self.heard: Callable[[str], None] = lambda _why: None  # when anything moves or stops it
 
@@ -84,14 +84,14 @@ class EventReporter:
         except Exception:
             log.exception("motion or a stop of a robot could not be passed on")
 
-    def moves(self, ask: Ask) -> None:
+    def moves(self, request: RobotRequest) -> None:
         """Record the request for which the robot moves from now on."""
-        self._ask = ask
-        self._hear(f"{ask.name} by {ask.origin.session or ask.origin.transport}")
+        self._request = request
+        self._hear(f"{request.name} by {request.origin.session or request.origin.transport}")
 
-    def stops(self, ask: Command) -> None:
+    def stops(self, request: Command) -> None:
         """Record a request to stop."""
-        self._hear(f"{ask.name} by {ask.origin.session or ask.origin.transport}")
+        self._hear(f"{request.name} by {request.origin.session or request.origin.transport}")
 
     def ended(self) -> None:
         """Record the end of its motion; events that follow still name the request for which it moved."""
@@ -99,10 +99,10 @@ class EventReporter:
         if self._in_motion():
             self._ended = self._clock.monotonic()
 
-    def _moved_by(self) -> Ask | None:
+    def _moved_by(self) -> RobotRequest | None:
         """Return the request for which the robot moves, or moved until just now."""
         recent = self._clock.monotonic() - self._ended <= JUST_NOW
-        return self._ask if recent or self._in_motion() else None
+        return self._request if recent or self._in_motion() else None
 
     def authority_lost(self, reason: str) -> None:
         """Report that another party took control of the robot."""
@@ -110,10 +110,10 @@ class EventReporter:
         self._hear(f"authority lost: {reason}")
         self.event(kind, f"authority lost: {reason}", telemetry="authority_lost", data={"reason": reason})
 
-    def emergency_stop(self, ask: Command, who: str) -> None:
+    def emergency_stop(self, request: Command, who: str) -> None:
         """Report that an emergency stop was set."""
         text = f"the emergency stop was set, {who}"
-        self.event(EventKind.EMERGENCY_STOP, text, severity=Severity.CRITICAL, ask=ask)
+        self.event(EventKind.EMERGENCY_STOP, text, severity=Severity.CRITICAL, request=request)
 
     def event(
         self,
@@ -121,28 +121,28 @@ class EventReporter:
         text: str,
         *,
         severity: Severity = Severity.WARNING,
-        ask: Ask | None = None,
+        request: RobotRequest | None = None,
         telemetry: str = "",
         data: Mapping[str, object] = MappingProxyType({}),
         logs: bool = True,
     ) -> None:
-        """Report an event; ``ask`` is its cause, by default the request for which the robot moves.
+        """Report an event; ``request`` is its cause, by default the request for which the robot moves.
 
         With ``telemetry``, a message of this type and the same ``data`` is published on the telemetry
         channel. ``logs``: write it to the log, where it is not yet.
         """
         if logs:
             self.log.log(LEVELS[severity], "%s", text)
-        ask = ask or self._moved_by()
+        request = request or self._moved_by()
         self._publish(
             EventReport(
                 self._clock.time(),
                 kind,
                 text,
                 severity,
-                requester_of(ask.origin) if ask is not None else None,
-                ask.name if ask is not None else "",
-                request_of(ask),
+                requester_of(request.origin) if request is not None else None,
+                request.name if request is not None else "",
+                request_of(request),
                 dict(data),
             )
         )
@@ -150,8 +150,8 @@ class EventReporter:
             self._publish(TelemetryReport(self._clock.time(), telemetry, dict(data)))
 
 
-def request_of(ask: Ask | None) -> str:
+def request_of(request: RobotRequest | None) -> str:
     """Return the id of a request, empty if it has none."""
-    if isinstance(ask, Navigate):
-        return ask.action_id
-    return ask.id if isinstance(ask, Command) else ""
+    if isinstance(request, Navigate):
+        return request.action_id
+    return request.id if isinstance(request, Command) else ""

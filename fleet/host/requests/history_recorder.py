@@ -16,7 +16,7 @@ from functools import partial
 import msgspec
 
 from fleet.clock import Clock
-from fleet.host.requests.decode import Ask, is_stop
+from fleet.host.requests.decode import RobotRequest, is_stop
 from fleet.host.requests.event_reporter import request_of, requester_of
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import StopCause
@@ -50,20 +50,24 @@ class HistoryRecorder:
         self._known: OrderedDict[str, bool] = OrderedDict()  # request id to: sender proven
 
     @never_raises
-    def asked(self, ask: Ask, receipt: Receipt) -> None:
+    def requested(self, request: RobotRequest, receipt: Receipt) -> None:
         """Record a request and the replies to it; on the event loop, before it is executed."""
-        if isinstance(ask, Setpoint | JointSetpoint):
-            receipt.watch(partial(self._drove, ask))
+        if isinstance(request, Setpoint | JointSetpoint):
+            receipt.watch(partial(self._drove, request))
             return
-        if is_stop(ask):
-            if ask.name != EMERGENCY:  # EMERGENCY is recorded where it is decoded
+        if is_stop(request):
+            if request.name != EMERGENCY:  # EMERGENCY is recorded where it is decoded
                 self._add(
-                    EventKind.STOP, f"{_name(ask)} asked", ask, severity=Severity.WARNING, data=_data(ask)
+                    EventKind.STOP,
+                    f"{_name(request)} asked",
+                    request,
+                    severity=Severity.WARNING,
+                    data=_data(request),
                 )
-        elif self._is_repeat(request_of(ask)):
-            receipt.watch(partial(self._repeated, ask, receipt))
+        elif self._is_repeat(request_of(request)):
+            receipt.watch(partial(self._repeated, request, receipt))
             return
-        receipt.watch(partial(self._answered, ask, receipt))
+        receipt.watch(partial(self._answered, request, receipt))
 
     @never_raises
     def emergency(self, origin: Origin, request: str = "") -> None:
@@ -88,8 +92,8 @@ class HistoryRecorder:
     @never_raises
     def followed(self, cause: StopCause, receipt: Receipt) -> None:
         """Record the outcome of an emergency stop that no message to this robot asked for."""
-        ask = Command(EMERGENCY, id=cause.request)
-        receipt.watch(partial(self._answered, ask, receipt, requester=cause.asker))
+        request = Command(EMERGENCY, id=cause.request)
+        receipt.watch(partial(self._answered, request, receipt, requester=cause.asker))
 
     @never_raises
     def unread(self, kind: str, origin: Origin, receipt: Receipt) -> None:
@@ -107,64 +111,70 @@ class HistoryRecorder:
             )
 
     @never_raises
-    def _answered(self, ask: Ask, receipt: Receipt, reply: Reply, requester: Requester | None = None) -> None:
+    def _answered(
+        self, request: RobotRequest, receipt: Receipt, reply: Reply, requester: Requester | None = None
+    ) -> None:
         """Record the receipt of a request and its end; one reply may be both."""
         if reply is receipt.first:
-            self._received(ask, reply, requester)
+            self._received(request, reply, requester)
         if reply.done is not None and (receipt.first is None or receipt.first.ok):
-            text = f"{_name(ask)} " + ("done" if reply.done else f"failed: {reply.reason}")
+            text = f"{_name(request)} " + ("done" if reply.done else f"failed: {reply.reason}")
             severity = Severity.INFO if reply.done else Severity.WARNING
-            self._add(EventKind.OUTCOME, text, ask, severity=severity, requester=requester)
+            self._add(EventKind.OUTCOME, text, request, severity=severity, requester=requester)
 
-    def _received(self, ask: Ask, reply: Reply, requester: Requester | None) -> None:
+    def _received(self, request: RobotRequest, reply: Reply, requester: Requester | None) -> None:
         """Record the receipt."""
-        name = _name(ask)
+        name = _name(request)
         if reply.ok and name == RELEASE:
-            self._add(EventKind.RELEASE, "the emergency stop was released", ask, severity=Severity.WARNING)
-        elif reply.ok and not is_stop(ask):
-            self._add(EventKind.COMMAND, f"{name} accepted", ask, data=_data(ask))
-        elif not reply.ok and is_stop(ask):
+            self._add(
+                EventKind.RELEASE, "the emergency stop was released", request, severity=Severity.WARNING
+            )
+        elif reply.ok and not is_stop(request):
+            self._add(EventKind.COMMAND, f"{name} accepted", request, data=_data(request))
+        elif not reply.ok and is_stop(request):
             text = f"{name} {reply.outcome}"
-            self._add(EventKind.OUTCOME, text, ask, severity=Severity.CRITICAL, requester=requester)
+            self._add(EventKind.OUTCOME, text, request, severity=Severity.CRITICAL, requester=requester)
         elif not reply.ok and self._is_recorded():
-            data = _data(ask) | ({"untold": self._unrecorded} if self._unrecorded else {})
+            data = _data(request) | ({"untold": self._unrecorded} if self._unrecorded else {})
             self._unrecorded = 0
             text = f"{name} {reply.outcome}"
-            self._add(EventKind.COMMAND, text, ask, severity=Severity.WARNING, data=data)
+            self._add(EventKind.COMMAND, text, request, severity=Severity.WARNING, data=data)
 
     @never_raises
-    def _repeated(self, ask: Ask, receipt: Receipt, reply: Reply) -> None:
+    def _repeated(self, request: RobotRequest, receipt: Receipt, reply: Reply) -> None:
         """Record a repeated request, which is not executed again."""
         if reply is receipt.first and self._is_recorded():
-            text = f"{_name(ask)} asked again: the first answer was given again"
-            self._add(EventKind.COMMAND, text, ask, data={"repeat": True})
+            text = f"{_name(request)} asked again: the first answer was given again"
+            self._add(EventKind.COMMAND, text, request, data={"repeat": True})
 
     @never_raises
-    def _drove(self, ask: Setpoint | JointSetpoint, reply: Reply) -> None:
+    def _drove(self, request: Setpoint | JointSetpoint, reply: Reply) -> None:
         """Record the first velocity of a series, and refused ones at a limited rate."""
-        now, requester = self._clock.monotonic(), requester_of(ask.origin)
+        now, requester = self._clock.monotonic(), requester_of(request.origin)
         if reply.ok:
             if requester != self._driver or now - self._drove_at > ROW_ENDS:
-                self._add(EventKind.COMMAND, f"{ask.name}: begins to drive", ask, data=_data(ask))
+                self._add(EventKind.COMMAND, f"{request.name}: begins to drive", request, data=_data(request))
             self._driver, self._drove_at = requester, now
         elif reply.done is None and now - self._not_driven_at > REFUSED_EVERY:
             self._not_driven_at = now
-            text = f"{ask.name} {reply.outcome}"
-            self._add(EventKind.COMMAND, text, ask, severity=Severity.WARNING, data=_data(ask))
+            text = f"{request.name} {reply.outcome}"
+            self._add(EventKind.COMMAND, text, request, severity=Severity.WARNING, data=_data(request))
 
     def _add(
         self,
         kind: EventKind,
         text: str,
-        ask: Ask,
+        request: RobotRequest,
         *,
         severity: Severity = Severity.INFO,
         requester: Requester | None = None,
         data: dict[str, object] | None = None,
     ) -> None:
         """Put one event about a request into the history."""
-        now, who = self._clock.time(), requester or requester_of(ask.origin)
-        self._put(EventReport(now, kind, text, severity, who, _name(ask), request_of(ask), data or {}))
+        now, who = self._clock.time(), requester or requester_of(request.origin)
+        self._put(
+            EventReport(now, kind, text, severity, who, _name(request), request_of(request), data or {})
+        )
 
     def _is_repeat(self, request: str) -> bool:
         """Return whether this id was seen before; remember it."""
@@ -190,19 +200,19 @@ class HistoryRecorder:
         return self._refused <= REFUSALS
 
 
-def _name(ask: Ask) -> str:
+def _name(request: RobotRequest) -> str:
     """Return the name of a request; for an action, with its control word."""
-    if isinstance(ask, Navigate) and isinstance(ask.ask, str):
-        return f"{ask.name} {ask.ask}"
-    return ask.name
+    if isinstance(request, Navigate) and isinstance(request.instruction, str):
+        return f"{request.name} {request.instruction}"
+    return request.name
 
 
-def _data(ask: Ask) -> dict[str, object]:
+def _data(request: RobotRequest) -> dict[str, object]:
     """Return the content of a request as plain JSON values."""
-    if isinstance(ask, JointSetpoint):
-        return {"positions": dict(ask.positions), **({"relative": True} if ask.relative else {})}
-    if isinstance(ask, Command):
-        return {**ask.data, "flaw": ask.flaw} if ask.flaw else dict(ask.data)
-    what = ask.velocity if isinstance(ask, Setpoint) else ask.ask
+    if isinstance(request, JointSetpoint):
+        return {"positions": dict(request.positions), **({"relative": True} if request.relative else {})}
+    if isinstance(request, Command):
+        return {**request.data, "flaw": request.flaw} if request.flaw else dict(request.data)
+    what = request.velocity if isinstance(request, Setpoint) else request.instruction
     plain = msgspec.to_builtins(what)
     return plain if isinstance(plain, dict) else {}

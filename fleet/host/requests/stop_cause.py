@@ -37,8 +37,8 @@ class StopCause(msgspec.Struct, frozen=True):
         """Sentence for people, shown with the robot until the release."""
         if not self.asker.name and self.reason:
             return self.reason
-        asked = f"asked by {requester_text(self.asker)}"
-        return f"{asked}: {self.reason}" if self.reason else asked
+        requested = f"asked by {requester_text(self.asker)}"
+        return f"{requested}: {self.reason}" if self.reason else requested
 
 
 STOP_KEY_CAUSE = StopCause(Requester(Transport.BUS), "the stop key")

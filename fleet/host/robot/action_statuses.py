@@ -59,22 +59,24 @@ class ActionStatuses:
         receipt.follow(known.receipt)
         return True
 
-    def refuse(self, ask: Navigate, reason: str, receipt: Receipt) -> None:
+    def refuse(self, request: Navigate, reason: str, receipt: Receipt) -> None:
         """Report that an action failed before it started; a repeat gets the same refusal."""
-        step, now = 0 if ask.of_mission else None, self._clock.time()
-        status = NavigationReport(now, ask.action_id, ActionState.FAILED, 0.0, reason, step)
+        step, now = 0 if request.of_mission else None, self._clock.time()
+        status = NavigationReport(now, request.action_id, ActionState.FAILED, 0.0, reason, step)
         self._publish(status)
         self.remember(status, receipt)
 
-    def controlled(self, ask: Navigate, reply: Reply) -> None:
+    def controlled(self, request: Navigate, reply: Reply) -> None:
         """Report the end of a control message that has an action id of its own."""
-        if reply.done is None or not ask.action_id or self.knows(ask.action_id):
+        if reply.done is None or not request.action_id or self.knows(request.action_id):
             return
         state, percent = (ActionState.COMPLETED, 100.0) if reply.done else (ActionState.FAILED, 0.0)
-        step = 0 if ask.of_mission else None
-        if ask.of_mission and reply.done:
+        step = 0 if request.of_mission else None
+        if request.of_mission and reply.done:
             state = ActionState.CANCELLED
-        self._publish(NavigationReport(self._clock.time(), ask.action_id, state, percent, reply.reason, step))
+        self._publish(
+            NavigationReport(self._clock.time(), request.action_id, state, percent, reply.reason, step)
+        )
 
     def publish(self, status: NavigationReport) -> None:
         """Publish a status and keep it for repeats of its id."""

@@ -18,8 +18,8 @@ BATTERY = Origin(Transport.MISSION, session="battery")
 class BatteryWatch:
     """Battery watch of one robot.
 
-    ``event_reporter`` reports events; ``ask`` sends a command to the robot; ``free`` returns whether no other
-    party controls it and no stop or landing is in progress. ``forced`` describes the policy's action until
+    ``event_reporter`` reports events; ``request`` sends a command to the robot; ``free`` returns whether no
+    other party controls it and no stop or landing is in progress. ``forced`` is the policy's action until
     the battery is charged; empty without one.
     """
 
@@ -28,13 +28,13 @@ class BatteryWatch:
         policy: BatteryPolicy,
         *,
         event_reporter: EventReporter,
-        ask: Callable[[Command, Receipt], None],
+        request: Callable[[Command, Receipt], None],
         free: Callable[[], bool],
     ) -> None:
         self._reserve = BatteryReserve(policy.reserve, policy.low, policy.endurance)
         self._action = policy.action
         self._event_reporter = event_reporter
-        self._ask = ask
+        self._request = request
         self._free = free
         self._percent: float | None = None
         self._low_reported = self._acted = False
@@ -59,7 +59,7 @@ class BatteryWatch:
             self._event_reporter.event(EventKind.BATTERY, text, telemetry="battery_low", data=policy)
         if self._action != "warn" and not self._acted and self._free():
             receipt = Receipt(self._action, lambda _: None)
-            self._ask(Command(self._action, origin=BATTERY), receipt)
+            self._request(Command(self._action, origin=BATTERY), receipt)
             self._acted = receipt.ended is None  # refused at once: retried with the next report
             self.forced = f"{self._action} by battery_policy: the battery was at {percent:.0f} %"
             if self._acted:

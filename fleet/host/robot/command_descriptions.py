@@ -21,7 +21,7 @@ from fleet.model.description import (
 from fleet.robot_config import Limits
 from fleet.wire.stops import STOP_WORDS
 
-Refusal = Callable[[str, CommandSpec | None], str]
+FindRefusal = Callable[[str, CommandSpec | None], str]
 """Returns why a command would be refused now; the spec is None for a command of the host itself."""
 _WORDS: Mapping[object, str] = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 _HOST = {
@@ -48,7 +48,7 @@ def description(
     *,
     own: Iterable[str],
     limits: Limits,
-    refusal: Refusal,
+    refusal: FindRefusal,
     fence: Fence | None = None,
     posed: bool = True,
 ) -> RobotDescription:

@@ -14,7 +14,7 @@ from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
 from fleet.host.journal.journal import RobotJournal
-from fleet.host.requests.decode import Ask
+from fleet.host.requests.decode import RobotRequest
 from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.last_command import LastCommand
 from fleet.host.requests.receipt import Receipt
@@ -222,22 +222,22 @@ class RobotController:
         """Write the halt at once; from any thread, such as the watchdog; never raises."""
         self.attached.halt(emergency=emergency)
 
-    def _stop(self, ask: Command, receipt: Receipt) -> None:
+    def _stop(self, request: Command, receipt: Receipt) -> None:
         """End all motion; a stop is never refused, and never treated as a repeat."""
-        if ask.name == EMERGENCY:
-            self.emergency(f"asked by {ask.origin.session or ask.origin.transport}")
-        self.motion.cancel(ask.name)
-        self._admission.stopped(ask)
-        self.event_reporter.stops(ask)
+        if request.name == EMERGENCY:
+            self.emergency(f"asked by {request.origin.session or request.origin.transport}")
+        self.motion.cancel(request.name)
+        self._admission.stopped(request)
+        self.event_reporter.stops(request)
         if self.attached.reachable is None:
-            self._unheard_stop |= ask.name == EMERGENCY
-            outcome = self.attached.halt_unheard(ask.name, wait=HALT_WAIT)
+            self._unheard_stop |= request.name == EMERGENCY
+            outcome = self.attached.halt_unheard(request.name, wait=HALT_WAIT)
             receipt.reject(f"{self.attached.unreachable_refusal}; {outcome}")
         else:
-            self.motion.stand(ask.name, receipt)
-        self.last.follow(ask.name, receipt)
-        if ask.name == EMERGENCY and self.latch.is_first_report():  # last: logging may block
-            self.event_reporter.emergency_stop(ask, self.latch.why)
+            self.motion.stand(request.name, receipt)
+        self.last.follow(request.name, receipt)
+        if request.name == EMERGENCY and self.latch.is_first_report():  # last: logging may block
+            self.event_reporter.emergency_stop(request, self.latch.why)
 
     def _stop_again(self) -> None:
         """Repeat an emergency stop that was requested while the robot could not be reached."""
@@ -247,46 +247,52 @@ class RobotController:
 
     # -- requests ------------------------------------------------------------------------------------
 
-    def receive(self, ask: Ask, receipt: Receipt) -> None:
+    def receive(self, request: RobotRequest, receipt: Receipt) -> None:
         """Handle a request; its receipt is answered exactly once."""
-        if isinstance(ask, Setpoint):
-            self._setpoints.velocity(ask, receipt)
-        elif isinstance(ask, JointSetpoint):
-            self._setpoints.joints(ask, receipt)
-        elif isinstance(ask, Command):
-            self._command(ask, receipt)
+        if isinstance(request, Setpoint):
+            self._setpoints.velocity(request, receipt)
+        elif isinstance(request, JointSetpoint):
+            self._setpoints.joints(request, receipt)
+        elif isinstance(request, Command):
+            self._command(request, receipt)
         else:
-            self.goals.take(ask, receipt)
+            self.goals.take(request, receipt)
         self.motion.record()
 
-    def _command(self, ask: Command, receipt: Receipt) -> None:
+    def _command(self, request: Command, receipt: Receipt) -> None:
         """Admit a discrete command and execute it."""
-        if ask.name in STOP_WORDS:
-            self._stop(ask, receipt)
+        if request.name in STOP_WORDS:
+            self._stop(request, receipt)
             return
-        own = self.own.get(ask.name)
-        spec = None if own else self.can.command(ask.name)
+        own = self.own.get(request.name)
+        spec = None if own else self.can.command(request.name)
         if own is None and spec is None:
-            receipt.reject(f"{self.name} has no {ask.name!r}", hint=self.can.hint(ask.name))
+            receipt.reject(f"{self.name} has no {request.name!r}", hint=self.can.hint(request.name))
             return
-        first = self._repeats.first(ask.id, receipt, self._clock.monotonic())
+        first = self._repeats.first(request.id, receipt, self._clock.monotonic())
         if first is not None:
             receipt.follow(first)
             return
-        moves, safe = (spec.moves, spec.safe) if spec else (ask.name in MOTION, ask.name not in MOTION)
-        refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask, spec)
+        moves, safe = (
+            (spec.moves, spec.safe) if spec else (request.name in MOTION, request.name not in MOTION)
+        )
+        refusal = self._admission.command(request, moves=moves, safe=safe) or self.guard.beginning(
+            request, spec
+        )
         if refusal is not None:
             receipt.reject(refusal)
         elif own is not None:
-            self.event_reporter.log.warning("%s by %s", ask.name, ask.origin.session or ask.origin.transport)
-            self._journal.note(ask.id, ask.name)
-            self._journal.follow(ask.id, receipt)
-            own(ask, receipt)
+            self.event_reporter.log.warning(
+                "%s by %s", request.name, request.origin.session or request.origin.transport
+            )
+            self._journal.note(request.id, request.name)
+            self._journal.follow(request.id, receipt)
+            own(request, receipt)
         elif spec is not None:
-            self._execute(spec, ask, receipt)
-        self.last.follow(ask.name, receipt)
+            self._execute(spec, request, receipt)
+        self.last.follow(request.name, receipt)
 
-    def _execute(self, spec: CommandSpec, ask: Command, receipt: Receipt) -> None:
+    def _execute(self, spec: CommandSpec, request: Command, receipt: Receipt) -> None:
         """Hand a command to the adapter."""
         adapter, motion = self.attached.reachable, self.motion
         if adapter is None:
@@ -294,17 +300,17 @@ class RobotController:
             return
         superseding = spec.moves and motion.under_way
         if spec.moves:
-            if not takes(spec, ask, receipt, self.activity):
+            if not takes(spec, request, receipt, self.activity):
                 return
-            motion.begin(ask)
+            motion.begin(request)
             receipt.watch(self.guard.obeyed)
             motion.end_driving(adapter)
-            motion.navigator.cancel(f"superseded by {ask.name}")
+            motion.navigator.cancel(f"superseded by {request.name}")
 
         def failed() -> None:
             if may_still_move(spec, receipt, superseding=superseding):
-                motion.settle_later(f"{ask.name} failed: {receipt.reason}")
+                motion.settle_later(f"{request.name} failed: {receipt.reason}")
             elif spec.moves:
                 motion.not_begun(receipt)
 
-        motion.executor.start(adapter, spec, ask, receipt, failed=failed)
+        motion.executor.start(adapter, spec, request, receipt, failed=failed)

@@ -15,9 +15,11 @@ def would_refuse(controller: RobotController, name: str, spec: CommandSpec | Non
 
     ``spec`` is None for a command of the host itself.
     """
-    ask = Command(name, origin=Origin(Transport.BUS))
+    request = Command(name, origin=Origin(Transport.BUS))
     moves, safe = (spec.moves, spec.safe) if spec else (name in MOTION, name not in MOTION)
-    refusal = controller.would_refuse(ask, moves=moves, safe=safe) or controller.guard.beginning(ask, spec)
+    refusal = controller.would_refuse(request, moves=moves, safe=safe) or controller.guard.beginning(
+        request, spec
+    )
     if refusal or spec is None:
         return refusal or ""
     if controller.offline:
@@ -26,7 +28,7 @@ def would_refuse(controller: RobotController, name: str, spec: CommandSpec | Non
     return f"busy with {busy}" if busy else ""
 
 
-def against(controller: RobotController, ask: Command | Navigate, spec: CommandSpec | None) -> str:
+def against(controller: RobotController, request: Command | Navigate, spec: CommandSpec | None) -> str:
     """Return why a robot would not start a request from standstill now; empty when it would.
 
     ``spec`` is that of a command. Stricter than a request: a robot that is busy, even for the same sender,
@@ -38,18 +40,22 @@ def against(controller: RobotController, ask: Command | Navigate, spec: CommandS
             if controller.offline
             else f"busy with {controller.activity}"
         )
-    if isinstance(ask, Navigate):
-        if isinstance(ask.ask, Control):
-            return f"{ask.name} is not started together"
-        return controller.would_refuse(ask, moves=True, safe=False) or controller.task_refusal(ask.ask) or ""
+    if isinstance(request, Navigate):
+        if isinstance(request.instruction, Control):
+            return f"{request.name} is not started together"
+        return (
+            controller.would_refuse(request, moves=True, safe=False)
+            or controller.task_refusal(request.instruction)
+            or ""
+        )
     if spec is None:
-        return f"{controller.name} has no {ask.name!r} that could be started together"
+        return f"{controller.name} has no {request.name!r} that could be started together"
     try:
-        arguments(spec, ask.data)
+        arguments(spec, request.data)
     except Refused as error:
         return str(error)
     return (
-        controller.would_refuse(ask, moves=spec.moves, safe=spec.safe)
-        or controller.guard.beginning(ask, spec)
+        controller.would_refuse(request, moves=spec.moves, safe=spec.safe)
+        or controller.guard.beginning(request, spec)
         or ""
     )

@@ -30,7 +30,7 @@ class _Job(msgspec.Struct, frozen=True):
 
     adapter: Adapter[Any]
     spec: CommandSpec
-    ask: Command
+    request: Command
     receipt: Receipt
     failed: Callable[[], None]
 
@@ -68,7 +68,7 @@ class Executor:
         self,
         adapter: Adapter[Any],
         spec: CommandSpec,
-        ask: Command,
+        request: Command,
         receipt: Receipt,
         *,
         failed: Callable[[], None],
@@ -78,14 +78,14 @@ class Executor:
         ``failed`` is called if it fails by itself, not if it was cancelled or crashed.
         """
         if spec.moves:
-            self.cancel(f"superseded by {ask.name}")
+            self.cancel(f"superseded by {request.name}")
         elif len(self._tasks) >= AT_ONCE:
             receipt.reject(f"{AT_ONCE} commands are under way; try again")
             return
-        job = _Job(adapter, spec, ask, receipt, failed)
-        task = self.spawn(self._run(job), name=ask.name)
+        job = _Job(adapter, spec, request, receipt, failed)
+        task = self.spawn(self._run(job), name=request.name)
         if spec.moves:
-            self._mover, self._receipt, self.moving = task, receipt, ask.name
+            self._mover, self._receipt, self.moving = task, receipt, request.name
             self.safe = spec.safe
             task.add_done_callback(self._moved)
         asyncio.get_running_loop().call_soon(self._limit, task, job)  # call_soon: only after its first step
@@ -94,7 +94,7 @@ class Executor:
         """Start the timeout of a command that has not ended at once."""
         if task.done():
             return
-        name, seconds = job.ask.name, job.spec.timeout
+        name, seconds = job.request.name, job.spec.timeout
 
         def give_up() -> None:
             self._moved(task)
@@ -167,11 +167,11 @@ class Executor:
     async def _run(self, job: _Job) -> None:
         """Run one command to its end and answer."""
         try:
-            self._journal.note(job.ask.id, job.ask.name, transport=job.ask.origin.transport)
-            self._journal.follow(job.ask.id, job.receipt)
+            self._journal.note(job.request.id, job.request.name, transport=job.request.origin.transport)
+            self._journal.follow(job.request.id, job.receipt)
             if job.spec.moves:
                 await (self.standing() if job.spec.safe else self.ready())
-            call = start_command(job.adapter, job.spec, job.ask)
+            call = start_command(job.adapter, job.spec, job.request)
             data = await (_stepped(call, job.receipt) if job.spec.streams else call)
             msgspec.json.encode(data)  # raises if it cannot be encoded: the sender must get an answer
             job.receipt.done(data)
@@ -186,7 +186,7 @@ class Executor:
 
     def _ended_badly(self, error: Exception, job: _Job) -> None:
         """Answer a command that raised; a cancelled command has been answered already."""
-        name, receipt = job.ask.name, job.receipt
+        name, receipt = job.request.name, job.receipt
         if isinstance(error, TimeoutError):
             error = TimedOut(f"{name}: the robot did not answer in time")
         if isinstance(error, CommandError | LinkError):
@@ -207,7 +207,7 @@ async def _stepped(call: AsyncIterator[object], receipt: Receipt) -> None:
             receipt.accept()
 
 
-def takes(spec: CommandSpec, ask: Command, receipt: Receipt, doing: str) -> bool:
+def takes(spec: CommandSpec, request: Command, receipt: Receipt, doing: str) -> bool:
     """Return whether a command is valid now; if not, refuse it and leave the robot's activity alone.
 
     A command that does not interrupt is also refused while the robot is ``doing`` something.
@@ -216,7 +216,7 @@ def takes(spec: CommandSpec, ask: Command, receipt: Receipt, doing: str) -> bool
         receipt.reject(f"busy with {doing}")
         return False
     try:
-        arguments(spec, ask.data)
+        arguments(spec, request.data)
     except Refused as error:
         receipt.fail(error)
         return False

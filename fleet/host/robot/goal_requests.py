@@ -58,27 +58,27 @@ class GoalRequests:
             config, self._lead, limits, clock, guard.others.of, holonomic=lambda: can().is_holonomic
         )
 
-    def take(self, ask: Navigate, receipt: Receipt) -> None:
+    def take(self, request: Navigate, receipt: Receipt) -> None:
         """Take a goal, or a control of the running action."""
         statuses = self._navigator.statuses
-        if isinstance(ask.ask, Control):
-            receipt.watch(partial(statuses.controlled, ask))
-            self._control(ask, ask.ask, receipt)
+        if isinstance(request.instruction, Control):
+            receipt.watch(partial(statuses.controlled, request))
+            self._control(request, request.instruction, receipt)
             return
-        if statuses.repeated(ask.action_id, receipt):
+        if statuses.repeated(request.action_id, receipt):
             return
-        refusal = self._admission.navigate(ask) or self.task_refusal(ask.ask)
+        refusal = self._admission.navigate(request) or self.task_refusal(request.instruction)
         leader, adapter = self._leader(), self._attached.reachable
         if refusal is not None or adapter is None or leader is None:
             receipt.reject(refusal := refusal or self._attached.unreachable_refusal)
-            statuses.refuse(ask, refusal, receipt)
+            statuses.refuse(request, refusal, receipt)
             return
         self._motion.end_driving(adapter)
-        self._motion.begin(ask)
+        self._motion.begin(request)
         receipt.accept()
-        self._last.follow(ask.name, receipt)
+        self._last.follow(request.name, receipt)
         receipt.watch(self._guard.obeyed)
-        self._navigator.start(leader, ask, ask.ask, receipt)
+        self._navigator.start(leader, request, request.instruction, receipt)
 
     def task_refusal(self, task: AnyTask) -> str | None:
         """Return why the robot cannot start a task now, from any sender; None if it can."""
@@ -103,31 +103,31 @@ class GoalRequests:
             raise Refused(refusal or self._attached.unreachable_refusal)
         self._motion.driving.hold(adapter, velocity, LEASE)
 
-    def _control(self, ask: Navigate, control: Control, receipt: Receipt) -> None:
+    def _control(self, request: Navigate, control: Control, receipt: Receipt) -> None:
         """Stop, pause or resume the running action; only a resume is checked for repeats."""
         if control is Control.STOP:
-            self._stop(Command("stop", origin=ask.origin, stamp=ask.stamp), receipt)
+            self._stop(Command("stop", origin=request.origin, stamp=request.stamp), receipt)
         elif control is Control.PAUSE and self._navigator.pause():
             self._motion.stand("pause", receipt)
         elif control is Control.PAUSE:
             receipt.reject("there is no action to pause")
         else:
-            self._resume(ask, receipt)
+            self._resume(request, receipt)
 
-    def _resume(self, ask: Navigate, receipt: Receipt) -> None:
+    def _resume(self, request: Navigate, receipt: Receipt) -> None:
         """Resume the paused action, once for each message."""
-        if not self._navigator.statuses.knows(ask.action_id):
-            identity = ask.action_id and f"resume {ask.action_id}"
+        if not self._navigator.statuses.knows(request.action_id):
+            identity = request.action_id and f"resume {request.action_id}"
             first = self._repeats.first(identity, receipt, self._clock.monotonic())
             if first is not None:
                 receipt.follow(first)
                 return
-        refusal = self._admission.navigate(ask) or self._guard.task(self._navigator.ahead)
+        refusal = self._admission.navigate(request) or self._guard.task(self._navigator.ahead)
         leader = self._leader()
         if refusal is not None or leader is None or self._attached.offline:
             receipt.reject(refusal or self._attached.unreachable_refusal)
         elif self._navigator.resume(leader):
-            self._motion.begin(ask)
+            self._motion.begin(request)
             receipt.done()
         else:
             receipt.reject("there is no paused action")

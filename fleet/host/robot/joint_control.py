@@ -74,10 +74,10 @@ class JointControl:
         self._by: Origin | None = None  # sender of the request to follow the leader
         self._follow: Receipt | None = None  # of that request, until the first report of the leader
 
-    def follow(self, ask: Command, receipt: Receipt) -> None:
+    def follow(self, request: Command, receipt: Receipt) -> None:
         """Start following the leader until any stop; done once one of its reports is followed."""
         self._end_follow("it was asked for again")
-        self._led, self._by, self._follow = {}, ask.origin, receipt
+        self._led, self._by, self._follow = {}, request.origin, receipt
         self.deadman.feed(self._clock.monotonic(), self.lease)
 
     def followed(self, reply: Reply) -> None:
@@ -132,14 +132,14 @@ class JointControl:
         self._adapter = None
         self._measured.clear()
 
-    def take(self, ask: JointSetpoint, receipt: Receipt) -> bool:
+    def take(self, request: JointSetpoint, receipt: Receipt) -> bool:
         """Set joint targets and answer; return whether they were accepted."""
         now = self._clock.monotonic()
-        if self._repeats.first(ask.id, True, now):
+        if self._repeats.first(request.id, True, now):
             receipt.reject("it came before: it would move the joints once more")
             return False
         try:
-            self._lead(ask, now)
+            self._lead(request, now)
             self._step(now)
         except _TargetRefused as error:  # earlier targets stay valid for their lease
             receipt.reject(error.reason, hint=error.hint)
@@ -155,14 +155,14 @@ class JointControl:
             return True
         return False
 
-    def _lead(self, ask: JointSetpoint, now: float) -> None:
+    def _lead(self, request: JointSetpoint, now: float) -> None:
         """Set targets; raises _TargetRefused, with nothing changed, if one is refused."""
         ranges = self._ranges()
-        known = [joint for joint in ask.positions if joint in ranges]
+        known = [joint for joint in request.positions if joint in ranges]
         starts = {joint: self._where(joint, now) for joint in known}
         wanted = {
-            joint: starts.get(joint, 0.0) + target if ask.relative else target
-            for joint, target in ask.positions.items()
+            joint: starts.get(joint, 0.0) + target if request.relative else target
+            for joint, target in request.positions.items()
         }
         why = refusal(wanted, ranges)
         if why is not None:

@@ -213,9 +213,9 @@ class LocalRobot:
 
     def follow(self, report: JointReport) -> None:
         """Follow the leader's joint positions, once ``follow_leader`` was commanded; on the loop."""
-        ask = self.controller.joints.following(report)
-        if ask is not None:
-            self.requests.take("joints", ask, False, self.clock.monotonic(), self._leader_answered)
+        request = self.controller.joints.following(report)
+        if request is not None:
+            self.requests.take("joints", request, False, self.clock.monotonic(), self._leader_answered)
 
     def _leader_answered(self, reply: Reply) -> None:
         """Process the answer to the leader's targets, which has no other receiver."""

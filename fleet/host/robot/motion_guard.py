@@ -30,7 +30,7 @@ from fleet.host.robot.outside_fence import (
 from fleet.host.robot.robot_place import RobotPlace
 from fleet.host.robot.separation_keeper import SeparationKeeper
 from fleet.host.robot.whereabouts import Whereabouts
-from fleet.host.safety.circles import circled
+from fleet.host.safety.circles import circling_radii
 from fleet.model.command import Command, Reply
 from fleet.model.event import EventKind
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity
@@ -54,7 +54,7 @@ class GuardActions(Protocol):
     def end(self, why: str) -> None:
         """End motion that this edge commanded."""
 
-    def receive(self, ask: Command, receipt: Receipt) -> None:
+    def receive(self, request: Command, receipt: Receipt) -> None:
         """Execute a command of the host."""
 
 
@@ -100,7 +100,7 @@ class MotionGuard:
             self._battery = BatteryWatch(
                 self._policy,
                 event_reporter=self._event_reporter,
-                ask=self._robot.receive,
+                request=self._robot.receive,
                 free=lambda: not self.taken and self._robot.free,
             )
             self._battery.observe(self._percent)
@@ -188,25 +188,29 @@ class MotionGuard:
 
     # -- checks of requests --------------------------------------------------------------------------
 
-    def beginning(self, ask: Command, spec: CommandSpec | None = None) -> str | None:
+    def beginning(self, request: Command, spec: CommandSpec | None = None) -> str | None:
         """Return why a command may not start; else None.
 
         Judged are a start of a flight, a change of the height, and outside the fence all that may move the
         robot to another place, as ``spec`` declares it.
         """
-        rise = vertical_motion(ask, self._place, getattr(self._config, "takeoff_altitude", 0.0))
-        if ask.name in BEGINNINGS:
+        rise = vertical_motion(request, self._place, getattr(self._config, "takeoff_altitude", 0.0))
+        if request.name in BEGINNINGS:
             begins = self._start_trouble()
         else:
-            begins = None if stays_in_place(ask, spec) else outside_trouble(self.fencing, self._place, rise)
-        apart = self.apart if _drives_home(ask, self._robot.can) else None
+            begins = (
+                None if stays_in_place(request, spec) else outside_trouble(self.fencing, self._place, rise)
+            )
+        apart = self.apart if _drives_home(request, self._robot.can) else None
         met = (
-            apart.trouble_on(self._place.descent_points(ask.name))
+            apart.trouble_on(self._place.descent_points(request.name))
             if apart is not None and apart.is_judged
             else ""
         )
         return (
-            begins or self._climb_trouble(ask, rise) or (f"its way home is not free: {met}" if met else None)
+            begins
+            or self._climb_trouble(request, rise)
+            or (f"its way home is not free: {met}" if met else None)
         )
 
     def _report_landing(self, name: str) -> None:
@@ -220,9 +224,9 @@ class MotionGuard:
                 EventKind.SEPARATION, why, telemetry="separation", data={"reason": why}
             )
 
-    def _climb_trouble(self, ask: Command, rise: Vector3 | None) -> str:
+    def _climb_trouble(self, request: Command, rise: Vector3 | None) -> str:
         """Return which robot is in the way straight up or down; empty for none, and for other commands."""
-        if ask.name not in CLIMBS or self.apart is None or not self.apart.is_judged:
+        if request.name not in CLIMBS or self.apart is None or not self.apart.is_judged:
             return ""
         pose = self._place.fresh()
         if pose is None:
@@ -249,7 +253,7 @@ class MotionGuard:
         except Refused as error:
             return str(error)
         home = self._place.home_point()
-        around = circled(task, self._circle)
+        around = circling_radii(task, self._circle)
         trouble = self.fencing.route_trouble(start, points, around)
         if trouble and self.fencing.trouble:
             trouble = f"{trouble}; {ALLOWED_OUTSIDE}"
@@ -295,10 +299,10 @@ def _length(points: Iterable[Vector3]) -> float:
     return sum((later - sooner).norm() for sooner, later in itertools.pairwise(points))
 
 
-def _drives_home(ask: Command, can: Capabilities) -> bool:
+def _drives_home(request: Command, can: Capabilities) -> bool:
     """Return whether a return home is judged like a goal; one by the battery policy is not.
 
     Flying robots are exempt: they first climb to a height that is set in the autopilot, and one that waits in
     the air for another lands later with less battery.
     """
-    return ask.name == "return_to_home" and can.command("land") is None and ask.origin != BATTERY
+    return request.name == "return_to_home" and can.command("land") is None and request.origin != BATTERY

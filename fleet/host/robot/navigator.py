@@ -51,7 +51,7 @@ class Navigator:
         self._tasks: set[asyncio.Task[None]] = set()  # includes tasks that are still being cancelled
         self._journal = journal
         self.action: Action | None = None
-        self._asked = Navigate(Control.STOP)  # request for the present action
+        self._requested = Navigate(Control.STOP)  # request for the present action
 
     @property
     def active(self) -> bool:
@@ -76,12 +76,12 @@ class Navigator:
             return ""
         return self.action.words
 
-    def start(self, who: GoalNavigator, ask: Navigate, task: AnyTask, receipt: Receipt) -> None:
+    def start(self, who: GoalNavigator, request: Navigate, task: AnyTask, receipt: Receipt) -> None:
         """Start the ``task`` of a message with the navigator ``who``; a running action is cancelled."""
         self.cancel("superseded by a newer goal")
-        self._asked = ask
+        self._requested = request
         self.action = Action(
-            ask.action_id,
+            request.action_id,
             task,
             publish=self.statuses.publish,
             ended=lambda status: _answer(receipt, status),
@@ -141,9 +141,9 @@ class Navigator:
         action.move(ActionState.RUNNING)
         try:
             transport = (
-                self._asked.origin.transport if self._asked.is_command else ""
+                self._requested.origin.transport if self._requested.is_command else ""
             )  # others only get a status
-            self._journal.note(action.id, self._asked.name, action=True, transport=transport)
+            self._journal.note(action.id, self._requested.name, action=True, transport=transport)
             await self._ready()
             await guarded(lambda: self._follow(who, action))
             if self._is_current():

@@ -24,24 +24,24 @@ ALLOWED_OUTSIDE = "possible are stop, land, return_to_home and motion that leads
 """Ends a refusal of a robot outside its fence: what a person can do."""
 
 
-def stays_in_place(ask: Command, spec: CommandSpec | None) -> bool:
+def stays_in_place(request: Command, spec: CommandSpec | None) -> bool:
     """Return whether a command takes a robot to no other place, or only makes it safer.
 
     ``spec`` is None for a command of the host itself.
     """
-    return spec is None or not spec.moves or spec.safe or spec.in_place or ask.name in LANDINGS
+    return spec is None or not spec.moves or spec.safe or spec.in_place or request.name in LANDINGS
 
 
-def vertical_motion(ask: Command, place: RobotPlace, default: float) -> Vector3 | None:
+def vertical_motion(request: Command, place: RobotPlace, default: float) -> Vector3 | None:
     """Return the way of a vertical command (``default``: m of a take-off without a height).
 
     None for other commands, for an unknown height, and for parameters that the command itself refuses.
     """
     pose, home = place.fresh(), place.home_point()
-    if ask.name not in CLIMBS or pose is None:
+    if request.name not in CLIMBS or pose is None:
         return None
-    field, sign = CLIMBS[ask.name]
-    metres = ask.data.get(field, default)
+    field, sign = CLIMBS[request.name]
+    metres = request.data.get(field, default)
     if not isinstance(metres, int | float) or not math.isfinite(metres):
         return None
     return Vector3(0.0, 0.0, sign * abs(metres) if sign else home.z + metres - pose.position.z)

@@ -36,7 +36,7 @@ def own_commands(
         RELEASE: lambda _, receipt: receipt.do(release),
         RESTART: lambda _, receipt: receipt.do(restart),
         **followed,
-        **dict.fromkeys(SETTINGS if drives else (), lambda ask, receipt: receipt.done(store(ask))),
+        **dict.fromkeys(SETTINGS if drives else (), lambda request, receipt: receipt.done(store(request))),
     }
 
 
@@ -45,11 +45,11 @@ def _of_a_present_robot(
 ) -> Callable[[Command, Receipt], None]:
     """Return a handler that refuses the command while the robot cannot be reached."""
 
-    def handle(ask: Command, receipt: Receipt) -> None:
+    def handle(request: Command, receipt: Receipt) -> None:
         why = absence()
         if why:
             receipt.reject(why)
         else:
-            own(ask, receipt)
+            own(request, receipt)
 
     return handle

@@ -123,7 +123,7 @@ class ReportQueue:
         self.navigates: Callable[[NavigationReport], None] = lambda _report: None  # for each action status
         self.on_photo: Callable[[str, PhotoReport], None] = lambda _twin, _report: None  # for each picture
         self.dropped = 0
-        bus_session.answer(ALL, self._asked)
+        bus_session.answer(ALL, self._requested)
 
     def sender(self, twin: str) -> Callable[[Report], None]:
         """Return the function that queues one robot's reports, to be sent with the next ``flush``."""
@@ -210,11 +210,11 @@ class ReportQueue:
         channel.last, channel.refused = report, False
         return True
 
-    def _asked(self, question: Query) -> None:
+    def _requested(self, question: Query) -> None:
         """Answer with the last report of each channel in the query; on the bus's thread."""
         try:
             for channel in list(self._channels):
-                if channel.last is not None and keys_intersect(question.asked, channel.key):
+                if channel.last is not None and keys_intersect(question.requested, channel.key):
                     _reply(question, channel, channel.last)
         finally:
             question.close()

@@ -9,7 +9,14 @@ from functools import partial
 
 from fleet.clock import Clock
 from fleet.errors import WireError
-from fleet.host.requests.decode import Ask, RequestDecoder, is_discrete, is_stop, max_wait, reply_with_flaw
+from fleet.host.requests.decode import (
+    RequestDecoder,
+    RobotRequest,
+    is_discrete,
+    is_stop,
+    max_wait,
+    reply_with_flaw,
+)
 from fleet.host.requests.event_reporter import request_of, requester_of, robot_log, with_proof
 from fleet.host.requests.history_recorder import HistoryRecorder
 from fleet.host.requests.receipt import Receipt
@@ -90,44 +97,52 @@ class RequestIntake:
         """
         arrived = self._arrival()
         try:
-            ask = self.ask_of(kind, payload, transport=transport, request_id=request_id, unread=unread)
+            request = self.decode_request(
+                kind, payload, transport=transport, request_id=request_id, unread=unread
+            )
         except WireError as error:
             name, action_id = getattr(error, "command", "") or kind, getattr(error, "action_id", "")
             return Request(partial(self._refuse, kind, transport, name, action_id, str(error)))
-        if ask is None:
+        if request is None:
             return None
-        ask = ask if proven is None else with_proof(ask, proven)
-        if ask.name == EMERGENCY:
-            self._stop_at_once(ask.origin, request_of(ask))
-        return Request(partial(self.take, kind, ask, waits, arrived), is_stop(ask), is_discrete(ask))
+        request = request if proven is None else with_proof(request, proven)
+        if request.name == EMERGENCY:
+            self._stop_at_once(request.origin, request_of(request))
+        return Request(
+            partial(self.take, kind, request, waits, arrived), is_stop(request), is_discrete(request)
+        )
 
-    def ask_of(
+    def decode_request(
         self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str, unread: str = ""
-    ) -> Ask | None:
+    ) -> RobotRequest | None:
         """Decode the request in a message, None for a reply; raises WireError."""
-        ask = self._decoder.decode(kind, payload, transport=transport, request_id=request_id, unread=unread)
-        return goal_of(ask, self._controller.can, self._controller.speeds.of)
+        request = self._decoder.decode(
+            kind, payload, transport=transport, request_id=request_id, unread=unread
+        )
+        return goal_of(request, self._controller.can, self._controller.speeds.of)
 
-    def take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
+    def take(self, kind: Kind, request: RobotRequest, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
         """Pass a request to the controller, or refuse it if it has waited too long since ``arrived``."""
-        if isinstance(ask, Command) and ask.flaw:
-            self._refusals.add("flawed", "took a message that was refused for %s: %s", ask.name, ask.flaw)
-            answer = reply_with_flaw(answer, ask.flaw)
-        receipt = Receipt(ask.name, answer, waits=waits)
+        if isinstance(request, Command) and request.flaw:
+            self._refusals.add(
+                "flawed", "took a message that was refused for %s: %s", request.name, request.flaw
+            )
+            answer = reply_with_flaw(answer, request.flaw)
+        receipt = Receipt(request.name, answer, waits=waits)
         waited = self._clock.monotonic() - arrived
-        if waited <= max_wait(ask, self._config):
-            self.begin(ask, receipt)
+        if waited <= max_wait(request, self._config):
+            self.begin(request, receipt)
             return
-        self._recorder.asked(ask, receipt)
+        self._recorder.requested(request, receipt)
         why = f"it waited up to {waited:.1f} s: the edge was held up"
-        self._refusals.add("late", "refused %s: %s", ask.name, why)
+        self._refusals.add("late", "refused %s: %s", request.name, why)
         receipt.reject(why)
-        self._report_failed(kind, getattr(ask, "action_id", ""), why)
+        self._report_failed(kind, getattr(request, "action_id", ""), why)
 
-    def begin(self, ask: Ask, receipt: Receipt) -> None:
+    def begin(self, request: RobotRequest, receipt: Receipt) -> None:
         """Record a request, and pass it to the controller; on the loop."""
-        self._recorder.asked(ask, receipt)
-        self._context.run(self._controller.receive, ask, receipt)
+        self._recorder.requested(request, receipt)
+        self._context.run(self._controller.receive, request, receipt)
         self.in_use = self.in_use or self._controller.motion.in_control
 
     def log_refusal(self, reply: Reply) -> None:
@@ -143,14 +158,14 @@ class RequestIntake:
     def _follow_emergency(self, cause: StopCause) -> None:
         """Have the adapter stop the robot."""
         requester = cause.asker
-        ask = Command(
+        request = Command(
             EMERGENCY,
             origin=Origin(requester.transport, session=requester.name or cause.why),
             id=cause.request,
         )
         receipt = Receipt(EMERGENCY, lambda _: None)
         self._recorder.followed(cause, receipt)
-        self._controller.receive(ask, receipt)
+        self._controller.receive(request, receipt)
         self._changed(self._controller.name)
 
     def _refuse(  # noqa: PLR0917 - by position

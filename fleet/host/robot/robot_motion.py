@@ -9,7 +9,7 @@ from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import CommandError, TimedOut
 from fleet.host.journal.journal import RobotJournal
-from fleet.host.requests.decode import Ask
+from fleet.host.requests.decode import RobotRequest
 from fleet.host.requests.event_reporter import EventReporter
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.attached_adapter import AttachedAdapter
@@ -80,11 +80,11 @@ class RobotMotion:
         moves = self.under_way or self.executor.stopping or self._stop_unconfirmed
         self._journal.moves(self.may_be_moving or (moves and not self.executor.safe))
 
-    def begin(self, ask: Ask) -> None:
+    def begin(self, request: RobotRequest) -> None:
         """Note that a request moves the robot from now on: this edge is in control."""
         self._had_control, self.in_control = self.in_control, True
-        self._stop_unconfirmed &= isinstance(ask, Setpoint) and ask.velocity.is_zero
-        self._event_reporter.moves(ask)
+        self._stop_unconfirmed &= isinstance(request, Setpoint) and request.velocity.is_zero
+        self._event_reporter.moves(request)
 
     def not_begun(self, receipt: Receipt) -> None:
         """Note that the robot refused the last started request: control of it does not change."""

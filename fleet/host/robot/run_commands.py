@@ -15,12 +15,14 @@ Carries = Callable[[Command, Receipt], None]
 def run_commands(admission: Admission, stop: Carries) -> dict[str, Carries]:
     """Return the handlers by command; ``stop`` ends the robot's motion."""
 
-    def take(ask: Command, receipt: Receipt) -> None:
+    def take(request: Command, receipt: Receipt) -> None:
         if not admission.lease.run:
             receipt.reject("it is in no run")
             return
-        admission.leave(ask)
-        stop(Command("stop", origin=ask.origin, stamp=ask.stamp), receipt)  # nothing monitors its motion now
+        admission.leave(request)
+        stop(
+            Command("stop", origin=request.origin, stamp=request.stamp), receipt
+        )  # nothing monitors its motion now
 
     return {JOIN: _answered(admission.join), LEAVE: _answered(admission.leave), TAKE: take}
 
@@ -28,9 +30,9 @@ def run_commands(admission: Admission, stop: Carries) -> dict[str, Carries]:
 def _answered(work: Callable[[Command], None]) -> Carries:
     """Return a handler that calls ``work`` and answers done, or the refusal."""
 
-    def own(ask: Command, receipt: Receipt) -> None:
+    def own(request: Command, receipt: Receipt) -> None:
         try:
-            work(ask)
+            work(request)
         except Refused as error:
             receipt.fail(error)
         else:

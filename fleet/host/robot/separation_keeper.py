@@ -251,10 +251,10 @@ class SeparationKeeper:
         if self.at is None:
             return None
         held, route = self._held(), self._ahead()
-        asked, turn = rotate_to_world(held.linear, self._yaw), held.yaw_rate
+        requested, turn = rotate_to_world(held.linear, self._yaw), held.yaw_rate
         if route and not self._led:
             # only the magnitude counts
-            asked = Vector3(min(self._fastest, self._velocity.value.norm() + SPEEDING_UP))
+            requested = Vector3(min(self._fastest, self._velocity.value.norm() + SPEEDING_UP))
         return Occupant(
             self.name,
             self._radius + (self.circle if route else 2 * self.circle * self.flies),
@@ -262,7 +262,7 @@ class SeparationKeeper:
             self.at,
             route,
             self._velocity.value,
-            asked,
+            requested,
             turn,
             self._clock.monotonic() - self._seen,
             self._mover.in_motion,

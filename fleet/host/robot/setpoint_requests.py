@@ -33,11 +33,11 @@ class SetpointRequests:
         self._can = can
         self._last = last
 
-    def velocity(self, ask: Setpoint, receipt: Receipt) -> None:
+    def velocity(self, request: Setpoint, receipt: Receipt) -> None:
         """Take a velocity: the newest wins, at once. A late zero only ends motion."""
-        untimely = self._admission.is_untimely_zero(ask)
+        untimely = self._admission.is_untimely_zero(request)
         judge = self._admission.untimely_zero if untimely else self._admission.setpoint
-        adapter = self._adapter_for(self._can().refusal(ask.velocity) or judge(ask), receipt)
+        adapter = self._adapter_for(self._can().refusal(request.velocity) or judge(request), receipt)
         if adapter is None:
             return
         motion = self._motion
@@ -48,20 +48,20 @@ class SetpointRequests:
             receipt.done()
             return
         superseding = motion.under_way
-        if motion.in_control or not ask.velocity.is_zero:  # a zero takes the robot from nobody
-            motion.begin(ask)
+        if motion.in_control or not request.velocity.is_zero:  # a zero takes the robot from nobody
+            motion.begin(request)
         motion.navigator.cancel("teleoperation took over")
-        if motion.driving.take(adapter, ask, receipt, superseding=superseding):
-            self._last.accepted(ask.name)
+        if motion.driving.take(adapter, request, receipt, superseding=superseding):
+            self._last.accepted(request.name)
         else:
             motion.not_begun(receipt)
 
-    def joints(self, ask: JointSetpoint, receipt: Receipt) -> None:
+    def joints(self, request: JointSetpoint, receipt: Receipt) -> None:
         """Take joint targets: each joint follows its newest one until the lease expires."""
-        adapter = self._adapter_for(self._can().joint_refusal or self._admission.joints(ask), receipt)
-        if adapter is not None and self._motion.driving.joints.take(ask, receipt):
-            self._motion.begin(ask)
-            self._last.accepted(ask.name)
+        adapter = self._adapter_for(self._can().joint_refusal or self._admission.joints(request), receipt)
+        if adapter is not None and self._motion.driving.joints.take(request, receipt):
+            self._motion.begin(request)
+            self._last.accepted(request.name)
 
     def _adapter_for(self, refusal: str | None, receipt: Receipt) -> Adapter[Any] | None:
         """Return the adapter for a setpoint; None after rejecting it, for ``refusal`` or another reason."""

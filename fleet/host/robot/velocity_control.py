@@ -88,14 +88,14 @@ class VelocityControl:
         if not self.deadman.armed:
             self._driven_until = -math.inf
 
-    def take(self, adapter: Adapter[Any], ask: Setpoint, receipt: Receipt, *, superseding: bool) -> bool:
+    def take(self, adapter: Adapter[Any], request: Setpoint, receipt: Receipt, *, superseding: bool) -> bool:
         """Make the adapter hold a setpoint, and answer; return whether it does.
 
         ``superseding``: the robot already moves, so it is halted if it does not take the new velocity.
         """
-        velocity, lease = ask.velocity, ask.lease or self._lease
+        velocity, lease = request.velocity, request.lease or self._lease
         if self._keys is not None:
-            velocity, lease = self._keys.press(ask.name, velocity, self._clock.monotonic(), lease)
+            velocity, lease = self._keys.press(request.name, velocity, self._clock.monotonic(), lease)
         self.streamed = self.deadman.armed
         try:
             self.hold(adapter, velocity, lease)

@@ -48,7 +48,7 @@ class Admission:
         self.lease.seconds = config.control_lease
         self._stick_release.pause = config.setpoint_lease
 
-    def stopped(self, ask: Command) -> None:
+    def stopped(self, request: Command) -> None:
         """Record a stop: it ends the sender's lease and makes earlier requests of the sender late.
 
         All other drivers have to release their sticks. Requests without a session may come from several
@@ -56,137 +56,146 @@ class Admission:
         """
         self.permit.stopped()
         self.speeds.forget()
-        self.lease.release(ask.origin.session)
-        self.lease.others_moved(ask.origin.session, f"stopped: {ask.name} by {_named(ask.origin)}")
-        self._stick_release.stopped(_sender_of(ask.origin), self._clock.monotonic())
+        self.lease.release(request.origin.session)
+        self.lease.others_moved(
+            request.origin.session, f"stopped: {request.name} by {_named(request.origin)}"
+        )
+        self._stick_release.stopped(_sender_of(request.origin), self._clock.monotonic())
         wall, now = self._clock.time(), self._clock.monotonic()
-        shared = not ask.origin.session
-        self._ages.stopped(_sender_of(ask.origin), ask.stamp, wall=wall, now=now, shared=shared)
+        shared = not request.origin.session
+        self._ages.stopped(_sender_of(request.origin), request.stamp, wall=wall, now=now, shared=shared)
 
     def taken_over(self, why: str) -> None:
         """Record a change of authority: another party controls the robot, or its adapter restarts."""
         self.speeds.forget()
         self.lease.free(why)
 
-    def command(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
+    def command(self, request: Command, *, moves: bool, safe: bool) -> str | None:
         """Judge a discrete command; stops are admitted from any sender at any age."""
-        if ask.name in STOP_WORDS:
+        if request.name in STOP_WORDS:
             return None
-        ends_a_stop = ask.name == RELEASE or (moves and not safe)
-        asked_for = ask.name == JOIN and not ask.origin.session.startswith(RUN_SESSION)  # by a person
-        refusal = self._policy_refusal(ask) or self._age(
-            _sender_of(ask.origin), ask.stamp, self._command_max_age, moves=ends_a_stop or asked_for
+        ends_a_stop = request.name == RELEASE or (moves and not safe)
+        requested_for = request.name == JOIN and not request.origin.session.startswith(
+            RUN_SESSION
+        )  # by a person
+        refusal = self._policy_refusal(request) or self._age(
+            _sender_of(request.origin),
+            request.stamp,
+            self._command_max_age,
+            moves=ends_a_stop or requested_for,
         )
-        refusal = refusal or self._standing(ask, moves=moves, safe=safe)
-        if refusal is None and ends_a_stop and ask.name != RELEASE:
-            self._take(ask.origin)
+        refusal = refusal or self._standing(request, moves=moves, safe=safe)
+        if refusal is None and ends_a_stop and request.name != RELEASE:
+            self._take(request.origin)
         if refusal is None and moves:  # a safe command does not take the robot out of its run
-            self.lease.others_moved(ask.origin.session, f"taken: {ask.name} by {_named(ask.origin)}")
+            self.lease.others_moved(
+                request.origin.session, f"taken: {request.name} by {_named(request.origin)}"
+            )
         return refusal
 
-    def _policy_refusal(self, ask: Command) -> str | None:
+    def _policy_refusal(self, request: Command) -> str | None:
         """Judge the sender.
 
         A run joins its robots in the name of the person who started it, whose rights may cover commands or
         only navigation. The run's steps are judged again one by one. The same rights are needed to leave.
         """
-        refusal = self._policy.refusal(ask.origin)
-        if refusal is not None and ask.name in (JOIN, LEAVE):
-            return self._policy.refusal(ask.origin, navigation=True)
+        refusal = self._policy.refusal(request.origin)
+        if refusal is not None and request.name in (JOIN, LEAVE):
+            return self._policy.refusal(request.origin, navigation=True)
         return refusal
 
-    def join(self, ask: Command) -> None:
+    def join(self, request: Command) -> None:
         """Give the robot to a mission run until it leaves; raises Refused."""
-        refusal = self.motion() or self.lease.join(_run_in(ask), self._clock.monotonic())
+        refusal = self.motion() or self.lease.join(_run_in(request), self._clock.monotonic())
         if refusal is not None:
             raise Refused(refusal)
 
-    def leave(self, ask: Command) -> None:
+    def leave(self, request: Command) -> None:
         """Take the robot out of its run because the run ended or a person takes over."""
-        if ask.name == TAKE:
-            self.lease.leave(f"taken: by {_named(ask.origin)}")
-        elif self.lease.run == _run_in(ask):
+        if request.name == TAKE:
+            self.lease.leave(f"taken: by {_named(request.origin)}")
+        elif self.lease.run == _run_in(request):
             self.lease.leave("the run ended")
 
-    def would_refuse(self, ask: Command | Navigate, *, moves: bool, safe: bool) -> str | None:
+    def would_refuse(self, request: Command | Navigate, *, moves: bool, safe: bool) -> str | None:
         """Return why a command or goal would be refused now; dry run, the lease does not change."""
-        if isinstance(ask, Navigate):
-            turn = self.lease.refusal(ask.origin.session, self._clock.monotonic())
-            return self._policy.refusal(ask.origin, navigation=True) or self.motion() or turn
-        if ask.name in STOP_WORDS:
+        if isinstance(request, Navigate):
+            turn = self.lease.refusal(request.origin.session, self._clock.monotonic())
+            return self._policy.refusal(request.origin, navigation=True) or self.motion() or turn
+        if request.name in STOP_WORDS:
             return None
-        return self._policy.refusal(ask.origin) or self._standing(ask, moves=moves, safe=safe)
+        return self._policy.refusal(request.origin) or self._standing(request, moves=moves, safe=safe)
 
-    def _standing(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
+    def _standing(self, request: Command, *, moves: bool, safe: bool) -> str | None:
         """Judge a command by the present state: a set stop, a fault, the control lease."""
-        if ask.name == RELEASE:
+        if request.name == RELEASE:
             return self.latch.held or None
-        if ask.origin.session.startswith(RUN_SESSION) and ask.name not in (JOIN, LEAVE):
-            refusal = self.lease.refusal(ask.origin.session, self._clock.monotonic())
+        if request.origin.session.startswith(RUN_SESSION) and request.name not in (JOIN, LEAVE):
+            refusal = self.lease.refusal(request.origin.session, self._clock.monotonic())
             if refusal is not None:  # a run may not touch a robot that left it, not even to land it
                 return refusal
         if safe:
             return None
         if not moves:
             return self.latch.refusal()
-        return self.motion() or self.lease.refusal(ask.origin.session, self._clock.monotonic())
+        return self.motion() or self.lease.refusal(request.origin.session, self._clock.monotonic())
 
-    def setpoint(self, ask: Setpoint) -> str | None:
+    def setpoint(self, request: Setpoint) -> str | None:
         """Judge a velocity. One that is refused for its age still counts as a held stick."""
-        return self._stream(ask, zero=ask.velocity.is_zero)
+        return self._stream(request, zero=request.velocity.is_zero)
 
-    def joints(self, ask: JointSetpoint) -> str | None:
+    def joints(self, request: JointSetpoint) -> str | None:
         """Judge joint targets: a motion stream like velocities, but without a zero that ends it."""
-        return self._stream(ask, zero=False)
+        return self._stream(request, zero=False)
 
-    def _stream(self, ask: Setpoint | JointSetpoint, *, zero: bool) -> str | None:
+    def _stream(self, request: Setpoint | JointSetpoint, *, zero: bool) -> str | None:
         """Judge one message of a motion stream; ``zero``: it releases the stick."""
-        sender, now = _sender_of(ask.origin), self._clock.monotonic()
-        refusal = self._policy.refusal(ask.origin)
+        sender, now = _sender_of(request.origin), self._clock.monotonic()
+        refusal = self._policy.refusal(request.origin)
         if refusal is not None:
             return refusal
-        late = self._setpoint_age(ask)
+        late = self._setpoint_age(request)
         if late is not None:
             self._stick_release.record_velocity(sender, now)
             return late
         # Before the latch: while the stop is set, a held stick would otherwise pass for a released one.
         holds = self._stick_release.refusal(sender, now, zero=zero)
-        refusal = self.motion() or holds or self.lease.refusal(ask.origin.session, now)
+        refusal = self.motion() or holds or self.lease.refusal(request.origin.session, now)
         if refusal is None:
-            self._take(ask.origin)
+            self._take(request.origin)
             self._stick_release.record_velocity(sender, now)
         return refusal
 
-    def is_untimely_zero(self, ask: Setpoint) -> bool:
+    def is_untimely_zero(self, request: Setpoint) -> bool:
         """Return whether this is a zero where another velocity would be refused for its age or as motion."""
-        return ask.velocity.is_zero and (self.motion() or self._setpoint_age(ask)) is not None
+        return request.velocity.is_zero and (self.motion() or self._setpoint_age(request)) is not None
 
-    def untimely_zero(self, ask: Setpoint) -> str | None:
+    def untimely_zero(self, request: Setpoint) -> str | None:
         """Judge a zero velocity that is late, has a wrong stamp, or arrives while nothing may move.
 
         It may end motion and gives up the sender's lease, but never takes control. A late one proves nothing
         about the stick: it may be from before the stop after which the driver has to release it.
         """
-        session, now = ask.origin.session, self._clock.monotonic()
-        refusal = self._policy.refusal(ask.origin) or self.lease.refusal(session, now)
+        session, now = request.origin.session, self._clock.monotonic()
+        refusal = self._policy.refusal(request.origin) or self.lease.refusal(session, now)
         if refusal is None:
             self.lease.release(session)
-            if self._setpoint_age(ask) is None:
-                self._stick_release.refusal(_sender_of(ask.origin), now, zero=True)
+            if self._setpoint_age(request) is None:
+                self._stick_release.refusal(_sender_of(request.origin), now, zero=True)
         return refusal
 
-    def navigate(self, ask: Navigate) -> str | None:
+    def navigate(self, request: Navigate) -> str | None:
         """Judge a navigation message; stop and pause are always admitted, resume counts as motion."""
-        if ask.ask in (Control.STOP, Control.PAUSE):
+        if request.instruction in (Control.STOP, Control.PAUSE):
             return None
         refusal = (
-            self._policy.refusal(ask.origin, navigation=True)
-            or self._age(_sender_of(ask.origin), ask.stamp, self._command_max_age)
+            self._policy.refusal(request.origin, navigation=True)
+            or self._age(_sender_of(request.origin), request.stamp, self._command_max_age)
             or self.motion()
-            or self.lease.refusal(ask.origin.session, self._clock.monotonic())
+            or self.lease.refusal(request.origin.session, self._clock.monotonic())
         )
         if refusal is None:
-            self.speeds.driven_by(ask.origin.session)
+            self.speeds.driven_by(request.origin.session)
         return refusal
 
     def motion(self) -> str | None:
@@ -208,9 +217,9 @@ class Admission:
             moves=moves,
         )
 
-    def _setpoint_age(self, ask: Setpoint | JointSetpoint) -> str | None:
+    def _setpoint_age(self, request: Setpoint | JointSetpoint) -> str | None:
         """Judge the age of a stream message; a second call with the same message gives the same answer."""
-        return self._age(_sender_of(ask.origin), ask.stamp, self._max_age, ordered=True)
+        return self._age(_sender_of(request.origin), request.stamp, self._max_age, ordered=True)
 
     def _take(self, origin: Origin) -> None:
         """Give the control lease to the sender."""
@@ -218,11 +227,11 @@ class Admission:
         self.speeds.driven_by(origin.session)
 
 
-def _run_in(ask: Command) -> str:
+def _run_in(request: Command) -> str:
     """Return the run id in a command; raises Refused."""
-    run = ask.data.get("run")
+    run = request.data.get("run")
     if not isinstance(run, str) or not 0 < len(run) <= LONGEST_NAME:
-        raise Refused(f"{ask.name} needs run, the id of a run")
+        raise Refused(f"{request.name} needs run, the id of a run")
     return run
 
 

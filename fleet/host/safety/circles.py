@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from fleet.model.navigation import AnyTask, FlyMission, FollowPath
 
 
-def circled(task: AnyTask, radius: float) -> Iterable[float]:
+def circling_radii(task: AnyTask, radius: float) -> Iterable[float]:
     """Yield the circling radius at each place of a task, m; ``radius`` is the robot's own, 0 if it can stand.
 
     A mission flies through all waypoints but the last item, and stands where it lands.

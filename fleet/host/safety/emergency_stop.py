@@ -19,7 +19,7 @@ class EmergencyStopLatch:
         self._why = why
         self._keep = keep
         self.held = ""
-        self.asked = 0  # number of stop requests in this process
+        self.requested = 0  # number of stop requests in this process
         self._unrecorded = False
         self._reported = bool(why)
 
@@ -40,7 +40,7 @@ class EmergencyStopLatch:
 
     def engage(self, why: str) -> None:
         """Set the stop in memory; the first cause stays while it is set."""
-        self.asked += 1
+        self.requested += 1
         if not self._why:
             self._why, self._unrecorded = why, True
 

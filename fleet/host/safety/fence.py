@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import msgspec
 
 from fleet.model.geometry import Vector3
-from fleet.model.polygon import Point, Polygon, crosses, distance_to_border, polygon_contains
+from fleet.model.polygon import Polygon, PolygonPoint, crosses, distance_to_border, polygon_contains
 
 SLACK = 1.0  # m out of bounds that count as position noise and overshoot
 STEP = 0.1  # m of a first small step of motion
@@ -107,7 +107,7 @@ class Fence(msgspec.Struct, frozen=True):
             for polygon in self.exclusion
         )
 
-    def _leaves(self, start: Point, end: Point) -> bool:
+    def _leaves(self, start: PolygonPoint, end: PolygonPoint) -> bool:
         """Return whether a straight path between two allowed points crosses forbidden ground."""
         if any(crosses(polygon, start, end) for polygon in self.exclusion):
             return True

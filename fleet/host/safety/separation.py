@@ -36,7 +36,7 @@ class Occupant(msgspec.Struct, frozen=True):
     """Space and motion of one robot.
 
     ``route`` is its path from ``at`` on, of the host or its autopilot; empty when it stands or is driven.
-    ``velocity`` (m/s) is measured, ``asked`` is requested and turns with ``turn`` (rad/s).
+    ``velocity`` (m/s) is measured, ``requested`` is requested and turns with ``turn`` (rad/s).
     ``braking`` is the deceleration (m/s2) that it surely reaches.
     ``age`` is seconds since its last position. ``moves``: its edge moves it. Of two that are in each
     other's route the one with the lower ``precedence`` gives route; of equals, the later name.
@@ -48,7 +48,7 @@ class Occupant(msgspec.Struct, frozen=True):
     at: Vector3
     route: tuple[Vector3, ...] = msgspec.field(name="way", default=())
     velocity: Vector3 = Vector3()
-    asked: Vector3 = Vector3()
+    requested: Vector3 = Vector3()
     turn: float = 0.0
     age: float = 0.0
     moves: bool = False
@@ -57,7 +57,7 @@ class Occupant(msgspec.Struct, frozen=True):
     @property
     def speed(self) -> float:
         """Larger of measured and requested speed, m/s."""
-        return max(self.velocity.norm(), self.asked.norm())
+        return max(self.velocity.norm(), self.requested.norm())
 
     @property
     def uncertainty(self) -> float:
@@ -85,8 +85,8 @@ class Occupant(msgspec.Struct, frozen=True):
             return (self.at, *(point + aside for point in line), *reversed(line)) if aside.norm() else line
         moves = self.velocity.norm() > STILL
         drift = self._course(self.velocity, 0.0, late) if moves else (self.at,)
-        asked = self.course(self.asked, late)
-        return (*reversed(drift), *asked[1:], drift[-1]) if len(asked) > 1 else drift
+        requested = self.course(self.requested, late)
+        return (*reversed(drift), *requested[1:], drift[-1]) if len(requested) > 1 else drift
 
     def aside(self, goal: Vector3) -> Vector3:
         """Return how far (m) its momentum carries it off the straight path to a goal."""
@@ -227,7 +227,7 @@ def admitted(robot: Occupant, velocity: Vector3, other: Occupant) -> float:
     # Within the other's early-braking path no position counts as nearer: then its sure path decides.
     paths = (theirs, other.stopping_path())
     here = [apart((robot.at,), path) for path in paths]
-    drift = msgspec.structs.replace(robot, asked=Vector3()).stopping_path()
+    drift = msgspec.structs.replace(robot, requested=Vector3()).stopping_path()
 
     def passes(part: float) -> bool:
         course = robot.course(velocity.scaled(part))

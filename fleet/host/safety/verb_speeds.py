@@ -45,13 +45,13 @@ class VerbSpeeds:
             return self._plain
         return self._defaults(setting.linear, setting.angular)
 
-    def store(self, ask: Command) -> dict[str, float]:
+    def store(self, request: Command) -> dict[str, float]:
         """Store the setting in a command; return the applied value under its name, within the limits."""
-        field = SETTINGS[ask.name]
+        field = SETTINGS[request.name]
         limit = self._limits.speed if field == "linear" else self._limits.yaw_rate
-        applied = _within(abs(ask.data[field]), limit)
-        self.driven_by(ask.origin.session)
-        before = self._setting or _SpeedSetting(ask.origin.session)
+        applied = _within(abs(request.data[field]), limit)
+        self.driven_by(request.origin.session)
+        before = self._setting or _SpeedSetting(request.origin.session)
         self._setting = msgspec.structs.replace(before, **{field: applied})
         return {field: applied}
 

@@ -18,7 +18,7 @@ from fleet.host.process.rebuild import hold, take_over
 from fleet.host.process.stop_service import replace_groups
 from fleet.host.robot.local_robot import LocalRobot
 from fleet.host.robot.rest import not_resting
-from fleet.model.change import HeldRobot, HoldAsked, HoldRobot
+from fleet.model.change import HeldRobot, HoldRequest, HoldRobot
 from fleet.robot_config import AdapterConfig
 from fleet.runtime.decoding import decode_json
 
@@ -35,21 +35,21 @@ class HoldService:
         self._robots, self._groups, self._folder = robots, groups, folder
         self._loop = asyncio.get_running_loop()
 
-    def asked(self, question: Query) -> None:
+    def requested(self, question: Query) -> None:
         """Receive a request; on the bus's thread."""
         self._loop.call_soon_threadsafe(self._answer, question)
 
     def _answer(self, question: Query) -> None:
         """Apply a request and answer with the result for each robot; a failure affects only its own robot."""
         try:
-            asked = decode_json(question.payload, HoldAsked)
+            requested = decode_json(question.payload, HoldRequest)
         except msgspec.DecodeError as error:
             log.warning("settings that cannot be read: %s", error)
             question.close()
             return
-        if asked.groups is not None:
-            replace_groups(self._groups, asked.groups)
-        held = {name: self._held(name, wanted) for name, wanted in asked.robots.items()}
+        if requested.groups is not None:
+            replace_groups(self._groups, requested.groups)
+        held = {name: self._held(name, wanted) for name, wanted in requested.robots.items()}
         question.answer(msgspec.json.encode(held))
 
     def _held(self, name: str, wanted: HoldRobot) -> HeldRobot:

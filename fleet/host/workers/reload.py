@@ -50,7 +50,7 @@ class Reload:
         self._loop = asyncio.get_running_loop()
         self._under_way: asyncio.Task[None] | None = None
 
-    def asked(self, question: Query) -> None:
+    def requested(self, question: Query) -> None:
         """Receive a request: an adapter's name, or empty for another configuration; from any thread."""
         self._loop.call_soon_threadsafe(self._begin, question)
 

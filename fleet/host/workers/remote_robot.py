@@ -85,7 +85,7 @@ class RemoteRobot:
         # Only to recognize requests: the worker decodes with the robot's own limits.
         self._decoder = RequestDecoder(config, VerbSpeeds(config.limits).of, planar=False)
         self._ends = (
-            control.answer(keys.state(edge, self.name), self._state_asked),
+            control.answer(keys.state(edge, self.name), self._state_requested),
             control.watch_tokens(keys.robot(edge, self.name), self._came_or_went),
         )
 
@@ -180,7 +180,7 @@ class RemoteRobot:
         if waits:
             parameters["wait"] = "1"
         try:
-            ask = self._decoder.decode(
+            request = self._decoder.decode(
                 kind, payload, transport=transport, request_id=request_id, unread=unread
             )
         except WireError as error:
@@ -190,22 +190,22 @@ class RemoteRobot:
                 return Request(lambda answer: answer(refusal))
             # The worker refuses it, with the reason.
             return Request(partial(self._hand_over, name, payload, parameters, math.inf))
-        if ask is None:
+        if request is None:
             return None
-        if ask.name == EMERGENCY:
-            self.emergency(StopCause(requester_of(ask.origin), request=request_of(ask)))
-        if isinstance(ask, Command) and ask.flaw:
-            return Request(partial(self._hand_over_stop, ask, parameters), stops=True)
-        until = self._arrival() + max_wait(ask, self.config)
-        take = partial(self._hand_over, ask.name, payload, parameters, until)
-        return Request(take, is_stop(ask), is_discrete(ask))
+        if request.name == EMERGENCY:
+            self.emergency(StopCause(requester_of(request.origin), request=request_of(request)))
+        if isinstance(request, Command) and request.flaw:
+            return Request(partial(self._hand_over_stop, request, parameters), stops=True)
+        until = self._arrival() + max_wait(request, self.config)
+        take = partial(self._hand_over, request.name, payload, parameters, until)
+        return Request(take, is_stop(request), is_discrete(request))
 
-    def _hand_over_stop(self, ask: Command, parameters: dict[str, str], answer: Answer) -> None:
+    def _hand_over_stop(self, request: Command, parameters: dict[str, str], answer: Answer) -> None:
         """Pass a stop from a message that was refused to the worker, in valid form."""
-        self._log.warning("took a message that was refused for %s: %s", ask.name, ask.flaw)
-        payload = msgspec.json.encode({"command": ask.name})
-        on_answer = reply_with_flaw(answer, ask.flaw)
-        self._hand_over(ask.name, payload, parameters | {"kind": "command"}, math.inf, on_answer)
+        self._log.warning("took a message that was refused for %s: %s", request.name, request.flaw)
+        payload = msgspec.json.encode({"command": request.name})
+        on_answer = reply_with_flaw(answer, request.flaw)
+        self._hand_over(request.name, payload, parameters | {"kind": "command"}, math.inf, on_answer)
 
     def _hand_over(
         self,
@@ -219,7 +219,7 @@ class RemoteRobot:
         if self._clock.monotonic() > until:
             answer(Reply(name, ReplyStatus.REJECTED, "it waited too long in here: the edge was held up"))
             return
-        ask_robot(
+        request_robot(
             self._control,
             keys.command(self._edge, self.name),
             payload,
@@ -279,7 +279,7 @@ class RemoteRobot:
             self._unheard = None
         self._put_again()
 
-    def _state_asked(self, question: Query) -> None:
+    def _state_requested(self, question: Query) -> None:
         """Answer with the state, besides the worker, which may be gone. On the bus's thread."""
         question.reply(msgspec.json.encode(self.state()))
         question.close()
@@ -297,7 +297,7 @@ def _named(cause: StopCause) -> StopCause:
     return cause if cause.request else msgspec.structs.replace(cause, request=os.urandom(8).hex())
 
 
-def ask_robot(
+def request_robot(
     control: ZenohSession,
     key: str,
     payload: bytes,
@@ -331,7 +331,7 @@ def ask_robot(
             done = False if answered else None
             answer(Reply(name, ReplyStatus.TIMEOUT, reason, done=done))
 
-    control.ask_later(
+    control.request_later(
         key,
         payload,
         timeout=END_WITHIN if "wait" in parameters else ANSWER_WITHIN,

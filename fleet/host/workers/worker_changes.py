@@ -16,11 +16,11 @@ from fleet.host.robot.rest import STILL
 from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.host.workers.worker_manager import WorkerManager
 from fleet.host.workers.worker_task import task_of
-from fleet.model.change import HeldRobot, HoldAsked, HoldRobot, Outcome
+from fleet.model.change import HeldRobot, HoldRequest, HoldRobot, Outcome
 from fleet.model.command import Reply
 from fleet.runtime.decoding import decode_json
 
-ASK_WITHIN = 10.0  # s for a worker to answer whether it restarts
+REQUEST_WITHIN = 10.0  # s for a worker to answer whether it restarts
 TRY_WITHIN = 90.0  # s for it to check a changed file, and its robots' configurations with it
 ENDS_WITHIN = 15.0  # s for it to stop its robots, end, and start again
 LATCHED = "emergency stop"
@@ -52,17 +52,17 @@ class WorkerChanges:
 
     async def hold(self, worker: str, robots: Mapping[str, HoldRobot]) -> dict[str, HeldRobot]:
         """Restrict a worker's robots to the stricter parts of new configurations; empty if it is silent."""
-        return await self._ask_to_hold(worker, HoldAsked(dict(robots))) or {}
+        return await self._request_to_hold(worker, HoldRequest(dict(robots))) or {}
 
     async def regroup(self, groups: Mapping[str, Iterable[str]]) -> str:
         """Replace the groups in all workers; return which of them do not answer."""
-        asked = HoldAsked(groups={name: list(robots) for name, robots in groups.items()})
+        requested = HoldRequest(groups={name: list(robots) for name, robots in groups.items()})
         workers = sorted({robot.worker for robot in self._robots.values()})
-        answers = await asyncio.gather(*(self._ask_to_hold(worker, asked) for worker in workers))
+        answers = await asyncio.gather(*(self._request_to_hold(worker, requested) for worker in workers))
         silent = [worker for worker, answer in zip(workers, answers, strict=True) if answer is None]
         return "; ".join(map(_silent, silent))
 
-    async def _ask_to_hold(self, worker: str, asked: HoldAsked) -> dict[str, HeldRobot] | None:
+    async def _request_to_hold(self, worker: str, requested: HoldRequest) -> dict[str, HeldRobot] | None:
         """Ask a worker; return the settings that its robots are held to, None if it is silent."""
         if self._is_silent(worker):
             return None
@@ -73,10 +73,10 @@ class WorkerChanges:
             if not heard.done():
                 heard.set_result(held)
 
-        self._control.ask_later(
+        self._control.request_later(
             keys.hold(self._edge, worker),
-            msgspec.json.encode(asked),
-            timeout=ASK_WITHIN,
+            msgspec.json.encode(requested),
+            timeout=REQUEST_WITHIN,
             on_answer=lambda data: _soon(loop, take, decode_json(data, dict[str, HeldRobot])),
             on_end=lambda: _soon(loop, take, None),
         )
@@ -163,10 +163,10 @@ class WorkerChanges:
         def ended() -> None:
             loop.call_soon_threadsafe(take, _silent(worker))
 
-        self._control.ask_later(
+        self._control.request_later(
             keys.reload(self._edge, worker),
             adapter.encode(),
-            timeout=TRY_WITHIN if adapter else ASK_WITHIN,
+            timeout=TRY_WITHIN if adapter else REQUEST_WITHIN,
             parameters={"force": "1"} if force else None,
             on_answer=answered,
             on_end=ended,

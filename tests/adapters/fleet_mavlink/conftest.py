@@ -180,7 +180,7 @@ class SimFlight(Operator):
     def state(self):
         return self.adapter._session.vehicle.state
 
-    def asked(self, command):
+    def requested(self, command):
         """Return what was asked by a command, in order."""
         return [each for each in self.commands if each.command == command]
 

@@ -32,8 +32,8 @@ def main():
     action.set_armable(True, True)
     action.set_disarmable(True, True)
 
-    def arm(_result, asked, _data):
-        armed[0] = bool(asked.arm)
+    def arm(_result, requested, _data):
+        armed[0] = bool(requested.arm)
 
     action.subscribe_arm_disarm(arm)
     while missions:

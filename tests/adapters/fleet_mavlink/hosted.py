@@ -18,7 +18,7 @@ TELE = Origin(Transport.BUS, "tele", "anna")
 TICK = 0.02  # s between the checks of the dead-man
 
 
-class Asked:
+class HostedRequest:
     """One request, and its answers; ``receipt`` is the first, ``end`` the last."""
 
     def __init__(self, name):
@@ -46,7 +46,7 @@ class Asked:
 
 
 class HostedSky(SimFlight):
-    """A simulated vehicle that the host moves; ``ask`` and its kin return the request."""
+    """A simulated vehicle that the host moves; ``request`` and its kin return the request."""
 
     def __init__(self, flavour, *, vehicle="multirotor", **more):
         super().__init__(flavour, vehicle=vehicle, **more)
@@ -130,11 +130,11 @@ class HostedSky(SimFlight):
         return self
 
     def _take(self, what, name):
-        asked = Asked(name)
-        self.robot.controller.receive(what, Receipt(name, asked.answers.append, waits=True))
-        return asked
+        requested = HostedRequest(name)
+        self.robot.controller.receive(what, Receipt(name, requested.answers.append, waits=True))
+        return requested
 
-    def ask(self, name, /, **data):
+    def request(self, name, /, **data):
         """Send a command."""
         self._ids += 1
         return self._take(Command(name, data, TELE, f"c{self._ids}"), name)
@@ -148,30 +148,30 @@ class HostedSky(SimFlight):
         """Send one velocity."""
         return self._take(Setpoint(Velocity(Vector3(x, y, z)), origin=TELE), "velocity")
 
-    async def done(self, asked, within=120.0):
+    async def done(self, requested, within=120.0):
         """Let time pass until a request has its final answer."""
-        await self.until(lambda: asked.end is not None, within)
-        return asked
+        await self.until(lambda: requested.end is not None, within)
+        return requested
 
     async def does(self, name, /, **data):
         """Send a command and see it done."""
-        asked = await self.done(self.ask(name, **data), within=400.0)
-        assert asked.end.done, f"{asked}"
-        return asked
+        requested = await self.done(self.request(name, **data), within=400.0)
+        assert requested.end.done, f"{requested}"
+        return requested
 
     @contextlib.asynccontextmanager
     async def driven(self, seconds=1.0, **velocity):
         """Hold a velocity at 10 Hz; yields the answers."""
-        asked = []
+        requested = []
 
         async def drive():
             for _ in range(round(seconds / 0.1)):
-                asked.append(self.hold(**velocity))
+                requested.append(self.hold(**velocity))
                 await asyncio.sleep(0.1)
 
         task = asyncio.ensure_future(drive())
         try:
-            yield asked
+            yield requested
         finally:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)

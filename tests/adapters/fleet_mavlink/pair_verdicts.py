@@ -42,18 +42,18 @@ class Flown:
     """What happened to one request: the vehicle at its beginning, at its end, and at the end of all."""
 
     what: object
-    asked: object
+    requested: object
     before: Seen
     after: Seen | None = None
     track: list = field(default_factory=list)
 
     @property
     def done(self):
-        return self.asked.end is not None and bool(self.asked.end.done)
+        return self.requested.end is not None and bool(self.requested.end.done)
 
     @property
     def refused(self):
-        return self.asked.end is not None and not self.asked.end.done
+        return self.requested.end is not None and not self.requested.end.done
 
 
 def stands(seen):
@@ -144,8 +144,8 @@ def judge(it, one, other, *, rests):
         yield f"never rests: {last}"
     if last.armed and last.grounded and last.speed > STILL:
         yield f"moves on the ground: {last}"
-    if other.asked.end is None:
-        yield f"no end of {other.asked}"
+    if other.requested.end is None:
+        yield f"no end of {other.requested}"
         return
     if other.done and (trouble := other.what.judge(other, last)):
         yield f"{other.what} done, but: {trouble}"
@@ -159,7 +159,7 @@ def judge(it, one, other, *, rests):
 
 def _judge_refusal(it, one, other, last):
     """Yield what is wrong with a refusal: its reason, or that it happened all the same."""
-    reason = other.asked.reason
+    reason = other.requested.reason
     if not reason or _untrue(other, one, it):
         yield f"{other.what} refused, because: {reason}"
     happened = other.after is not None and not other.what.judge(other, last) and _means_something(other)
@@ -169,7 +169,7 @@ def _judge_refusal(it, one, other, last):
 
 def _untrue(other, one, it):
     """Return a reason of a refusal that is not true; empty for one that is, or was until just now."""
-    reason, before = other.asked.reason, other.before
+    reason, before = other.requested.reason, other.before
     rises = one.what.name in {"takeoff", "mission"}  # PX4 says early that it flies
     known = (
         reason.startswith(("busy with ", "there is no ", "emergency stop is set", "it is not armed"))

@@ -84,7 +84,7 @@ def _stick(it):
 
 
 def _command(name, judge, label="", **data):
-    return Request(label or name, lambda it: it.ask(name, **data), judge)
+    return Request(label or name, lambda it: it.request(name, **data), judge)
 
 
 def _task(name, task, judge):
@@ -140,13 +140,13 @@ async def _hovering(it):
 
 
 async def _climbing(it):
-    it.ask("takeoff", altitude=CLIMB)
+    it.request("takeoff", altitude=CLIMB)
     await it.until(lambda: it.height > 3.0)
 
 
 async def _landing(it):
     await _hovering(it)
-    it.ask("land")
+    it.request("land")
     await it.until(lambda: it.height < 5.0)
 
 
@@ -199,7 +199,7 @@ class Monitor:
                 self.faults.append(f"disarmed at {seen.height:.1f} m, {seen.speed:.1f} m/s")
             armed = seen.armed
             for flown in self.on_end:
-                if flown.after is None and flown.asked.end is not None:
+                if flown.after is None and flown.requested.end is not None:
                     flown.after = seen
             await asyncio.sleep(0.02)
 
@@ -235,8 +235,8 @@ async def play(it, state, first, second, delay):
         monitor.on_end.append(other)
         await asyncio.sleep(0.1)
         began = it.now
-        while (other.asked.end is None or one.asked.end is None) and it.now - began < LONG:
-            if second.name == "pause" and other.asked.end is not None:
+        while (other.requested.end is None or one.requested.end is None) and it.now - began < LONG:
+            if second.name == "pause" and other.requested.end is not None:
                 break
             await asyncio.sleep(0.1)
         rests = await _rests(it, monitor.track)
@@ -244,7 +244,7 @@ async def play(it, state, first, second, delay):
             *monitor.faults,
             *judge(it, one, other, rests=rests),
             *(f"lost: {why}" for why in it.losses[lost:]),
-        ], (str(one.asked), str(other.asked))
+        ], (str(one.requested), str(other.requested))
     finally:
         watching.cancel()
         await asyncio.gather(watching, return_exceptions=True)

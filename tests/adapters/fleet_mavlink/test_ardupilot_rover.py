@@ -234,7 +234,7 @@ def test_a_goal_that_it_cannot_drive_to_is_refused_and_not_sent(run_in_sim_time,
     async def drive(it):
         with pytest.raises(Refused, match=words):
             await exhausted(it.adapter.navigate(task))
-        assert it.asked(192) == []
+        assert it.requested(192) == []
 
     driven(run_in_sim_time, sim_flight, drive)
 

@@ -30,7 +30,7 @@ class Motors:
         self.harness.clock.monotonic = self.vehicle.now = self.loop.time
         self.vehicle._send = self.heard
         self.answers, self.obeys, self.lag = [], True, 0.1
-        self.asked, self.modes, self.expected = [], [], []
+        self.requested, self.modes, self.expected = [], [], []
         authority = SimpleNamespace(expect=self.expected.append)
         self.commander = Commander(self.vehicle, CommandTimeouts())
         self.arming = Arming(self.vehicle, self.commander, authority, self.be_in)
@@ -52,9 +52,9 @@ class Motors:
         if not isinstance(message, CommandLong):
             return
         if message.command == SWITCH:
-            self.asked.append((message.param1, message.param2))
+            self.requested.append((message.param1, message.param2))
         else:
-            self.asked.append(message.command)
+            self.requested.append(message.command)
         result = self.answers.pop(0) if self.answers else MavResult.ACCEPTED
         if result is None:
             return
@@ -79,10 +79,10 @@ def test_it_is_armed_in_a_mode_that_allows_a_take_off_and_that_mode_is_ours(moto
     async def test(it):
         await it.arming.arm()
         assert (it.modes, it.expected) == ([mode], [mode])
-        assert it.asked == [(1.0, 0.0)]
+        assert it.requested == [(1.0, 0.0)]
         assert it.vehicle.state.armed
         await it.arming.arm()
-        assert len(it.asked) == 1, "it is armed already"
+        assert len(it.requested) == 1, "it is armed already"
 
     motors(test, flavour)
 
@@ -97,13 +97,13 @@ def test_an_arming_that_is_taken_and_not_shown_is_reported(motors):
 
 
 @pytest.mark.parametrize(
-    ("words", "asked"),
+    ("words", "requested"),
     [
         ("Arm: In landing sequence", [(1.0, 0.0), MavCmd.DO_SET_MISSION_CURRENT, (1.0, 0.0)]),
         ("Arm: Compass not healthy", [(1.0, 0.0)]),
     ],
 )
-def test_a_plane_that_has_landed_by_its_plan_begins_the_plan_anew_and_is_armed(motors, words, asked):
+def test_a_plane_that_has_landed_by_its_plan_begins_the_plan_anew_and_is_armed(motors, words, requested):
     async def test(it):
         plane = msgspec.structs.replace(it.vehicle.state.heartbeat, type=1)
         it.put(heartbeat=plane)
@@ -112,8 +112,8 @@ def test_a_plane_that_has_landed_by_its_plan_begins_the_plan_anew_and_is_armed(m
         it.loop.call_later(0.005, it.harness.receive, StatusTextMessage(2, words))
         with pytest.raises((Refused, TimedOut)) as refused:
             await it.arming.arm()
-        assert it.asked == asked
-        assert isinstance(refused.value, Refused) is (len(asked) == 1)
+        assert it.requested == requested
+        assert isinstance(refused.value, Refused) is (len(requested) == 1)
 
     motors(test, "ardupilot")
 
@@ -123,7 +123,7 @@ def test_a_vehicle_whose_remote_id_is_wanted_and_silent_is_not_armed(motors):
         it.vehicle.needs_remote_id = True
         with pytest.raises(NotReady):
             await it.arming.arm()
-        assert (it.asked, it.modes) == ([], [])
+        assert (it.requested, it.modes) == ([], [])
 
     motors(test)
 
@@ -136,7 +136,7 @@ def test_what_flies_is_not_disarmed_even_by_force(motors, landed, force):
         it.put(landed=landed)
         with pytest.raises(Refused, match="it is in the air and would fall"):
             await it.arming.disarm(force=force)
-        assert it.asked == []
+        assert it.requested == []
 
     motors(test)
 
@@ -147,9 +147,9 @@ def test_what_may_fly_is_not_disarmed_by_force(motors):
         it.put(landed=Landed.UNDEFINED, relative_altitude=None)
         with pytest.raises(Refused, match="it is not known to be on the ground"):
             await it.arming.disarm(force=True)
-        assert it.asked == []
+        assert it.requested == []
         await it.arming.disarm()
-        assert it.asked == [OFF], "the autopilot itself refuses it in the air"
+        assert it.requested == [OFF], "the autopilot itself refuses it in the air"
 
     motors(test)
 
@@ -160,10 +160,10 @@ def test_a_refused_disarming_is_forced_only_on_request_and_where_nothing_flies(m
         it.answers = [MavResult.DENIED]
         with pytest.raises(Refused):
             await it.arming.disarm()
-        assert it.asked == [OFF]
+        assert it.requested == [OFF]
         it.answers = [MavResult.DENIED]
         await it.arming.disarm(force=True)
-        assert it.asked[1:] == [OFF, FORCED_OFF]
+        assert it.requested[1:] == [OFF, FORCED_OFF]
         assert not it.vehicle.state.armed
 
     motors(test)
@@ -176,7 +176,7 @@ def test_a_refused_disarming_is_not_forced_when_the_vehicle_is_then_seen_to_fly(
         it.loop.call_later(1.0, lambda: (it.put(landed=Landed.IN_AIR), it.show(armed=True)))
         with pytest.raises(Refused):
             await it.arming.disarm(force=True)
-        assert it.asked == [OFF]
+        assert it.requested == [OFF]
 
     motors(test)
 
@@ -187,7 +187,7 @@ def test_a_disarming_that_is_not_answered_is_not_forced(motors):
         it.answers = [None] * 20
         with pytest.raises(TimedOut):
             await it.arming.disarm(force=True)
-        assert set(it.asked) == {OFF}
+        assert set(it.requested) == {OFF}
 
     motors(test)
 
@@ -205,7 +205,7 @@ def test_a_rover_that_moves_would_coast_and_is_not_disarmed(motors, speed, stand
         else:
             with pytest.raises(Refused, match="it moves, and would coast"):
                 await it.arming.disarm()
-        assert it.asked == [OFF] * stands
+        assert it.requested == [OFF] * stands
 
     motors(test, "ardupilot")
 
@@ -217,7 +217,7 @@ def test_a_disarming_waits_for_an_arming_that_is_not_shown_yet(motors):
         await asyncio.sleep(0.1)
         arming.cancel()
         await it.arming.disarm()
-        assert it.asked == [(1.0, 0.0), OFF]
+        assert it.requested == [(1.0, 0.0), OFF]
         assert not it.vehicle.state.armed
 
     motors(test)
@@ -228,21 +228,23 @@ def test_what_is_off_and_was_not_switched_on_is_not_waited_for(motors):
         began = it.loop.time()
         await it.arming.disarm()
         assert it.loop.time() == began
-        assert it.asked == []
+        assert it.requested == []
 
     motors(test)
 
 
 @pytest.mark.parametrize(
-    ("landed", "asked"), [(Landed.ON_GROUND, [OFF]), (Landed.IN_AIR, []), (Landed.UNDEFINED, [])]
+    ("landed", "requested"), [(Landed.ON_GROUND, [OFF]), (Landed.IN_AIR, []), (Landed.UNDEFINED, [])]
 )
-def test_after_a_take_off_that_did_not_happen_it_is_disarmed_if_it_is_on_the_ground(motors, landed, asked):
+def test_after_a_take_off_that_did_not_happen_it_is_disarmed_if_it_is_on_the_ground(
+    motors, landed, requested
+):
     async def test(it):
         it.show(armed=True)
         it.put(landed=landed)
         it.answers = [MavResult.DENIED]
         await it.arming.disarm_quietly()
-        assert it.asked == asked
+        assert it.requested == requested
 
     motors(test)
 
@@ -252,7 +254,7 @@ def test_the_motors_of_a_vehicle_in_the_air_are_killed_by_force(motors):
         it.show(armed=True)
         it.put(landed=Landed.IN_AIR)
         await it.arming.kill()
-        assert it.asked == [FORCED_OFF]
+        assert it.requested == [FORCED_OFF]
         assert not it.vehicle.state.armed
 
     motors(test)
@@ -266,8 +268,8 @@ def test_motors_that_start_after_a_kill_are_killed_too(motors):
         arming.cancel()
         it.lag = 0.1
         await it.arming.kill()
-        assert it.asked[0] == (1.0, 0.0)
-        assert set(it.asked[1:]) == {FORCED_OFF}
+        assert it.requested[0] == (1.0, 0.0)
+        assert set(it.requested[1:]) == {FORCED_OFF}
         await asyncio.sleep(3.0)
         assert not it.vehicle.state.armed
 
@@ -280,6 +282,6 @@ def test_a_kill_needs_a_vehicle_that_is_heard(motors):
         await asyncio.sleep(4.0)
         with pytest.raises(NotReady, match="no heartbeat"):
             await it.arming.kill()
-        assert it.asked == []
+        assert it.requested == []
 
     motors(test)

@@ -70,7 +70,7 @@ def test_a_fail_safe_is_reported_as_what_it_is(watched):
 
 def test_it_is_ours_again_once_a_command_of_ours_was_carried_out(watched):
     watched.observe("AUTO.LOITER", "POSCTL")
-    with watched.authority.asking("AUTO.LOITER"):
+    with watched.authority.requesting("AUTO.LOITER"):
         assert watched.authority.lost_to == "POSCTL"
         watched.observe("POSCTL", "AUTO.LOITER")
     assert watched.authority.lost_to == ""
@@ -81,7 +81,7 @@ def test_it_is_ours_again_once_a_command_of_ours_was_carried_out(watched):
 @pytest.mark.parametrize("error", [Refused, NotReady, Unsupported])
 def test_a_command_that_the_autopilot_refuses_gives_nothing_back_and_is_expected_no_more(watched, error):
     watched.observe("AUTO.LOITER", "POSCTL")
-    with pytest.raises(error), watched.authority.asking("AUTO.RTL"):
+    with pytest.raises(error), watched.authority.requesting("AUTO.RTL"):
         raise error("no position", device_result="TEMPORARILY_REJECTED")
     assert watched.authority.lost_to == "POSCTL"
     watched.observe("AUTO.LOITER").observe("AUTO.LOITER", armed=False).observe("AUTO.LOITER", "AUTO.RTL")
@@ -90,7 +90,7 @@ def test_a_command_that_the_autopilot_refuses_gives_nothing_back_and_is_expected
 
 def test_a_command_without_an_answer_gives_nothing_back_and_may_still_be_obeyed(watched):
     watched.observe("AUTO.LOITER")
-    with pytest.raises(TimedOut), watched.authority.asking("AUTO.RTL"):
+    with pytest.raises(TimedOut), watched.authority.requesting("AUTO.RTL"):
         raise TimedOut("it does not change")
     watched.observe("AUTO.RTL")
     assert watched.reasons == []

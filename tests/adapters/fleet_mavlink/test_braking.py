@@ -266,9 +266,9 @@ def test_a_hovering_quadplane_is_sent_to_where_it_comes_to_stand():
         position=GeoPoint(47.0, 8.0, 500.0),
         velocity=Vector3(4.0, 0.0, 0.0),
     )
-    ask = kind_of(Heartbeat(1, ARDUPILOT), state).brakes(state)[0].ask
-    assert (ask.command, ask.frame, ask.z) == (MavCmd.DO_REPOSITION, 5, 500.0)
-    assert (ask.x - 470_000_000) * 0.0111 == pytest.approx(4.0, abs=0.1), "4 m/s at 2 m/s2"
+    request = kind_of(Heartbeat(1, ARDUPILOT), state).brakes(state)[0].request
+    assert (request.command, request.frame, request.z) == (MavCmd.DO_REPOSITION, 5, 500.0)
+    assert (request.x - 470_000_000) * 0.0111 == pytest.approx(4.0, abs=0.1), "4 m/s at 2 m/s2"
 
 
 @pytest.mark.parametrize(
@@ -290,8 +290,8 @@ def test_a_quadplane_from_its_wings_is_sent_as_far_as_it_needs_and_not_so_far_th
         position=GeoPoint(47.0, 8.0, 500.0),
         velocity=Vector3(speed, 0.0, 0.0),
     )
-    ask = kind_of(Heartbeat(1, ARDUPILOT), state).brakes(state)[0].ask
-    assert (ask.x - 470_000_000) * 0.01112 == pytest.approx(metres, rel=0.01)
+    request = kind_of(Heartbeat(1, ARDUPILOT), state).brakes(state)[0].request
+    assert (request.x - 470_000_000) * 0.01112 == pytest.approx(metres, rel=0.01)
 
 
 def test_a_quadplane_may_take_longer_to_slow_down_from_its_wings_than_in_its_hover():
@@ -309,7 +309,7 @@ def test_everything_has_a_name_and_a_command_that_brakes_it():
     for autopilot, vehicle_type in itertools.product(range(21), range(46)):
         kind = kind_of(Heartbeat(vehicle_type, autopilot))
         assert kind.brakes(VehicleState())
-        assert all(brake.ask.command for brake in kind.brakes(VehicleState()))
+        assert all(brake.request.command for brake in kind.brakes(VehicleState()))
         assert kind.name
         assert type_name(vehicle_type)
 
@@ -327,7 +327,7 @@ class Bench:
         vehicle._send = self._sent
         timing = CommandTimeouts(answer=0.05, tries=2, patience=0.0, pause=0.0, words=0.0, heartbeat=0.1)
         self.brakes = Brakes(vehicle, Commander(vehicle, timing))
-        self.asked = []
+        self.requested = []
         self.beat()
         self.beat()
         if vtol_state:
@@ -342,7 +342,7 @@ class Bench:
         self.it.receive(GlobalPositionInt(*place, round(self.speed * 100), 0, 0, 0))
 
     def _sent(self, message, _address):
-        self.asked.append(message)
+        self.requested.append(message)
         result = MavResult.FAILED if message.command in self.refuses else MavResult.ACCEPTED
         asyncio.get_running_loop().call_soon(self._answer, message, result)
 
@@ -363,8 +363,8 @@ async def test_a_px4_plane_that_circles_has_done_what_it_can(harness):
     it = Bench(harness, PX4, 1)
     it.slows = False
     await it.brakes.brake()
-    assert [each.command for each in it.asked] == [MavCmd.DO_REPOSITION]
-    assert math.isnan(it.asked[0].param5)
+    assert [each.command for each in it.requested] == [MavCmd.DO_REPOSITION]
+    assert math.isnan(it.requested[0].param5)
 
 
 async def test_a_px4_vtol_that_hovers_must_stand(harness, monkeypatch):
@@ -393,7 +393,7 @@ async def test_a_sub_without_a_place_keeps_its_depth(harness):
 async def test_an_unknown_autopilot_is_asked_to_pause_and_must_stand(harness):
     it = Bench(harness, OTHER, 10)
     await it.brakes.brake()
-    assert [each.command for each in it.asked] == [MavCmd.DO_PAUSE_CONTINUE]
+    assert [each.command for each in it.requested] == [MavCmd.DO_PAUSE_CONTINUE]
 
 
 async def test_an_unknown_autopilot_that_refuses_is_reported(harness):
@@ -408,4 +408,4 @@ async def test_a_plane_that_takes_no_mode_is_reported_and_never_disarmed(harness
     it.refuses.add(MavCmd.DO_SET_MODE)
     with pytest.raises(Refused, match="fixed_wing on ardupilot was not stopped"):
         await it.brakes.brake()
-    assert {each.command for each in it.asked} == {MavCmd.DO_SET_MODE}
+    assert {each.command for each in it.requested} == {MavCmd.DO_SET_MODE}

@@ -55,7 +55,7 @@ def ack(result, command=MavCmd.COMPONENT_ARM_DISARM):
 def test_an_accepted_command_is_sent_once_and_addressed(talk):
     async def test(it):
         it.later(0.01, ack(MavResult.ACCEPTED))
-        await it.commander.ask(ARM)
+        await it.commander.request(ARM)
         (sent,) = it.sent
         assert (sent.target_system, sent.target_component, sent.confirmation) == (1, 1, 0)
 
@@ -66,7 +66,7 @@ def test_an_unanswered_command_is_sent_four_times_a_second_apart_counting(talk):
     async def test(it):
         began = it.loop.time()
         with pytest.raises(TimedOut, match="did not answer COMPONENT_ARM_DISARM"):
-            await it.commander.ask(ARM)
+            await it.commander.request(ARM)
         assert it.loop.time() - began == pytest.approx(4.0, abs=0.1)
         assert [sent.confirmation for sent in it.sent] == [0, 1, 2, 3]
 
@@ -76,7 +76,7 @@ def test_an_unanswered_command_is_sent_four_times_a_second_apart_counting(talk):
 def test_a_command_with_a_place_is_repeated_as_it_is(talk):
     async def test(it):
         it.later(1.5, ack(MavResult.ACCEPTED, MavCmd.DO_REPOSITION))
-        await it.commander.ask(CommandInt(MavCmd.DO_REPOSITION, x=5))
+        await it.commander.request(CommandInt(MavCmd.DO_REPOSITION, x=5))
         assert it.sent[0] == it.sent[1]
 
     talk(test)
@@ -86,7 +86,7 @@ def test_the_answer_to_another_command_is_none_to_this_one(talk):
     async def test(it):
         it.later(0.1, ack(MavResult.FAILED, MavCmd.NAV_TAKEOFF))
         it.later(0.2, ack(MavResult.ACCEPTED))
-        await it.commander.ask(ARM)
+        await it.commander.request(ARM)
 
     talk(test)
 
@@ -96,7 +96,7 @@ def test_answers_to_what_was_never_asked_are_counted_and_late_ones_are_not(talk)
         it.later(
             0.1, ack(MavResult.ACCEPTED), ack(MavResult.ACCEPTED), ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF)
         )
-        await it.commander.ask(ARM)
+        await it.commander.request(ARM)
         await asyncio.sleep(0.1)
         assert it.harness.vehicle.trust.counts == {NEVER_SENT: 1}
 
@@ -107,7 +107,7 @@ def test_an_answer_that_came_before_is_none_to_this_one(talk):
     async def test(it):
         it.harness.receive(ack(MavResult.FAILED))
         it.later(0.2, ack(MavResult.ACCEPTED))
-        await it.commander.ask(ARM)
+        await it.commander.request(ARM)
 
     talk(test)
 
@@ -122,7 +122,7 @@ def test_a_refusal_is_reported_in_the_autopilots_words_whether_they_come_first_o
         )
         it.later(0.01, ack(MavResult.FAILED))
         with pytest.raises(Refused) as refused:
-            await it.commander.ask(ARM)
+            await it.commander.request(ARM)
         assert refused.value.reason == "Arm: Need Position Estimate; Arm: Gyros inconsistent"
         assert refused.value.messages == ("Arm: Need Position Estimate", "Arm: Gyros inconsistent")
         assert refused.value.device_result == "FAILED"
@@ -136,7 +136,7 @@ def test_what_was_said_before_the_command_is_no_reason(talk):
         await asyncio.sleep(1)
         it.later(0.01, ack(MavResult.DENIED))
         with pytest.raises(Refused, match="the autopilot answered DENIED to COMPONENT_ARM_DISARM"):
-            await it.commander.ask(ARM)
+            await it.commander.request(ARM)
 
     talk(test)
 
@@ -150,7 +150,7 @@ def test_small_talk_is_no_reason_where_there_is_trouble(talk):
         )
         it.later(0.01, ack(MavResult.FAILED))
         with pytest.raises(Refused) as refused:
-            await it.commander.ask(ARM)
+            await it.commander.request(ARM)
         assert refused.value.reason == "Arm: Throttle too high"
 
     talk(test)
@@ -171,7 +171,7 @@ def test_each_refusal_has_its_meaning_and_is_not_asked_again(talk, result, error
     async def test(it):
         it.later(0.01, ack(result))
         with pytest.raises(error) as refused:
-            await it.commander.ask(ARM)
+            await it.commander.request(ARM)
         assert refused.value.device_result
         assert len(it.sent) == 1
 
@@ -182,7 +182,7 @@ def test_what_is_rejected_for_the_moment_is_asked_again(talk):
     async def test(it):
         it.later(0.01, ack(MavResult.TEMPORARILY_REJECTED))
         it.later(0.6, ack(MavResult.ACCEPTED))
-        await it.commander.ask(ARM)
+        await it.commander.request(ARM)
         assert len(it.sent) == 2
 
     talk(test)
@@ -193,7 +193,7 @@ def test_what_stays_rejected_is_not_ready(talk):
         for at in range(1, 10):
             it.later(at * 0.5, ack(MavResult.TEMPORARILY_REJECTED))
         with pytest.raises(NotReady) as refused:
-            await it.commander.ask(ARM)
+            await it.commander.request(ARM)
         assert refused.value.device_result == "TEMPORARILY_REJECTED"
         assert len(it.sent) < 8
 
@@ -205,7 +205,7 @@ def test_work_in_progress_is_waited_for_and_not_asked_again(talk):
         for at in (0.1, 3.0, 7.0):
             it.later(at, ack(MavResult.IN_PROGRESS))
         it.later(10.0, ack(MavResult.ACCEPTED))
-        await it.commander.ask(ARM)
+        await it.commander.request(ARM)
         assert len(it.sent) == 1
 
     talk(test)
@@ -215,7 +215,7 @@ def test_work_that_never_ends_is_reported(talk):
     async def test(it):
         it.later(0.1, ack(MavResult.IN_PROGRESS))
         with pytest.raises(TimedOut, match="did not say how it ended"):
-            await it.commander.ask(ARM)
+            await it.commander.request(ARM)
         assert len(it.sent) == 1
 
     talk(test)
@@ -224,7 +224,7 @@ def test_work_that_never_ends_is_reported(talk):
 def test_what_was_seen_to_be_done_is_not_sent_again(talk):
     async def test(it):
         it.beats_later(0.9, armed=True)
-        await it.commander.ask(ARM, seen=lambda state: state.armed)
+        await it.commander.request(ARM, seen=lambda state: state.armed)
         assert len(it.sent) == 1
 
     talk(test)
@@ -234,7 +234,7 @@ def test_a_refused_repetition_of_what_was_done_is_no_refusal(talk):
     async def test(it):
         it.later(1.1, ack(MavResult.FAILED))
         it.beats_later(1.5, armed=True)
-        await it.commander.ask(ARM, seen=lambda state: state.armed)
+        await it.commander.request(ARM, seen=lambda state: state.armed)
         assert len(it.sent) == 2
 
     talk(test)
@@ -242,8 +242,8 @@ def test_a_refused_repetition_of_what_was_done_is_no_refusal(talk):
 
 def test_commands_go_one_after_the_other(talk):
     async def test(it):
-        first = asyncio.ensure_future(it.commander.ask(ARM))
-        second = asyncio.ensure_future(it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF)))
+        first = asyncio.ensure_future(it.commander.request(ARM))
+        second = asyncio.ensure_future(it.commander.request(CommandLong(MavCmd.NAV_TAKEOFF)))
         await asyncio.sleep(0.1)
         assert [sent.command for sent in it.sent] == [MavCmd.COMPONENT_ARM_DISARM]
         it.harness.receive(ack(MavResult.ACCEPTED))
@@ -256,7 +256,7 @@ def test_commands_go_one_after_the_other(talk):
 
 def test_something_urgent_ends_what_is_under_way_at_once(talk):
     async def test(it):
-        doing = asyncio.ensure_future(it.commander.ask(ARM))
+        doing = asyncio.ensure_future(it.commander.request(ARM))
         await asyncio.sleep(0.1)
         began = it.loop.time()
         it.commander.turns.supersede("stop")
@@ -272,13 +272,17 @@ def test_what_is_nobodys_wish_holds_up_no_command_though_it_is_not_answered(talk
 
     async def test(it):
         rate = CommandLong(MavCmd.SET_MESSAGE_INTERVAL, param1=32.0)
-        asked = [asyncio.ensure_future(it.commander.ask(rate, tries=1, yields=True)) for _ in range(2)]
+        requested = [
+            asyncio.ensure_future(it.commander.request(rate, tries=1, yields=True)) for _ in range(2)
+        ]
         await asyncio.sleep(0.1)
         began = it.loop.time()
         it.later(0.05, ack(MavResult.ACCEPTED))
-        await it.commander.ask(ARM)
+        await it.commander.request(ARM)
         assert it.loop.time() - began == pytest.approx(0.05)
-        assert all(isinstance(end, Refused) for end in await asyncio.gather(*asked, return_exceptions=True))
+        assert all(
+            isinstance(end, Refused) for end in await asyncio.gather(*requested, return_exceptions=True)
+        )
         assert [sent.command for sent in it.sent] == [
             MavCmd.SET_MESSAGE_INTERVAL,
             MavCmd.COMPONENT_ARM_DISARM,
@@ -289,11 +293,11 @@ def test_what_is_nobodys_wish_holds_up_no_command_though_it_is_not_answered(talk
 
 def test_what_yields_waits_for_a_command_that_is_under_way(talk):
     async def test(it):
-        doing = asyncio.ensure_future(it.commander.ask(ARM))
+        doing = asyncio.ensure_future(it.commander.request(ARM))
         await asyncio.sleep(0.1)
         it.later(0.2, ack(MavResult.ACCEPTED))
         it.later(0.3, ack(MavResult.ACCEPTED, MavCmd.SET_MESSAGE_INTERVAL))
-        await it.commander.ask(CommandLong(MavCmd.SET_MESSAGE_INTERVAL), tries=1, yields=True)
+        await it.commander.request(CommandLong(MavCmd.SET_MESSAGE_INTERVAL), tries=1, yields=True)
         assert doing.done()
 
     talk(test)
@@ -301,12 +305,12 @@ def test_what_yields_waits_for_a_command_that_is_under_way(talk):
 
 def test_what_is_more_urgent_does_not_wait_behind_what_waits_for_its_turn(talk):
     async def test(it):
-        queue = [asyncio.ensure_future(it.commander.ask(ARM)) for _ in range(4)]
+        queue = [asyncio.ensure_future(it.commander.request(ARM)) for _ in range(4)]
         await asyncio.sleep(0.1)
         began = it.loop.time()
         it.commander.turns.supersede("stop")
         it.later(0.1, ack(MavResult.ACCEPTED, MavCmd.DO_SET_MODE))
-        await it.commander.ask(offboard())
+        await it.commander.request(offboard())
         assert it.loop.time() - began == pytest.approx(0.1)
         ends = await asyncio.gather(*queue, return_exceptions=True)
         assert [str(end) for end in ends] == ["superseded: stop"] * 4
@@ -317,7 +321,7 @@ def test_what_is_more_urgent_does_not_wait_behind_what_waits_for_its_turn(talk):
 
 def test_what_was_superseded_while_it_waited_to_ask_again_is_not_sent_again(talk):
     async def test(it):
-        doing = asyncio.ensure_future(it.commander.ask(ARM))
+        doing = asyncio.ensure_future(it.commander.request(ARM))
         it.later(0.1, ack(MavResult.TEMPORARILY_REJECTED))
         await asyncio.sleep(0.2)
         it.commander.turns.supersede("stop")
@@ -398,25 +402,25 @@ def test_a_change_of_mode_gives_way_to_something_urgent(talk):
 
 def test_a_late_answer_to_an_equal_command_is_not_taken_for_this_ones(talk):
     async def test(it):
-        overtaken = asyncio.ensure_future(it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=3.0)))
+        overtaken = asyncio.ensure_future(it.commander.request(CommandLong(MavCmd.NAV_TAKEOFF, param7=3.0)))
         await asyncio.sleep(0.1)
         overtaken.cancel()
         it.later(0.2, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
         it.later(0.4, ack(MavResult.FAILED, MavCmd.NAV_TAKEOFF))
         with pytest.raises(Refused):
-            await it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=5.0))
+            await it.commander.request(CommandLong(MavCmd.NAV_TAKEOFF, param7=5.0))
 
     talk(test)
 
 
 def test_a_command_whose_answer_may_be_that_of_the_one_before_is_sent_again(talk):
     async def test(it):
-        overtaken = asyncio.ensure_future(it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=3.0)))
+        overtaken = asyncio.ensure_future(it.commander.request(CommandLong(MavCmd.NAV_TAKEOFF, param7=3.0)))
         await asyncio.sleep(0.1)
         overtaken.cancel()
         it.later(0.2, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
         it.later(1.5, ack(MavResult.ACCEPTED, MavCmd.NAV_TAKEOFF))
-        await it.commander.ask(CommandLong(MavCmd.NAV_TAKEOFF, param7=5.0))
+        await it.commander.request(CommandLong(MavCmd.NAV_TAKEOFF, param7=5.0))
         assert [sent.param7 for sent in it.sent] == [3.0, 5.0, 5.0]
 
     talk(test)

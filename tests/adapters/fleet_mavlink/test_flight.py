@@ -121,7 +121,7 @@ def test_lost_acknowledgements_do_not_make_it_do_things_twice(run_in_sim_time, s
             it.sim.set_fault("no_ack", 1.0)
             await it.do("takeoff", altitude=5.0)
             assert it.height == pytest.approx(5.0, abs=0.7)
-            assert len(it.asked(MavCmd.COMPONENT_ARM_DISARM)) <= 2
+            assert len(it.requested(MavCmd.COMPONENT_ARM_DISARM)) <= 2
 
     run_in_sim_time(main())
 

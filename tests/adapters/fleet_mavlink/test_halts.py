@@ -115,7 +115,7 @@ async def test_one_that_a_pilot_has_is_left_alone_unless_it_is_taken_over(it):
     it.fly()
     it.authority.lost_to = "POSCTL"
     assert not it.halts.halt()
-    assert not it.halts.halt(asked=True)
+    assert not it.halts.halt(requested=True)
     assert it.written == []
     assert it.driver.halted, "our own velocities end all the same"
     assert it.halts.halt(takes_over=True)
@@ -138,7 +138,7 @@ async def test_the_mode_of_a_silent_one_is_changed_only_for_somebody_who_asks(it
     it.halts.halt()
     assert (it.zeros, it.commands) == (1, []), "it may be in a fail-safe of its own"
     it.written.clear()
-    it.halts.halt(asked=True)
+    it.halts.halt(requested=True)
     assert (it.zeros, it.commands) == (1, [HOLD])
 
 
@@ -148,7 +148,7 @@ async def test_a_silent_one_may_have_been_armed_since_it_was_heard(it):
     it.fall_silent()
     it.halts.halt()
     assert it.written == []
-    it.halts.halt(asked=True)
+    it.halts.halt(requested=True)
     assert it.commands == [HOLD]
 
 
@@ -166,20 +166,20 @@ async def test_one_that_is_not_moved_here_and_is_silent_is_braked_only_for_someb
     it.fall_silent()
     it.halts.halt()
     assert it.written == []
-    it.halts.halt(asked=True)
+    it.halts.halt(requested=True)
     assert it.commands == [HOLD]
 
 
 async def test_one_that_was_never_heard_gets_what_any_autopilot_takes_if_somebody_asks(it):
     it.halts.halt()
     assert it.written == []
-    it.halts.halt(asked=True)
+    it.halts.halt(requested=True)
     assert it.zeros == 1
     assert len(it.written) == 2
 
 
 @pytest.mark.parametrize(
-    ("effect", "asked", "ended"),
+    ("effect", "requested", "ended"),
     [
         (Effect.MOTION, False, True),
         (Effect.MOTION, True, True),
@@ -188,10 +188,10 @@ async def test_one_that_was_never_heard_gets_what_any_autopilot_takes_if_somebod
         (Effect.NONE, True, False),
     ],
 )
-async def test_motion_that_is_not_confirmed_yet_is_not_asked_for_again(it, effect, asked, ended):
+async def test_motion_that_is_not_confirmed_yet_is_not_asked_for_again(it, effect, requested, ended):
     it.fly()
     async with CommandTurn(it.commander.turns, CommandLong(MavCmd.NAV_LAND), effect=effect) as turn:
-        it.halts.halt(asked=asked)
+        it.halts.halt(requested=requested)
         assert bool(turn.superseded) is ended
     assert it.commander.turns.end_halted() is ended
 

@@ -321,7 +321,7 @@ def test_a_vehicle_that_says_nothing_ends_the_transfer(run_in_sim_time, sim_flig
             it.radio = False
             with pytest.raises((TimedOut, NotReady)):
                 await it.adapter._session.plans.download(PlanType.MISSION)
-            assert it.asked(MavCmd.MISSION_START) == []
+            assert it.requested(MavCmd.MISSION_START) == []
 
     run_in_sim_time(main())
 

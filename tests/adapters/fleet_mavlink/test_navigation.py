@@ -205,9 +205,9 @@ def test_a_takeover_ends_a_goal(run_in_sim_time, sim_flight, flavour):
 
 
 @both
-@pytest.mark.parametrize("asked", ["hover", "emergency_stop"])
+@pytest.mark.parametrize("requested", ["hover", "emergency_stop"])
 def test_a_stop_that_is_refused_during_a_fail_safe_gives_no_control_back(
-    run_in_sim_time, sim_flight, flavour, asked
+    run_in_sim_time, sim_flight, flavour, requested
 ):
     async def main():
         async with sim_flight(flavour) as it:
@@ -216,7 +216,7 @@ def test_a_stop_that_is_refused_during_a_fail_safe_gives_no_control_back(
             it.sim.set_fault("gps_loss", 1.0)
             await it.until(lambda: it.robot.losses, within=20.0)
             with pytest.raises(CommandError):
-                await it.adapter.stop(asked)
+                await it.adapter.stop(requested)
             assert it.mode == "LAND"
             with pytest.raises(NotReady, match="a pilot or a fail-safe has it"):
                 it.adapter.drive(FORWARD)

@@ -125,8 +125,8 @@ def test_a_vehicle_that_answers_nothing_is_given_up(run_in_sim_time, sim_flight)
     async def main():
         async with sim_flight("px4") as it:
             await it.wait_until_known()
-            it.sim.pilot.params.asked_list = tuple
-            it.sim.pilot.params.asked_read = lambda _message: ()
+            it.sim.pilot.params.requested_list = tuple
+            it.sim.pilot.params.requested_read = lambda _message: ()
             with pytest.raises(TimedOut, match="0 of unknown"):
                 await it.do("get_parameters")
             it.radio = False

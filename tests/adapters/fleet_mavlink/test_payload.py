@@ -79,7 +79,7 @@ def test_angles_beyond_the_gimbals_are_refused(run_in_sim_time, sim_flight, flav
                     await it.do("gimbal_rotate", **bad)
             with pytest.raises(Refused):
                 await it.do("gimbal_pitch_up", rate=1000.0)
-            assert not it.asked(MavCmd.DO_GIMBAL_MANAGER_PITCHYAW)
+            assert not it.requested(MavCmd.DO_GIMBAL_MANAGER_PITCHYAW)
 
     run_in_sim_time(main())
 
@@ -116,7 +116,7 @@ def test_a_picture_is_taken_and_seen_to_be(run_in_sim_time, sim_flight, flavour)
             await it.until(lambda: it.adapter._session.vehicle.camera)
             assert await it.do("take_photo") == {"index": 1, "url": "/DCIM/0001.jpg"}
             assert (await it.do("take_photo"))["index"] == 2
-            assert it.asked(MavCmd.IMAGE_START_CAPTURE)[0].target_component != 1
+            assert it.requested(MavCmd.IMAGE_START_CAPTURE)[0].target_component != 1
 
     run_in_sim_time(main())
 

@@ -76,7 +76,7 @@ def test_what_comes_by_both_is_believed_once_and_no_alarm(run_in_sim_time, two_l
             await it.do("takeoff", altitude=5.0)
             vehicle = it.adapter._session.vehicle
             assert not vehicle.clashing
-            assert len(it.asked(MavCmd.NAV_TAKEOFF)) == 1
+            assert len(it.requested(MavCmd.NAV_TAKEOFF)) == 1
             assert vehicle.trust.counts["messages of a second vehicle with this id"] == 0
 
     run_in_sim_time(main())
@@ -87,9 +87,9 @@ def test_rates_are_asked_for_again_on_the_other_link(run_in_sim_time, two_links)
         async with two_links("ardupilot") as it:
             await it.wait_until_known()
             await asyncio.sleep(3.0)
-            before = len(it.asked(MavCmd.SET_MESSAGE_INTERVAL))
+            before = len(it.requested(MavCmd.SET_MESSAGE_INTERVAL))
             it.cut.add("main")
-            await it.until(lambda: len(it.asked(MavCmd.SET_MESSAGE_INTERVAL)) >= before + 8, within=8.0)
+            await it.until(lambda: len(it.requested(MavCmd.SET_MESSAGE_INTERVAL)) >= before + 8, within=8.0)
 
     run_in_sim_time(main())
 

@@ -54,13 +54,15 @@ def test_a_goal_fails_and_the_vehicle_is_left_to_itself(run_in_sim_time, sim_fli
     async def main():
         async with in_the_air(sim_flight, flavour) as it:
             it.sim.set_fault("rc_loss", 1.0)
-            asked = len(it.commands)
+            requested = len(it.commands)
             with pytest.raises(CommandError):
                 async for _ in it.adapter.navigate(GoTo(Goal(position=Vector3(0.0, 300.0, 10.0)))):
                     pass
             await it.until(lambda: not it.armed, within=180.0)
             assert abs(it.place[0]) < 2.0
-            assert len([each for each in it.commands[asked:] if each.command != 511]) <= 2  # the goal's own
+            assert (
+                len([each for each in it.commands[requested:] if each.command != 511]) <= 2
+            )  # the goal's own
 
     run_in_sim_time(main())
 

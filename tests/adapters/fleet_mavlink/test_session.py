@@ -88,7 +88,7 @@ def test_slow_answers_are_waited_for(run_in_sim_time, sim_flight, flavour):
             it.sim.set_fault("slow_ack", 2.5)
             await it.do("arm")
             assert it.armed
-            assert len(it.asked(MavCmd.COMPONENT_ARM_DISARM)) == 1
+            assert len(it.requested(MavCmd.COMPONENT_ARM_DISARM)) == 1
 
     run_in_sim_time(main())
 

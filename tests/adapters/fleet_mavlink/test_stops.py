@@ -10,8 +10,8 @@ from fleet import LinkLost, NotReady, Refused
 from fleet_mavlink.stops import StopCommands
 
 TAKES_OVER = ["hover", "brake", "emergency_stop"]
-ASKED = [*TAKES_OVER, "stop", "pause"]
-OWN = st.text(max_size=30).filter(lambda reason: reason not in ASKED)  # reasons of the host itself
+REQUESTED = [*TAKES_OVER, "stop", "pause"]
+OWN = st.text(max_size=30).filter(lambda reason: reason not in REQUESTED)  # reasons of the host itself
 
 
 class Session:
@@ -46,7 +46,7 @@ def run(coroutine):
 
 
 @pytest.mark.parametrize("ours", [True, False])
-@pytest.mark.parametrize("reason", ASKED)
+@pytest.mark.parametrize("reason", REQUESTED)
 def test_a_stop_that_somebody_asks_for_is_carried_out_whoever_has_the_vehicle(reason, ours):
     it = stops(is_ours_to_stop=ours)
     run(it.stop(reason))
@@ -88,7 +88,7 @@ def test_a_halt_on_a_link_that_is_gone_raises_nothing(name):
     assert len(it._session.log) == 1
 
 
-@pytest.mark.parametrize("reason", ASKED)
+@pytest.mark.parametrize("reason", REQUESTED)
 def test_a_stop_to_a_vehicle_that_is_not_heard_takes_over_as_one_that_is_heard_would(reason):
     it = stops()
     assert it.halt_unheard(reason)

@@ -28,7 +28,7 @@ class Vehicle:
             ack = CommandAck(message.command, self.result)
             asyncio.get_running_loop().call_later(0.005, self.harness.receive, ack)
 
-    def asked(self, message_id):
+    def requested(self, message_id):
         return [each for each in self.harness.sent if getattr(each, "param1", None) == message_id]
 
     async def live(self, seconds):
@@ -49,8 +49,8 @@ def test_every_message_is_asked_for_with_its_interval(run_in_sim_time, harness, 
         vehicle = Vehicle(harness, flavour)
         await vehicle.live(2)
         wanted = wanted_rates(10.0, vehicle.harness.vehicle.flavour)
-        asks = {each.param1: each.param2 for each in vehicle.harness.sent}
-        assert asks == {float(each): pytest.approx(1e6 / rate) for each, rate in wanted.items()}
+        requests = {each.param1: each.param2 for each in vehicle.harness.sent}
+        assert requests == {float(each): pytest.approx(1e6 / rate) for each, rate in wanted.items()}
         assert {each.command for each in vehicle.harness.sent} == {MavCmd.SET_MESSAGE_INTERVAL}
 
     run_in_sim_time(main())
@@ -60,8 +60,8 @@ def test_what_does_not_come_is_asked_for_again_and_what_comes_is_not(run_in_sim_
     async def main():
         vehicle = Vehicle(harness, "px4")
         await vehicle.live(20)
-        assert len(vehicle.asked(Attitude.message_id)) == 1
-        assert 2 <= len(vehicle.asked(33.0)) <= 4
+        assert len(vehicle.requested(Attitude.message_id)) == 1
+        assert 2 <= len(vehicle.requested(33.0)) <= 4
 
     run_in_sim_time(main())
 
@@ -70,7 +70,7 @@ def test_what_was_refused_is_not_asked_for_again(run_in_sim_time, harness):
     async def main():
         vehicle = Vehicle(harness, "px4", result=MavResult.DENIED)
         await vehicle.live(40)
-        assert len(vehicle.asked(33.0)) == 1
+        assert len(vehicle.requested(33.0)) == 1
 
     run_in_sim_time(main())
 
@@ -81,7 +81,7 @@ def test_after_a_reboot_everything_is_asked_for_again(run_in_sim_time, harness):
         await vehicle.live(5)
         vehicle.harness.beat(status=1)
         await vehicle.live(5)
-        assert len(vehicle.asked(Attitude.message_id)) == 2
+        assert len(vehicle.requested(Attitude.message_id)) == 2
 
     run_in_sim_time(main())
 
@@ -92,13 +92,13 @@ def test_after_a_silence_everything_is_asked_for_again(run_in_sim_time, harness)
         keeping = asyncio.ensure_future(vehicle.streams.run())
         vehicle.harness.beat()
         await asyncio.sleep(8)
-        assert len(vehicle.asked(Attitude.message_id)) == 1
+        assert len(vehicle.requested(Attitude.message_id)) == 1
         vehicle.harness.beat()
         vehicle.harness.beat()
         await asyncio.sleep(2)
         keeping.cancel()
         await asyncio.gather(keeping, return_exceptions=True)
-        assert len(vehicle.asked(Attitude.message_id)) == 2
+        assert len(vehicle.requested(Attitude.message_id)) == 2
 
     run_in_sim_time(main())
 

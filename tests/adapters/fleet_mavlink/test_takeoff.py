@@ -195,10 +195,10 @@ def test_a_takeoff_does_not_take_the_drone_from_its_pilot(run_in_sim_time, sim_f
             await it.do("takeoff", altitude=5.0)
             it.sim.set_fault("pilot_takeover", 1.0)
             await it.until(lambda: it.robot.losses, within=5.0)
-            asked = len(it.asked(MavCmd.NAV_TAKEOFF))
+            requested = len(it.requested(MavCmd.NAV_TAKEOFF))
             with pytest.raises(NotReady, match="a pilot or a fail-safe has it"):
                 await it.do("takeoff", altitude=9.0)
-            assert len(it.asked(MavCmd.NAV_TAKEOFF)) == asked
+            assert len(it.requested(MavCmd.NAV_TAKEOFF)) == requested
 
     run_in_sim_time(main())
 

@@ -126,7 +126,7 @@ def test_a_transition_that_does_not_end_fails_the_stop(run_in_sim_time, sim_flig
             going = await goes_over(await hovering(it))
             it.sim.pilot.commands = {
                 **it.sim.pilot.commands,
-                MavCmd.DO_VTOL_TRANSITION: lambda _pilot, _ask: 4,
+                MavCmd.DO_VTOL_TRANSITION: lambda _pilot, _request: 4,
             }
             with pytest.raises(Exception, match="not seen to hover again"):
                 await it.adapter.stop("emergency_stop")
@@ -217,8 +217,11 @@ def seen(mode, vtol=None, *, here=True, **settings):
 def orders(state):
     """Return what is sent by the best stop: the command, and the mode or the place."""
     return [
-        (MavCmd(ask.command).name, ask.param2 if ask.command == MavCmd.DO_SET_MODE else round(ask.z))
-        for ask in arduplane_of(state).holding(state).asks
+        (
+            MavCmd(request.command).name,
+            request.param2 if request.command == MavCmd.DO_SET_MODE else round(request.z),
+        )
+        for request in arduplane_of(state).holding(state).requests
     ]
 
 
@@ -246,7 +249,7 @@ def test_a_stop_of_an_arduplane_is_the_one_for_what_is_known_of_it(state, sent):
 
 def test_a_px4_vtol_is_called_back_to_its_hover_first():
     state = VehicleState(vtol_state=TO_FORWARD)
-    back, hold = px4_plane_of(22, state).holding(state).asks
+    back, hold = px4_plane_of(22, state).holding(state).requests
     assert (back.command, back.param1) == (MavCmd.DO_VTOL_TRANSITION, 3.0)
     assert hold.command == MavCmd.DO_REPOSITION
 

@@ -39,9 +39,9 @@ async def holds(it, mode):
 
 async def unheard(it, doing, command, deaf_to=COMMANDS):
     """Let it be deaf until a command was sent to it once."""
-    it.deaf_to, before = deaf_to, len(it.asked(command))
+    it.deaf_to, before = deaf_to, len(it.requested(command))
     task = asyncio.ensure_future(doing)
-    await it.until(lambda: len(it.asked(command)) > before, within=5.0)
+    await it.until(lambda: len(it.requested(command)) > before, within=5.0)
     return task
 
 
@@ -52,11 +52,11 @@ def test_a_rover_that_is_halted_is_not_sent_to_its_place_again(run_in_sim_time, 
             await it.do("arm")
             going = await unheard(it, consumed(it.adapter.navigate(FAR)), 192, {"COMMAND_INT"})
             halted(it)
-            sent = len(it.asked(192))
+            sent = len(it.requested(192))
             await holds(it, "HOLD")
             with pytest.raises(Refused, match="the robot was halted"):
                 await going
-            assert len(it.asked(192)) == sent
+            assert len(it.requested(192)) == sent
 
     run_in_sim_time(main())
 

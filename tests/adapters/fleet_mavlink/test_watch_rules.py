@@ -18,12 +18,12 @@ from fleet_mavlink.watch_answers import refusal, unchanged, words
 from fleet_mavlink.watch_rules import Need, need_of
 
 NAN = math.nan
-COPTER = [brake.ask for brake in ArduCopter().brakes(VehicleState())]
-PX4 = [*(brake.ask for brake in Px4().brakes(VehicleState())), Px4().mode_command("AUTO.LOITER")]
+COPTER = [brake.request for brake in ArduCopter().brakes(VehicleState())]
+PX4 = [*(brake.request for brake in Px4().brakes(VehicleState())), Px4().mode_command("AUTO.LOITER")]
 BRAKE, LOITER = 17, 5
 
 
-def asked(command, *params):
+def requested(command, *params):
     return mav.MAVLink_command_long_message(1, 1, command, 0, *(*params, *([0.0] * (7 - len(params)))))
 
 
@@ -48,25 +48,25 @@ def item(current):
         (mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1), Need.ANYBODY),
         (mav.MAVLink_mission_request_list_message(1, 1, 0), Need.ANYBODY),
         (file_message(4), Need.ANYBODY),
-        (asked(512, 148), Need.ANYBODY),
-        (asked(511, 32, 250_000), Need.ANYBODY),
-        (asked(511, 32, 50_000), Need.NOBODY),  # too fast
-        (asked(511, 32, -1), Need.NOBODY),  # switches it off for all
-        (asked(511, 30, 250_000), Need.NOBODY),  # ATTITUDE: this edge flies by it
-        (asked(511, NAN, 250_000), Need.NOBODY),
+        (requested(512, 148), Need.ANYBODY),
+        (requested(511, 32, 250_000), Need.ANYBODY),
+        (requested(511, 32, 50_000), Need.NOBODY),  # too fast
+        (requested(511, 32, -1), Need.NOBODY),  # switches it off for all
+        (requested(511, 30, 250_000), Need.NOBODY),  # ATTITUDE: this edge flies by it
+        (requested(511, NAN, 250_000), Need.NOBODY),
         (mav.MAVLink_param_set_message(1, 1, b"RTL_ALT", 5.0, 9), Need.OPERATOR),
         (mav.MAVLink_mission_count_message(1, 1, 4, FENCE), Need.OPERATOR),
         (mav.MAVLink_mission_clear_all_message(1, 1, FENCE), Need.OPERATOR),
         (file_message(6), Need.OPERATOR),
-        (asked(2000, 0, 0, 1), Need.OPERATOR),  # a picture moves nothing
+        (requested(2000, 0, 0, 1), Need.OPERATOR),  # a picture moves nothing
         (mav.MAVLink_mission_count_message(1, 1, 4, 0), Need.TAKES_OVER),  # of what it may be flying
         (mav.MAVLink_mission_clear_all_message(1, 1, 0), Need.TAKES_OVER),
         (item(0), Need.TAKES_OVER),
         (item(2), Need.TAKES_OVER),  # a place to fly to at once
-        (asked(MavCmd.COMPONENT_ARM_DISARM, 1), Need.TAKES_OVER),
-        (asked(MavCmd.NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10), Need.TAKES_OVER),
-        (asked(21), Need.TAKES_OVER),
-        (asked(60_000), Need.TAKES_OVER),  # what nobody knows moves it for all that is known
+        (requested(MavCmd.COMPONENT_ARM_DISARM, 1), Need.TAKES_OVER),
+        (requested(MavCmd.NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10), Need.TAKES_OVER),
+        (requested(21), Need.TAKES_OVER),
+        (requested(60_000), Need.TAKES_OVER),  # what nobody knows moves it for all that is known
         (mav.MAVLink_mission_set_current_message(1, 1, 0), Need.TAKES_OVER),
         (mav.MAVLink_setup_signing_message(1, 1, [0] * 32, 0), Need.NOBODY),
         (mav.MAVLink_manual_control_message(1, 0, 0, 500, 0, 0), Need.NOBODY),
@@ -82,25 +82,25 @@ def test_who_may_send_what(message, need):
 @pytest.mark.parametrize(
     ("stops", "message", "need"),
     [
-        (COPTER, asked(MavCmd.DO_SET_MODE, 1, BRAKE), Need.STOP),
-        (COPTER, asked(MavCmd.DO_SET_MODE, 1, LOITER), Need.TAKES_OVER),  # sinks without a remote control
-        (COPTER, asked(MavCmd.DO_SET_MODE, 0, BRAKE), Need.TAKES_OVER),
-        (COPTER, asked(MavCmd.DO_PAUSE_CONTINUE, 0), Need.STOP),
-        (COPTER, asked(MavCmd.DO_PAUSE_CONTINUE, 1), Need.TAKES_OVER),  # goes on
+        (COPTER, requested(MavCmd.DO_SET_MODE, 1, BRAKE), Need.STOP),
+        (COPTER, requested(MavCmd.DO_SET_MODE, 1, LOITER), Need.TAKES_OVER),  # sinks without a remote control
+        (COPTER, requested(MavCmd.DO_SET_MODE, 0, BRAKE), Need.TAKES_OVER),
+        (COPTER, requested(MavCmd.DO_PAUSE_CONTINUE, 0), Need.STOP),
+        (COPTER, requested(MavCmd.DO_PAUSE_CONTINUE, 1), Need.TAKES_OVER),  # goes on
         (COPTER, mav.MAVLink_set_mode_message(1, 1, BRAKE), Need.STOP),
         (COPTER, mav.MAVLink_set_mode_message(1, 1, LOITER), Need.TAKES_OVER),
-        (PX4, asked(MavCmd.DO_SET_MODE, 1, 4, 3), Need.STOP),
-        (PX4, asked(MavCmd.DO_SET_MODE, 1, 4, 5), Need.TAKES_OVER),
-        (PX4, asked(MavCmd.DO_REPOSITION, -1, 1, 0, NAN, NAN, NAN, NAN), Need.STOP),
-        (PX4, asked(MavCmd.DO_REPOSITION, -1, 1, 0, NAN, 47.4, 8.5, 500), Need.TAKES_OVER),
-        (PX4, asked(MavCmd.DO_REPOSITION, -1, 1, 0, 1.0, NAN, NAN, NAN), Need.TAKES_OVER),  # turns it
+        (PX4, requested(MavCmd.DO_SET_MODE, 1, 4, 3), Need.STOP),
+        (PX4, requested(MavCmd.DO_SET_MODE, 1, 4, 5), Need.TAKES_OVER),
+        (PX4, requested(MavCmd.DO_REPOSITION, -1, 1, 0, NAN, NAN, NAN, NAN), Need.STOP),
+        (PX4, requested(MavCmd.DO_REPOSITION, -1, 1, 0, NAN, 47.4, 8.5, 500), Need.TAKES_OVER),
+        (PX4, requested(MavCmd.DO_REPOSITION, -1, 1, 0, 1.0, NAN, NAN, NAN), Need.TAKES_OVER),  # turns it
         (PX4, mav.MAVLink_set_mode_message(1, 4, 0x03040000), Need.TAKES_OVER),  # starts its mission
         (COPTER, mav.MAVLink_set_mode_message(1, 128, BRAKE), Need.TAKES_OVER),  # the safety switch
         (COPTER, mav.MAVLink_set_mode_message(1, 1, BRAKE << 16 | 3), Need.TAKES_OVER),  # AUTO, for ArduPilot
         (PX4, mav.MAVLink_set_mode_message(1, 1, 0x03040000), Need.STOP),
-        (PX4, asked(MavCmd.COMPONENT_ARM_DISARM, 0, 21196), Need.TAKES_OVER),  # falls
-        (PX4, asked(185, 1), Need.TAKES_OVER),  # flight termination
-        ([], asked(MavCmd.DO_SET_MODE, 1, BRAKE), Need.TAKES_OVER),  # of an unknown vehicle
+        (PX4, requested(MavCmd.COMPONENT_ARM_DISARM, 0, 21196), Need.TAKES_OVER),  # falls
+        (PX4, requested(185, 1), Need.TAKES_OVER),  # flight termination
+        ([], requested(MavCmd.DO_SET_MODE, 1, BRAKE), Need.TAKES_OVER),  # of an unknown vehicle
     ],
 )
 def test_a_stop_is_everybodys_and_nothing_else_is_one(stops, message, need):
@@ -161,7 +161,7 @@ def test_of_all_messages_there_are_only_these_are_passed_on():
 
 @given(st.integers(0, 0xFFFF), st.lists(st.floats(width=32), min_size=7, max_size=7))
 def test_no_numbers_of_a_command_break_the_rules(command, params):
-    message = asked(command, *params)
+    message = requested(command, *params)
     need = need_of(message, [*COPTER, *PX4])
     if need in {Need.STOP, Need.ANYBODY}:
         assert command in {176, 192, 193, 410, 510, 511, 512, 519, 520, 521, 522, 525, 527, 2504, 2505}
@@ -174,7 +174,7 @@ def from_station(message, system=255, component=190):
 
 
 def test_commands_are_denied_to_who_asked():
-    answer = refusal(from_station(asked(400, 1)))
+    answer = refusal(from_station(requested(400, 1)))
     assert (answer.command, answer.result) == (400, mav.MAV_RESULT_DENIED)
     assert (answer.target_system, answer.target_component) == (255, 190)
     assert refusal(from_station(mav.MAVLink_set_mode_message(1, 1, 4))).command == 176
@@ -196,7 +196,7 @@ def test_a_parameter_is_denied_and_its_value_is_reported_again():
     assert (answer.get_type(), answer.error, answer.param_id) == ("PARAM_ERROR", 3, "RTL_ALT")
     again = unchanged(message)
     assert (again.get_type(), again.param_id, again.param_index) == ("PARAM_REQUEST_READ", "RTL_ALT", -1)
-    assert unchanged(from_station(asked(400))) is None
+    assert unchanged(from_station(requested(400))) is None
 
 
 def test_the_writing_of_a_file_is_refused_as_protected():
@@ -239,6 +239,6 @@ def test_the_target_of_a_frame_is_what_the_foreign_decoder_reads(old):
 
 
 def test_zeros_that_are_not_sent_are_zeros():
-    assert target_of(bytes(asked(0).pack(mav.MAVLink(None)))) == (1, 1)
+    assert target_of(bytes(requested(0).pack(mav.MAVLink(None)))) == (1, 1)
     assert target_of(bytes(mav.MAVLink_param_request_list_message(0, 0).pack(mav.MAVLink(None)))) == (0, 0)
     assert target_of(bytes(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(mav.MAVLink(None)))) == (0, 0)

@@ -73,8 +73,8 @@ async def test_no_more_wait_than_fit_and_no_more_leave_at_once(watcher, frame_of
 async def test_answers_go_to_the_station_that_asked(watcher, frame_of):
     vehicle = Vehicle()
     with watcher.showing(1, vehicle):
-        ask = mav.MAVLink_param_request_list_message(1, 1)
-        watcher.receive(frame_of(ask, system=255, component=190), None)
+        request = mav.MAVLink_param_request_list_message(1, 1)
+        watcher.receive(frame_of(request, system=255, component=190), None)
         assert len(vehicle.heard) == 1
         for station in ((255, 190), (255, 0), (245, 191), (254, 190), (0, 0)):
             watcher.show(frame_of(mav.MAVLink_command_ack_message(400, 0, 0, 0, *station)))

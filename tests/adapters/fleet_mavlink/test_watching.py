@@ -52,7 +52,7 @@ class Station:
     def of(self, kind):
         return [message for message in self.received if message.get_type() == kind]
 
-    async def asks(self, command, *params):
+    async def requests(self, command, *params):
         """Ask by COMMAND_LONG; return the result of the answer."""
         before = len(self.of("COMMAND_ACK"))
         self.send(long(command, *params))
@@ -118,7 +118,7 @@ def test_a_station_reads_parameters_and_plans(run_in_sim_time, sim_flight, flavo
             await station.wait_until(lambda: station.of("MISSION_COUNT"))
             answer = station.of("MISSION_COUNT")[-1]
             assert (answer.target_system, answer.target_component) == (255, 190)
-            assert await station.asks(512, 148) == mav.MAV_RESULT_ACCEPTED
+            assert await station.requests(512, 148) == mav.MAV_RESULT_ACCEPTED
             await station.wait_until(lambda: station.of("AUTOPILOT_VERSION"))
 
     run_in_sim_time(main())
@@ -154,11 +154,11 @@ def test_who_only_watches_commands_nothing_and_that_is_logged(run_in_sim_time, s
     async def main():
         async with watched(sim_flight, flavour) as (it, station):
             for _ in range(3):
-                assert await station.asks(400, 1) == mav.MAV_RESULT_DENIED
+                assert await station.requests(400, 1) == mav.MAV_RESULT_DENIED
             await station.wait_until(lambda: station.of("STATUSTEXT"))
             assert any("may: watch" in text.text for text in station.of("STATUSTEXT"))
             assert not it.armed
-            assert not [each for each in it.asked(400) if each.param1 == 1]
+            assert not [each for each in it.requested(400) if each.param1 == 1]
 
     run_in_sim_time(main())
     lines = [line for line in caplog.messages if "COMMAND_LONG refused: may: watch" in line]
@@ -169,9 +169,9 @@ def test_a_reason_is_reported_again_after_a_minute(run_in_sim_time, sim_flight, 
     async def main():
         async with watched(sim_flight) as (_, station):
             for _ in range(3):
-                await station.asks(400, 1)
+                await station.requests(400, 1)
             await asyncio.sleep(61)
-            await station.asks(400, 1)
+            await station.requests(400, 1)
 
     run_in_sim_time(main())
     lines = [line for line in caplog.messages if "COMMAND_LONG refused" in line]
@@ -215,7 +215,7 @@ def test_a_stop_is_everybodys(run_in_sim_time, sim_flight, flavour):
             it.adapter.drive(Velocity(Vector3(3.0, 0.0, 0.0)))
             await it.until(lambda: it.speed > 2.0)
             mode = (1, BRAKE) if flavour == "ardupilot" else (1, 4, 3)
-            assert await station.asks(176, *mode) == mav.MAV_RESULT_ACCEPTED
+            assert await station.requests(176, *mode) == mav.MAV_RESULT_ACCEPTED
             await it.until(lambda: it.mode == HOLD[flavour] and it.speed < 0.3)
             assert it.robot.losses == ["ground station 255/190 commands it"]
             await asyncio.sleep(3)
@@ -232,7 +232,7 @@ def test_a_pause_that_a_plane_does_not_take_stops_it_whoever_moves_it(run_in_sim
             await it.until(lambda: "TKOFF_ALT" in it.state.settings)
             await it.do("takeoff", altitude=40.0)
             if flies == "home":
-                assert await station.asks(20) == mav.MAV_RESULT_ACCEPTED
+                assert await station.requests(20) == mav.MAV_RESULT_ACCEPTED
             else:
                 place = (int((it.state.position.latitude + 0.03) * 1e7), 85455940, 540.0)
                 nothing = float("nan")
@@ -254,7 +254,7 @@ def test_an_operator_takes_the_vehicle_over_as_a_pilot_does(run_in_sim_time, sim
             await it.do("takeoff", altitude=10.0)
             flight = asyncio.ensure_future(anext(it.adapter.navigate(GoTo(Goal(Vector3(80.0, 0.0, 10.0))))))
             await it.until(lambda: it.speed > 2.0)
-            assert await station.asks(20) == mav.MAV_RESULT_ACCEPTED
+            assert await station.requests(20) == mav.MAV_RESULT_ACCEPTED
             await it.until(lambda: it.mode == "RTL")
             assert it.robot.losses == ["ground station 255/190 commands it"]
             with pytest.raises(Refused, match="a pilot or a fail-safe has it"):
@@ -287,10 +287,10 @@ def test_setpoints_of_an_operator_in_our_own_mode_end_ours(run_in_sim_time, sim_
 def test_an_operator_flies_alone(run_in_sim_time, sim_flight):
     async def main():
         async with watched(sim_flight, watchers=OPERATE) as (it, station):
-            assert await station.asks(176, 1, GUIDED) == mav.MAV_RESULT_ACCEPTED
+            assert await station.requests(176, 1, GUIDED) == mav.MAV_RESULT_ACCEPTED
             await it.until(lambda: it.state.prearm_ok)
-            assert await station.asks(400, 1) == mav.MAV_RESULT_ACCEPTED
-            assert await station.asks(22, 0, 0, 0, 0, 0, 0, 6) == mav.MAV_RESULT_ACCEPTED
+            assert await station.requests(400, 1) == mav.MAV_RESULT_ACCEPTED
+            assert await station.requests(22, 0, 0, 0, 0, 0, 0, 6) == mav.MAV_RESULT_ACCEPTED
             await it.until(lambda: it.height > 5.5)
             station.send(mav.MAVLink_param_set_message(1, 1, b"WPNAV_SPEED", 300.0, 9))
             await station.wait_until(lambda: station.of("PARAM_VALUE"))
@@ -304,7 +304,7 @@ def test_an_operator_flies_alone(run_in_sim_time, sim_flight):
 def test_only_the_station_that_is_named_operates(run_in_sim_time, sim_flight):
     async def main():
         async with watched(sim_flight, watchers=OPERATE, system=254) as (_, station):
-            assert await station.asks(400, 1) == mav.MAV_RESULT_DENIED
+            assert await station.requests(400, 1) == mav.MAV_RESULT_DENIED
             await station.wait_until(lambda: station.of("STATUSTEXT"))
             assert "station 255 operates" in "".join(text.text for text in station.of("STATUSTEXT"))
 
@@ -316,13 +316,13 @@ def test_an_operator_only_brings_it_down_while_an_emergency_stop_is_set(run_in_s
         async with watched(sim_flight, watchers=OPERATE) as (it, station):
             await it.do("takeoff", altitude=6.0)
             it.robot.emergency_stop = True
-            assert await station.asks(176, 1, GUIDED) == mav.MAV_RESULT_DENIED
-            assert await station.asks(22, 0, 0, 0, 0, 0, 0, 9) == mav.MAV_RESULT_DENIED
-            assert await station.asks(176, 1, BRAKE) == mav.MAV_RESULT_ACCEPTED
-            assert await station.asks(176, 1, RTL) == mav.MAV_RESULT_ACCEPTED  # it may come down
-            assert await station.asks(21) == mav.MAV_RESULT_ACCEPTED
+            assert await station.requests(176, 1, GUIDED) == mav.MAV_RESULT_DENIED
+            assert await station.requests(22, 0, 0, 0, 0, 0, 0, 9) == mav.MAV_RESULT_DENIED
+            assert await station.requests(176, 1, BRAKE) == mav.MAV_RESULT_ACCEPTED
+            assert await station.requests(176, 1, RTL) == mav.MAV_RESULT_ACCEPTED  # it may come down
+            assert await station.requests(21) == mav.MAV_RESULT_ACCEPTED
             it.robot.emergency_stop = False
-            assert await station.asks(176, 1, GUIDED) == mav.MAV_RESULT_ACCEPTED
+            assert await station.requests(176, 1, GUIDED) == mav.MAV_RESULT_ACCEPTED
 
     run_in_sim_time(main())
 
@@ -331,8 +331,8 @@ def test_rates_by_which_this_edge_flies_are_not_changed(run_in_sim_time, sim_fli
     async def main():
         async with watched(sim_flight, watchers=OPERATE) as (_, station):
             station.send(mav.MAVLink_request_data_stream_message(1, 1, 0, 1, 1))
-            assert await station.asks(511, 30, 1_000_000) == mav.MAV_RESULT_DENIED
-            assert await station.asks(511, 32, 250_000) == mav.MAV_RESULT_ACCEPTED
+            assert await station.requests(511, 30, 1_000_000) == mav.MAV_RESULT_DENIED
+            assert await station.requests(511, 32, 250_000) == mav.MAV_RESULT_ACCEPTED
             await station.wait_until(lambda: len(station.of("LOCAL_POSITION_NED")) > 3)
             before = len(station.of("ATTITUDE"))
             await asyncio.sleep(2)
@@ -428,7 +428,7 @@ def test_what_reaches_a_vehicle_that_signs_is_signed_with_its_key(run_in_sim_tim
                 signs(station, key, it.robot.clock.time())
             right = key == KEY
             wanted = mav.MAV_RESULT_ACCEPTED if right else mav.MAV_RESULT_DENIED
-            assert await station.asks(176, 1, GUIDED) == wanted
+            assert await station.requests(176, 1, GUIDED) == wanted
             assert is_signed(station.of("COMMAND_ACK")[-1])
             assert (it.mode == "GUIDED") is right
 

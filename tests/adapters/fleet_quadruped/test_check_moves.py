@@ -34,6 +34,6 @@ def test_a_dog_that_is_refused_is_reported_with_the_reason(dog):
 
 def test_it_is_off_and_folded_at_its_end(rig):
     rig.go(0.1)
-    assert rig.ask(BodyRequest.CHECK) == ""
+    assert rig.request(BodyRequest.CHECK) == ""
     rig.go(30.0)
     assert (rig.mode, rig.fault) == (BodyMode.OFF, "")

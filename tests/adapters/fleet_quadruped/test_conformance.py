@@ -43,7 +43,7 @@ def test_nothing_moves_before_it_is_asked_to_stand_up(rig):
 def test_enabling_holds_the_place_and_is_seen_on_all_drives(rig):
     rig.go(0.1)
     before = angles(rig)
-    rig.ask(BodyRequest.STAND)
+    rig.request(BodyRequest.STAND)
     while rig.mode is BodyMode.ENABLING:
         rig.cycle()
     assert powers(rig) == {Power.ENABLED}
@@ -55,7 +55,7 @@ def test_enabling_holds_the_place_and_is_seen_on_all_drives(rig):
 def test_twelve_drives_are_enabled_within_a_tenth_of_a_second(rig):
     rig.go(0.1)
     begun = rig.sim.time
-    rig.ask(BodyRequest.STAND)
+    rig.request(BodyRequest.STAND)
     while rig.mode is BodyMode.ENABLING:
         rig.cycle()
     assert rig.sim.time - begun < 0.1
@@ -63,7 +63,7 @@ def test_twelve_drives_are_enabled_within_a_tenth_of_a_second(rig):
 
 def test_a_drive_that_does_not_come_up_disables_all_others(rig):
     rig.go(0.1)
-    rig.ask(BodyRequest.STAND)
+    rig.request(BodyRequest.STAND)
     rig.sim.fault("mute", RL_HIP)
     rig.go(4.0)
     assert rig.mode is BodyMode.OFF
@@ -76,7 +76,7 @@ def test_it_stands_walks_and_sits_down(standing):
     assert standing.mode is BodyMode.WALKING
     standing.go(2.0)
     assert standing.mode is BodyMode.STANDING
-    assert standing.ask(BodyRequest.SIT) == ""
+    assert standing.request(BodyRequest.SIT) == ""
     standing.go(3.0)
     assert standing.mode is BodyMode.OFF
     assert powers(standing) == {Power.DISABLED}
@@ -86,7 +86,7 @@ def test_it_stands_walks_and_sits_down(standing):
 def test_sitting_down_and_standing_up_can_be_repeated(rig):
     for _ in range(2):
         rig.stand()
-        rig.ask(BodyRequest.SIT)
+        rig.request(BodyRequest.SIT)
         rig.go(3.0)
         assert rig.mode is BodyMode.OFF
 
@@ -116,7 +116,7 @@ def test_a_damped_dog_goes_off_and_needs_a_new_command(standing):
 def test_an_emergency_stop_that_comes_with_a_command_to_stand_up_wins(rig):
     rig.go(0.1)
     rig.emergency()
-    assert rig.ask(BodyRequest.STAND) == ""
+    assert rig.request(BodyRequest.STAND) == ""
     rig.go(3.0)
     assert (rig.mode, rig.fault) == (BodyMode.OFF, "emergency stop")
 
@@ -126,7 +126,7 @@ def test_an_emergency_stop_works_while_it_rises_and_sits(rig, given):
     if given is BodyRequest.SIT:
         rig.stand()
     rig.go(0.1)
-    rig.ask(given)
+    rig.request(given)
     rig.go(0.5)
     rig.emergency()
     rig.go(0.05)
@@ -140,8 +140,8 @@ def test_a_failed_drive_damps_all_and_stays_latched_until_a_reset(standing):
     assert standing.mode is BodyMode.DAMPED
     assert standing.fault.startswith("RL_hip: over-current")
     standing.go(3.0)
-    assert "reset_faults" in standing.ask(BodyRequest.STAND)
-    assert standing.ask(BodyRequest.RESET) == ""
+    assert "reset_faults" in standing.request(BodyRequest.STAND)
+    assert standing.request(BodyRequest.RESET) == ""
     standing.go(0.1)
     standing.stand()
 
@@ -213,7 +213,7 @@ def test_a_mirrored_sign_is_found_before_anything_moves(any_dog):
     rig = Rig(wrong, real=any_dog)
     rig.go(0.1)
     before = angles(rig)
-    rig.ask(BodyRequest.STAND)
+    rig.request(BodyRequest.STAND)
     rig.go(1.0)
     assert rig.mode in {BodyMode.DAMPED, BodyMode.OFF}
     assert rig.fault.startswith("RL_knee: is at")
@@ -223,7 +223,7 @@ def test_a_mirrored_sign_is_found_before_anything_moves(any_dog):
 
 FAULTS = ["loss", "delay", "duplicate", "jump", "overcurrent", "mute"]
 anything = st.floats(width=32)  # not-a-number and the infinite ones, too
-asks = st.one_of(
+requests = st.one_of(
     st.tuples(st.just("ask"), st.sampled_from(BodyRequest), anything),
     st.tuples(st.just("go"), st.floats(0.02, 0.6), st.tuples(*[st.floats(-5, 5) | anything] * 3)),
     st.tuples(st.just("stop"), st.none(), st.none()),
@@ -233,7 +233,7 @@ asks = st.one_of(
 
 
 @pytest.mark.parametrize("protocol", ["cia402", "mit", "odrive", "moteus"])
-@given(st.lists(asks, max_size=6), st.booleans())
+@given(st.lists(requests, max_size=6), st.booleans())
 @settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 def test_no_sequence_of_commands_takes_a_target_beyond_the_limits(dogs, protocol, sequence, stands):
     rig = Rig(dogs[protocol])
@@ -251,7 +251,7 @@ def do(rig, kind, first, second):
     """Do one thing of a sequence."""
     match kind:
         case "ask":
-            rig.ask(first, second)
+            rig.request(first, second)
         case "go":
             rig.go(first, Twist(*second))
         case "stop":
@@ -298,4 +298,4 @@ class Written:
 def test_what_is_no_number_moves_nothing(standing, value):
     standing.go(1.0, Twist(value, value, value))
     assert standing.mode is BodyMode.STANDING
-    assert standing.ask(BodyRequest.HEIGHT, value) == f"{value} is not a height"
+    assert standing.request(BodyRequest.HEIGHT, value) == f"{value} is not a height"

@@ -129,13 +129,13 @@ def test_what_was_stopped_hard_is_damped_everywhere_then_off_and_reported_as_a_f
     health = health_of(rig.state(), 100)
     assert health.level.word == "fault"
     assert health.cause == f"{rig.fault}; look at the dog, then send reset_faults"
-    assert rig.fault in rig.ask(BodyRequest.STAND)
+    assert rig.fault in rig.request(BodyRequest.STAND)
 
 
 def test_a_dog_whose_imu_falls_silent_while_it_recovers_lets_go(any_dog):
     rig = Rig(any_dog)
     rig.go(0.1)
-    assert rig.ask(BodyRequest.RECOVER) == ""
+    assert rig.request(BodyRequest.RECOVER) == ""
     rig.go(0.3)
     rig.sim.fault("imu")
     rig.go(0.2)
@@ -146,9 +146,9 @@ def test_a_dog_whose_imu_falls_silent_while_it_recovers_lets_go(any_dog):
 def test_a_dog_that_is_asked_to_sit_while_it_recovers_gives_way_where_it_lies(any_dog):
     rig = Rig(any_dog)
     rig.go(0.1)
-    assert rig.ask(BodyRequest.RECOVER) == ""
+    assert rig.request(BodyRequest.RECOVER) == ""
     rig.go(0.3)
-    assert (rig.mode, rig.ask(BodyRequest.SIT)) == (BodyMode.RECOVERING, "")
+    assert (rig.mode, rig.request(BodyRequest.SIT)) == (BodyMode.RECOVERING, "")
     rig.go(0.1)
     assert rig.mode is BodyMode.SETTLING
     rig.go(1.0)
@@ -204,7 +204,7 @@ def test_two_drives_with_one_id_are_reported_and_never_enabled(any_dog):
     rig.go(0.2)
     expected = r"RL_hip: two (drives|motors) answer as id 8 on bus a: give each its own"
     assert re.match(expected, health_of(rig.state(), 100).cause)
-    assert re.match(expected, rig.ask(BodyRequest.STAND))
+    assert re.match(expected, rig.request(BodyRequest.STAND))
     assert rig.mode is BodyMode.OFF
 
 
@@ -214,8 +214,8 @@ def test_a_fault_of_a_resting_dog_is_reported_and_reset_by_command_only(any_dog,
     rig.sim.fault(fault, RL_HIP)
     rig.go(1.5)
     assert rig.state().fault.startswith("RL_hip: ")
-    assert "send reset_faults" in rig.ask(BodyRequest.STAND)
-    rig.ask(BodyRequest.RESET)
+    assert "send reset_faults" in rig.request(BodyRequest.STAND)
+    rig.request(BodyRequest.RESET)
     rig.go(0.1)
     assert rig.state().fault == ""
     rig.stand()
@@ -225,7 +225,7 @@ def test_a_dog_with_an_empty_battery_does_not_stand_up(any_dog):
     rig = Rig(any_dog)
     rig.sim.fault("battery", 5.0)
     rig.go(2.0)
-    assert rig.ask(BodyRequest.STAND) == "battery: 5 %, it sits down at 10 %"
+    assert rig.request(BodyRequest.STAND) == "battery: 5 %, it sits down at 10 %"
 
 
 def test_a_drive_that_misses_its_first_enabling_is_reported_again(any_dog):
@@ -299,7 +299,7 @@ def test_a_dog_whose_imu_is_upside_down_does_not_stand_up(any_dog):
     rig.sim.fault("upside")
     rig.go(0.1)
     assert (
-        rig.ask(BodyRequest.STAND)
+        rig.request(BodyRequest.STAND)
         == "it is not upright; send recovery_stand, or check how its IMU is mounted"
     )
     assert rig.mode is BodyMode.OFF
@@ -375,7 +375,7 @@ def test_a_drive_that_restarts_in_motion_is_configured_again_after_the_reset(any
     rig.sim.fault("reboot", RL_HIP)
     rig.go(3.0)
     assert rig.mode is BodyMode.OFF
-    assert rig.ask(BodyRequest.RESET) == ""
+    assert rig.request(BodyRequest.RESET) == ""
     with pytest.raises(LinkLost, match="RL_hip: id 8"):
         rig.go(0.1)
 
@@ -393,7 +393,7 @@ def test_a_bus_that_is_unplugged_and_back_finds_a_dog_that_goes_off_and_stays_so
     rig.go(2.5, Twist(0.4))
     assert rig.mode is BodyMode.OFF
     assert all(motor.kp == motor.kd == 0 for motor in rig.sim.world.motors)
-    rig.ask(BodyRequest.RESET)
+    rig.request(BodyRequest.RESET)
     rig.go(0.1)
     rig.stand()
 
@@ -460,7 +460,7 @@ def test_a_fault_is_reset_by_a_rising_edge_and_never_unasked(dog):
     rig.sim.fault("overcurrent", RL_HIP)
     rig.go(3.0)
     assert set(control_words(rig)) == {0x00}
-    rig.ask(BodyRequest.RESET)
+    rig.request(BodyRequest.RESET)
     rig.go(0.02)
     assert control_words(rig)[-4:] == [0x00, 0x80, 0x00, 0x00]
 

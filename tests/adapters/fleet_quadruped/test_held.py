@@ -128,8 +128,8 @@ def test_a_drive_that_does_not_go_on_keeps_the_dog_held_until_a_person_holds_it(
         "RL_hip: its drive does not leave quick stop: it is held and cannot be lowered; "
         "hold the dog: reset_faults switches torque off"
     )
-    assert "it is damped" in rig.ask(BodyRequest.STAND)
-    assert rig.ask(BodyRequest.RESET) == ""
+    assert "it is damped" in rig.request(BodyRequest.STAND)
+    assert rig.request(BodyRequest.RESET) == ""
     rig.go(0.5)
     assert rig.states() == {DriveState.SWITCH_ON_DISABLED}
 
@@ -254,7 +254,7 @@ def test_who_leaves_has_seen_every_drive_without_torque(any_dog, monkeypatch, lo
 def test_a_drive_that_keeps_its_torque_is_reported(dog):
     rig = Rig(dog)
     rig.stand()
-    rig.ask(BodyRequest.SIT)
+    rig.request(BodyRequest.SIT)
     while rig.mode is not BodyMode.SETTLING:
         rig.cycle()
     drive = rig.sim.drives[RL_HIP - 1]

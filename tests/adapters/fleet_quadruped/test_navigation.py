@@ -73,7 +73,7 @@ def test_a_relative_move_goes_sideways_without_turning(dog_on_its_feet):
 def test_a_controller_that_begins_anew_on_a_dog_that_has_turned_leads_it_to_its_goal(dog_on_its_feet):
     rig = dog_on_its_feet
     rig.go(2.5, Twist(turn=0.8))
-    rig.ask(BodyRequest.SIT)
+    rig.request(BodyRequest.SIT)
     rig.go(4.0)
     rig.reconnect()
     rig.stand()

@@ -28,7 +28,7 @@ from fleet_ugv.sim.spec import BaseSpec, board_of
 TICK = 0.02  # s
 QUANTUM = 0.01  # m/s that rounding to a board's units may add
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=32)
-ASKS = st.one_of(
+REQUESTS = st.one_of(
     st.builds(lambda verb, x: (verb, {"linear_x": x}), st.sampled_from(sorted(VERBS)), NUMBERS),
     st.builds(lambda x, z: ("move", {"linear_x": x, "angular_z": z}), NUMBERS, NUMBERS),
     st.builds(
@@ -44,7 +44,7 @@ FAULTS = st.sampled_from(["reset", "echo", "partial", "garbage", "stall", "mute"
     lambda name: ("fault", name)
 )
 STEPS = st.lists(
-    st.one_of(ASKS, ASKS, st.tuples(st.just("wait"), st.floats(0.02, 1.2)), FAULTS),
+    st.one_of(REQUESTS, REQUESTS, st.tuples(st.just("wait"), st.floats(0.02, 1.2)), FAULTS),
     max_size=14,
 )
 _names = itertools.count()
@@ -81,7 +81,7 @@ class Bench:
         self.limits = config.limits.over(can.limits)
         self.decoder = RequestDecoder(config, self.controller.speeds.of, planar=True)
         self.may_move_until = 0.0
-        self.asked = []
+        self.requested = []
         self.heard = 0
         self.controller.attach(self.adapter)
 
@@ -116,34 +116,34 @@ class Bench:
         """See that no wheel is told more than the base may do, nor longer than somebody wants it."""
         left, right = wheels = self.board.physics.wanted
         body = self.config.kinematics.forward(Wheels(left, right))
-        assert max(map(abs, wheels)) <= self.config.base.fastest + QUANTUM, self.asked
-        assert abs(body.linear.x) <= self.limits.speed + QUANTUM, self.asked
-        assert abs(body.yaw_rate) <= self.limits.yaw_rate + 2 * QUANTUM / self.config.track, self.asked
-        assert wheels == [0.0, 0.0] or self.now <= self.may_move_until + TICK + 1e-6, self.asked
+        assert max(map(abs, wheels)) <= self.config.base.fastest + QUANTUM, self.requested
+        assert abs(body.linear.x) <= self.limits.speed + QUANTUM, self.requested
+        assert abs(body.yaw_rate) <= self.limits.yaw_rate + 2 * QUANTUM / self.config.track, self.requested
+        assert wheels == [0.0, 0.0] or self.now <= self.may_move_until + TICK + 1e-6, self.requested
 
-    def ask(self, name, data):
+    def request(self, name, data):
         """Ask as a message of the cloud does."""
         message = {"source_type": "tele", "command": name, "data": data}
         answers = []
         try:
-            ask = self.decoder.decode("command", json.dumps(message).encode(), transport=Transport.CLOUD)
+            request = self.decoder.decode("command", json.dumps(message).encode(), transport=Transport.CLOUD)
         except WireError:
             return
-        self.controller.receive(ask, Receipt(name, answers.append))
+        self.controller.receive(request, Receipt(name, answers.append))
         if name in STOP_WORDS:
             self.may_move_until = self.now
-        if isinstance(ask, Setpoint) and answers[0].ok:
-            self.may_move_until = self.now + (ask.lease or self.config.setpoint_lease)
+        if isinstance(request, Setpoint) and answers[0].ok:
+            self.may_move_until = self.now + (request.lease or self.config.setpoint_lease)
 
     async def play(self, steps):
         for _ in range(60):
             await self.tick()
         for step, value in steps:
-            self.asked.append((step, value))
+            self.requested.append((step, value))
             if step == "fault":
                 self.board.set_fault(value, 1.0)
             elif step != "wait":
-                self.ask(step, value)
+                self.request(step, value)
             for _ in range(round(value / TICK) if step == "wait" else 1):
                 await self.tick()
 

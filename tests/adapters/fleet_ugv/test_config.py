@@ -43,10 +43,10 @@ def test_calibration_and_steering_make_the_kinematics(make_config):
 
 
 def test_a_simulated_base_is_said_in_its_link():
-    asked = spec_of(
+    requested = spec_of(
         "sim:waveshare-rover?fault=loss:0.1,echo&seed=7&firmware=general", ticks=0.0, diameter=0.08
     )
-    assert asked == BaseSpec("waveshare-rover", 7, {"loss": 0.1, "echo": 1.0}, 0.0, 0.08, "general")
+    assert requested == BaseSpec("waveshare-rover", 7, {"loss": 0.1, "echo": 1.0}, 0.0, 0.08, "general")
 
 
 def test_two_bases_on_one_device_are_one_whatever_their_speed_and_simulated_ones_are_not(make_config):

@@ -52,12 +52,12 @@ def test_a_car_does_what_it_is_asked_where_the_curve_is_wide_enough(speed, part)
 @given(SPEEDS, SPEEDS)
 def test_a_car_stays_within_its_limits_or_refuses(speed, yaw_rate):
     try:
-        asked = CAR.inverse(velocity(speed, yaw_rate))
+        requested = CAR.inverse(velocity(speed, yaw_rate))
     except Refused:
         assert abs(speed) < 1e-5
     else:
-        assert abs(asked.angle) <= 0.5
-        assert abs(asked.speed) <= 1.0
+        assert abs(requested.angle) <= 0.5
+        assert abs(requested.speed) <= 1.0
 
 
 def test_a_car_turns_left_with_wheels_to_the_left_and_backs_the_other_way_round():

@@ -33,11 +33,11 @@ def test_a_board_without_a_dead_man_is_never_more_than_unguarded():
 
 
 def test_a_board_that_does_not_confirm_is_asked_three_times_and_then_driven_slowly():
-    board, asked = make(), 0
+    board, requested = make(), 0
     for turn in range(100):
         now = turn * 0.1
-        asked += board.record_feedback(now, restarted=False) or board.check(now)
-    assert asked == 3
+        requested += board.record_feedback(now, restarted=False) or board.check(now)
+    assert requested == 3
     assert board.phase is BoardPhase.UNGUARDED
     board.confirmed()
     assert board.phase is BoardPhase.READY

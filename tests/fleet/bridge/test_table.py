@@ -137,7 +137,7 @@ class World:
                 run_rules(book),
                 workflows={WORKFLOW: of_a_workflow(book)},
             ),
-            handlers=dict.fromkeys(("workflow:run", "workflow:cancel"), self._asked),
+            handlers=dict.fromkeys(("workflow:run", "workflow:cancel"), self._requested),
             put=lambda key, _sample: self.put.append(key),
             alive=lambda _name: True,
             claimed=lambda *claim: self.claims.append(claim),
@@ -147,7 +147,7 @@ class World:
         self.bridge.client.route = lambda topic, **how: partial(self._publish, topic, **how)
         self.bridge.client.queue = lambda route, payload: route(payload)
 
-    def _asked(self, topic, _message):
+    def _requested(self, topic, _message):
         """Say what the edge says of its workflows."""
         self.bridge.publisher.status(topic.twin, "workflow:execution/started", b"{}")
         self.bridge.publisher.status(topic.twin, "workflow:execution/e1/finished", b"{}")
@@ -224,8 +224,8 @@ def test_what_the_edge_says_itself_is_what_the_table_says(world, rex):
 def test_every_topic_from_the_cloud_goes_where_the_table_says(world, rex, rule):
     world.hear(rule.suffix, MESSAGES[rule.suffix])
     world.hear(rule.suffix, MESSAGES[rule.suffix])
-    asked = [kind for kind, _, _ in rex.received]
-    assert asked == ([rule.taker.value] * 2 if rule.taker.asks else [])
+    requested = [kind for kind, _, _ in rex.received]
+    assert requested == ([rule.taker.value] * 2 if rule.taker.is_request else [])
     assert bool(world.put) == (rule.taker is Recipient.RELAY)
     assert world.bridge.downlink.received == {rule.taker.value: 2}
     assert world.bridge.refusals.counts() == {}

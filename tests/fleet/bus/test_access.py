@@ -66,7 +66,7 @@ TOKEN = {
     f"fleet/elsewhere/claims/{OURS}/1": {"hub"},
     "fleet/yard/starts/1": {"desk", "anna", "hub"},
 }
-ASK = {
+REQUEST = {
     "fleet/yard/robots/rex/command": {"desk", "hub"},
     "fleet/*/robots/*/command": {"desk", "hub"},
     "fleet/yard/robots/rex/prepare": {"desk", "hub"},
@@ -214,23 +214,23 @@ def test_each_identity_shows_only_tokens_of_its_own(yard, intruder):
 
 def test_each_identity_asks_only_what_it_may(yard, intruder):
     name, bus_session = intruder
-    asked = queue.Queue()
+    requested = queue.Queue()
 
     def answer(question):
-        asked.put(question.asked)
+        requested.put(question.requested)
         question.reply(b"yes")
         question.close()
 
-    for key in ASK:
+    for key in REQUEST:
         if "*" not in key:
             (yard.control if key.startswith("fleet") else yard.reports).answer(key, answer)
     wait_until(
         "those that may be asked answer",
-        lambda: all(list(bus_session.ask(key, b"", timeout=1.0)) for key in may(ASK, name)),
+        lambda: all(list(bus_session.request(key, b"", timeout=1.0)) for key in may(REQUEST, name)),
     )
-    for key in set(ASK) - may(ASK, name):
-        assert list(bus_session.ask(key, b"", timeout=0.3)) == []
-    assert set(asked.queue) == may(ASK, name)
+    for key in set(REQUEST) - may(REQUEST, name):
+        assert list(bus_session.request(key, b"", timeout=0.3)) == []
+    assert set(requested.queue) == may(REQUEST, name)
 
 
 def test_each_identity_answers_only_for_itself(yard, intruder):
@@ -244,10 +244,10 @@ def test_each_identity_answers_only_for_itself(yard, intruder):
         bus_session.answer(key, answer)
     wait_until(
         "those that may answer do",
-        lambda: all(list(yard.control.ask(key, b"", timeout=1.0)) for key in may(ANSWER, name)),
+        lambda: all(list(yard.control.request(key, b"", timeout=1.0)) for key in may(ANSWER, name)),
     )
     for key in set(ANSWER) - may(ANSWER, name):
-        assert list(yard.control.ask(key, b"", timeout=0.3)) == []
+        assert list(yard.control.request(key, b"", timeout=0.3)) == []
 
 
 def round_trip(yard, bus_session):
@@ -279,7 +279,7 @@ def test_who_has_no_role_hears_nothing(yard, joined):
     yard.control.token("fleet/yard")
     key = f"cw/{OURS}/data/battery"
     wait_until("others hear the edge", lambda: yard.reports.put(key, b"true") or key in others.queue)
-    answered = [list(stranger.ask(asked, b"", timeout=0.3)) for asked in ("fleet/yard/stop", key)]
+    answered = [list(stranger.request(requested, b"", timeout=0.3)) for requested in ("fleet/yard/stop", key)]
     assert (answered, list(heard.queue)) == ([[], []], [])
 
 
@@ -382,25 +382,25 @@ def test_the_rules_name_no_robot_so_that_one_may_be_added():
 def test_only_an_edge_that_coordinates_its_robots_may_command_them():
     access = Access({"barn": "edge", "shed": "edge"}, coordinators=frozenset({"shed"}))
 
-    def asks(name):
+    def requests(name):
         rules = rules_of("edge", name, "yard", access)
         return {key for rule in rules if "query" in rule.messages for key in rule.keys}
 
-    assert asks("shed") - asks("barn") == {"fleet/yard/coordinator", "fleet/yard/robots/*/command"}
+    assert requests("shed") - requests("barn") == {"fleet/yard/coordinator", "fleet/yard/robots/*/command"}
 
 
 def test_a_console_that_may_only_show_asks_by_no_key_that_moves_a_robot():
     access = Access({"wall": "console", "desk": "console"}, consoles={"wall": Permission.VIEW})
 
-    def asks(name):
+    def requests(name):
         rules = rules_of("console", name, "yard", access)
         return {key for rule in rules if "query" in rule.messages for key in rule.keys}
 
     shown = {
         f"fleet/*/{key}/as/view/wall" for key in ("robots/*/command", "missions/*", "runs/*", "schedules")
     }
-    assert asks("wall") == {"fleet/*/history", *shown}
-    assert {"fleet/*/robots/*/command", "fleet/*/robots/*/command/as/admin/desk"} <= asks("desk")
+    assert requests("wall") == {"fleet/*/history", *shown}
+    assert {"fleet/*/robots/*/command", "fleet/*/robots/*/command/as/admin/desk"} <= requests("desk")
 
 
 def test_a_console_whose_users_may_operate_answers_offers_of_video_and_puts_nothing_else():

@@ -121,16 +121,19 @@ def test_a_question_gets_the_answers_of_everybody(directory, opened, edge, calle
             "fleet/yard/stop", lambda question, name=name: (question.reply(name), question.close())
         )
     answers = wait_until(
-        "both answer", lambda: len(found := list(caller.ask("fleet/*/stop", b"", timeout=5.0))) == 2 and found
+        "both answer",
+        lambda: len(found := list(caller.request("fleet/*/stop", b"", timeout=5.0))) == 2 and found,
     )
     assert sorted(answers) == [("fleet/yard/stop", b"edge"), ("fleet/yard/stop", b"worker")]
 
 
 def test_a_question_may_be_answered_more_than_once_and_later(edge, caller):
-    asked = queue.Queue()
-    edge.control.answer("fleet/yard/robots/rex/command", asked.put)
-    answers = caller.ask("fleet/yard/robots/rex/command", b"go", timeout=DEADLINE, parameters={"wait": "1"})
-    question = asked.get(timeout=DEADLINE)
+    requested = queue.Queue()
+    edge.control.answer("fleet/yard/robots/rex/command", requested.put)
+    answers = caller.request(
+        "fleet/yard/robots/rex/command", b"go", timeout=DEADLINE, parameters={"wait": "1"}
+    )
+    question = requested.get(timeout=DEADLINE)
     assert (question.payload, question.parameters) == (b"go", {"wait": "1"})
     question.reply(b"receipt")
     assert next(answers)[1] == b"receipt"
@@ -140,32 +143,32 @@ def test_a_question_may_be_answered_more_than_once_and_later(edge, caller):
 
 
 def test_a_question_is_out_before_its_answers_are_read(edge, caller):
-    asked = queue.Queue()
-    edge.control.answer("a", asked.put)
-    answers = caller.ask("a", b"", timeout=DEADLINE)
-    asked.get(timeout=DEADLINE).close()
+    requested = queue.Queue()
+    edge.control.answer("a", requested.put)
+    answers = caller.request("a", b"", timeout=DEADLINE)
+    requested.get(timeout=DEADLINE).close()
     assert list(answers) == []
 
 
 def test_nobody_answers_when_nobody_is_there(caller):
-    assert list(caller.ask("fleet/nobody/health", b"", timeout=DEADLINE)) == []
+    assert list(caller.request("fleet/nobody/health", b"", timeout=DEADLINE)) == []
 
 
 def test_a_question_that_is_never_answered_ends_with_its_time(edge, caller):
     kept = []
     edge.control.answer("a", kept.append)
-    assert list(caller.ask("a", b"", timeout=0.2)) == []
+    assert list(caller.request("a", b"", timeout=0.2)) == []
     assert len(kept) == 1
 
 
 def test_an_answer_to_an_asker_who_left_harms_nobody(directory, edge):
-    asked, gone = queue.Queue(), threading.Event()
-    edge.control.answer("a", asked.put)
+    requested, gone = queue.Queue(), threading.Event()
+    edge.control.answer("a", requested.put)
     asker = join_control(BusSettings("yard"), directory)
     asker.token("asker")
     edge.control.watch_tokens("asker", lambda _key, alive: alive or gone.set())
-    asker.ask_later("a", b"", timeout=DEADLINE, on_answer=lambda _: None, on_end=lambda: None)
-    question = asked.get(timeout=DEADLINE)
+    asker.request_later("a", b"", timeout=DEADLINE, on_answer=lambda _: None, on_end=lambda: None)
+    question = requested.get(timeout=DEADLINE)
     asker.close()
     assert gone.wait(DEADLINE)
     question.reply(b"late")
@@ -176,7 +179,7 @@ def test_an_answer_to_an_asker_who_left_harms_nobody(directory, edge):
 def test_asking_later_tells_every_answer_and_the_end(edge, caller):
     answers = queue.Queue()
     edge.control.answer("a", lambda question: (question.reply(b"1"), question.reply(b"2"), question.close()))
-    caller.ask_later("a", b"", timeout=DEADLINE, on_answer=answers.put, on_end=lambda: answers.put("end"))
+    caller.request_later("a", b"", timeout=DEADLINE, on_answer=answers.put, on_end=lambda: answers.put("end"))
     assert [answers.get(timeout=DEADLINE) for _ in range(3)] == [b"1", b"2", "end"]
 
 
@@ -187,7 +190,7 @@ def test_an_answer_that_cannot_be_taken_does_not_keep_the_end_away(edge, caller,
         raise ValueError("no such reply")
 
     edge.control.answer("a", lambda question: (question.reply(b"?"), question.close()))
-    caller.ask_later("a", b"", timeout=DEADLINE, on_answer=fail, on_end=ended.set)
+    caller.request_later("a", b"", timeout=DEADLINE, on_answer=fail, on_end=ended.set)
     assert ended.wait(DEADLINE)
     assert "no such reply" in caplog.text
 
@@ -235,6 +238,6 @@ def test_a_worker_reaches_both_lanes(directory, opened, edge):
     wait_until("the report crosses", lambda: worker.reports.put("cw/x/data/y", b"1") or not heard.empty())
     assert heard.get() == ("cw/x/data/y", b"1")
     answers = wait_until(
-        "it answers", lambda: list(worker.control.ask("fleet/yard/health", b"", timeout=5.0))
+        "it answers", lambda: list(worker.control.request("fleet/yard/health", b"", timeout=5.0))
     )
     assert answers == [("fleet/yard/health", b"ok")]

@@ -173,16 +173,16 @@ class PlayedEdge:
 
     def answers(self, name, *replies):
         """Let a robot answer what it is asked; returns what it was."""
-        asked = []
+        requested = []
 
         def answer(question):
-            asked.append(question)
+            requested.append(question)
             for reply in replies:
                 question.reply(msgspec.json.encode(reply))
             question.close()
 
         self._control.answer(keys.command(self.edge, name), answer, more=keys.SENDER_SUFFIX)
-        return asked
+        return requested
 
     def answers_late(self, name, *replies):
         """Let a robot answer what it is asked, with the last only when states are looked at after that."""
@@ -196,20 +196,20 @@ class PlayedEdge:
 
     def answers_together(self, replies):
         """Let robots answer once all of them were asked; returns what they were."""
-        asked, lock = [], threading.Lock()
+        requested, lock = [], threading.Lock()
 
         def answer(question):
             with lock:
-                asked.append(question)
-                if len(asked) < len(replies):
+                requested.append(question)
+                if len(requested) < len(replies):
                     return
-            for one in asked:
+            for one in requested:
                 one.reply(msgspec.json.encode(replies[one.key.split("/")[3]]))
                 one.close()
 
         for name in replies:
             self._control.answer(keys.command(self.edge, name), answer)
-        return asked
+        return requested
 
     def _replier(self, answer):
         def tell(question):

@@ -65,11 +65,11 @@ def answer(monkeypatch):
 def test_it_drives_a_metre_and_a_turn_and_writes_what_follows(place, play_edge, answer, capsys):
     (place / "fleet.yaml").write_text(FLEET)
     edge = play_edge("yard-1", robots={"beast": {"position": {"x": 0.0, "y": 0.0, "z": 0.0}}})
-    asked = edge.answers("beast", *DONE)
+    requested = edge.answers("beast", *DONE)
     answer(1.0, 0.0)
     # The robot of this edge does not move: what was measured cannot be.
     assert main(["calibrate", "beast"]) != 0
-    said = [json.loads(question.payload) for question in asked]
+    said = [json.loads(question.payload) for question in requested]
     assert [each["command"] for each in said] == ["relative_move", "goto", "goto", "goto", "goto", "goto"]
     assert "measure again" in capsys.readouterr().err
     assert not (place / "beast.calibration.yaml").exists()
@@ -81,10 +81,10 @@ def test_who_interrupts_it_or_hears_no_end_of_it_stops_the_robot(
 ):
     (place / "fleet.yaml").write_text(FLEET)
     play_edge("yard-1", robots={"beast": {"position": {"x": 0.0, "y": 0.0, "z": 0.0}}})
-    asked = []
+    requested = []
 
     def command(_edges, robot, payload, *, kind, **_):
-        asked.append((robot.name, kind, json.loads(payload)["command"]))
+        requested.append((robot.name, kind, json.loads(payload)["command"]))
         yield DONE[0]
         if kind == "navigate" and interrupted:
             raise KeyboardInterrupt
@@ -92,7 +92,7 @@ def test_who_interrupts_it_or_hears_no_end_of_it_stops_the_robot(
     monkeypatch.setattr("fleet.cli.calibrate.Edges.command", command)
     answer()
     assert main(["calibrate", "beast"]) != 0
-    assert asked == [("beast", "navigate", "relative_move"), ("beast", "command", "stop")]
+    assert requested == [("beast", "navigate", "relative_move"), ("beast", "command", "stop")]
 
 
 def test_a_robot_that_is_not_in_the_file_is_reported(place, capsys):

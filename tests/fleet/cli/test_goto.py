@@ -24,13 +24,13 @@ def yard(play_edge):
 
 
 def test_a_group_is_sent_nowhere_without_spacing_and_spread_with_it(fleet, yard):
-    asked = {name: yard.answers(name, TAKEN) for name in ("rex", "beast")}
+    requested = {name: yard.answers(name, TAKEN) for name in ("rex", "beast")}
     refused = fleet("goto", "ground", "1", "2", "--site")
     assert (refused.code, "one point for 2 robots" in refused.err) == (5, True)
-    assert asked == {"rex": [], "beast": []}
+    assert requested == {"rex": [], "beast": []}
     result = fleet("goto", "ground", "0", "2", "--site", "--spacing", "4")
     assert result.code == 0
-    places = {name: json.loads(each[0].payload)["position"] for name, each in asked.items()}
+    places = {name: json.loads(each[0].payload)["position"] for name, each in requested.items()}
     assert places["rex"][0] - 5.0 < 0.0 < places["beast"][0] + 5.0
 
 
@@ -44,11 +44,11 @@ def test_two_frames_at_once_are_a_usage_error(fleet, yard):
 
 
 def test_a_robot_is_led_through_the_places_of_the_command_line_or_of_a_file(fleet, yard, tmp_path):
-    asked = yard.answers("rex", TAKEN)
+    requested = yard.answers("rex", TAKEN)
     (tmp_path / "round.csv").write_text("1,2\n3,4\n")
     assert fleet("goto", "rex", "1,2", "3,4").code == 0
     assert fleet("goto", "rex", "--path", str(tmp_path / "round.csv")).code == 0
-    routes = [json.loads(each.payload)["waypoints"] for each in asked]
+    routes = [json.loads(each.payload)["waypoints"] for each in requested]
     assert routes == [[{"position": [1.0, 2.0]}, {"position": [3.0, 4.0]}]] * 2
 
 
@@ -80,17 +80,17 @@ def placed(play_edge):
 def test_a_robot_is_sent_to_a_place_by_its_name_with_its_heading_and_no_height_that_nobody_said(
     fleet, placed
 ):
-    asked = placed.answers("rex", TAKEN)
+    requested = placed.answers("rex", TAKEN)
     assert fleet("goto", "rex", "dock-1").code == 0
-    message = json.loads(asked[0].payload)
+    message = json.loads(requested[0].payload)
     assert message["position"] == pytest.approx([7.0, 3.5])
     assert message["yaw"] == pytest.approx(math.pi / 2)
 
 
 def test_a_place_on_earth_is_degrees_and_its_heading_one_of_the_compass(fleet, placed):
-    asked = placed.answers("rex", TAKEN)
+    requested = placed.answers("rex", TAKEN)
     assert fleet("goto", "rex", "high").code == 0
-    message = json.loads(asked[0].payload)
+    message = json.loads(requested[0].payload)
     assert message["geodetic_position"] == pytest.approx(
         {"latitude": 47.0, "longitude": 8.0, "altitude": 20.0}
     )
@@ -98,12 +98,12 @@ def test_a_place_on_earth_is_degrees_and_its_heading_one_of_the_compass(fleet, p
 
 
 def test_a_group_is_spread_in_a_place_that_has_room_for_it(fleet, placed):
-    asked = {name: placed.answers(name, TAKEN) for name in ("rex", "beast")}
+    requested = {name: placed.answers(name, TAKEN) for name in ("rex", "beast")}
     assert "one point for 2 robots" in fleet("goto", "ground", "yard").err
     assert "do not fit into yard" in fleet("goto", "ground", "yard", "--spacing", "7").err
-    assert asked == {"rex": [], "beast": []}
+    assert requested == {"rex": [], "beast": []}
     assert fleet("goto", "ground", "yard", "--spacing", "4").code == 0
-    there = {name: json.loads(each[0].payload)["position"][0] for name, each in asked.items()}
+    there = {name: json.loads(each[0].payload)["position"][0] for name, each in requested.items()}
     assert there["rex"] - 5.0 < 0.0 < there["beast"] + 5.0
 
 
@@ -117,10 +117,10 @@ def test_a_group_is_spread_in_a_place_that_has_room_for_it(fleet, placed):
     ],
 )
 def test_a_place_that_is_none_or_too_small_moves_nobody(fleet, placed, arguments, code, expected):
-    asked = [placed.answers(name, TAKEN) for name in ("rex", "beast", "mule")]
+    requested = [placed.answers(name, TAKEN) for name in ("rex", "beast", "mule")]
     result = fleet("goto", *arguments)
     assert (result.code, expected in result.err) == (code, True), result.err
-    assert asked == [[], [], []]
+    assert requested == [[], [], []]
 
 
 def test_a_place_that_two_edges_have_differently_moves_nobody(fleet, placed, play_edge):

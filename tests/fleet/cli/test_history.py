@@ -102,7 +102,7 @@ def test_without_an_edge_and_without_a_file_that_is_reported(fleet, runtime, sta
 
 
 def test_a_release_shows_who_stopped_it_when_and_why_before(fleet, yard):
-    asked = yard.answers("rex", Reply("release_emergency_stop", ReplyStatus.ACCEPTED, done=True))
+    requested = yard.answers("rex", Reply("release_emergency_stop", ReplyStatus.ACCEPTED, done=True))
     result = fleet("release", "rex")
     assert result.code == 0
     first, second = result.out.splitlines()
@@ -110,7 +110,7 @@ def test_a_release_shows_who_stopped_it_when_and_why_before(fleet, yard):
         rf"rex: stopped by root \(proven, local\), {DATED.pattern}: fire in the hall", first.replace("\n", "")
     )
     assert "release_emergency_stop" in second
-    message = json.loads(asked[0].payload)
+    message = json.loads(requested[0].payload)
     assert (message["command"], message["session_id"]) == ("release_emergency_stop", local_user())
 
 
@@ -142,9 +142,9 @@ def test_a_stop_says_who_asks_and_why(fleet, yard, monkeypatch):
 
 
 def test_every_command_says_who_asks(fleet, yard):
-    asked = yard.answers("rex", Reply("takeoff", ReplyStatus.ACCEPTED))
+    requested = yard.answers("rex", Reply("takeoff", ReplyStatus.ACCEPTED))
     fleet("send", "rex", "takeoff")
-    assert json.loads(asked[0].payload)["session_id"] == local_user()
+    assert json.loads(requested[0].payload)["session_id"] == local_user()
 
 
 def test_who_became_root_is_named_as_before():

@@ -67,11 +67,11 @@ def test_a_program_that_was_set_to_ignore_ctrl_c_goes_on(command):
 
 
 def test_at_a_question_nothing_but_the_end_of_the_line_is_said(terminal):
-    asking = terminal("spool", "purge")
-    asking.reads("[y/N]")
-    asking.interrupt()
-    assert asking.ended() == -signal.SIGINT  # by the signal itself, which no moment can lose
-    assert asking.text.partition("[y/N]:")[2].strip() == ""
+    requesting = terminal("spool", "purge")
+    requesting.reads("[y/N]")
+    requesting.interrupt()
+    assert requesting.ended() == -signal.SIGINT  # by the signal itself, which no moment can lose
+    assert requesting.text.partition("[y/N]:")[2].strip() == ""
 
 
 def test_while_an_answer_is_waited_for_nothing_is_said(terminal, play_edge):
@@ -79,9 +79,9 @@ def test_while_an_answer_is_waited_for_nothing_is_said(terminal, play_edge):
     edge.answers_late(
         "rex", Reply("beep", ReplyStatus.ACCEPTED), Reply("beep", ReplyStatus.ACCEPTED, done=True)
     )
-    asking = terminal("send", "rex", "beep", "--wait")
-    asking.reads("accepted")
-    asking.interrupt()
-    assert asking.ended() == 130
-    assert "Traceback" not in asking.text
-    assert asking.text.partition("accepted")[2].strip() == ""
+    requesting = terminal("send", "rex", "beep", "--wait")
+    requesting.reads("accepted")
+    requesting.interrupt()
+    assert requesting.ended() == 130
+    assert "Traceback" not in requesting.text
+    assert requesting.text.partition("accepted")[2].strip() == ""

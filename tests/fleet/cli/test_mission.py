@@ -6,7 +6,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.cli.runs import robot_lines, state_line
-from fleet.missions.report import AskedNow, Controlled, MissionState, RunRobot, RunState, Started
+from fleet.missions.report import Controlled, MissionState, PendingQuestion, RunRobot, RunState, Started
 from fleet.missions.results import RunFile
 from fleet.missions.store import RunLogEntry
 
@@ -28,7 +28,7 @@ class Missions:
     """Plays the part of an edge that knows missions and runs."""
 
     def __init__(self, edge):
-        self.asked = []
+        self.requested = []
         self.runs = [state()]
         self.started = Started("3f2a", {"eye": ["kestrel"]})
         self.refusal = ""
@@ -40,9 +40,9 @@ class Missions:
         self.looked = threading.Event()
 
     def _mission(self, question):
-        name = question.asked.rpartition("/")[2]
+        name = question.requested.rpartition("/")[2]
         if question.parameters.get("do") == "start":
-            self.asked.append(json.loads(question.payload))
+            self.requested.append(json.loads(question.payload))
             question.reply(msgspec.json.encode(self.started), keys.mission("yard-1", name))
         elif name in ("*", "patrol"):
             known = MissionState("patrol", "yard-1", "round", {"height": "number m"}, {"eye": "1"}, ("up",))
@@ -51,10 +51,10 @@ class Missions:
 
     def _run(self, question):
         if question.payload:
-            asked = json.loads(question.payload)
-            self.asked.append(asked)
+            requested = json.loads(question.payload)
+            self.requested.append(requested)
             said = {"log": self.story, "results": self.results}
-            answer = said.get(asked["do"], Controlled(self.refusal))
+            answer = said.get(requested["do"], Controlled(self.refusal))
             question.reply(msgspec.json.encode(answer), keys.run("yard-1", "3f2a"))
         else:
             for each in self.runs:
@@ -75,7 +75,7 @@ def test_a_mission_is_started_and_followed_to_its_end(fleet, yard, outcome, code
     yard.runs = [state(outcome=outcome)]
     result = fleet("mission", "run", "patrol", "height=7", "--json")
     assert (result.code, result.json["outcome"]) == (code, outcome)
-    fill, start = yard.asked
+    fill, start = yard.requested
     assert (fill["only_fill"], start.get("only_fill")) == (True, None)
     assert (start["inputs"], start["robots"]) == ({"height": 7}, {"eye": ["kestrel"]})
     assert "eye: kestrel" in result.err
@@ -84,15 +84,15 @@ def test_a_mission_is_started_and_followed_to_its_end(fleet, yard, outcome, code
 def test_a_mission_that_is_refused_moves_nobody(fleet, yard):
     yard.started = Started(refusal="role eye needs 1, 0 can: kestrel: it is offline")
     result = fleet("mission", "run", "patrol")
-    assert (result.code, len(yard.asked)) == (5, 1)
+    assert (result.code, len(yard.requested)) == (5, 1)
     assert "role eye needs 1" in result.err
 
 
 def test_a_mission_file_is_checked_here_and_sent_whole(fleet, yard, place):
     (place / "patrol.yaml").write_text(MISSION)
     assert fleet("mission", "run", "patrol.yaml", "--robot", "kestrel", "--detach").code == 0
-    assert yard.asked[0]["mission"]["steps"] == [{"id": "up", "do": {"eye": "takeoff"}}]
-    assert yard.asked[0]["robots"] == {"eye": ["kestrel"]}
+    assert yard.requested[0]["mission"]["steps"] == [{"id": "up", "do": {"eye": "takeoff"}}]
+    assert yard.requested[0]["robots"] == {"eye": ["kestrel"]}
     (place / "patrol.yaml").write_text(MISSION.replace("takeoff", "7"))
     result = fleet("mission", "run", "patrol.yaml")
     assert result.code == 3
@@ -103,7 +103,7 @@ def test_a_plan_is_flown_by_one_aircraft(fleet, yard, place):
     (place / "field.json").write_text(json.dumps(PLAN))
     assert fleet("mission", "run", "field.json").code == 2
     assert fleet("mission", "run", "field.json", "--robot", "kestrel", "--detach").code == 0
-    (step,) = yard.asked[0]["mission"]["steps"]
+    (step,) = yard.requested[0]["mission"]["steps"]
     assert step["do"]["pilot"]["plan"] == PLAN
     (place / "field.json").write_text("{")
     assert fleet("mission", "run", "field.json", "--robot", "kestrel").code == 5
@@ -131,7 +131,7 @@ def test_a_plan_is_checked_without_an_edge_too(fleet, place):
 
 
 def test_missions_and_runs_are_shown(fleet, yard):
-    yard.runs = [state(question=AskedNow(2, "Go on?", 30.0, "abort"))]
+    yard.runs = [state(question=PendingQuestion(2, "Go on?", 30.0, "abort"))]
     assert "patrol" in fleet("mission", "ls").out
     assert "1. up" in fleet("mission", "show", "patrol").out
     shown = fleet("mission", "ps").out
@@ -162,16 +162,16 @@ def test_what_a_run_left_behind_is_listed(fleet, yard):
 @pytest.mark.parametrize("word", ["pause", "resume", "abort"])
 def test_the_only_run_under_way_is_meant(fleet, yard, word):
     assert fleet("mission", word).code == 0
-    assert yard.asked[0]["do"] == word
+    assert yard.requested[0]["do"] == word
     yard.refusal = "not possible while it is paused"
     result = fleet("mission", word, "3f")
     assert (result.code, "run 3f2a: not possible" in result.err) == (5, True)
 
 
 def test_a_question_is_answered_by_its_number(fleet, yard):
-    yard.runs = [state(question=AskedNow(2, "Go on?", 30.0, "abort"))]
+    yard.runs = [state(question=PendingQuestion(2, "Go on?", 30.0, "abort"))]
     assert fleet("mission", "answer", "continue").code == 0
-    assert (yard.asked[0]["question"], yard.asked[0]["goes_on"]) == (2, True)
+    assert (yard.requested[0]["question"], yard.requested[0]["goes_on"]) == (2, True)
 
 
 def test_of_several_runs_one_must_be_named(fleet, yard):

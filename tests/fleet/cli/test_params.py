@@ -28,23 +28,23 @@ def test_a_value_is_written_as_short_as_it_can_be_read_back(value):
 
 
 def test_parameters_are_shown_by_name(fleet, kestrel):
-    asked = kestrel({"GUID_TIMEOUT": 3.0, "WPNAV_SPEED": struct.unpack("<f", struct.pack("<f", 0.1))[0]})
+    requested = kestrel({"GUID_TIMEOUT": 3.0, "WPNAV_SPEED": struct.unpack("<f", struct.pack("<f", 0.1))[0]})
     result = fleet("params", "kestrel", "get", "GUID_TIMEOUT", "WPNAV_SPEED")
     assert (result.code, result.out) == (0, "GUID_TIMEOUT 3\nWPNAV_SPEED 0.1\n")
-    assert json.loads(asked[0].payload)["data"] == {"names": ["GUID_TIMEOUT", "WPNAV_SPEED"]}
+    assert json.loads(requested[0].payload)["data"] == {"names": ["GUID_TIMEOUT", "WPNAV_SPEED"]}
 
 
 def test_a_parameter_is_set_and_what_it_was_is_shown(fleet, kestrel):
-    asked = kestrel({"name": "RTL_ALT", "before": 1500, "after": -1})
+    requested = kestrel({"name": "RTL_ALT", "before": 1500, "after": -1})
     result = fleet("params", "kestrel", "set", "RTL_ALT", "-1")
     assert (result.code, result.out) == (0, "RTL_ALT -1 (was 1500)\n")
-    assert json.loads(asked[0].payload)["data"] == {"name": "RTL_ALT", "value": -1.0, "force": False}
+    assert json.loads(requested[0].payload)["data"] == {"name": "RTL_ALT", "value": -1.0, "force": False}
 
 
 def test_what_is_no_number_is_not_set(fleet, kestrel):
-    asked = kestrel({})
+    requested = kestrel({})
     assert fleet("params", "kestrel", "set", "RTL_ALT", "nan").code == 2
-    assert asked == []
+    assert requested == []
 
 
 def test_a_backup_differs_in_nothing_from_its_robot(fleet, kestrel, place):
@@ -108,7 +108,7 @@ def test_parameters_of_a_group_are_shown_by_robot_and_who_has_none_is_reported(f
 
 
 def test_a_parameter_of_a_group_is_set_in_every_robot(fleet, birds):
-    asked = birds({"name": "RTL_ALT", "before": 1500, "after": 20})
+    requested = birds({"name": "RTL_ALT", "before": 1500, "after": 20})
     result = fleet("params", "birds", "set", "RTL_ALT", "20")
     assert (result.code, result.out) == (7, "kestrel: RTL_ALT 20 (was 1500)\n")
-    assert json.loads(asked[0].payload)["command"] == "set_parameter"
+    assert json.loads(requested[0].payload)["command"] == "set_parameter"

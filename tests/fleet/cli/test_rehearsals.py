@@ -39,7 +39,7 @@ class Rehearsing:
     """Plays the part of an edge that rehearses."""
 
     def __init__(self, edge):
-        self.asked = []
+        self.requested = []
         self.begun = RehearsalState("7f", roles={"eye": ["kestrel"]})
         notes = [
             RehearsalNote(0.0, "begins takeoff", "up.1", "kestrel"),
@@ -52,11 +52,11 @@ class Rehearsing:
         edge._control.answer(keys.mission("yard-1", "*"), self._answer)
 
     def _answer(self, question):
-        do, name = question.parameters.get("do"), question.asked.rpartition("/")[2]
+        do, name = question.parameters.get("do"), question.requested.rpartition("/")[2]
         if do is None:
             state = MissionState("patrol", "yard-1")
         else:
-            self.asked.append((do, json.loads(question.payload)))
+            self.requested.append((do, json.loads(question.payload)))
             state = self.begun if do == "rehearse" else self.states.pop(0)
         question.reply(msgspec.json.encode(state), keys.mission("yard-1", name if do else "patrol"))
         question.close()
@@ -75,8 +75,8 @@ def ends(yard, **fields):
 def test_a_rehearsal_is_followed_and_shown_as_a_page(fleet, yard):
     result = fleet("mission", "rehearse", "patrol", "height=4", "--robot", "eye=kestrel")
     assert result.code == 0
-    (_, ask), *looks = yard.asked
-    assert (ask["inputs"], ask["robots"]) == ({"height": 4}, {"eye": ["kestrel"]})
+    (_, request), *looks = yard.requested
+    assert (request["inputs"], request["robots"]) == ({"height": 4}, {"eye": ["kestrel"]})
     assert [look for _, look in looks] == [{"id": "7f", "since": 0}, {"id": "7f", "since": 1}]
     assert result.err.splitlines() == [
         "eye: kestrel",

@@ -19,16 +19,16 @@ def yard(play_edge):
 
 
 def test_a_command_that_was_taken_is_reported(fleet, yard):
-    asked = yard.answers("rex", ACCEPTED)
+    requested = yard.answers("rex", ACCEPTED)
     result = fleet("send", "rex", "takeoff", "altitude=5", "name=a b", 'list=[1, "x"]')
     assert (result.code, result.out, result.err) == (0, "rex: takeoff accepted\n", "")
-    message = json.loads(asked[0].payload)
+    message = json.loads(requested[0].payload)
     assert (message["command"], message["data"]) == (
         "takeoff",
         {"altitude": 5, "name": "a b", "list": [1, "x"]},
     )
     assert message["timestamp"] > 1.7e9
-    assert asked[0].parameters == {"kind": "command", "wait": "0"}
+    assert requested[0].parameters == {"kind": "command", "wait": "0"}
 
 
 @pytest.mark.parametrize(
@@ -47,10 +47,10 @@ def test_a_command_is_stamped_when_it_is_sent_and_not_when_it_was_typed(
     now = [1_800_000_000.0]
     monkeypatch.setattr(Edges, "named", slow)
     monkeypatch.setattr("time.time", lambda: now[-1])
-    asked = yard.answers("rex", ACCEPTED)
+    requested = yard.answers("rex", ACCEPTED)
     fleet(*arguments)
-    assert asked[0].parameters["kind"] == kind
-    assert json.loads(asked[0].payload)["timestamp"] == 1_800_000_033.0
+    assert requested[0].parameters["kind"] == kind
+    assert json.loads(requested[0].payload)["timestamp"] == 1_800_000_033.0
 
 
 def test_the_name_of_a_refused_command_is_written_once(fleet, yard):
@@ -60,10 +60,10 @@ def test_the_name_of_a_refused_command_is_written_once(fleet, yard):
 
 
 def test_whoever_waits_hears_the_end(fleet, yard):
-    asked = yard.answers("rex", ACCEPTED, DONE)
+    requested = yard.answers("rex", ACCEPTED, DONE)
     result = fleet("send", "rex", "takeoff", "--wait")
     assert (result.code, result.out) == (0, "rex: takeoff accepted\nrex: takeoff done\n")
-    assert asked[0].parameters["wait"] == "1"
+    assert requested[0].parameters["wait"] == "1"
 
 
 def test_what_was_asked_for_is_shown(fleet, yard):
@@ -144,9 +144,9 @@ def test_an_unknown_robot_that_resembles_none_is_reported_with_all(fleet, yard):
 
 def test_all_of_a_group_are_asked_at_once(fleet, yard):
     """Each robot answers only when both were asked."""
-    asked = yard.answers_together({"rex": ACCEPTED, "beast": ACCEPTED})
+    requested = yard.answers_together({"rex": ACCEPTED, "beast": ACCEPTED})
     result = fleet("send", "ground", "takeoff")
-    assert (result.code, len(asked)) == (0, 2)
+    assert (result.code, len(requested)) == (0, 2)
     assert sorted(result.out.splitlines()) == ["beast: takeoff accepted", "rex: takeoff accepted"]
 
 
@@ -210,9 +210,9 @@ def test_a_name_that_two_edges_have_is_not_guessed(fleet, yard, play_edge):
 def test_a_robot_that_is_reached_by_two_ways_is_asked_once(fleet, play_edge, free_port):
     yard = play_edge("yard-1", robots={"rex": {"health": "ok"}}, listen=(f"tcp/127.0.0.1:{free_port}",))
     play_edge("barn", connect=(f"tcp/127.0.0.1:{free_port}",)).sees("yard-1")
-    asked = yard.answers("rex", ACCEPTED)
+    requested = yard.answers("rex", ACCEPTED)
     assert fleet("send", "rex", "takeoff").code == 0
-    assert len(asked) == 1
+    assert len(requested) == 1
 
 
 @pytest.mark.parametrize(
@@ -234,43 +234,43 @@ def test_a_robot_that_is_reached_by_two_ways_is_asked_once(fleet, play_edge, fre
     ],
 )
 def test_a_wrong_command_line_reaches_no_robot(fleet, yard, arguments, complaint):
-    asked = yard.answers("rex", ACCEPTED)
+    requested = yard.answers("rex", ACCEPTED)
     result = fleet(*arguments)
     assert result.code == 2
     assert complaint in result.err
-    assert asked == []
+    assert requested == []
     assert yard.stops == []
 
 
 def test_data_too_deep_to_be_json_is_text(fleet, yard):
-    asked = yard.answers("rex", ACCEPTED)
+    requested = yard.answers("rex", ACCEPTED)
     deep = "[" * 100_000
     assert fleet("send", "rex", "takeoff", f"x={deep}").code == 0
-    assert json.loads(asked[0].payload)["data"] == {"x": deep}
+    assert json.loads(requested[0].payload)["data"] == {"x": deep}
 
 
 def test_a_goal_is_sent_as_navigation(fleet, yard):
-    asked = yard.answers("rex", Reply("navigate", ReplyStatus.ACCEPTED))
+    requested = yard.answers("rex", Reply("navigate", ReplyStatus.ACCEPTED))
     assert fleet("goto", "rex", "-10", "0.5", "5", "--yaw", "-1.5", "--speed", "2").code == 0
-    message = json.loads(asked[0].payload)
-    assert asked[0].parameters["kind"] == "navigate"
+    message = json.loads(requested[0].payload)
+    assert requested[0].parameters["kind"] == "navigate"
     assert (message["command"], message["position"], message["yaw"]) == ("goto", [-10.0, 0.5, 5.0], -1.5)
     assert message["constraints"] == {"max_speed_ms": 2.0}
     assert message["action_id"]
 
 
 def test_a_place_on_earth_is_sent_as_such(fleet, yard):
-    asked = yard.answers("rex", Reply("navigate", ReplyStatus.ACCEPTED))
+    requested = yard.answers("rex", Reply("navigate", ReplyStatus.ACCEPTED))
     fleet("goto", "rex", "47.1", "-8.5", "20", "--geo")
-    place = json.loads(asked[0].payload)["geodetic_position"]
+    place = json.loads(requested[0].payload)["geodetic_position"]
     assert place == {"latitude": 47.1, "longitude": -8.5, "altitude": 20.0}
 
 
 def test_no_two_goals_are_the_same_action(fleet, yard):
-    asked = yard.answers("rex", Reply("navigate", ReplyStatus.ACCEPTED))
+    requested = yard.answers("rex", Reply("navigate", ReplyStatus.ACCEPTED))
     for _ in range(2):
         fleet("goto", "rex", "1", "2")
-    assert len({json.loads(question.payload)["action_id"] for question in asked}) == 2
+    assert len({json.loads(question.payload)["action_id"] for question in requested}) == 2
 
 
 def test_a_robot_that_is_not_found_may_be_of_the_edge_that_answers_nothing(fleet, yard, spawn_edge):

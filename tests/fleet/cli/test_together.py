@@ -20,7 +20,7 @@ def yard(play_edge):
             self.played = play_edge(
                 "yard-1", robots={"rex": {}, "beast": {}}, groups={"all": ["rex", "beast"]}
             )
-            self.asked = []
+            self.requested = []
             self.ahead = 0.0
             control = self.played.bus.control
             control.answer(keys.starts("yard-1"), self.tell)
@@ -33,7 +33,7 @@ def yard(play_edge):
             question.close()
 
         def prepare(self, question):
-            self.asked.append(question)
+            self.requested.append(question)
             question.reply(msgspec.json.encode(Reply("walk", ReplyStatus.REJECTED, "busy with goto")))
             question.close()
 
@@ -47,7 +47,7 @@ def test_a_process_whose_clock_is_not_ours_starts_nobody(fleet, yard, ahead):
     assert result.code == 5
     assert f"the clock of edge yard-1 is {ahead * 1000:+.0f}"[:34] in result.err
     assert "synchronise the clocks" in result.err
-    assert yard.asked == []
+    assert yard.requested == []
 
 
 def test_a_process_that_does_not_tell_its_time_starts_nobody(fleet, play_edge):
@@ -64,14 +64,14 @@ def test_every_robot_has_its_line_when_nobody_is_started(fleet, yard):
         "rex: walk rejected: busy with goto",
     ]
     assert "no robot is started: rex: busy with goto" in result.err
-    message = json.loads(yard.asked[0].payload)
-    assert (message["command"], yard.asked[0].parameters["kind"]) == ("walk", "command")
+    message = json.loads(yard.requested[0].payload)
+    assert (message["command"], yard.requested[0].parameters["kind"]) == ("walk", "command")
 
 
 @pytest.mark.parametrize("at", ["2s", "+0.1s", "+11min", "-5s", "+nan", "soon", "2020-01-01T00:00:00Z", ""])
 def test_an_instant_that_is_none_or_not_ahead_is_a_usage_error(fleet, yard, at):
     result = fleet("send", "all", "walk", f"--at={at}")
-    assert (result.code, yard.asked) == (2, [])
+    assert (result.code, yard.requested) == (2, [])
 
 
 def test_an_offset_is_known_as_well_as_the_question_was_fast():

@@ -18,13 +18,13 @@ PATROL = {
 
 
 @pytest.fixture
-async def place(yard, run_edge, asks):
+async def place(yard, run_edge, requests):
     """Run an edge with two robots and a mission."""
     place = yard(rex=HERE, max=HERE)
     place.change(missions={"patrol": PATROL}, groups={"pack": ["rex", "max"]})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         yield place
 
 
@@ -43,8 +43,8 @@ async def test_a_mission_is_started_and_followed(place):
 
 async def test_a_run_is_controlled(place, tmp_path):
     mission = tmp_path / "watch.yaml"
-    asks = {"roles": {"eye": {}}, "steps": [{"id": "ask", "ask": {"text": "Go on?"}}]}
-    mission.write_text(json.dumps(PATROL | asks))
+    requests = {"roles": {"eye": {}}, "steps": [{"id": "ask", "ask": {"text": "Go on?"}}]}
+    mission.write_text(json.dumps(PATROL | requests))
 
     def program():
         with Fleet(place.file) as fleet:

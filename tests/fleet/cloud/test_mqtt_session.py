@@ -169,9 +169,9 @@ def test_filters_that_are_changed_before_the_broker_answers_are_asked_for_once_a
     session.resubscribe({"a": 1, "b": 1})
     assert session.take_replies() == b""
     session.receive(mqtt5.ConnAckPacket(), 0.0)
-    (asked,) = read(session.take_replies())
-    assert [each.pattern for each in asked.topic_filters] == ["a", "b"]
+    (requested,) = read(session.take_replies())
+    assert [each.pattern for each in requested.topic_filters] == ["a", "b"]
     codes = [mqtt5.SubAckReasonCode.GRANTED_QOS_AT_LEAST_ONCE, mqtt5.SubAckReasonCode.NOT_AUTHORIZED]
-    session.receive(mqtt5.SubAckPacket(asked.packet_id, reason_codes=codes), 0.0)
+    session.receive(mqtt5.SubAckPacket(requested.packet_id, reason_codes=codes), 0.0)
     assert session.ready
     assert session.problems == ["the broker refuses the subscription b (NOT_AUTHORIZED)"]

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from websockets.sync.client import connect
 
-from fleet.console.links import LinkAsked, ask_link
+from fleet.console.links import LinkRequest, request_link
 from fleet.console.program import serve
 from fleet.console.task import ConsoleTask, link_socket
 from fleet.model.permission import Permission
@@ -38,7 +38,7 @@ class Page:
         self.answers = []
         self.entries = {}
 
-    def ask(self, kind, /, **fields):
+    def request(self, kind, /, **fields):
         """Ask for something."""
         self.socket.send(json.dumps({"ask": kind, **fields}))
 
@@ -105,7 +105,7 @@ class Console:
 
     def link(self, permission=Permission.ADMIN, operator="anna"):
         """Ask for a new link."""
-        given = ask_link(link_socket(self._runtime, self._task.name), LinkAsked(operator, permission))
+        given = request_link(link_socket(self._runtime, self._task.name), LinkRequest(operator, permission))
         return given.link if given else None
 
     def token(self, permission=Permission.ADMIN):

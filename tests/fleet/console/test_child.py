@@ -7,12 +7,12 @@ import signal
 
 from fleet.clock import SystemClock
 from fleet.console.child import ConsoleChild
-from fleet.console.links import LinkAsked, answers
+from fleet.console.links import LinkRequest, answers
 from fleet.console.task import ConsoleTask, link_socket
 from fleet.model.permission import Permission
 from tests.tools.waiting import DEADLINE
 
-ASKED = LinkAsked("anna", Permission.ADMIN)
+REQUESTED = LinkRequest("anna", Permission.ADMIN)
 
 
 async def started(child, links):
@@ -24,7 +24,7 @@ async def started(child, links):
 async def test_a_console_that_is_killed_is_started_again_and_ends_with_its_parent(runtime):
     links = asyncio.Queue()
     child = ConsoleChild(
-        ConsoleTask("child", 0), runtime, SystemClock(), asked=ASKED, served=links.put_nowait
+        ConsoleTask("child", 0), runtime, SystemClock(), requested=REQUESTED, served=links.put_nowait
     )
     running, first = await started(child, links)
     process = child.process

@@ -6,7 +6,7 @@ import pytest
 
 from fleet.console.commands import prepare
 from fleet.console.fleet_view import FleetView
-from fleet.console.requests import GotoAsked, ReleaseAsked
+from fleet.console.requests import PageGotoRequest, PageReleaseRequest
 from fleet.errors import Refused
 from fleet.history.record import Record
 from fleet.model.command import Reply, ReplyStatus, Transport
@@ -33,31 +33,31 @@ def view():
 
 
 def test_each_robot_keeps_its_height_and_gets_the_goal_in_its_own_world(view):
-    ((_, kind, message),) = prepare(GotoAsked("r", ("yard/rex",), 8.0, 2.0), view)
+    ((_, kind, message),) = prepare(PageGotoRequest("r", ("yard/rex",), 8.0, 2.0), view)
     assert (kind, message["position"]) == ("navigate", [3.0, 2.0, 0.0])
-    ((_, _, message),) = prepare(GotoAsked("r", ("yard/drone",), 8.0, 2.0), view)
+    ((_, _, message),) = prepare(PageGotoRequest("r", ("yard/drone",), 8.0, 2.0), view)
     assert message["position"] == [8.0, 2.0, 7.0]
 
 
 def test_several_robots_are_spread_each_at_its_own_height(view):
-    prepared = prepare(GotoAsked("r", ("yard/rex", "yard/drone"), 8.0, 2.0, spacing=3.0), view)
+    prepared = prepare(PageGotoRequest("r", ("yard/rex", "yard/drone"), 8.0, 2.0, spacing=3.0), view)
     (_, _, rex), (_, _, drone) = prepared
     assert (rex["position"][2], drone["position"][2]) == (0.0, 7.0)
     assert abs(rex["position"][1] - drone["position"][1]) == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize(
-    ("asked", "expected"),
+    ("requested", "expected"),
     [
-        (GotoAsked("r", ("yard/rex", "yard/drone"), 1.0, 1.0), "one point for 2 robots"),
-        (GotoAsked("r", ("yard/lost",), 1.0, 1.0), "not placed in the site's frame: lost"),
-        (ReleaseAsked("r", ("yard/rex", "yard/ghost")), "there is no robot yard/ghost"),
-        (ReleaseAsked("r", ()), "no robot is named"),
+        (PageGotoRequest("r", ("yard/rex", "yard/drone"), 1.0, 1.0), "one point for 2 robots"),
+        (PageGotoRequest("r", ("yard/lost",), 1.0, 1.0), "not placed in the site's frame: lost"),
+        (PageReleaseRequest("r", ("yard/rex", "yard/ghost")), "there is no robot yard/ghost"),
+        (PageReleaseRequest("r", ()), "no robot is named"),
     ],
 )
-def test_what_makes_no_sense_is_refused_before_anybody_is_asked(view, asked, expected):
+def test_what_makes_no_sense_is_refused_before_anybody_is_asked(view, requested, expected):
     with pytest.raises(Refused, match=expected):
-        prepare(asked, view)
+        prepare(requested, view)
 
 
 @pytest.fixture(scope="module")
@@ -71,27 +71,27 @@ def yard(play_edge, console):
 
 def test_a_command_gets_its_receipt_and_its_end_and_tells_who_asks(console, yard):
     taken = Reply("beep", ReplyStatus.ACCEPTED)
-    asked = yard.answers("rex", taken, Reply("beep", ReplyStatus.ACCEPTED, done=True))
+    requested = yard.answers("rex", taken, Reply("beep", ReplyStatus.ACCEPTED, done=True))
     with console.page() as page:
-        page.ask("command", request="r", robot="yard-1/rex", command="beep", data={"seconds": 2})
+        page.request("command", request="r", robot="yard-1/rex", command="beep", data={"seconds": 2})
         assert page.answer("r")["final"] is False
         assert page.answer("r", final=True)["done"] is True
-    message = json.loads(asked[0].payload)
+    message = json.loads(requested[0].payload)
     assert (message["command"], message["data"], message["session_id"]) == ("beep", {"seconds": 2}, "anna")
-    assert (asked[0].parameters["kind"], asked[0].parameters["wait"]) == ("command", "1")
+    assert (requested[0].parameters["kind"], requested[0].parameters["wait"]) == ("command", "1")
 
 
 def test_a_refusal_comes_with_its_reason_and_hint(console, yard):
     yard.answers("shy", Reply("beep", ReplyStatus.REJECTED, "too loud", "later"))
     with console.page() as page:
-        page.ask("command", request="r", robot="yard-1/shy", command="beep")
+        page.request("command", request="r", robot="yard-1/shy", command="beep")
         answer = page.answer("r")
     assert (answer["status"], answer["reason"], answer["hint"]) == ("rejected", "too loud", "later")
 
 
 def test_a_robot_that_does_not_answer_is_reported_with_the_cause_that_is_known(console, yard):
     with console.page() as page:
-        page.ask("command", request="r", robot="yard-1/mute", command="beep")
+        page.request("command", request="r", robot="yard-1/mute", command="beep")
         answer = page.answer("r")
     assert (answer["status"], answer["reason"]) == ("timeout", "its worker is gone")
 
@@ -109,9 +109,9 @@ def test_who_stopped_a_robot_when_and_why_and_its_history_are_reported(console, 
     )
     yard.tells("fleet/yard-1/history", [stopped])
     with console.page() as page:
-        page.ask("causes", request="r", robots=["yard-1/rex"])
+        page.request("causes", request="r", robots=["yard-1/rex"])
         causes = page.answer("r")["causes"]
-        page.ask("history", request="h", robot="yard-1/rex")
+        page.request("history", request="h", robot="yard-1/rex")
         (event,) = page.answer("h")["history"]
     known = {"by": "anna", "proven": True, "at": 5.0, "why": "smoke"}
     assert causes == {"yard-1/rex": known}

@@ -28,7 +28,7 @@ def yard(play_edge):
 def test_it_is_shown_with_what_is_wrong_and_what_is_not_in_use_yet(console, yard):
     with console.page() as page:
         page.wait_for("edges", "yard-1", lambda edge: edge["alive"])
-        page.ask("config", request="r", edge="yard-1")
+        page.request("config", request="r", edge="yard-1")
         found = page.answer("r")["config"]
     assert found == {
         "file": "/etc/fleet.yaml",
@@ -45,7 +45,7 @@ def test_a_file_that_cannot_be_used_is_reported_with_its_problems(console, play_
     shed.tells(keys.changes("shed-1"), answer)
     with console.page() as page:
         page.wait_for("edges", "shed-1", lambda edge: edge["alive"])
-        page.ask("config", request="r", edge="shed-1")
+        page.request("config", request="r", edge="shed-1")
         found = page.answer("r")["config"]
     assert found["problems"] == ["/f cannot be used; nothing was changed", "/f:1:1: bad"]
 
@@ -53,5 +53,5 @@ def test_a_file_that_cannot_be_used_is_reported_with_its_problems(console, play_
 @pytest.mark.parametrize("permission", [Permission.VIEW, Permission.OPERATE])
 def test_it_needs_the_permission_admin(console, yard, permission):
     with console.page(permission) as page:
-        page.ask("config", request="r", edge="yard-1")
+        page.request("config", request="r", edge="yard-1")
         assert "admin" in page.answer("r")["reason"]

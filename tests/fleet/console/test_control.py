@@ -5,7 +5,7 @@ import pytest
 
 from fleet.console import control
 from fleet.console.fleet_view import FleetView
-from fleet.console.requests import ControlAsked, GiveAsked
+from fleet.console.requests import PageControlRequest, PageGiveRequest
 from fleet.console.sessions import ConsoleUser
 from fleet.errors import Refused
 from fleet.model.permission import Permission
@@ -22,27 +22,27 @@ def view():
     return view
 
 
-def ask(view, operator=BEN):
-    entry = control.asked(ControlAsked("r", REX), view, operator, 5.0)
+def request(view, operator=BEN):
+    entry = control.requested(PageControlRequest("r", REX), view, operator, 5.0)
     view.put("requests", REX, entry)
     return entry
 
 
 def test_who_has_control_is_asked_and_gives_it_or_keeps_it(view):
-    assert ask(view) == {"request": "r", "by": "ben", "holder": "anna", "answer": "", "at": 5.0}
-    assert control.answered(GiveAsked("g", REX, give=True), view, ANNA)["answer"] == "given"
-    assert control.answered(GiveAsked("g", REX, give=False), view, ANNA)["answer"] == "kept"
+    assert request(view) == {"request": "r", "by": "ben", "holder": "anna", "answer": "", "at": 5.0}
+    assert control.answered(PageGiveRequest("g", REX, give=True), view, ANNA)["answer"] == "given"
+    assert control.answered(PageGiveRequest("g", REX, give=False), view, ANNA)["answer"] == "kept"
 
 
 def test_nobody_else_answers_for_who_was_asked_and_nobody_twice(view):
     with pytest.raises(Refused, match="there is no request"):
-        control.answered(GiveAsked("g", REX, give=True), view, ANNA)
-    ask(view)
+        control.answered(PageGiveRequest("g", REX, give=True), view, ANNA)
+    request(view)
     with pytest.raises(Refused, match="there is no request"):
-        control.answered(GiveAsked("g", REX, give=True), view, BEN)
-    view.put("requests", REX, control.answered(GiveAsked("g", REX, give=False), view, ANNA))
+        control.answered(PageGiveRequest("g", REX, give=True), view, BEN)
+    view.put("requests", REX, control.answered(PageGiveRequest("g", REX, give=False), view, ANNA))
     with pytest.raises(Refused, match="there is no request"):
-        control.answered(GiveAsked("g", REX, give=True), view, ANNA)
+        control.answered(PageGiveRequest("g", REX, give=True), view, ANNA)
 
 
 @pytest.mark.parametrize(
@@ -56,9 +56,9 @@ def test_nobody_else_answers_for_who_was_asked_and_nobody_twice(view):
 def test_where_there_is_nobody_to_ask_it_is_said(view, change, operator, expected):
     view.take_state(msgspec.structs.replace(view.states[REX], **change), 2.0)
     with pytest.raises(Refused, match=expected):
-        ask(view, operator)
+        request(view, operator)
 
 
 def test_a_robot_that_there_is_not_is_said():
     with pytest.raises(Refused, match="no robot yard/rex"):
-        control.asked(ControlAsked("r", REX), FleetView(), BEN, 5.0)
+        control.requested(PageControlRequest("r", REX), FleetView(), BEN, 5.0)

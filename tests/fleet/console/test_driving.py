@@ -18,61 +18,61 @@ def yard(play_edge, console):
     return yard
 
 
-def velocity_messages(asked):
-    return [json.loads(each.payload) for each in list(asked)]
+def velocity_messages(requested):
+    return [json.loads(each.payload) for each in list(requested)]
 
 
 @pytest.fixture(scope="module")
-def asked(yard):
+def requested(yard):
     taken = Reply("motion", ReplyStatus.ACCEPTED)
     return {name: yard.answers(name, taken) for name in ("rex", "beast")}
 
 
-def test_a_velocity_is_passed_on_by_the_operators_name_and_answered_with_its_number(console, asked):
+def test_a_velocity_is_passed_on_by_the_operators_name_and_answered_with_its_number(console, requested):
     with console.page(Permission.OPERATE) as page:
-        page.ask("drive", number=7, robot="yard-1/rex", linear_x=0.5, angular_z=-0.2)
+        page.request("drive", number=7, robot="yard-1/rex", linear_x=0.5, angular_z=-0.2)
         assert page.next("drove") == {"type": "drove", "number": 7, "status": "accepted", "reason": ""}
-    message = velocity_messages(asked["rex"])[0]
+    message = velocity_messages(requested["rex"])[0]
     assert (message["linear_x"], message["angular_z"], message["session_id"]) == (0.5, -0.2, "anna")
-    assert asked["rex"][0].parameters["kind"] == "motion"
+    assert requested["rex"][0].parameters["kind"] == "motion"
 
 
-def test_a_page_that_closes_while_it_drives_ends_the_motion(console, asked):
+def test_a_page_that_closes_while_it_drives_ends_the_motion(console, requested):
     with console.page() as page:
-        page.ask("drive", number=1, robot="yard-1/rex", linear_x=0.5)
+        page.request("drive", number=1, robot="yard-1/rex", linear_x=0.5)
         page.next("drove")
-    wait_until("the zero", lambda: velocity_messages(asked["rex"])[-1]["linear_x"] == 0.0)
+    wait_until("the zero", lambda: velocity_messages(requested["rex"])[-1]["linear_x"] == 0.0)
 
 
-def test_a_page_that_drives_nobody_sends_nothing_when_it_closes(console, asked):
+def test_a_page_that_drives_nobody_sends_nothing_when_it_closes(console, requested):
     with console.page() as page:
-        page.ask("drive", number=1, robot="yard-1/rex")
+        page.request("drive", number=1, robot="yard-1/rex")
         page.next("drove")
-        before = len(asked["rex"])
+        before = len(requested["rex"])
     with console.page() as page:
-        page.ask("ping", number=1)
+        page.request("ping", number=1)
         page.next("pong")
-    assert len(asked["rex"]) == before
+    assert len(requested["rex"]) == before
 
 
-def test_driving_another_robot_ends_the_motion_of_the_one_before(console, asked):
+def test_driving_another_robot_ends_the_motion_of_the_one_before(console, requested):
     with console.page() as page:
-        page.ask("drive", number=1, robot="yard-1/rex", linear_x=0.5)
-        page.ask("drive", number=2, robot="yard-1/beast", linear_x=0.5)
-        wait_until("both", lambda: velocity_messages(asked["beast"]))
-        wait_until("the zero", lambda: velocity_messages(asked["rex"])[-1]["linear_x"] == 0.0)
+        page.request("drive", number=1, robot="yard-1/rex", linear_x=0.5)
+        page.request("drive", number=2, robot="yard-1/beast", linear_x=0.5)
+        wait_until("both", lambda: velocity_messages(requested["beast"]))
+        wait_until("the zero", lambda: velocity_messages(requested["rex"])[-1]["linear_x"] == 0.0)
 
 
 @pytest.mark.parametrize("value", ["1e9", "NaN", '"fast"', "null"])
-def test_a_velocity_that_is_none_is_refused(console, asked, value):
+def test_a_velocity_that_is_none_is_refused(console, requested, value):
     with console.page() as page:
         page.socket.send(f'{{"ask": "drive", "number": 1, "robot": "yard-1/rex", "linear_x": {value}}}')
         assert page.next("answer")["reason"].startswith("it cannot be read")
 
 
-def test_who_may_only_view_drives_nobody(console, asked):
-    before = len(asked["rex"])
+def test_who_may_only_view_drives_nobody(console, requested):
+    before = len(requested["rex"])
     with console.page(Permission.VIEW) as page:
-        page.ask("drive", number=1, robot="yard-1/rex", linear_x=0.5)
+        page.request("drive", number=1, robot="yard-1/rex", linear_x=0.5)
         assert "it needs the permission operate" in page.next("answer")["reason"]
-    assert len(asked["rex"]) == before
+    assert len(requested["rex"]) == before

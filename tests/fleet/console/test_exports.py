@@ -36,13 +36,13 @@ def served(runtime, serve_console, recordings):
         yield served
 
 
-def ask(served, window=WINDOW, permission=Permission.ADMIN, **headers):
+def request(served, window=WINDOW, permission=Permission.ADMIN, **headers):
     headers.setdefault("cookie", served.cookie(permission))
     return served.post("/api/recording", window, **headers)
 
 
 def test_a_window_is_a_whole_file_that_foxglove_opens(served, tmp_path):
-    status, headers, body = ask(served)
+    status, headers, body = request(served)
     (tmp_path / "window.mcap").write_bytes(body)
     found = recorded(tmp_path / "window.mcap")
     assert (status, headers["content-type"]) == (200, "application/octet-stream")
@@ -52,14 +52,14 @@ def test_a_window_is_a_whole_file_that_foxglove_opens(served, tmp_path):
 
 @pytest.mark.parametrize("permission", [Permission.VIEW, Permission.OPERATE])
 def test_it_needs_the_permission_admin(served, permission):
-    status, _, body = ask(served, permission=permission)
+    status, _, body = request(served, permission=permission)
     assert (status, "admin" in json.loads(body)["error"]) == (403, True)
 
 
 def test_nobody_has_it_without_a_session_its_proof_or_from_another_origin(served):
-    assert ask(served, cookie=None)[0] == 401
-    assert ask(served, x_fleet_proof="guess")[0] == 401
-    assert ask(served, origin="http://elsewhere.example")[0] == 403
+    assert request(served, cookie=None)[0] == 401
+    assert request(served, x_fleet_proof="guess")[0] == 401
+    assert request(served, origin="http://elsewhere.example")[0] == 403
     assert served.request("GET", "/api/recording", cookie=served.cookie())[0] in (404, 405)
 
 
@@ -77,7 +77,7 @@ def test_nobody_has_it_without_a_session_its_proof_or_from_another_origin(served
     ],
 )
 def test_what_is_no_window_of_a_recording_is_refused_with_the_reason(served, window, status, words):
-    found, _, body = ask(served, window)
+    found, _, body = request(served, window)
     assert (found, words in json.loads(body)["error"]) == (status, True)
 
 
@@ -105,10 +105,10 @@ async def test_an_export_of_which_nothing_is_read_ends_with_who_asked(recordings
 
 async def test_an_export_that_is_cancelled_while_it_begins_leaves_room_for_the_next(recordings):
     exports = Exports(lambda: [recordings])
-    asked = asyncio.create_task(exported(exports))
+    requested = asyncio.create_task(exported(exports))
     await asyncio.sleep(0)
-    asked.cancel()
-    await asyncio.gather(asked, return_exceptions=True)
+    requested.cancel()
+    await asyncio.gather(requested, return_exceptions=True)
     assert await exported(exports)
 
 
@@ -126,4 +126,4 @@ def test_a_browser_that_leaves_at_once_leaves_room_for_the_next(served):
     lines = "".join(f"{name}: {value}\r\n" for name, value in head.items())
     with socket.create_connection(("127.0.0.1", served.port), timeout=DEADLINE) as gone:
         gone.sendall(f"POST /api/recording HTTP/1.1\r\n{lines}\r\n".encode() + body)
-    wait_until("room", lambda: ask(served)[0] == 200)
+    wait_until("room", lambda: request(served)[0] == 200)

@@ -4,15 +4,15 @@ import socket
 
 import pytest
 
-from fleet.console.links import ConsoleError, LinkAsked, all_links, ask_link, serve_links
+from fleet.console.links import ConsoleError, LinkRequest, all_links, request_link, serve_links
 from fleet.console.task import link_socket
 from fleet.model.permission import Permission
 
-ASKED = LinkAsked("anna", Permission.VIEW)
+REQUESTED = LinkRequest("anna", Permission.VIEW)
 
 
 def test_each_console_gives_a_new_link_each_time(runtime, console):
-    first, second = (all_links(runtime, ASKED)["test"] for _ in range(2))
+    first, second = (all_links(runtime, REQUESTED)["test"] for _ in range(2))
     assert first.startswith(f"{console.base}/#token=")
     assert first != second
 
@@ -36,7 +36,7 @@ def test_a_dead_socket_gives_no_link_and_is_replaced(runtime):
     path = link_socket(runtime, "dead")
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(path))
-    assert ask_link(path, ASKED) is None
+    assert request_link(path, REQUESTED) is None
 
 
 async def test_a_second_console_of_one_name_is_refused(runtime, console):

@@ -38,14 +38,14 @@ def path(tmp_path):
 @pytest.fixture
 def verified(monkeypatch):
     """Verify without argon2, which has tests of its own; return what was verified."""
-    asked = []
+    requested = []
 
     def verify(kept, password):
-        asked.append(kept)
+        requested.append(kept)
         return kept == f"hash of {password}"
 
     monkeypatch.setattr(module, "verify_password", verify)
-    return asked
+    return requested
 
 
 @pytest.fixture

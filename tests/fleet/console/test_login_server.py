@@ -14,12 +14,12 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
 from fleet.config.certificates import Identity, issue_pair, make_authority
-from fleet.console.guard import POLICY
 from fleet.console.links import ConsoleError
 from fleet.console.login_history import HistoryPlace
 from fleet.console.login_server import LoginServer
 from fleet.console.passwords import hash_password
 from fleet.console.people import Person, add_person, change_person, remove_person
+from fleet.console.request_guard import POLICY
 from fleet.console.task import LoginTask
 from fleet.history.event_filter import EventFilter
 from fleet.history.reader import read
@@ -340,7 +340,7 @@ def test_it_is_reached_by_each_name_of_its_certificate(beyond):
 
 def test_a_websocket_of_a_foreign_page_or_without_a_session_is_not_opened(beyond):
     shown, _ = beyond.log_in()
-    asked = {
+    requested = {
         "connection": "Upgrade",
         "upgrade": "websocket",
         "sec_websocket_version": "13",
@@ -350,7 +350,7 @@ def test_a_websocket_of_a_foreign_page_or_without_a_session_is_not_opened(beyond
         "origin": beyond.base,
     }
     for changed in ({"origin": "https://evil.example"}, {"origin": None}, {"cookie": None}):
-        assert beyond.request("GET", "/ws", **(asked | changed))[0] == 403
+        assert beyond.request("GET", "/ws", **(requested | changed))[0] == 403
     with beyond.page(shown) as page:
         assert json.loads(page.recv(timeout=DEADLINE))["operator"] == "anna"
 

@@ -5,7 +5,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.missions.rehearsal import RehearsalNote, RehearsalResult, RehearsalState
-from fleet.missions.report import AskedNow, Controlled, MissionState, RunRobot, RunState, Started
+from fleet.missions.report import Controlled, MissionState, PendingQuestion, RunRobot, RunState, Started
 from fleet.model.permission import Permission
 
 RUN = RunState(
@@ -15,7 +15,7 @@ RUN = RunState(
     "asking",
     "look",
     5.0,
-    question=AskedNow(2, "Is the gate open?", 30.0, "abort"),
+    question=PendingQuestion(2, "Is the gate open?", 30.0, "abort"),
     robots=(RunRobot("rex", "feet", "goto"),),
 )
 
@@ -24,7 +24,7 @@ class PlayedMissions:
     """The missions and the run of a played edge, and what it was asked for them."""
 
     def __init__(self, yard):
-        self.asked = []
+        self.requested = []
         self.answers = {"patrol": Started("3f2a", {"feet": ["rex"]}), "3f2a": Controlled()}
         self.rehearsal = []  # what is told of one, one after the other
         yard.bus.control.answer("fleet/yard-1/missions/patrol", self._take, more=keys.SENDER_SUFFIX)
@@ -34,7 +34,9 @@ class PlayedMissions:
         name = question.key.rpartition("/")[2]
         shown = {"patrol": MissionState("patrol", "yard-1", "Go round."), "3f2a": RUN}[name]
         if question.payload:
-            self.asked.append((name, msgspec.json.decode(question.payload), question.parameters.get("do")))
+            self.requested.append(
+                (name, msgspec.json.decode(question.payload), question.parameters.get("do"))
+            )
             about_rehearsal = question.parameters.get("do") in {"rehearse", "rehearsal"}
             shown = self.rehearsal.pop(0) if about_rehearsal else self.answers[name]
         question.reply(msgspec.json.encode(shown))
@@ -52,25 +54,30 @@ def missions(play_edge, console):
 
 def test_a_mission_is_started_by_the_operators_name(console, missions):
     with console.page(Permission.OPERATE) as page:
-        page.ask("mission", request="r", edge="yard-1", name="patrol", inputs={"height": 5})
+        page.request("mission", request="r", edge="yard-1", name="patrol", inputs={"height": 5})
         answer = page.answer("r")
     assert (answer["status"], answer["reason"]) == ("accepted", "run 3f2a with rex")
-    name, asked, do = missions.asked[-1]
-    assert (name, do, asked["inputs"], asked["session_id"]) == ("patrol", "start", {"height": 5}, "anna")
-    assert asked["timestamp"] > 1e9
+    name, requested, do = missions.requested[-1]
+    assert (name, do, requested["inputs"], requested["session_id"]) == (
+        "patrol",
+        "start",
+        {"height": 5},
+        "anna",
+    )
+    assert requested["timestamp"] > 1e9
 
 
 def test_a_question_is_answered(console, missions):
     with console.page() as page:
-        page.ask("run", request="r", edge="yard-1", run="3f2a", do="answer", question=2, goes_on=True)
+        page.request("run", request="r", edge="yard-1", run="3f2a", do="answer", question=2, goes_on=True)
         assert page.answer("r")["status"] == "accepted"
-    assert missions.asked[-1][1] == {"do": "answer", "question": 2, "goes_on": True, "session_id": "anna"}
+    assert missions.requested[-1][1] == {"do": "answer", "question": 2, "goes_on": True, "session_id": "anna"}
 
 
 def test_what_the_edge_refuses_is_reported_with_its_reason_and_hint(console, missions, monkeypatch):
     monkeypatch.setitem(missions.answers, "patrol", Started(refusal="rex is stopped", hint="release it"))
     with console.page() as page:
-        page.ask("mission", request="r", edge="yard-1", name="patrol")
+        page.request("mission", request="r", edge="yard-1", name="patrol")
         answer = page.answer("r")
     assert (answer["status"], answer["reason"], answer["hint"]) == (
         "rejected",
@@ -81,7 +88,7 @@ def test_what_the_edge_refuses_is_reported_with_its_reason_and_hint(console, mis
 
 def test_a_run_that_nobody_knows_is_reported(console, missions):
     with console.page() as page:
-        page.ask("run", request="r", edge="yard-1", run="none", do="abort")
+        page.request("run", request="r", edge="yard-1", run="none", do="abort")
         assert page.answer("r")["reason"] == "no edge answers on fleet/yard-1/runs/none"
 
 
@@ -94,11 +101,11 @@ def test_a_run_that_nobody_knows_is_reported(console, missions):
     ],
 )
 def test_who_may_only_view_starts_and_aborts_nothing(console, missions, kind, fields):
-    before = len(missions.asked)
+    before = len(missions.requested)
     with console.page(Permission.VIEW) as page:
-        page.ask(kind, **fields, request="r", edge="yard-1")
+        page.request(kind, **fields, request="r", edge="yard-1")
         assert "it needs the permission operate" in page.answer("r")["reason"]
-    assert len(missions.asked) == before
+    assert len(missions.requested) == before
 
 
 NOTES = RehearsalNote(0.5, "it begins"), RehearsalNote(1.0, "rex is there")
@@ -112,13 +119,13 @@ def test_a_rehearsal_is_followed_to_its_result(console, missions):
         RehearsalState("7", seconds=12.0, result=result),
     ]
     with console.page(Permission.OPERATE) as page:
-        page.ask("rehearse", request="r", edge="yard-1", name="patrol", inputs={"height": 5})
+        page.request("rehearse", request="r", edge="yard-1", name="patrol", inputs={"height": 5})
         while not (answer := page.next("answer")).get("done"):
             pass
     assert answer["rehearsal"]["result"]["seconds"] == 12.0
     rehearsals = [each["rehearsal"] for each in page.answers if each["request"] == "r"]
     assert [each.get("step", "") for each in rehearsals] == ["", "go", ""]
-    (_, begun, first), (_, looked, second), (_, again, third) = missions.asked[-3:]
+    (_, begun, first), (_, looked, second), (_, again, third) = missions.requested[-3:]
     assert (first, second, third) == ("rehearse", "rehearsal", "rehearsal")
     assert (begun["inputs"], begun["session_id"]) == ({"height": 5}, "anna")
     assert (looked, again) == ({"id": "7", "since": 0}, {"id": "7", "since": 2})
@@ -135,7 +142,7 @@ def test_a_rehearsal_is_followed_to_its_result(console, missions):
 def test_a_rehearsal_that_there_cannot_be_is_reported_with_its_reason(console, missions, states):
     missions.rehearsal = list(states)
     with console.page(Permission.OPERATE) as page:
-        page.ask("rehearse", request="r", edge="yard-1", name="patrol")
+        page.request("rehearse", request="r", edge="yard-1", name="patrol")
         while (answer := page.next("answer"))["status"] == "accepted":
             pass
     assert (answer["status"], answer["reason"]) == (

@@ -219,20 +219,20 @@ def test_a_console_that_says_nothing_is_shown_as_such_and_a_stop_is_never_shown_
 
 
 def test_a_click_on_the_map_and_a_confirmation_send_the_selected_robot(open_page, yard):
-    asked = yard.answers(
+    requested = yard.answers(
         "rex", Reply("navigate", ReplyStatus.ACCEPTED), Reply("navigate", ReplyStatus.ACCEPTED, done=True)
     )
     page = open_page()
     page.mouse.click(*page.evaluate(f"fleetPage.whereIs('{REX}')"))
     page.wait_for_selector(f'{row(REX)}[aria-selected="true"]')
     page.mouse.click(*page.evaluate("fleetPage.whereIsPoint(3, 2)"))
-    assert asked == []
+    assert requested == []
     page.click("#target button.primary")
-    wait_until("the goal to be asked", lambda: asked)
-    message = json.loads(asked[0].payload)
+    wait_until("the goal to be asked", lambda: requested)
+    message = json.loads(requested[0].payload)
     assert message["position"] == pytest.approx([1.0, 1.0, 0.0], abs=0.1)
     assert (message["command"], message["session_id"]) == ("goto", "anna")
-    assert asked[0].parameters["kind"] == "navigate"
+    assert requested[0].parameters["kind"] == "navigate"
     shows(page, "#answers", "done")
 
 
@@ -248,7 +248,7 @@ def test_a_box_on_the_map_selects_the_robots_in_it(open_page):
 
 
 def test_buttons_come_from_the_declared_commands_with_units_limits_and_why_not_now(open_page, yard):
-    asked = yard.answers("rex", Reply("beep", ReplyStatus.ACCEPTED, done=True))
+    requested = yard.answers("rex", Reply("beep", ReplyStatus.ACCEPTED, done=True))
     page = open_page()
     page.click(row(REX))
     page.click("text=beep…")
@@ -256,8 +256,8 @@ def test_buttons_come_from_the_declared_commands_with_units_limits_and_why_not_n
     assert (field.get_attribute("max"), page.inner_text(".command-form small")) == ("3", "s to 3")
     field.fill("2.5")
     page.click("text=Send beep")
-    wait_until("the command to be asked", lambda: asked)
-    message = json.loads(asked[0].payload)
+    wait_until("the command to be asked", lambda: requested)
+    message = json.loads(requested[0].payload)
     assert (message["command"], message["data"]) == ("beep", {"seconds": 2.5})
     dock = page.locator("button.command", has_text="dock")
     assert dock.get_attribute("aria-disabled") == "true"
@@ -284,17 +284,17 @@ def test_any_number_that_a_robot_reports_is_plotted(open_page, yard):
 
 
 def test_a_release_is_an_act_of_its_own_that_shows_who_stopped(open_page, yard):
-    asked = yard.answers("rex", Reply("release_emergency_stop", ReplyStatus.ACCEPTED, done=True))
+    requested = yard.answers("rex", Reply("release_emergency_stop", ReplyStatus.ACCEPTED, done=True))
     page = open_page()
     page.click(row(REX))
     page.click('[data-stop="selected"]')
     page.wait_for_selector(f"{row(REX)} .tag.halt")
     page.click("#robot button.release")
     assert "stopped by" in page.inner_text("#robot .confirm")
-    assert asked == []
+    assert requested == []
     page.click("#robot .confirm button.release")
-    wait_until("the release to be asked", lambda: asked)
-    assert json.loads(asked[0].payload)["command"] == "release_emergency_stop"
+    wait_until("the release to be asked", lambda: requested)
+    assert json.loads(requested[0].payload)["command"] == "release_emergency_stop"
 
 
 def test_the_history_of_a_robot_is_shown_when_it_is_asked_for(open_page, yard):
@@ -353,9 +353,9 @@ robots:
 """
 
 
-def driven(asked):
+def driven(requested):
     """Return the velocities forward that a robot was asked for."""
-    messages = [json.loads(each.payload) for each in list(asked) if each.parameters["kind"] == "motion"]
+    messages = [json.loads(each.payload) for each in list(requested) if each.parameters["kind"] == "motion"]
     return [message["linear_x"] for message in messages]
 
 
@@ -364,15 +364,15 @@ def pad(open_page, yard):
     """Hold the pad's button for forward; returns the page and the velocities that the robot is asked for."""
 
     def hold(**prepared):
-        asked = yard.answers("rex", Reply("motion", ReplyStatus.ACCEPTED))
+        requested = yard.answers("rex", Reply("motion", ReplyStatus.ACCEPTED))
         page = open_page(**prepared)
         page.click(row(REX))
         page.hover(".axis.forward")
         page.mouse.down()
         # The page is asked each time, because the browser's messages pass only then.
-        wait_until("three velocities", lambda: page.evaluate("1") and driven(asked).count(1.0) >= 3)
-        assert 0.0 not in driven(asked)
-        return page, asked
+        wait_until("three velocities", lambda: page.evaluate("1") and driven(requested).count(1.0) >= 3)
+        assert 0.0 not in driven(requested)
+        return page, requested
 
     return hold
 
@@ -389,10 +389,10 @@ ENDS = {
 
 @pytest.mark.parametrize("ends", ENDS)
 def test_a_robot_is_driven_only_while_the_pad_is_held(pad, ends):
-    page, asked = pad()
+    page, requested = pad()
     ENDS[ends](page)
-    wait_until("the zero", lambda: 0.0 in driven(asked))
-    assert set(driven(asked)[driven(asked).index(0.0) :]) == {0.0}
+    wait_until("the zero", lambda: 0.0 in driven(requested))
+    assert set(driven(requested)[driven(requested).index(0.0) :]) == {0.0}
 
 
 def test_a_pad_ends_when_the_answers_take_too_long(pad):
@@ -402,10 +402,10 @@ def test_a_pad_ends_when_the_answers_take_too_long(pad):
         server = socket.connect_to_server()
         server.on_message(lambda message: None if muted and "drove" in message else socket.send(message))
 
-    page, asked = pad(prepare=lambda page: page.route_web_socket(re.compile("/ws$"), route))
+    page, requested = pad(prepare=lambda page: page.route_web_socket(re.compile("/ws$"), route))
     muted.append(True)
     shows(page, ".pad [role=status]", "no answer within 300 ms")
-    wait_until("the zero", lambda: driven(asked)[-1] == 0.0)
+    wait_until("the zero", lambda: driven(requested)[-1] == 0.0)
 
 
 GAMEPAD = """window.gamepad = {connected: true, axes: [0, 0, 0, 0], buttons: Array(16).fill({})};
@@ -417,7 +417,7 @@ window.hold = (button, forward) => {
 
 
 def test_a_gamepad_drives_only_while_a_shoulder_button_is_held_and_from_sticks_in_the_middle(open_page, yard):
-    asked = yard.answers("rex", Reply("motion", ReplyStatus.ACCEPTED))
+    requested = yard.answers("rex", Reply("motion", ReplyStatus.ACCEPTED))
     page = open_page()
     page.click(row(REX))
     page.wait_for_selector(".pad")
@@ -426,13 +426,13 @@ def test_a_gamepad_drives_only_while_a_shoulder_button_is_held_and_from_sticks_i
     page.evaluate("hold(null, 1)")  # a stick alone moves nothing
     page.evaluate("new Promise((resume) => setTimeout(resume, 120)).then(() => hold(5, 1))")
     shows(page, ".pad [role=status]", "Let go of the sticks")
-    assert driven(asked) == []
+    assert driven(requested) == []
     page.evaluate("hold(5, 0)")
-    wait_until("it holds", lambda: page.evaluate("1") and driven(asked))
+    wait_until("it holds", lambda: page.evaluate("1") and driven(requested))
     page.evaluate("hold(5, 1)")
-    wait_until("it drives", lambda: page.evaluate("1") and 1.0 in driven(asked))
+    wait_until("it drives", lambda: page.evaluate("1") and 1.0 in driven(requested))
     page.evaluate("hold(null, 1)")
-    wait_until("the zero", lambda: page.evaluate("1") and driven(asked)[-1] == 0.0)
+    wait_until("the zero", lambda: page.evaluate("1") and driven(requested)[-1] == 0.0)
 
 
 def test_a_refusal_ends_the_pad_and_is_shown(open_page, yard):
@@ -467,7 +467,7 @@ def test_the_fleet_file_of_an_edge_is_shown_with_what_is_wrong_and_as_text(open_
 
 
 def test_who_has_control_is_asked_for_it_and_gives_it_which_stops_the_robot(open_page, yard):
-    asked = yard.answers("beast", Reply("stop", ReplyStatus.ACCEPTED, done=True))
+    requested = yard.answers("beast", Reply("stop", ReplyStatus.ACCEPTED, done=True))
     anna, ben = open_page(), open_page(operator="ben")
     becomes(yard, "beast", control="ben")
     anna.click(row(BEAST))
@@ -475,8 +475,8 @@ def test_who_has_control_is_asked_for_it_and_gives_it_which_stops_the_robot(open
     shows(anna, "#asks", "ben is asked for beast")
     shows(ben, "#asks", "anna asks for control of beast")
     ben.click("#asks button.primary")
-    wait_until("the stop", lambda: ben.evaluate("1") and asked)
-    message = json.loads(asked[0].payload)
+    wait_until("the stop", lambda: ben.evaluate("1") and requested)
+    message = json.loads(requested[0].payload)
     assert (message["command"], message["session_id"]) == ("stop", "ben")
     shows(anna, "#asks", "ben gave beast")
 

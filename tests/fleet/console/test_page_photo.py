@@ -43,7 +43,7 @@ def test_a_picture_is_shown_when_the_robot_has_taken_one(program, module_at, con
 
 def test_a_picture_is_sent_only_to_who_has_a_session(console, yard):
     with console.page() as page:
-        page.ask("watch", robot="yard-1/rex")
+        page.request("watch", robot="yard-1/rex")
         while "yard-1/rex" not in page.entries.get("photos", {}):
             publish(yard)
             page.next("news")

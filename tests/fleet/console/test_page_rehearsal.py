@@ -51,13 +51,13 @@ def edge(play_edge):
     """Play an edge with a mission whose rehearsal was not passed; gives what it was asked."""
     placed = {"site": Vector3(), "placement": Placement()}
     yard = play_edge("yard-1", robots={"rex": {"health": "ok", "reachable": True, **placed}})
-    asked, states = [], []
+    requested, states = [], []
 
     def answer(question):
         do = question.parameters.get("do")
         shown = MissionState("patrol", "yard-1", "Go round.", inputs={"height": "m"})
         if do in {"rehearse", "rehearsal"}:
-            asked.append((do, json.loads(question.payload)))
+            requested.append((do, json.loads(question.payload)))
             if do == "rehearse":
                 notes = (RehearsalNote(0.1, "it begins"),)
                 states[:] = [
@@ -70,7 +70,7 @@ def edge(play_edge):
         question.answer(msgspec.json.encode(shown))
 
     yard.bus.control.answer("fleet/yard-1/missions/patrol", answer, more=keys.SENDER_SUFFIX)
-    return asked
+    return requested
 
 
 @pytest.fixture

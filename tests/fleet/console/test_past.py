@@ -124,7 +124,7 @@ def values_shown(page):
 
 def test_the_fleet_at_a_second_is_reported_with_its_poses_health_runs_and_events(served, begins):
     with served.page(Permission.VIEW) as page:
-        page.ask("moment", request="one", at=begins + 12.0)
+        page.request("moment", request="one", at=begins + 12.0)
         moment = page.answer("one")["moment"]
     entries = moment["entries"]
     assert entries["poses"][REX] == [22.0, 0.0, 0.0, 0.0, True]
@@ -140,7 +140,7 @@ def test_the_fleet_at_a_second_is_reported_with_its_poses_health_runs_and_events
 def test_fences_joints_and_schedules_are_as_they_were(served, begins):
     def at(moment):
         with served.page(Permission.VIEW) as page:
-            page.ask("moment", request="one", at=begins + moment)
+            page.request("moment", request="one", at=begins + moment)
             return page.answer("one")["moment"]["entries"]
 
     before, after = at(12.0), at(27.0)
@@ -173,11 +173,11 @@ def test_the_page_draws_the_body_and_shows_schedules_without_buttons_in_the_past
 
 def test_a_time_of_which_nothing_is_recorded_is_refused_and_one_after_it_is_reported_as_old(served, begins):
     with served.page() as page:
-        page.ask("moment", request="before", at=begins - 60.0)
+        page.request("moment", request="before", at=begins - 60.0)
         assert "nothing is recorded" in page.answer("before")["reason"]
-        page.ask("moment", request="nan", at=1e300)
+        page.request("moment", request="nan", at=1e300)
         assert "no valid time" in page.answer("nan")["reason"]
-        page.ask("moment", request="after", at=begins + 600.0)
+        page.request("moment", request="after", at=begins + 600.0)
         moment = page.answer("after")["moment"]
     assert moment["recorded"] == begins + LENGTH - 0.5
     assert not moment["entries"]["edges"]["yard-1"]["alive"]
@@ -309,15 +309,15 @@ def test_a_curve_is_broken_where_no_value_was_recorded(open_past):
 def test_who_may_view_gets_series_of_recorded_numbers_and_why_a_request_is_refused(served, begins):
     window = {"robot": REX, "since": begins + 4, "until": begins + 6, "names": ["position.x"]}
     with served.page(Permission.VIEW) as page:
-        page.ask("series", request="one", **window)
+        page.request("series", request="one", **window)
         series = page.answer("one")["series"]
-        page.ask("series", request="two", **(window | {"until": begins}))
+        page.request("series", request="two", **(window | {"until": begins}))
         assert "begins before it ends" in page.answer("two")["reason"]
-        page.ask("series", request="three", **(window | {"robot": "../../etc"}))
+        page.request("series", request="three", **(window | {"robot": "../../etc"}))
         assert "its name is EDGE/ROBOT" in page.answer("three")["reason"]
-        page.ask("series", request="four", **(window | {"points": 10**9}))
+        page.request("series", request="four", **(window | {"points": 10**9}))
         assert "points" in page.answer("")["reason"]
-        page.ask("series", request="five", **(window | {"since": begins - 90, "until": begins - 60}))
+        page.request("series", request="five", **(window | {"since": begins - 90, "until": begins - 60}))
         empty = page.answer("five")["series"]
     assert series["values"]["position.x"][1] == [4.0, 4.5, 5.0, 5.5, 6.0]
     assert (empty["names"], empty["values"]) == ([], {"position.x": [[], []]})

@@ -5,12 +5,12 @@ import socket
 
 import pytest
 
-from fleet.console.links import ConsoleError, LinkAsked
+from fleet.console.links import ConsoleError, LinkRequest
 from fleet.console.program import serve
 from fleet.console.task import ConsoleTask
 from fleet.model.permission import Permission
 
-ASKED = LinkAsked("anna", Permission.ADMIN)
+REQUESTED = LinkRequest("anna", Permission.ADMIN)
 
 
 @pytest.fixture

@@ -11,44 +11,44 @@ DAWN = ScheduleState("dawn", "patrol", "every 3600 s", enabled=True, next=2e9)
 
 
 @pytest.fixture(scope="module")
-def asked(play_edge):
+def requested(play_edge):
     """Play the schedules of an edge; gives what it was asked."""
     yard = play_edge("yard-1", robots={"rex": {}})
-    asked = []
+    requested = []
 
     def take(question):
         wanted = msgspec.json.decode(question.payload)
         answer = ScheduleAnswer((DAWN,))
         if wanted.get("do", "list") != "list":
-            asked.append((wanted, question.suffix))
+            requested.append((wanted, question.suffix))
             off = msgspec.structs.replace(DAWN, enabled=False)
             answer = ScheduleAnswer((off,)) if wanted["name"] == "dawn" else ScheduleAnswer(refusal="no such")
         question.reply(msgspec.json.encode(answer))
         question.close()
 
     yard.bus.control.answer(keys.schedules("yard-1"), take, more=keys.SENDER_SUFFIX)
-    return asked
+    return requested
 
 
-def test_a_schedule_is_shown_and_switched_by_the_operators_name(console, asked):
+def test_a_schedule_is_shown_and_switched_by_the_operators_name(console, requested):
     with console.page(Permission.OPERATE) as page:
         assert page.wait_for("schedules", "yard-1/dawn")["trigger"] == "every 3600 s"
-        page.ask("schedule", request="r", edge="yard-1", name="dawn", do="disable")
+        page.request("schedule", request="r", edge="yard-1", name="dawn", do="disable")
         assert page.answer("r")["status"] == "accepted"
         page.wait_for("schedules", "yard-1/dawn", lambda entry: not entry["enabled"])
-    assert asked[-1] == ({"do": "disable", "name": "dawn", "by": "anna"}, "/as/operate/_local")
+    assert requested[-1] == ({"do": "disable", "name": "dawn", "by": "anna"}, "/as/operate/_local")
 
 
-def test_what_the_edge_refuses_is_reported(console, asked):
+def test_what_the_edge_refuses_is_reported(console, requested):
     with console.page() as page:
         page.wait_for("edges", "yard-1", lambda edge: edge["alive"])
-        page.ask("schedule", request="r", edge="yard-1", name="dusk", do="run")
+        page.request("schedule", request="r", edge="yard-1", name="dusk", do="run")
         assert page.answer("r")["reason"] == "no such"
 
 
-def test_who_may_only_view_switches_none(console, asked):
-    before = len(asked)
+def test_who_may_only_view_switches_none(console, requested):
+    before = len(requested)
     with console.page(Permission.VIEW) as page:
-        page.ask("schedule", request="r", edge="yard-1", name="dawn", do="run")
+        page.request("schedule", request="r", edge="yard-1", name="dawn", do="run")
         assert "it needs the permission operate" in page.answer("r")["reason"]
-    assert len(asked) == before
+    assert len(requested) == before

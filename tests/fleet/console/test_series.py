@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.console.past import RecordingReader
-from fleet.console.requests import SeriesAsked
+from fleet.console.requests import PageSeriesRequest
 from fleet.console.series import MOST_SPENT, MOST_WINDOW, Thinned, read_series, require_bounds
 from fleet.errors import Refused
 from fleet.record.messages import Message
@@ -76,7 +76,7 @@ def test_a_peak_of_one_value_among_thousands_stays():
 )
 def test_a_robot_or_window_that_cannot_be_is_refused(robot, since, until, why):
     with pytest.raises(Refused, match=why):
-        require_bounds(SeriesAsked("r", robot, since, until))
+        require_bounds(PageSeriesRequest("r", robot, since, until))
 
 
 @pytest.fixture(scope="module")
@@ -88,10 +88,10 @@ def folder(tmp_path_factory):
 
 
 def read(folder, *names, since=0.0, until=SECONDS, points=1000, spent=lambda: 0.0, robot="yard-1/rex"):
-    asked = SeriesAsked("r", robot, BEGINS + since, BEGINS + until, names, points)
-    window = Window(f"/{robot}/", asked.since, asked.until)
+    requested = PageSeriesRequest("r", robot, BEGINS + since, BEGINS + until, names, points)
+    window = Window(f"/{robot}/", requested.since, requested.until)
     Past(folder).find(window)
-    return read_series(asked, window, spent)
+    return read_series(requested, window, spent)
 
 
 def test_the_values_of_the_window_are_reported_at_their_times(folder):
@@ -145,8 +145,10 @@ async def test_a_file_that_is_cut_off_is_reported_with_the_series(tmp_path):
     (path,) = tmp_path.glob("*.mcap")
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 4])
     recordings = RecordingReader(lambda: [tmp_path])
-    found = await recordings.series(SeriesAsked("r", "yard-1/rex", BEGINS, BEGINS + 10, ("position.x",)))
+    found = await recordings.series(
+        PageSeriesRequest("r", "yard-1/rex", BEGINS, BEGINS + 10, ("position.x",))
+    )
     assert found["values"]["position.x"][1][0] == 0.0
     assert path.name in found["problems"][0]
     with pytest.raises(Refused, match="begins before it ends"):
-        await recordings.series(SeriesAsked("r", "yard-1/rex", BEGINS, BEGINS))
+        await recordings.series(PageSeriesRequest("r", "yard-1/rex", BEGINS, BEGINS))

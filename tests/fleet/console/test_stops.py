@@ -26,7 +26,7 @@ def yard(play_edge, console):
 
 def test_everything_is_stopped_and_seen_to_stand_robot_by_robot(console, yard):
     with console.page() as page:
-        page.ask("stop", request="all", why="a test")
+        page.request("stop", request="all", why="a test")
         assert page.answer("all")["stop"]["everything"]
         ended = page.wait_for("stops", "all", lambda stop: not stop["open"])
     assert yard.stops[-1] == []
@@ -40,7 +40,7 @@ def test_everything_is_stopped_and_seen_to_stand_robot_by_robot(console, yard):
 
 def test_one_robot_is_stopped_and_no_other(console, yard):
     with console.page() as page:
-        page.ask("stop", request="one", robots=["yard-1/rex"])
+        page.request("stop", request="one", robots=["yard-1/rex"])
         stop = page.answer("one")["stop"]
     assert (list(stop["robots"]), yard.stops[-1]) == (["yard-1/rex"], ["rex"])
 
@@ -48,7 +48,7 @@ def test_one_robot_is_stopped_and_no_other(console, yard):
 def test_a_stop_that_comes_by_both_ways_is_one_stop(console, yard):
     before = len(yard.stops)
     with console.page() as page:
-        page.ask("stop", request="twice", robots=["yard-1/beast"])
+        page.request("stop", request="twice", robots=["yard-1/beast"])
         page.answer("twice")
         status, _, body = console.post(
             "/api/stop",
@@ -74,14 +74,14 @@ def test_a_stop_without_a_websocket_is_answered_and_followed(console, yard):
 
 def test_a_robot_that_nobody_has_did_not_answer(console, yard):
     with console.page() as page:
-        page.ask("stop", request="nobody", robots=["yard-1/ghost"])
+        page.request("stop", request="nobody", robots=["yard-1/ghost"])
         ended = page.wait_for("stops", "nobody", lambda stop: not stop["open"])
     assert ended["robots"]["yard-1/ghost"]["outcome"] == NO_ANSWER
 
 
 def test_a_stop_works_with_no_edge_at_all_and_says_that_it_reached_nobody(runtime, serve_console):
     with serve_console(runtime, "alone", only=True) as alone, alone.page() as page:
-        page.ask("stop", request="all")
+        page.request("stop", request="all")
         answer = page.answer("all")
         assert (answer["status"], answer["stop"]["robots"]) == ("accepted", {})
 
@@ -93,7 +93,7 @@ def test_the_supervisors_are_asked_at_the_same_time(console, yard, monkeypatch):
 
     monkeypatch.setattr("fleet.console.stops.stop_all", stop_all)
     with console.page() as page:
-        page.ask("stop", request="away", robots=["far-1/rover"])
+        page.request("stop", request="away", robots=["far-1/rover"])
         stop = page.answer("away")["stop"]
     assert stop["robots"]["far-1/rover"]["way"] == "supervisor"
     assert stop["problems"][0].startswith("edge gone-1 is away: mule was halted")
@@ -102,7 +102,7 @@ def test_the_supervisors_are_asked_at_the_same_time(console, yard, monkeypatch):
 def test_a_way_that_fails_keeps_no_other_way_from_stopping(console, yard, monkeypatch):
     monkeypatch.setattr("fleet.console.stops.stop_all", lambda *_, **__: 1 / 0)
     with console.page() as page:
-        page.ask("stop", request="broken", robots=["yard-1/rex"])
+        page.request("stop", request="broken", robots=["yard-1/rex"])
         stop = page.answer("broken")["stop"]
     assert stop["robots"]["yard-1/rex"]["acknowledged"] >= 1
     assert stop["problems"] == ["supervisors: division by zero"]

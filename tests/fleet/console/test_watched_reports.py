@@ -25,7 +25,7 @@ class PlayedBus:
         self.heard[key] = call
         return lambda: self.heard.pop(key)
 
-    def ask_later(self, key, _payload, *, timeout, on_answer, on_end):
+    def request_later(self, key, _payload, *, timeout, on_answer, on_end):
         if self.photo:
             on_answer(self.photo)
 

@@ -101,7 +101,9 @@ async def unplugged():
 
 
 def low_battery():
-    watch = BatteryWatch(BatteryPolicy(action="land"), event_reporter=Mock(), ask=Mock(), free=lambda: True)
+    watch = BatteryWatch(
+        BatteryPolicy(action="land"), event_reporter=Mock(), request=Mock(), free=lambda: True
+    )
     watch.observe(5.0)
     return watch.forced
 

@@ -141,7 +141,7 @@ class Bench:
         self.controller.attach(self.adapter)
         self.controller.found()
 
-    def ask(self, what: Any, *, waits: bool = False) -> list[Reply]:
+    def request(self, what: Any, *, waits: bool = False) -> list[Reply]:
         """Ask the controller; the list fills with the answers."""
         answers: list[Reply] = []
         self.controller.receive(what, Receipt(getattr(what, "name", "navigate"), answers.append, waits=waits))
@@ -219,17 +219,17 @@ async def make_bench() -> AsyncIterator[Callable[..., Bench]]:
 
 
 @pytest.fixture
-def asks() -> Any:
+def requests() -> Any:
     """Return the makers of asks, as one value."""
 
-    class Asks:
+    class RequestFactory:
         command = staticmethod(a_command)
         setpoint = staticmethod(a_setpoint)
         goal = staticmethod(a_goal)
         settle = staticmethod(settle)
         until = staticmethod(until)
 
-    return Asks
+    return RequestFactory
 
 
 TOY = '''

@@ -57,7 +57,7 @@ class Walker(Adapter[WalkerConfig]):
         self.turn = yaw
         self.yaw = 0.0
         self.velocity = Vector3()  # m/s in its own world
-        self.asked = ZERO_VELOCITY
+        self.requested = ZERO_VELOCITY
         self.silent = False
         self.stops = 0
         self._orders = deque()  # told, and not obeyed yet
@@ -73,7 +73,7 @@ class Walker(Adapter[WalkerConfig]):
             self.robot.report(PoseReport(now, self.world, quaternion_from_yaw(self.yaw)))
 
     def _wanted(self):
-        return rotate_to_world(self.asked.linear, self.yaw)
+        return rotate_to_world(self.requested.linear, self.yaw)
 
     def _step(self):
         change = self._wanted() - self.velocity
@@ -81,7 +81,7 @@ class Walker(Adapter[WalkerConfig]):
         if change.norm() > most:
             change = change.scaled(most / change.norm())
         self.velocity = self.velocity + change
-        self.yaw += self.asked.yaw_rate * STEP
+        self.yaw += self.requested.yaw_rate * STEP
         step = self.velocity.scaled(STEP)
         self.world = self.world + step
         self.site = self.site + rotate_to_world(step, self.turn)
@@ -100,7 +100,7 @@ class Walker(Adapter[WalkerConfig]):
         call(*arguments)
 
     def drive(self, velocity):
-        self._later(setattr, self, "asked", velocity)
+        self._later(setattr, self, "requested", velocity)
 
     async def stop(self, reason):
         self.stops += 1
@@ -111,7 +111,7 @@ class Walker(Adapter[WalkerConfig]):
         self._later(self._stand)
 
     def _stand(self):
-        self.asked = ZERO_VELOCITY
+        self.requested = ZERO_VELOCITY
 
 
 class Flyer(Walker):
@@ -242,7 +242,7 @@ class Field:
             await asyncio.gather(*tasks, return_exceptions=True)
             self.scheduler.stop()
 
-    def ask(self, name, what):
+    def request(self, name, what):
         """Ask a robot; return the list that fills with the answers."""
         answers = []
         self.robots[name].controller.receive(
@@ -254,14 +254,14 @@ class Field:
         """Send a robot to a place in the site's frame."""
         placement = self.traffic.in_site(name).placement
         goal = GoTo(Goal(placement.to_world(Vector3(x, y, z))))
-        return self.ask(name, Navigate(goal, uuid.uuid4().hex, TELE))
+        return self.request(name, Navigate(goal, uuid.uuid4().hex, TELE))
 
     def drive(self, name, x=0.0, y=0.0, turn=0.0):
         """Have a robot hold a body velocity for the lease."""
-        return self.ask(name, Setpoint(Velocity(Vector3(x, y), turn), origin=TELE))
+        return self.request(name, Setpoint(Velocity(Vector3(x, y), turn), origin=TELE))
 
     def command(self, name, command, **data):
-        return self.ask(name, Command(command, data, origin=TELE))
+        return self.request(name, Command(command, data, origin=TELE))
 
     def state(self, name):
         return self.robots[name].state()

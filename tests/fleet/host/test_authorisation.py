@@ -71,7 +71,7 @@ def commands_of(robot):
     return sorted(own | set(VERBS) | set(SETTINGS) | {"move", "restart_adapter", "release_emergency_stop"})
 
 
-def asks_of(robot, source):
+def requests_of(robot, source):
     """Return each thing that can be asked: its name, kind, payload, and whether it is navigation."""
     for name in commands_of(robot):
         body = {"command": name, "data": DATA.get(name, {})}
@@ -106,13 +106,13 @@ def test_a_robot_obeys_its_source_types_for_everything_and_nobody_else(_name, ad
     async def wrong():
         robot = robot_of(adapter, fields)
         for source, transport in itertools.product(SOURCES, (Transport.CLOUD, Transport.BUS)):
-            for ask, kind, payload, navigation in asks_of(robot, source):
+            for request, kind, payload, navigation in requests_of(robot, source):
                 allowed = SIMULATED if simulated else REAL | ({"edge"} if navigation else set())
                 local = transport is Transport.BUS and source == MISSING
                 expected = "admitted" if source in allowed or local else "source"
                 found = verdict(robot, kind, payload, transport)
                 if found not in (expected, "impossible"):
-                    yield source, transport, ask, found
+                    yield source, transport, request, found
 
     async def all_wrong():
         return [each async for each in wrong()]

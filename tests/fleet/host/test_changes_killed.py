@@ -19,7 +19,7 @@ from fleet.bus import keys
 from fleet.config.difference import outline_of
 from fleet.config.load import load
 from fleet.host.edge.last_configuration import last_configuration
-from fleet.model.change import ChangesAsked
+from fleet.model.change import ChangesRequest
 from fleet.spool.state_folder import state_folder
 
 HERE = {"worker": "main"}
@@ -89,8 +89,8 @@ def killed(place, step, *, after=None):
         assert edge.stdout.readline() == "ready\n"
         changed(place)
         session = place.bus_session()
-        asked = msgspec.json.encode(ChangesAsked("apply"))
-        ended = session.ask(keys.changes(place.id), asked, timeout=30)
+        requested = msgspec.json.encode(ChangesRequest("apply"))
+        ended = session.request(keys.changes(place.id), requested, timeout=30)
         if after is not None:
             try:
                 edge.wait(after)
@@ -101,12 +101,12 @@ def killed(place, step, *, after=None):
         list(ended)
 
 
-async def begins_with_the_whole_new_file(place, run_edge, asks):
+async def begins_with_the_whole_new_file(place, run_edge, requests):
     edge = place.edge()
     folder = state_folder(place.id, edge._config.edge.spool.path)
     async with run_edge(edge):
         assert sorted(edge.process.robots) == ["ada", "max2", "maxine", "rex"]
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
         stopped = {state.name for state in edge.states() if state.emergency_stop}
         assert stopped == {"maxine"}
         assert edge.process.robots["max2"].config.stands
@@ -123,15 +123,17 @@ def place(yard, tmp_path):
 
 
 @pytest.mark.parametrize("step", STEPS, ids=lambda step: step.rpartition(":")[2])
-async def test_killed_at_a_step_the_next_start_has_the_new_file_and_every_stop(place, run_edge, asks, step):
+async def test_killed_at_a_step_the_next_start_has_the_new_file_and_every_stop(
+    place, run_edge, requests, step
+):
     await asyncio.to_thread(killed, place, step)
-    await begins_with_the_whole_new_file(place, run_edge, asks)
+    await begins_with_the_whole_new_file(place, run_edge, requests)
 
 
 @pytest.mark.parametrize("number", range(3))
 async def test_killed_at_any_instant_the_next_start_has_the_new_file_and_every_stop(
-    place, run_edge, asks, number
+    place, run_edge, requests, number
 ):
     instant = random.Random(number).uniform(0.0, 0.4)
     await asyncio.to_thread(killed, place, "", after=instant)
-    await begins_with_the_whole_new_file(place, run_edge, asks)
+    await begins_with_the_whole_new_file(place, run_edge, requests)

@@ -15,7 +15,7 @@ import pytest
 from fleet.bus import keys
 from fleet.bus.bus import join
 from fleet.bus.settings import BusSettings
-from fleet.model.change import ChangeKind, ChangesAnswer, ChangesAsked, Outcome
+from fleet.model.change import ChangeKind, ChangesAnswer, ChangesRequest, Outcome
 from fleet.model.command import Transport
 from fleet.model.report import PoseReport
 from fleet.wire.databus import decode_report
@@ -132,18 +132,20 @@ def load_of(yard):
     return make
 
 
-async def test_robots_that_are_not_changed_lose_no_message_and_no_lease(load_of, run_edge, asks, request):
+async def test_robots_that_are_not_changed_lose_no_message_and_no_lease(load_of, run_edge, requests, request):
     robots, rounds, each = (50, 25, 3) if request.config.getoption("--soak") else (9, 4, 2)
     place = load_of(robots)
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 60)
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()), 60)
         bus = await asyncio.to_thread(join, BusSettings(place.id), place.runtime)
         load = Load(place, edge, random.Random(7))
         load.hear(bus.reports)
         driving = asyncio.create_task(load.drive())
-        await asks.until(lambda: all(edge.process.robots[name].controller.in_motion for name in load.driven))
-        await asks.until(lambda: all(load.heard.values()), 60)
+        await requests.until(
+            lambda: all(edge.process.robots[name].controller.in_motion for name in load.driven)
+        )
+        await requests.until(lambda: all(load.heard.values()), 60)
         done = []
         for _ in range(rounds):
             load.change_some(each)
@@ -177,11 +179,11 @@ def is_rebuilt(change):
 async def apply(control, place):
     """Apply; return what came of what has changed."""
 
-    def ask():
-        payload = msgspec.json.encode(ChangesAsked("apply"))
-        return [data for _, data in control.ask(keys.changes(place.id), payload, timeout=200)]
+    def request():
+        payload = msgspec.json.encode(ChangesRequest("apply"))
+        return [data for _, data in control.request(keys.changes(place.id), payload, timeout=200)]
 
-    (answer,) = await asyncio.to_thread(ask)
+    (answer,) = await asyncio.to_thread(request)
     answer = msgspec.json.decode(answer, type=ChangesAnswer)
     assert answer.refusal == ""
     return [change for change in answer.changes if change.kind is not ChangeKind.UNTOUCHED]

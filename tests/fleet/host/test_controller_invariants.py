@@ -45,26 +45,26 @@ EVENTS = {
     "found": lambda bench, _: bench.controller.found(),
     "authority": the_pilot_takes_over,
 }
-ASKED = {
-    "command": lambda asks, name, **who: asks.command(name, **who),
-    "stop": lambda asks, name, **who: asks.command(name, **who),
-    "release": lambda asks, _, **who: asks.command("release_emergency_stop", **who),
-    "setpoint": lambda asks, speed, **who: asks.setpoint(x=speed, **who),
-    "goal": lambda asks, action, **who: asks.goal(action, **who),
-    "control": lambda asks, what, **who: Navigate(what, "", asks.command("x", **who).origin),
+REQUESTED = {
+    "command": lambda requests, name, **who: requests.command(name, **who),
+    "stop": lambda requests, name, **who: requests.command(name, **who),
+    "release": lambda requests, _, **who: requests.command("release_emergency_stop", **who),
+    "setpoint": lambda requests, speed, **who: requests.setpoint(x=speed, **who),
+    "goal": lambda requests, action, **who: requests.goal(action, **who),
+    "control": lambda requests, what, **who: Navigate(what, "", requests.command("x", **who).origin),
 }
 
 
-async def play(bench, asks, steps, source, session):
+async def play(bench, requests, steps, source, session):
     """Play the steps; yields each one's kind, the latch before, the answers, what the robot was told."""
     for kind, value in steps:
         before = len(bench.adapter.calls)
         latched, answers = bench.controller.latched, []
-        if kind in ASKED:
-            answers = bench.ask(ASKED[kind](asks, value, source=source, session=session))
+        if kind in REQUESTED:
+            answers = bench.request(REQUESTED[kind](requests, value, source=source, session=session))
         else:
             EVENTS[kind](bench, value)
-        await asks.settle()
+        await requests.settle()
         yield kind, latched, answers, bench.adapter.calls[before:]
 
 
@@ -79,22 +79,22 @@ EXAMPLES = settings(
 
 @EXAMPLES
 @given(steps=STEPS, source=SOURCES, session=SESSIONS)
-def test_every_ask_gets_exactly_one_receipt(make_bench, asks, steps, source, session):
+def test_every_ask_gets_exactly_one_receipt(make_bench, requests, steps, source, session):
     async def check():
         bench = make_bench()
         bench.adapter.go.set()
-        async for kind, _, answers, _ in play(bench, asks, steps, source, session):
-            assert len(answers) == (1 if kind in ASKED else 0)
+        async for kind, _, answers, _ in play(bench, requests, steps, source, session):
+            assert len(answers) == (1 if kind in REQUESTED else 0)
 
     asyncio.run(check())
 
 
 @EXAMPLES
 @given(steps=STEPS, source=SOURCES, session=SESSIONS)
-def test_nothing_moves_while_an_emergency_stop_is_latched(make_bench, asks, steps, source, session):
+def test_nothing_moves_while_an_emergency_stop_is_latched(make_bench, requests, steps, source, session):
     async def check():
         bench = make_bench()
-        async for kind, latched, _, calls in play(bench, asks, steps, source, session):
+        async for kind, latched, _, calls in play(bench, requests, steps, source, session):
             assert not latched or kind == "release" or moves(calls) == []
 
     asyncio.run(check())
@@ -102,10 +102,10 @@ def test_nothing_moves_while_an_emergency_stop_is_latched(make_bench, asks, step
 
 @EXAMPLES
 @given(steps=STEPS, source=st.sampled_from(["sim", None, "edit"]), session=SESSIONS)
-def test_nothing_ever_moves_for_a_source_that_is_not_obeyed(make_bench, asks, steps, source, session):
+def test_nothing_ever_moves_for_a_source_that_is_not_obeyed(make_bench, requests, steps, source, session):
     async def check():
         bench = make_bench()
-        async for _, _, _, calls in play(bench, asks, steps, source, session):
+        async for _, _, _, calls in play(bench, requests, steps, source, session):
             assert moves(calls) == []
 
     asyncio.run(check())
@@ -113,10 +113,10 @@ def test_nothing_ever_moves_for_a_source_that_is_not_obeyed(make_bench, asks, st
 
 @EXAMPLES
 @given(steps=STEPS, source=SOURCES, session=SESSIONS)
-def test_a_velocity_is_never_held_without_a_lease(make_bench, asks, steps, source, session):
+def test_a_velocity_is_never_held_without_a_lease(make_bench, requests, steps, source, session):
     async def check():
         bench = make_bench()
-        async for _ in play(bench, asks, steps, source, session):
+        async for _ in play(bench, requests, steps, source, session):
             last = [one for one in bench.adapter.calls if one != "battery_check"][-1:]
             held = bool(last) and isinstance(last[0], Velocity) and not last[0].is_zero
             assert not held or bench.controller.deadman.armed
@@ -126,10 +126,10 @@ def test_a_velocity_is_never_held_without_a_lease(make_bench, asks, steps, sourc
 
 @EXAMPLES
 @given(steps=STEPS, source=SOURCES, session=SESSIONS)
-def test_nothing_is_said_of_an_action_after_its_end(make_bench, asks, steps, source, session):
+def test_nothing_is_said_of_an_action_after_its_end(make_bench, requests, steps, source, session):
     async def check():
         bench = make_bench()
-        async for _ in play(bench, asks, steps, source, session):
+        async for _ in play(bench, requests, steps, source, session):
             pass
         said = [report for report in bench.reports if getattr(report, "action_id", "") == "a1"]
         states = [str(report.state) for report in said]

@@ -39,8 +39,8 @@ HANGS = 20.0  # s that a journal which is blocked stays so, unless it is freed
 class Question:
     """A query for one robot."""
 
-    def __init__(self, asked, payload, parameters, reply, close, *, suffix=""):
-        self.key = self.asked = asked
+    def __init__(self, requested, payload, parameters, reply, close, *, suffix=""):
+        self.key = self.requested = requested
         self.payload, self.parameters, self.suffix = payload, parameters, suffix
         self.reply, self.close = reply, close
 
@@ -74,19 +74,19 @@ class FakeSession:
             if key in (declared, declared.replace("yard", "*")):
                 call(payload, note)
 
-    def ask(self, key, payload, *, suffix="", **parameters):
+    def request(self, key, payload, *, suffix="", **parameters):
         """Ask; return what was answered, which may come later."""
         answers = []
         self._pass_on(Question(key, payload, parameters, answers.append, lambda: None, suffix=suffix))
         return answers
 
-    def ask_later(self, key, payload, *, timeout, parameters, on_answer, on_end):
+    def request_later(self, key, payload, *, timeout, parameters, on_answer, on_end):
         self._pass_on(Question(key, payload, parameters, on_answer, on_end))
 
     def _pass_on(self, question):
         """Give a question to those who declared its key, or a pattern of it, as Zenoh does."""
         for declared, call in self.takers:
-            if keys_intersect(declared, question.asked):
+            if keys_intersect(declared, question.requested):
                 question.key = declared
                 call(question)
 
@@ -163,7 +163,7 @@ class Rig:
         self.downlink.take()
 
     def over_the_bus(self, payload, **parameters):
-        self.bus_session.ask(keys.command("yard", "rex"), payload, **parameters)
+        self.bus_session.request(keys.command("yard", "rex"), payload, **parameters)
 
 
 TRANSPORTS = {
@@ -421,7 +421,7 @@ def test_a_stop_does_not_depend_on_its_record(adapter_class, caplog, transport, 
         before = len(rig.adapter.calls)
         message = {"command": name, "source_type": "tele", "session_id": "anna", "id": "r1"}
         if transport == "bus command":
-            answers = rig.bus_session.ask(keys.command("yard", "rex"), json.dumps(message).encode())
+            answers = rig.bus_session.request(keys.command("yard", "rex"), json.dumps(message).encode())
         else:
             TRANSPORTS[transport](rig, json.dumps(message).encode())
         for _ in range(12):

@@ -47,27 +47,29 @@ def intruder(request, place, tmp_path):
     )
 
 
-async def test_an_identity_takes_from_a_running_edge_only_what_is_its_own(place, intruder, run_edge, asks):
+async def test_an_identity_takes_from_a_running_edge_only_what_is_its_own(
+    place, intruder, run_edge, requests
+):
     name, join_as = intruder
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: place.words("rex") == ["run"])
+        await requests.until(lambda: place.words("rex") == ["run"])
         bus = await asyncio.to_thread(join_as)
         try:
-            await attack(bus, place, edge, name, asks)
+            await attack(bus, place, edge, name, requests)
         finally:
             await asyncio.to_thread(bus.close)
 
 
-async def test_the_end_of_its_certificate_is_in_the_edges_health(place, run_edge, asks):
+async def test_the_end_of_its_certificate_is_in_the_edges_health(place, run_edge, requests):
     edge = place.edge()
     async with run_edge(edge):
         expected = "certificate yard.pem expires in 20 days, on "
-        await asks.until(lambda: expected in edge.state().cause)
+        await requests.until(lambda: expected in edge.state().cause)
         assert "; make a new one: fleet certs renew" in edge.state().cause
 
 
-async def attack(bus, place, edge, name, asks):
+async def attack(bus, place, edge, name, requests):
     """Try everything; the stop comes last, and shows that all before has come or was refused.
 
     A claim of long ago takes the robot from nobody, whoever makes it: the edge that has it keeps it.
@@ -78,15 +80,15 @@ async def attack(bus, place, edge, name, asks):
     state = json.dumps({"name": "rex", "twin": robot.twin, "adapter": "toy", "edge": place.id, "stamp": 9e9})
     control.put(f"fleet/{place.id}/robots/rex/state", state.encode())
     command = f"fleet/{place.id}/robots/rex/command"
-    answers = await asyncio.to_thread(lambda: list(control.ask(command, COMMAND, timeout=1.0)))
+    answers = await asyncio.to_thread(lambda: list(control.request(command, COMMAND, timeout=1.0)))
     assert len(answers) == (name in COMMANDS)  # it cannot dance, and says so
-    await drive(bus, place, robot, name, asks)
+    await drive(bus, place, robot, name, requests)
     control.put("fleet/*/stop", b"", urgent=True)
-    await asks.until(lambda: robot.controller.latched)
+    await requests.until(lambda: robot.controller.latched)
     assert robot.state().reachable
 
 
-async def drive(bus, place, robot, name, asks):
+async def drive(bus, place, robot, name, requests):
     """Send velocities; a program's move the robot, nobody else's do."""
     velocity = HeaderTemplate("application/json")
     moved = [f"drive:{0.2:g}"]
@@ -96,7 +98,7 @@ async def drive(bus, place, robot, name, asks):
         return any(word in moved for word in place.words("rex"))
 
     if name in DRIVES:
-        await asks.until(put)
+        await requests.until(put)
         return
     for _ in range(5):
         assert not put()

@@ -83,20 +83,20 @@ class Life:
         self.controller.found()
 
     def _watched(self, judge):
-        def judged(ask, **more):
-            refusal = judge(ask, **more)
-            name = ask.id if isinstance(ask, Command) else ask.name
+        def judged(request, **more):
+            refusal = judge(request, **more)
+            name = request.id if isinstance(request, Command) else request.name
             if refusal is None and name:
                 self.note(What.ADMITTED, name)
             return refusal
 
         return judged
 
-    def note(self, what: What, ask: str = "", **fields: Any) -> None:
+    def note(self, what: What, request: str = "", **fields: Any) -> None:
         at = self.clock.monotonic() + len(self.events) * 1e-7
-        self.events.append(Event(at, what, "rex", ask, stamp=self.stamps.get(ask), **fields))
+        self.events.append(Event(at, what, "rex", request, stamp=self.stamps.get(request), **fields))
 
-    def ask(self, kind: str, number: int, age: float, source: str | None) -> None:
+    def request(self, kind: str, number: int, age: float, source: str | None) -> None:
         origin, stamp = Origin(Transport.CLOUD, source, "anna"), self.clock.time() - age
         name = f"{kind}-{number}"
         if kind in ("step", "drive"):
@@ -123,7 +123,7 @@ async def live(steps) -> list[Event]:
     last = ("step", 1)
     for number, (kind, age, source, pause) in enumerate(steps, 1):
         kind, number = last if kind == "repeat" else (kind, number)  # noqa: PLW2901
-        life.ask(kind, number, age, source)
+        life.request(kind, number, age, source)
         last = (kind, number) if kind == "step" else last
         for _ in range(4 if pause else 0):
             await asyncio.sleep(0)
@@ -139,15 +139,18 @@ async def live(steps) -> list[Event]:
 def test_no_order_of_asks_breaks_a_promise(steps):
     events = asyncio.run(live(steps))
     assert broken(events, RULES) == []
-    assert broken([event for event in events if event.ask.startswith("drive")], VELOCITIES) == []
+    assert broken([event for event in events if event.request.startswith("drive")], VELOCITIES) == []
 
 
 def test_the_checker_sees_what_happens_here():
     events = asyncio.run(live([("step", 0.0, "tele", 0.2), ("drive", 0.1, "tele", 0.0)]))
-    assert [event.what for event in events if event.ask == "step-1"] == [
+    assert [event.what for event in events if event.request == "step-1"] == [
         What.RECEIVED,
         What.ADMITTED,
         What.EXECUTED,
         What.REPLIED,
     ]
-    assert [event.what for event in events if event.ask == "drive-2"][-2:] == [What.EXECUTED, What.REPLIED]
+    assert [event.what for event in events if event.request == "drive-2"][-2:] == [
+        What.EXECUTED,
+        What.REPLIED,
+    ]

@@ -106,7 +106,7 @@ class World:
             stamp = self.clock.time()
             self.controller.observe(PoseReport(stamp, Vector3(self.x, self.y), quaternion_from_yaw(self.yaw)))
 
-    def ask(self, what):
+    def request(self, what):
         answers = []
         self.controller.receive(what, Receipt("it", answers.append))
         return answers
@@ -133,7 +133,7 @@ def goal(x, y, yaw=None, action="a1", **more):
 
 async def test_it_goes_to_a_goal_and_says_so_once(world):
     world.observe()
-    (first,) = world.ask(goal(1.0, 1.0, yaw=0.0))
+    (first,) = world.request(goal(1.0, 1.0, yaw=0.0))
     assert first.ok
     await world.until(lambda: world.states()[-1] == "completed")
     assert (world.x, world.y, world.yaw) == pytest.approx((1.0, 1.0, 0.0), abs=0.1)
@@ -153,27 +153,27 @@ async def test_a_verb_with_a_distance_ends_there_and_its_repeat_moves_nothing(wo
     world.observe()
     can = capabilities(Cart)
     move = goal_of(Command(verb, {"distance": 1.0}, TELE, id="q1"), can, VerbSpeeds(can.limits).of)
-    (first,) = world.ask(move)
+    (first,) = world.request(move)
     assert first.ok
     await world.until(lambda: world.states()[-1] == "completed")
     assert (world.x, world.y) == pytest.approx((x, 0.0), abs=0.05)
     assert (world.cart.velocity, world.controller.deadman.armed) == (Velocity(), False)
     world.cart.velocities.clear()
-    world.ask(move)
+    world.request(move)
     await world.pass_time(1.0)
     assert world.cart.velocities == []
     assert world.controller.last.command == verb
 
 
 async def test_without_a_pose_it_is_not_led_and_the_reason_is_reported(world):
-    (first,) = world.ask(goal(1.0, 1.0))
+    (first,) = world.request(goal(1.0, 1.0))
     assert "has reported no pose" in first.reason
     assert world.states() == ["failed"]
 
 
 async def test_what_the_follower_asks_is_clamped_and_has_a_lease(world):
     world.observe()
-    world.ask(goal(3.0, 0.0, constraints=Constraints(max_speed=9.0)))
+    world.request(goal(3.0, 0.0, constraints=Constraints(max_speed=9.0)))
     await world.until(lambda: world.states()[-1] == "completed")
     assert max(velocity.linear.x for velocity in world.cart.velocities) == pytest.approx(0.5)
     assert not world.controller.deadman.armed
@@ -181,14 +181,14 @@ async def test_what_the_follower_asks_is_clamped_and_has_a_lease(world):
 
 async def test_an_asker_may_slow_it_down(world):
     world.observe()
-    world.ask(goal(2.0, 0.0, constraints=Constraints(max_speed=0.2)))
+    world.request(goal(2.0, 0.0, constraints=Constraints(max_speed=0.2)))
     await world.until(lambda: world.states()[-1] == "completed")
     assert max(velocity.linear.x for velocity in world.cart.velocities) <= 0.2 + 1e-9
 
 
 async def test_a_robot_that_tells_no_pose_any_more_is_stopped_and_the_action_fails(world):
     world.observe()
-    world.ask(goal(3.0, 0.0))
+    world.request(goal(3.0, 0.0))
     await world.until(lambda: world.x > 0.5)
     world.tells = False
     await world.until(lambda: world.states()[-1] == "failed")
@@ -199,40 +199,40 @@ async def test_a_robot_that_tells_no_pose_any_more_is_stopped_and_the_action_fai
 
 async def test_teleoperation_takes_over(world):
     world.observe()
-    world.ask(goal(3.0, 0.0))
+    world.request(goal(3.0, 0.0))
     await world.until(lambda: world.x > 0.5)
-    world.ask(Setpoint(Velocity(yaw_rate=0.5), origin=TELE))
+    world.request(Setpoint(Velocity(yaw_rate=0.5), origin=TELE))
     await world.until(lambda: world.states()[-1] == "cancelled")
     assert world.cart.velocity == Velocity(yaw_rate=0.5)
 
 
 async def test_once_a_lease_has_run_out_all_keys_are_up(world):
-    world.ask(Setpoint(Velocity(Vector3(x=0.3)), "move_forward", origin=TELE))
+    world.request(Setpoint(Velocity(Vector3(x=0.3)), "move_forward", origin=TELE))
     world.clock.advance(0.3)
-    world.ask(Setpoint(Velocity(yaw_rate=0.5), "turn_left", origin=TELE))
+    world.request(Setpoint(Velocity(yaw_rate=0.5), "turn_left", origin=TELE))
     world.clock.advance(0.2)
     assert world.controller.deadman.expire(world.clock.monotonic())
     world.controller.motion.lease_ran_out()
-    world.ask(Setpoint(Velocity(Vector3(x=0.3)), "move_forward", origin=TELE))
+    world.request(Setpoint(Velocity(Vector3(x=0.3)), "move_forward", origin=TELE))
     assert world.cart.velocity == Velocity(Vector3(x=0.3))
 
 
 async def test_an_emergency_stop_ends_it_and_nothing_drives_after(world):
     world.observe()
-    world.ask(goal(3.0, 0.0))
+    world.request(goal(3.0, 0.0))
     await world.until(lambda: world.x > 0.5)
     world.controller.emergency("test")
     before = len(world.cart.velocities)
-    world.ask(Command("emergency_stop", origin=TELE))
+    world.request(Command("emergency_stop", origin=TELE))
     await world.until(lambda: world.states()[-1] == "cancelled")
     assert [velocity for velocity in world.cart.velocities[before:] if not velocity.is_zero] == []
 
 
 async def test_a_newer_goal_takes_the_place_of_the_older(world):
     world.observe()
-    world.ask(goal(3.0, 0.0, action="a1"))
+    world.request(goal(3.0, 0.0, action="a1"))
     await world.until(lambda: world.x > 0.5)
-    world.ask(goal(0.0, 0.0, action="a2"))
+    world.request(goal(0.0, 0.0, action="a2"))
     await world.until(lambda: world.states()[-1] == "completed")
     assert world.states().count("cancelled") == 1
     assert (world.x, world.y) == pytest.approx((0.0, 0.0), abs=0.1)
@@ -241,30 +241,30 @@ async def test_a_newer_goal_takes_the_place_of_the_older(world):
 async def test_a_paused_path_goes_on_with_what_is_left_of_it(world):
     world.observe()
     path = FollowPath((Goal(Vector3(1.0)), Goal(Vector3(1.0, 1.0)), Goal(Vector3(0.0, 1.0))), loops=1)
-    world.ask(Navigate(path, "p1", TELE))
+    world.request(Navigate(path, "p1", TELE))
     await world.until(lambda: world.y > 0.5)
-    world.ask(Navigate(Control.PAUSE, "", TELE))
+    world.request(Navigate(Control.PAUSE, "", TELE))
     await world.until(lambda: world.cart.velocity.is_zero)
     before = len(world.cart.velocities)
-    world.ask(Navigate(Control.RESUME, "", TELE))
+    world.request(Navigate(Control.RESUME, "", TELE))
     await world.until(lambda: world.states()[-1] == "completed")
     assert len(world.cart.velocities) > before
     assert (world.x, world.y) == pytest.approx((0.0, 1.0), abs=0.1)
 
 
 async def test_keys_that_are_held_together_combine_and_a_stop_lifts_them(world):
-    world.ask(Setpoint(Velocity(Vector3(0.4)), "move_forward", origin=TELE))
-    world.ask(Setpoint(Velocity(yaw_rate=0.6), "turn_left", origin=TELE))
+    world.request(Setpoint(Velocity(Vector3(0.4)), "move_forward", origin=TELE))
+    world.request(Setpoint(Velocity(yaw_rate=0.6), "turn_left", origin=TELE))
     assert world.cart.velocity == Velocity(Vector3(0.4), 0.6)
-    world.ask(Command("stop", origin=TELE))
+    world.request(Command("stop", origin=TELE))
     await world.until(lambda: world.cart.velocity.is_zero)
-    world.ask(Setpoint(Velocity(yaw_rate=0.6), "turn_left", origin=TELE))
+    world.request(Setpoint(Velocity(yaw_rate=0.6), "turn_left", origin=TELE))
     assert world.cart.velocity == Velocity(yaw_rate=0.6)
 
 
 async def test_a_mission_is_refused_at_once_by_a_robot_that_has_none(world):
     replies = []
-    ask = Navigate(FlyMission("field", (PlanItem("return_to_launch"),)), "m1", TELE, world.clock.time())
-    world.controller.receive(ask, Receipt("start", replies.append, waits=True))
+    request = Navigate(FlyMission("field", (PlanItem("return_to_launch"),)), "m1", TELE, world.clock.time())
+    world.controller.receive(request, Receipt("start", replies.append, waits=True))
     (reply,) = replies
     assert (reply.ok, "carries out no missions" in reply.reason) == (False, True)

@@ -29,7 +29,7 @@ class Site:
         captured = self.capsys.readouterr()
         return code, captured.out + captured.err
 
-    def asked(self):
+    def requested(self):
         """Return what the history has of who asked, with whether the name is proven."""
         history = self.edge.process.history
         found = [*read(history.folder, EventFilter((), 0.0, 90)), *history.waiting()]
@@ -45,7 +45,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 async def site(yard, run_edge, folder, free_port, request):
-    capsys, monkeypatch, asks = map(request.getfixturevalue, ("capsys", "monkeypatch", "asks"))
+    capsys, monkeypatch, requests = map(request.getfixturevalue, ("capsys", "monkeypatch", "asks"))
     assert main(["certs", "init", "site"]) == 0
     place = yard(rex=HERE, max=HERE)
     for name, role in {place.id: "edge", **dict.fromkeys(ROLES, "person")}.items():
@@ -62,21 +62,21 @@ async def site(yard, run_edge, folder, free_port, request):
         (folder / f"{name}.yaml").write_text(json.dumps({"edge": {"id": f"of-{name}"}, "bus": bus}))
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         with tempfile.TemporaryDirectory() as runtime:
             monkeypatch.setenv("FLEET_RUNTIME_DIR", runtime)  # of another computer
             yield Site(place, edge, capsys)
 
 
-async def test_who_may_operate_commands_and_the_history_has_the_name_of_the_certificate(site, asks):
+async def test_who_may_operate_commands_and_the_history_has_the_name_of_the_certificate(site, requests):
     code, output = await site.does("anna", "send", "rex", "walk", "--wait")
     assert (code, "walk done" in output) == (0, True), output
-    await asks.until(lambda: ("walk accepted", "anna", True) in site.asked())
+    await requests.until(lambda: ("walk accepted", "anna", True) in site.requested())
     code, output = await site.does("anna", "history", "rex")
     assert (code, "anna (proven, bus)" in output) == (0, True), output
 
 
-async def test_who_may_view_sees_all_stops_all_and_is_refused_the_rest_with_words(site, asks):
+async def test_who_may_view_sees_all_stops_all_and_is_refused_the_rest_with_words(site, requests):
     code, output = await site.does("vic", "ps")
     assert (code, "rex" in output) == (0, True), output
     code, output = await site.does("vic", "send", "rex", "walk")
@@ -84,21 +84,21 @@ async def test_who_may_view_sees_all_stops_all_and_is_refused_the_rest_with_word
     code, output = await site.does("vic", "mission", "run", "patrol")
     assert (code, NEEDS_OPERATE in output) == (5, True), output
     assert site.place.words("rex") == ["run"]
-    await asks.until(lambda: (f"walk refused: {NEEDS_OPERATE}", "vic", True) in site.asked())
+    await requests.until(lambda: (f"walk refused: {NEEDS_OPERATE}", "vic", True) in site.requested())
     code, output = await site.does("vic", "send", "rex", "stop")
     assert code == 0, output
-    await asks.until(lambda: ("stop asked", "vic", True) in site.asked())
+    await requests.until(lambda: ("stop asked", "vic", True) in site.requested())
     code, output = await site.does("vic", "stop", "rex")
     assert code == 0, output
-    await asks.until(lambda: next(s for s in site.edge.states() if s.name == "rex").emergency_stop)
+    await requests.until(lambda: next(s for s in site.edge.states() if s.name == "rex").emergency_stop)
     code, output = await site.does("vic", "release", "rex")
     assert (code, NEEDS_OPERATE in output) == (5, True), output
 
 
-async def test_missions_and_common_starts_are_for_who_may_operate(site, asks):
+async def test_missions_and_common_starts_are_for_who_may_operate(site, requests):
     code, output = await site.does("anna", "mission", "run", "patrol")
     assert code == 0, output
-    await asks.until(lambda: ("mission patrol completed", "anna", True) in site.asked())
+    await requests.until(lambda: ("mission patrol completed", "anna", True) in site.requested())
     code, output = await site.does("anna", "send", "max", "walk", "--at", "+2s", "--wait")
     assert code == 0, output
     code, output = await site.does("vic", "send", "max", "walk", "--at", "+2s")

@@ -51,8 +51,8 @@ class Requests(RuleBasedStateMachine):
         self.host.begin()
         await asyncio.sleep(0.5)
 
-    async def _then(self, ask, pause):
-        one = ask()
+    async def _then(self, request, pause):
+        one = request()
         await asyncio.sleep(pause)
         return one
 
@@ -108,7 +108,7 @@ class Requests(RuleBasedStateMachine):
         await asyncio.sleep(pause)
 
     @rule(name=st.sampled_from(["release_emergency_stop", "restart_adapter", "take"]), who=WHO, pause=PAUSES)
-    def ask_the_host(self, name, who, pause):
+    def request_the_host(self, name, who, pause):
         self.play(self._then(lambda: self.host.own(name, who), pause))
 
     @rule(pause=PAUSES)
@@ -156,7 +156,7 @@ class Requests(RuleBasedStateMachine):
     def wait(self, pause):
         self.play(asyncio.sleep(pause))
 
-    @precondition(lambda self: self.host.asked)
+    @precondition(lambda self: self.host.requested)
     @rule(number=st.integers(0, 100))
     def settle(self, number):
         self.play(self._settle())
@@ -178,12 +178,12 @@ class Requests(RuleBasedStateMachine):
     @invariant()
     def nothing_from_before_an_end_reaches_it(self):
         host = self.host
-        asked = {one.tag: one.at for one in host.asked}
-        resumed = [one.at for one in host.asked if one.name == "resume"]
+        requested = {one.tag: one.at for one in host.requested}
+        resumed = [one.at for one in host.requested if one.name == "resume"]
         for order in host.machine.reached[self.seen :]:
             if order.kind not in MOVES:
                 continue
-            at = max([asked[order.tag], *(each for each in resumed if each < order.at)])
+            at = max([requested[order.tag], *(each for each in resumed if each < order.at)])
             between = [why for end, why in host.ended_at if at < end < order.at]
             if order.kind == "land":  # a fault does not break off a landing
                 between = [why for why in between if why != "fault"]
@@ -208,7 +208,7 @@ class Requests(RuleBasedStateMachine):
             assert state.emergency_stop
         under_way = [
             one
-            for one in host.asked
+            for one in host.requested
             if one.process == host.process and one.name in MOVES and one.receipt.ended is None
         ]
         assert len(under_way) <= 1
@@ -219,7 +219,7 @@ class Requests(RuleBasedStateMachine):
 
     def _lands(self, tag):
         """Return whether it lands, or was asked to since this request: a landing is not broken off."""
-        return any(one.name == "land" and one.tag >= tag for one in self.host.asked)
+        return any(one.name == "land" and one.tag >= tag for one in self.host.requested)
 
     def settled(self):
         host = self.host
@@ -230,7 +230,7 @@ class Requests(RuleBasedStateMachine):
         assert not controller.motion.may_be_moving
         assert host.robot.state().activity == ("emergency stop" if controller.latched else "")
         assert host.robot.state().health == "ok"
-        for one in host.asked:
+        for one in host.requested:
             if one.process == host.process:
                 self.answered(one)
 
@@ -242,7 +242,8 @@ class Requests(RuleBasedStateMachine):
             assert one.tag in self.host.machine.finished, f"{one.name} is not true"
         if reply.done and one.name in {"stop", "hover", "emergency_stop"}:
             later = any(
-                other.at > one.at and other.name in MOVES | {"move", "navigate"} for other in self.host.asked
+                other.at > one.at and other.name in MOVES | {"move", "navigate"}
+                for other in self.host.requested
             )
             assert one.truths[-1] or later, f"{one.name} is not true"
 

@@ -155,21 +155,21 @@ class Run:
     def _answers(self):
         try:
             with contextlib.closing(self.place.bus_session()) as bus_session:
-                return list(bus_session.ask(keys.health(self.place.id), b"", timeout=2))
+                return list(bus_session.request(keys.health(self.place.id), b"", timeout=2))
         except BusError:
             return False
 
-    def ask(self, message):
+    def request(self, message):
         """Ask the robot, as soon as it can be asked."""
         key = keys.command(self.place.id, "rex")
         with contextlib.closing(self.place.bus_session()) as bus_session:
             return wait_until(
-                "an answer", lambda: [said for _, said in bus_session.ask(key, message, timeout=60)]
+                "an answer", lambda: [said for _, said in bus_session.request(key, message, timeout=60)]
             )
 
     def drive(self):
         """Drive the cart, so that it goes on by itself; return when it was last told so."""
-        wait_until("it is driven", lambda: b'"accepted"' in b"".join(self.ask(MOVE)) and self.cart.moves)
+        wait_until("it is driven", lambda: b'"accepted"' in b"".join(self.request(MOVE)) and self.cart.moves)
 
     def line(self, pattern):
         return wait_until(
@@ -241,7 +241,7 @@ def test_a_stop_that_comes_while_the_edge_is_away_is_set_when_it_is_back(run):
     wait_until("it is dead", lambda: gone(first))
     (answer,) = stop_all(it.place.runtime)
     it.ready(after=first.pid)
-    (refused,) = it.ask(MOVE)
+    (refused,) = it.request(MOVE)
     assert b"emergency stop is set" in refused
     assert answer.kept or answer.names == ("rex",), "in between the edge may be back already"
 
@@ -253,7 +253,7 @@ def test_a_stop_is_answered_by_the_edge_while_it_is_there(run):
     (answer,) = stop_all(it.place.runtime, ("rex",))
     assert (answer.names, answer.edge, answer.kept) == (("rex",), it.place.id, False)
     wait_until("it is told", lambda: not it.cart.moves)
-    assert f"asked by {users()[os.getuid()]} (proven, on this computer)".encode() in it.ask(MOVE)[0]
+    assert f"asked by {users()[os.getuid()]} (proven, on this computer)".encode() in it.request(MOVE)[0]
 
 
 def test_a_stop_reaches_the_robots_of_workers_without_the_bus(run):
@@ -263,7 +263,7 @@ def test_a_stop_reaches_the_robots_of_workers_without_the_bus(run):
     (answer,) = stop_all(it.place.runtime)
     assert (answer.names, answer.kept) == (("rex",), False)
     wait_until("it is told", lambda: not it.cart.moves)
-    assert b"emergency stop is set" in it.ask(MOVE)[0]
+    assert b"emergency stop is set" in it.request(MOVE)[0]
 
 
 def test_fleet_stop_says_that_an_edge_is_away_and_its_stop_is_kept(run):

@@ -52,28 +52,28 @@ def all_states(edges):
     return [state for edge in edges for state in edge.states()]
 
 
-async def test_the_later_edge_leaves_a_twin_to_the_first_and_takes_it_when_that_ends(two, run_edge, asks):
+async def test_the_later_edge_leaves_a_twin_to_the_first_and_takes_it_when_that_ends(two, run_edge, requests):
     place, make_second = two
     async with contextlib.AsyncExitStack() as second_stack:
         async with run_edge(place.edge()):
-            await asks.until(lambda: place.words("rex") == place.words("max") == ["run"])
+            await requests.until(lambda: place.words("rex") == place.words("max") == ["run"])
             second = make_second()
             await second_stack.enter_async_context(run_edge(second))
-            await asks.until(lambda: place.words("own") == ["run"])
-            await asks.until(lambda: place.id in state_of(second, "again").cause)
+            await requests.until(lambda: place.words("own") == ["run"])
+            await requests.until(lambda: place.id in state_of(second, "again").cause)
             again = state_of(second, "again")
             assert (again.health, place.words("again")) == ("offline", [])
             assert again.cause == f"edge {place.id} has its twin; one of the two must leave it out"
             refused = []
-            ask = b'{"command": "hang", "source_type": "tele"}'
-            second.process.robots["again"].read("command", ask, transport=Transport.BUS)(refused.append)
+            request = b'{"command": "hang", "source_type": "tele"}'
+            second.process.robots["again"].read("command", request, transport=Transport.BUS)(refused.append)
             assert not refused[0].ok
-        await asks.until(lambda: state_of(second, "again").health == "ok")
+        await requests.until(lambda: state_of(second, "again").health == "ok")
         assert place.words("again") == ["run"]
 
 
 @pytest.mark.parametrize("seed", range(4))
-async def test_two_edges_that_start_at_any_offset_never_run_a_robot_together(two, run_edge, asks, seed):
+async def test_two_edges_that_start_at_any_offset_never_run_a_robot_together(two, run_edge, requests, seed):
     place, make_second = two
     offset = random.Random(seed).uniform(-1.5, 1.5)
     both = []
@@ -95,38 +95,38 @@ async def test_two_edges_that_start_at_any_offset_never_run_a_robot_together(two
             edges.append(make())
             await stack.enter_async_context(run_edge(edges[-1]))
             await asyncio.sleep(abs(offset) if number == 0 else 0.0)
-        await asks.until(lambda: any(map(runs, edges)))
-        await asks.until(lambda: [one for one in all_states(edges) if "has its twin" in one.cause])
+        await requests.until(lambda: any(map(runs, edges)))
+        await requests.until(lambda: [one for one in all_states(edges) if "has its twin" in one.cause])
         await asyncio.sleep(SEEN_WITHIN)
         watching.cancel()
     assert both == []
 
 
 async def test_a_robot_that_nobody_uses_is_let_go_when_the_cloud_shows_an_edge_that_was_first(
-    two, run_edge, asks
+    two, run_edge, requests
 ):
     place, _ = two
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: place.words("rex") == ["run"])
+        await requests.until(lambda: place.words("rex") == ["run"])
         twin = edge.process.robots["rex"].twin
         edge.cloud_claims.handle_claim(twin, "yard-0")
-        await asks.until(lambda: "yard-0" in state_of(edge, "rex").cause)
+        await requests.until(lambda: "yard-0" in state_of(edge, "rex").cause)
         assert place.words("max") == ["run"]
         edge.cloud_claims.handle_claim(twin, "")
-        await asks.until(lambda: place.words("rex").count("run") == 2)
+        await requests.until(lambda: place.words("rex").count("run") == 2)
 
 
-async def test_a_robot_that_somebody_moves_is_not_let_go_for_what_the_cloud_shows(two, run_edge, asks):
+async def test_a_robot_that_somebody_moves_is_not_let_go_for_what_the_cloud_shows(two, run_edge, requests):
     place, _ = two
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: place.words("rex") == ["run"])
+        await requests.until(lambda: place.words("rex") == ["run"])
         rex = edge.process.robots["rex"]
-        ask = b'{"command": "move_forward", "source_type": "tele"}'
-        rex.read("command", ask, transport=Transport.BUS)(lambda _: None)
+        request = b'{"command": "move_forward", "source_type": "tele"}'
+        rex.read("command", request, transport=Transport.BUS)(lambda _: None)
         edge.cloud_claims.handle_claim(rex.twin, "yard-0")
-        await asks.until(lambda: "yard-0" in edge.state().cause)  # once nothing is worse
+        await requests.until(lambda: "yard-0" in edge.state().cause)  # once nothing is worse
         assert "yard-0" not in state_of(edge, "rex").cause
         assert "halt" not in place.words("rex")
 

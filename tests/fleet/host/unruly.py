@@ -245,7 +245,7 @@ class Unruly(Adapter[UnrulyConfig]):
             raise
 
 
-class Asked(msgspec.Struct):
+class UnrulyRequest(msgspec.Struct):
     """A request, and what became of it. ``at``: its place in the order of events."""
 
     at: int
@@ -273,7 +273,7 @@ class Host:
         self._counter = itertools.count(1)
         self.machine = Machine(self)
         self.mood = Mood()
-        self.asked: list[Asked] = []
+        self.requested: list[UnrulyRequest] = []
         self.ended_at: list[tuple[int, str]] = []  # stops and other ends of all that was asked before
         self.journal = NetChanges()
         self.process = 0
@@ -373,7 +373,7 @@ class Host:
         """Note that nothing that was asked before this may reach the machine from now on."""
         self.ended_at.append((self.count(), why))
 
-    def ask(self, name: str, make: Callable[[int], Any]) -> Asked:
+    def request(self, name: str, make: Callable[[int], Any]) -> UnrulyRequest:
         """Ask for what ``make`` returns for the tag of the request."""
         tag = next(self._tags)
         answers: list[Reply] = []
@@ -384,47 +384,47 @@ class Host:
             truths.append(self.machine.stands)
 
         receipt = Receipt(name, answer, waits=True)
-        one = Asked(self.count(), name, tag, self.process, receipt, answers, truths)
-        self.asked.append(one)
+        one = UnrulyRequest(self.count(), name, tag, self.process, receipt, answers, truths)
+        self.requested.append(one)
         self.robot.requests.begin(make(tag), receipt)
         return one
 
-    def command(self, name: str, who: str = "anna", **data: Any) -> Asked:
+    def command(self, name: str, who: str = "anna", **data: Any) -> UnrulyRequest:
         """Ask for a command."""
-        return self.ask(
+        return self.request(
             name,
             lambda tag: Command(name, {"tag": tag, **data}, origin=_by(who), id=f"{name}-{tag}"),
         )
 
-    def own(self, name: str, who: str = "anna", **data: Any) -> Asked:
+    def own(self, name: str, who: str = "anna", **data: Any) -> UnrulyRequest:
         """Ask for a command of the host."""
-        return self.ask(name, lambda tag: Command(name, data, origin=_by(who), id=f"{name}-{tag}"))
+        return self.request(name, lambda tag: Command(name, data, origin=_by(who), id=f"{name}-{tag}"))
 
-    def drive(self, who: str = "anna", speed: float = 0.5, lease: float | None = None) -> Asked:
+    def drive(self, who: str = "anna", speed: float = 0.5, lease: float | None = None) -> UnrulyRequest:
         """Ask for a velocity; zero ends one."""
-        return self.ask(
+        return self.request(
             "move",
             lambda tag: Setpoint(
                 Velocity(Vector3(speed and speed + tag * TAG)), lease=lease, origin=_by(who)
             ),
         )
 
-    def lead(self, who: str = "anna") -> Asked:
+    def lead(self, who: str = "anna") -> UnrulyRequest:
         """Ask for a joint target."""
-        return self.ask("joints", lambda _tag: JointSetpoint({"arm": 0.5}, origin=_by(who)))
+        return self.request("joints", lambda _tag: JointSetpoint({"arm": 0.5}, origin=_by(who)))
 
-    def send(self, who: str = "anna") -> Asked:
+    def send(self, who: str = "anna") -> UnrulyRequest:
         """Ask for a goal."""
-        return self.ask(
+        return self.request(
             "navigate", lambda tag: Navigate(GoTo(Goal(Vector3(tag * TAG))), f"goal-{tag}", _by(who))
         )
 
-    def control(self, what: Control, who: str = "anna") -> Asked:
+    def control(self, what: Control, who: str = "anna") -> UnrulyRequest:
         """Ask for a control of the present action."""
         name = str(what)
         if what is not Control.RESUME:
             self.ends(name)
-        return self.ask(name, lambda _tag: Navigate(what, "", _by(who)))
+        return self.request(name, lambda _tag: Navigate(what, "", _by(who)))
 
     def fault(self) -> None:
         """Let the robot report a fault."""
@@ -437,12 +437,12 @@ class Host:
         self.robot.controller.authority_lost("pilot")
         self.machine.motion = None
 
-    def stop(self, name: str = "stop", who: str = "anna") -> Asked:
+    def stop(self, name: str = "stop", who: str = "anna") -> UnrulyRequest:
         """Ask for a stop; an emergency stop is set first, as on the thread that received it."""
         self.ends(name)
         if name == "emergency_stop":
             self.robot.controller.emergency(f"{who} asked")
-        return self.ask(name, lambda _tag: Command(name, origin=_by(who)))
+        return self.request(name, lambda _tag: Command(name, origin=_by(who)))
 
 
 class _Seen:

@@ -123,15 +123,15 @@ def test_a_link_that_is_gone_is_not_ready_and_a_halt_does_not_fail(bench):
     bench.motion.halt()
 
 
-ASKS = st.lists(st.sampled_from(["drive", "halt", "look", "busy", "free", "dock"]), max_size=40)
+REQUESTS = st.lists(st.sampled_from(["drive", "halt", "look", "busy", "free", "dock"]), max_size=40)
 
 
-@given(ASKS)
-def test_whatever_is_asked_no_velocity_follows_a_halt_but_a_newer_one(asks):
+@given(REQUESTS)
+def test_whatever_is_asked_no_velocity_follows_a_halt_but_a_newer_one(requests):
     bench, newest = Bench(), None
-    for number, ask in enumerate(asks):
+    for number, request in enumerate(requests):
         bench.said.clear()
-        match ask:
+        match request:
             case "drive":
                 newest = number
                 bench.motion.drive(Velocity(Vector3(float(number))))
@@ -144,6 +144,6 @@ def test_whatever_is_asked_no_velocity_follows_a_halt_but_a_newer_one(asks):
             case "look":
                 bench.after(0.1)
             case _:
-                bench.busy = 99 if ask == "busy" else 0
+                bench.busy = 99 if request == "busy" else 0
         moving = {said for said in bench.said if said not in {b"STOP", b"DOCK"}}
         assert moving <= {b"%.1f" % newest} if newest is not None else not moving

@@ -8,10 +8,10 @@ from fleet.missions.state import (
     BeginTogether,
     Ended,
     Facts,
-    Member,
     PartOutcome,
     Prepare,
     Replied,
+    RunMember,
     Start,
     Tick,
 )
@@ -32,11 +32,11 @@ class Play:
         quorum = options.pop("quorum", {"eye": 1, "feet": 1})
         self.program = Program("patrol", steps, quorum, **options)
         members = [
-            Member(robot, role, at, (plays or {}).get(robot, {}))
+            RunMember(robot, role, at, (plays or {}).get(robot, {}))
             for at, (robot, role) in enumerate(robots.items())
         ]
         members += [
-            Member(robot, role, 0, ours=False, within=False, spare=True) for robot, role in spares.items()
+            RunMember(robot, role, 0, ours=False, within=False, spare=True) for robot, role in spares.items()
         ]
         self.engine = Engine("run", self.program, members)
         for robot in (*robots, *spares):

@@ -33,20 +33,20 @@ from fleet.missions.state import (
     Facts,
     Head,
     Left,
-    Member,
     NotStarted,
-    Occupied,
     Occupy,
     PartOutcome,
     Pause,
     PersonAnswer,
     Phase,
+    PlaceOccupied,
     Prepare,
     Replied,
     Restarted,
     Resume,
     RobotEvent,
     RobotPrepared,
+    RunMember,
     Start,
     StepPart,
     StopAll,
@@ -196,10 +196,11 @@ class Life(RuleBasedStateMachine):
         self.occupying = False
         self.together = ""
         members = [
-            Member(robot, role, at, PLAYS.get(robot, {})) for at, (robot, role) in enumerate(ROBOTS.items())
+            RunMember(robot, role, at, PLAYS.get(robot, {}))
+            for at, (robot, role) in enumerate(ROBOTS.items())
         ]
         if spare:
-            members.append(Member(SPARE, "feet", 0, ours=False, within=False, spare=True))
+            members.append(RunMember(SPARE, "feet", 0, ours=False, within=False, spare=True))
         self.recorded = {member.robot: msgspec.json.encode(member) for member in members}
         self.parts = {}
         self.engine = Engine("run", program, members)
@@ -313,7 +314,11 @@ class Life(RuleBasedStateMachine):
         self.send(NotStarted(step, "the instant came before all had taken it"))
 
     @precondition(lambda self: self.occupying)
-    @rule(event=st.sampled_from([Occupied(), Occupied(), Occupied("gate"), Occupied(late="no")]))
+    @rule(
+        event=st.sampled_from(
+            [PlaceOccupied(), PlaceOccupied(), PlaceOccupied("gate"), PlaceOccupied(late="no")]
+        )
+    )
     def it_hears_of_its_places(self, event):
         self.occupying = self.occupying and bool(event.waits_for)
         self.send(event)
@@ -387,7 +392,7 @@ class Life(RuleBasedStateMachine):
         self.engine = Engine(
             "run",
             self.program,
-            [msgspec.json.decode(each, type=Member) for each in self.recorded.values()],
+            [msgspec.json.decode(each, type=RunMember) for each in self.recorded.values()],
             head=msgspec.json.decode(self.head, type=Head),
             parts=[msgspec.json.decode(each, type=StepPart) for each in self.parts.values()],
         )

@@ -11,24 +11,24 @@ import msgspec
 import pytest
 
 from fleet.config.missions import mission_of
-from fleet.missions.coordination import LAPSES_AFTER, CoordinatorLeases, LeaseAsk
+from fleet.missions.coordination import LAPSES_AFTER, CoordinatorLeases, RobotLeaseRequest
 from fleet.missions.engine import Engine
 from fleet.missions.program import Act, Enter, Leave
-from fleet.missions.report import StartAsk
+from fleet.missions.report import MissionStartRequest
 from fleet.missions.state import (
     Abort,
     Enlisted,
     Facts,
     Head,
     Left,
-    Member,
     NotStarted,
-    Occupied,
     PartOutcome,
     PersonAnswer,
     Phase,
+    PlaceOccupied,
     Restarted,
     RobotPrepared,
+    RunMember,
     RunOutcome,
     StepPart,
     StopAll,
@@ -50,7 +50,7 @@ def restarted(play):
     play.engine = Engine(
         "run",
         play.program,
-        [again(each, Member) for each in old.robots.members.values()],
+        [again(each, RunMember) for each in old.robots.members.values()],
         head=again(old.head, Head),
         parts=[again(each, StepPart) for each in old.robots.parts.values()],
     )
@@ -210,9 +210,9 @@ def test_what_lands_is_not_broken_off(play):
 
 def test_a_place_is_not_free_in_time(play):
     run = play(do(), occupies=("gate",))
-    run.take(Occupied("gate, which run 7 of patrol has"))
+    run.take(PlaceOccupied("gate, which run 7 of patrol has"))
     assert run.engine.head.phase is Phase.OCCUPYING
-    run.take(Occupied(late="gate did not become free in time: run 7 of patrol has it"))
+    run.take(PlaceOccupied(late="gate did not become free in time: run 7 of patrol has it"))
     assert [words for _, words in run.begun()] == ["stop"] * 3, "nothing was begun"
     run.stands(*EVERYBODY)
     assert run.ended is RunOutcome.FAILED
@@ -246,7 +246,7 @@ def test_bus_partition_two_edges(play):
     """The run's side and the other edge's, each for itself; both together: test_partners.py of the edge."""
     run = play(do(failed_do="land"), do("home"))
     leases = CoordinatorLeases()
-    leases.grant(LeaseAsk("run", "yard", {"rover": run.program.steps[0].failed_do}), 0.0)
+    leases.grant(RobotLeaseRequest("run", "yard", {"rover": run.program.steps[0].failed_do}), 0.0)
     run.take(Left("rover", PartOutcome.LOST, "edge barn does not answer"))
     assert [(each.robot, each.do) for each in leases.lapsed(LAPSES_AFTER)] == [("rover", "land")]
     assert "rover" not in [robot for robot, _ in run.begun()[3:]]
@@ -329,7 +329,7 @@ def test_mission_is_edited_or_a_robot_is_removed(yard):
 def test_two_schedules_want_one_robot(yard):
     yard.start()
     other = mission_of("other", {**MISSION, "steps": MISSION["steps"][:1]})
-    found = yard.runs.filling.conflicting_runs(other, other.program({}), StartAsk(run="77"))
+    found = yard.runs.filling.conflicting_runs(other, other.program({}), MissionStartRequest(run="77"))
     assert found == ["3f2a"], "the busy rule decides, and names it"
 
 

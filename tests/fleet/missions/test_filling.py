@@ -6,7 +6,7 @@ from fleet.config.missions import mission_of
 from fleet.errors import Refused
 from fleet.missions.filling import Filling, members_of, needs_of
 from fleet.missions.plan import plans_taken
-from fleet.missions.report import StartAsk
+from fleet.missions.report import MissionStartRequest
 from fleet.missions.roles import RoleCandidate
 from fleet.missions.state import Facts
 
@@ -32,7 +32,7 @@ def robot(name, *can, battery=80.0):
 def fill(*robots, scan=SCAN, outer=OUTER):
     mission = mission_of("patrol", outer, {"scan": mission_of("scan", scan)})
     program = mission.program({})
-    return program, Filling(lambda: list(robots), list, bool).fill(mission, program, StartAsk())
+    return program, Filling(lambda: list(robots), list, bool).fill(mission, program, MissionStartRequest())
 
 
 def test_each_robot_gets_a_role_that_it_is_good_for():
@@ -77,7 +77,7 @@ def test_a_plan_is_flown_by_a_robot_of_the_autopilot_that_it_was_made_for():
     bob = robot("bob", "takeoff", *plans_taken({"px4", "multirotor"}), battery=20.0)
     mission = mission_of("survey", flies)
     program = mission.program({})
-    filled = Filling(lambda: [ada, bob], list, bool).fill(mission, program, StartAsk())
+    filled = Filling(lambda: [ada, bob], list, bool).fill(mission, program, MissionStartRequest())
     assert filled == {"eye": ["bob"]}, "the fuller one has another autopilot"
     with pytest.raises(Refused, match="ada: flies no plan made for px4"):
-        Filling(lambda: [ada], list, bool).fill(mission, program, StartAsk())
+        Filling(lambda: [ada], list, bool).fill(mission, program, MissionStartRequest())

@@ -1,11 +1,11 @@
 """A pause and a resumption of a run: who asked hears what the robots answer, and the run is what it says."""
 
 from fleet.missions.holding import ANSWERED_WITHIN
-from fleet.missions.report import ControlAsk
+from fleet.missions.report import RunControlRequest
 from tests.fleet.missions.yard import MISSION
 
 MOVES = {**MISSION, "steps": [{"id": "go", "do": {"all": {"goto": [1, 2]}}}]}
-PAUSE, RESUME = ControlAsk("pause"), ControlAsk("resume")
+PAUSE, RESUME = RunControlRequest("pause"), RunControlRequest("resume")
 BOTH = ("kestrel", "beast")
 
 
@@ -90,7 +90,7 @@ def test_a_robot_that_does_not_answer_is_reported_in_time(yard):
 def test_who_waits_hears_that_the_run_has_ended(yard):
     yard.start(MOVES)
     answers = yard.controlled("3f2a", PAUSE)
-    yard.controlled("3f2a", ControlAsk("abort"))
+    yard.controlled("3f2a", RunControlRequest("abort"))
     for robot in BOTH:
         yard.done(robot, "stop")
     assert yard.last.outcome == "aborted"

@@ -1,7 +1,7 @@
 """A run whose robots begin together: prepared first, recorded, and only then told the instant."""
 
 from fleet.missions.observed import SHOWN_WITHIN
-from fleet.missions.report import ControlAsk
+from fleet.missions.report import RunControlRequest
 from fleet.missions.store import RunStore
 
 TOGETHER = {
@@ -62,7 +62,7 @@ def test_when_the_instant_is_not_taken_nobody_moves_and_nothing_is_undone(yard):
 
 def test_an_abort_before_the_instant_takes_the_start_back(yard):
     yard.start(TOGETHER)
-    yard.control("3f2a", ControlAsk("abort"))
+    yard.control("3f2a", RunControlRequest("abort"))
     yard.settle()
     assert yard.starts[0].withdrawn
 
@@ -70,13 +70,13 @@ def test_an_abort_before_the_instant_takes_the_start_back(yard):
 def test_a_pause_before_all_have_begun_is_refused_in_words_and_changes_nothing(yard):
     yard.start(TOGETHER)
     for _ in range(2):
-        why = yard.control("3f2a", ControlAsk("pause"))
+        why = yard.control("3f2a", RunControlRequest("pause"))
         yard.turn()
         assert why == "its robots are about to begin together: pause it once they have, or abort it now"
     (start,) = yard.starts
     assert not start.withdrawn
     start.instant()
-    answers = yard.controlled("3f2a", ControlAsk("pause"))
+    answers = yard.controlled("3f2a", RunControlRequest("pause"))
     assert yard.last.phase == "paused"
     assert answers == []
     for robot in ("kestrel", "beast"):
@@ -91,17 +91,19 @@ def test_while_robots_are_asked_whether_they_could_a_pause_is_refused(yard):
     yard.store._thread.submit(lambda: None).result(20)
     while yard.soon and not yard.starts:
         yard.soon.pop(0)()
-    assert yard.control("3f2a", ControlAsk("pause")).startswith("its robots are about to begin together")
+    assert yard.control("3f2a", RunControlRequest("pause")).startswith(
+        "its robots are about to begin together"
+    )
 
 
 def test_one_that_is_lost_before_it_has_begun_keeps_nobody_from_pausing_the_others(yard):
     yard.start({**TOGETHER, "quorum": {"eye": 1, "feet": 0}})
     yard.starts[0].robots.remove("beast")
     yard.starts[0].instant()
-    assert yard.control("3f2a", ControlAsk("pause"))
+    assert yard.control("3f2a", RunControlRequest("pause"))
     yard.robots["beast"].be(reachable=False, cause="its link fell")
     yard.turn()
-    yard.controlled("3f2a", ControlAsk("pause"))
+    yard.controlled("3f2a", RunControlRequest("pause"))
     assert yard.last.phase == "paused"
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from fleet.config.missions import mission_of
-from fleet.missions.report import ControlAsk, StartAsk
+from fleet.missions.report import MissionStartRequest, RunControlRequest
 from fleet.missions.state import Phase
 
 
@@ -57,7 +57,7 @@ def test_it_fails_when_the_place_does_not_become_free_in_time(runs):
 
 
 def test_one_that_waits_can_be_aborted(runs):
-    assert runs.control("b", ControlAsk("abort")) == ""
+    assert runs.control("b", RunControlRequest("abort")) == ""
     runs.settle()
     runs.done("kestrel", "stop")
     assert state(runs, "b").outcome == "aborted"
@@ -107,7 +107,7 @@ def test_after_a_restart_who_waited_waits_again(yard):
 
 def test_a_schedule_finds_only_a_run_in_the_way_where_there_is_no_room(yard):
     yard.start(mission("beast", "pad"), run="a")
-    ask = StartAsk(run="b")
+    ask = MissionStartRequest(run="b")
     other = mission_of("other", mission("kestrel", "pad"))
     assert yard.runs.filling.conflicting_runs(other, other.program({}), ask) == []
     yard.start(mission("kestrel", "pad"), run="c")

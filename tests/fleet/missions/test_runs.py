@@ -7,7 +7,7 @@ import pytest
 from fleet.config.missions import mission_of
 from fleet.errors import Refused
 from fleet.missions.filling import rehearse_command
-from fleet.missions.report import ControlAsk, StartAsk
+from fleet.missions.report import MissionStartRequest, RunControlRequest
 from fleet.missions.runs import BACK_WITHIN, JOIN_WITHIN
 from fleet.missions.store import RunStore
 from fleet.model.command import Transport
@@ -45,7 +45,7 @@ def test_a_state_that_still_names_a_run_which_has_ended_keeps_no_robot_from_the_
 
 def test_what_is_begun_is_on_disk_before_the_robot_hears_of_it(yard):
     found = mission_of("patrol", MISSION)
-    yard.runs.start(found, found.program({}), StartAsk(run="3f2a"), Transport.BUS, lambda *_: None)
+    yard.runs.start(found, found.program({}), MissionStartRequest(run="3f2a"), Transport.BUS, lambda *_: None)
     assert yard.robots["kestrel"].names == [], "the disk has not said so yet"
     yard.settle()
     assert yard.robots["kestrel"].names == ["takeoff"]
@@ -116,9 +116,9 @@ def test_a_mission_that_must_be_rehearsed_is_started_by_a_pass_of_its_robots_whe
 
 
 def test_who_is_refused_for_want_of_a_rehearsal_is_shown_what_to_type():
-    ask = StartAsk(inputs={"height": 4}, robots={"eye": ["kestrel"]})
+    ask = MissionStartRequest(inputs={"height": 4}, robots={"eye": ["kestrel"]})
     assert rehearse_command("patrol", ask) == "fleet mission rehearse patrol height=4 --robot eye=kestrel"
-    assert rehearse_command("patrol", StartAsk(mission=MISSION)) == "fleet mission rehearse FILE"
+    assert rehearse_command("patrol", MissionStartRequest(mission=MISSION)) == "fleet mission rehearse FILE"
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_a_killed_edge_begins_nothing_twice_and_asks(yard):
     assert "restarted in step up.1" in question.text
     yard.done("kestrel", "stop")
     yard.done("beast", "stop")
-    assert yard.control("3f2a", ControlAsk("answer", question=question.id, goes_on=True)) == ""
+    assert yard.control("3f2a", RunControlRequest("answer", question=question.id, goes_on=True)) == ""
     yard.settle()
     yard.done("kestrel", "goto")
     yard.done("beast", "goto")
@@ -216,11 +216,11 @@ def test_a_run_that_fails_in_the_edge_stops_its_robots_and_ends_unknown(yard, mo
 
 def test_controls_tell_why_they_are_refused(yard):
     yard.start()
-    assert yard.control("77", ControlAsk("abort")) == "there is no run '77' under way"
-    assert yard.control("3f2a", ControlAsk("answer")) == "it asks nothing"
-    assert yard.control("3f2a", ControlAsk("resume")) == "not possible while it is step"
-    assert yard.control("3f2a", ControlAsk("pause")) == ""
-    assert yard.control("3f2a", ControlAsk("abort")) == ""
+    assert yard.control("77", RunControlRequest("abort")) == "there is no run '77' under way"
+    assert yard.control("3f2a", RunControlRequest("answer")) == "it asks nothing"
+    assert yard.control("3f2a", RunControlRequest("resume")) == "not possible while it is step"
+    assert yard.control("3f2a", RunControlRequest("pause")) == ""
+    assert yard.control("3f2a", RunControlRequest("abort")) == ""
 
 
 def test_a_robot_of_a_run_that_is_taken_up_again_is_given_to_no_other_run(yard):
@@ -230,7 +230,7 @@ def test_a_robot_of_a_run_that_is_taken_up_again_is_given_to_no_other_run(yard):
         robot.be(run="", reachable=False)
     yard.runs.restore_runs()
     other = mission_of("other", {**MISSION, "steps": MISSION["steps"][:1]})
-    began, ask = [], StartAsk(run="77")
+    began, ask = [], MissionStartRequest(run="77")
     yard.runs.start(other, other.program({}), ask, Transport.MISSION, lambda *given: began.append(given))
     assert "kestrel: it is in run 3f2a" in began[0][2]
     assert yard.runs.filling.conflicting_runs(other, other.program({}), ask) == ["3f2a"]
@@ -240,7 +240,7 @@ def test_what_is_refused_anyway_has_no_run_in_its_way(yard):
     yard.start()
     other = mission_of("patrol", {**MISSION, "rehearse": "required"})
     with pytest.raises(Refused, match="rehearsed"):
-        yard.runs.filling.conflicting_runs(other, other.program({}), StartAsk(run="77"))
+        yard.runs.filling.conflicting_runs(other, other.program({}), MissionStartRequest(run="77"))
 
 
 def test_a_step_that_leads_a_robot_through_its_fence_is_refused_before_anything_moves(yard):

@@ -6,7 +6,7 @@ import sqlite3
 import pytest
 
 from fleet.missions.program import Act, Program, Wait
-from fleet.missions.state import Head, LogNote, Member, Phase, RunOutcome, StepPart, UndoableStep
+from fleet.missions.state import Head, LogNote, Phase, RunMember, RunOutcome, StepPart, UndoableStep
 from fleet.missions.store import MISSIONS, About, RunChange, RunStore
 
 ABOUT = About("r1", "patrol", "ab12", 1000.0, "anna", inputs={"height": 5})
@@ -42,7 +42,7 @@ def save(store, head, touched=(), notes=(), *, new=False, run="r1"):
 def test_a_run_is_found_as_it_was_by_the_next_process(store):
     first = store()
     head = Head(Phase.STEP, at=1, undoable=[UndoableStep(0, "up.1")], loops={"0": 2})
-    member = Member("kestrel", "eye", 0)
+    member = RunMember("kestrel", "eye", 0)
     assert save(first, head, [member, PART], [LogNote("takeoff begun", "kestrel", "up.1")], new=True)
     (kept,) = store().unfinished()
     assert (kept.about, kept.program, kept.head) == (ABOUT, PROGRAM, head)
@@ -51,7 +51,7 @@ def test_a_run_is_found_as_it_was_by_the_next_process(store):
 
 def test_an_ended_run_is_history_with_its_story(store):
     first = store()
-    save(first, Head(), [Member("kestrel", "eye", 0)], [LogNote("one")], new=True)
+    save(first, Head(), [RunMember("kestrel", "eye", 0)], [LogNote("one")], new=True)
     save(first, Head(Phase.ENDED, outcome=RunOutcome.ABORTED), notes=[LogNote("two")])
     second = store()
     assert second.unfinished() == []

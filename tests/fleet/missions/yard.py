@@ -6,7 +6,7 @@ import msgspec
 
 from fleet.config.missions import mission_of
 from fleet.missions.points import SiteMap
-from fleet.missions.report import StartAsk
+from fleet.missions.report import MissionStartRequest
 from fleet.missions.roles import RoleCandidate
 from fleet.missions.runs import Runs
 from fleet.missions.state import Facts
@@ -183,7 +183,7 @@ class Yard:
         self, mission=MISSION, *, run="3f2a", transport=Transport.BUS, others=None, settles=True, **fields
     ):
         began = []
-        ask = StartAsk(run=run, session_id="anna", **fields)
+        ask = MissionStartRequest(run=run, session_id="anna", **fields)
         found = mission_of("patrol", mission, others)
         self.runs.start(found, found.program({}), ask, transport, lambda *given: began.append(given))
         if settles:

@@ -15,6 +15,6 @@ def test_only_what_the_robot_took_is_ok(status):
 
 
 def test_what_is_asked_cannot_be_changed_on_its_way():
-    for asked in (Command("land"), Setpoint(ZERO_VELOCITY), Reply("land", ReplyStatus.ACCEPTED)):
+    for requested in (Command("land"), Setpoint(ZERO_VELOCITY), Reply("land", ReplyStatus.ACCEPTED)):
         with pytest.raises(AttributeError, match="immutable"):
-            asked.id = "other"
+            requested.id = "other"

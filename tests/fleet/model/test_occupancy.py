@@ -17,9 +17,9 @@ def granted(*holders):
 
 def test_a_place_is_had_by_as_many_as_fit_and_the_next_waits_until_one_gives_it_back():
     places = Occupancy({"dock": 2})
-    assert places.ask("a", {"dock": 1}, now=0.0, within=10.0) == granted("a")
-    assert places.ask("b", {"dock": 1}, now=0.0, within=10.0) == granted("b")
-    assert places.ask("c", {"dock": 1}, now=0.0, within=10.0) == []
+    assert places.request("a", {"dock": 1}, now=0.0, within=10.0) == granted("a")
+    assert places.request("b", {"dock": 1}, now=0.0, within=10.0) == granted("b")
+    assert places.request("c", {"dock": 1}, now=0.0, within=10.0) == []
     assert places.held("dock") == {"a": 1, "b": 1}
     assert places.release_places("a", now=1.0) == granted("c")
     assert places.held("dock") == {"b": 1, "c": 1}
@@ -27,10 +27,10 @@ def test_a_place_is_had_by_as_many_as_fit_and_the_next_waits_until_one_gives_it_
 
 def test_who_waits_too_long_gives_up_what_it_has_and_learns_who_had_the_rest():
     places = Occupancy({"dock": 1, "pad": 1})
-    places.ask("a", {"pad": 1}, now=0.0, within=5.0)
-    assert places.ask("b", {"dock": 1, "pad": 1}, now=0.0, within=5.0) == []
+    places.request("a", {"pad": 1}, now=0.0, within=5.0)
+    assert places.request("b", {"dock": 1, "pad": 1}, now=0.0, within=5.0) == []
     assert places.held("dock") == {"b": 1}
-    assert places.ask("c", {"dock": 1}, now=1.0, within=60.0) == []
+    assert places.request("c", {"dock": 1}, now=1.0, within=60.0) == []
     assert places.next_end() == 5.0
     assert places.settle(now=4.9) == []
     assert places.settle(now=5.0) == [Settled("b", ClaimVerdict.LATE, "pad", ("a",)), *granted("c")]
@@ -38,17 +38,17 @@ def test_who_waits_too_long_gives_up_what_it_has_and_learns_who_had_the_rest():
 
 def test_who_asked_first_for_a_place_has_it_first_though_less_would_do_for_another():
     places = Occupancy({"yard": 2})
-    places.ask("a", {"yard": 1}, now=0.0, within=9.0)
-    assert places.ask("both", {"yard": 2}, now=0.0, within=9.0) == []
-    assert places.ask("one", {"yard": 1}, now=0.0, within=9.0) == []
+    places.request("a", {"yard": 1}, now=0.0, within=9.0)
+    assert places.request("both", {"yard": 2}, now=0.0, within=9.0) == []
+    assert places.request("one", {"yard": 1}, now=0.0, within=9.0) == []
     assert places.release_places("a", now=1.0) == granted("both")
     assert places.release_places("both", now=2.0) == granted("one")
 
 
 def test_two_that_want_the_same_places_the_other_way_round_do_not_wait_for_each_other():
     places = Occupancy({"dock": 1, "pad": 1})
-    assert places.ask("a", {"pad": 1, "dock": 1}, now=0.0, within=9.0) == granted("a")
-    assert places.ask("b", {"dock": 1, "pad": 1}, now=0.0, within=9.0) == []
+    assert places.request("a", {"pad": 1, "dock": 1}, now=0.0, within=9.0) == granted("a")
+    assert places.request("b", {"dock": 1, "pad": 1}, now=0.0, within=9.0) == []
     assert places.release_places("a", now=1.0) == granted("b")
 
 
@@ -64,15 +64,15 @@ def test_what_nobody_could_ever_have_is_refused(wanted, expected):
     places = Occupancy({"dock": 1})
     assert places.trouble(wanted) == expected
     with pytest.raises(ValueError, match=expected):
-        places.ask("a", wanted, now=0.0, within=1.0)
+        places.request("a", wanted, now=0.0, within=1.0)
     assert places.claims == []
 
 
 def test_a_holder_asks_once_for_all():
     places = Occupancy({"dock": 1, "pad": 1})
-    places.ask("a", {"pad": 1}, now=0.0, within=1.0)
+    places.request("a", {"pad": 1}, now=0.0, within=1.0)
     with pytest.raises(ValueError, match="asked already"):
-        places.ask("a", {"dock": 1}, now=0.0, within=1.0)
+        places.request("a", {"dock": 1}, now=0.0, within=1.0)
 
 
 def test_it_goes_on_from_what_was_kept_of_it():
@@ -97,13 +97,13 @@ class Runs(RuleBasedStateMachine):
                 self.having[each.holder] = wanted
 
     @rule(holder=st.sampled_from(HOLDERS), data=st.data(), within=st.floats(0.1, 20.0))
-    def ask(self, holder, data, within):
+    def request(self, holder, data, within):
         if holder in self.waiting or holder in self.having:
             return
         names = data.draw(st.sets(st.sampled_from(NAMES), min_size=1))
         wanted = {name: data.draw(st.integers(1, self.capacities[name])) for name in names}
         self.waiting[holder] = wanted
-        self.take(self.places.ask(holder, wanted, now=self.now, within=within))
+        self.take(self.places.request(holder, wanted, now=self.now, within=within))
 
     @precondition(lambda self: self.having)
     @rule(data=st.data())

@@ -83,15 +83,15 @@ def test_it_holds_a_body_velocity_until_it_is_halted():
 
 
 def test_take_off_and_landing_change_its_height_and_other_commands_take_a_second():
-    async def ask(adapter, name, **data):
+    async def request(adapter, name, **data):
         spec = adapter.commands()[name]
         await start_command(adapter, spec, Command(name, data))
 
-    assert stand_in(lambda adapter, _: ask(adapter, "takeoff", altitude=4.0))[2] == (1.0, 2.0, 4.0)
+    assert stand_in(lambda adapter, _: request(adapter, "takeoff", altitude=4.0))[2] == (1.0, 2.0, 4.0)
 
     async def down(adapter, _):
-        await ask(adapter, "takeoff", altitude=4.0)
-        await ask(adapter, "land")
+        await request(adapter, "takeoff", altitude=4.0)
+        await request(adapter, "land")
 
     assert stand_in(down)[2] == (1.0, 2.0, 0.0)
 

@@ -121,17 +121,17 @@ def playing(recording, directory):
     return playing
 
 
-def asked(control, key, kind, payload=b""):
+def requested(control, key, kind, payload=b""):
     """Ask until there is an answer."""
     end = time.monotonic() + DEADLINE
     while time.monotonic() < end:
-        for _, data in control.ask(key, payload, timeout=1.0):
+        for _, data in control.request(key, payload, timeout=1.0):
             return decode_json(data, kind)
     raise AssertionError(f"no answer on {key}")
 
 
 async def test_its_robots_are_shown_as_simulated_ones_of_an_edge_of_another_name(playing):
-    state = await playing(lambda control: asked(control, keys.state("*", "*"), RobotState))
+    state = await playing(lambda control: requested(control, keys.state("*", "*"), RobotState))
     assert (state.edge, state.name, state.simulated, state.health) == ("replay-yard", "rex", True, "ok")
 
 
@@ -139,7 +139,7 @@ async def test_its_events_are_reported(playing):
     payload = msgspec.json.encode(EventFilter())
 
     def look(control):
-        while not (found := asked(control, keys.history("replay-yard"), list[Record], payload)):
+        while not (found := requested(control, keys.history("replay-yard"), list[Record], payload)):
             pass
         return found
 
@@ -147,7 +147,7 @@ async def test_its_events_are_reported(playing):
 
 
 async def test_what_is_asked_of_its_robots_is_refused(playing):
-    reply = await playing(lambda control: asked(control, keys.command("replay-yard", "rex"), Reply))
+    reply = await playing(lambda control: requested(control, keys.command("replay-yard", "rex"), Reply))
     assert (reply.status, "nothing here moves" in reply.reason) == ("rejected", True)
 
 
@@ -158,7 +158,7 @@ async def test_no_other_edge_hears_of_it_not_even_of_its_stops(playing, director
     yard = opened(open_edge(BusSettings("yard"), directory))
     for lane in (yard.reports, yard.control):
         lane.subscribe("**", lambda key, _data: heard.append(key))
-    await playing(lambda control: asked(control, keys.health("*"), EdgeState))
+    await playing(lambda control: requested(control, keys.health("*"), EdgeState))
     assert heard == []
 
 

@@ -50,17 +50,17 @@ def toys():
     return space["Toys"]()
 
 
-async def ask(server, **line):
+async def request(server, **line):
     return json.loads(await server.answer(json.dumps(line).encode()))
 
 
 async def test_a_robot_is_added_looked_at_spoiled_and_removed(toys):
-    assert await ask(toys, add={"name": "a"}) == {"url": "toy:a"}
+    assert await request(toys, add={"name": "a"}) == {"url": "toy:a"}
     robot = toys.robots["toy:a"]
-    assert await ask(toys, look={"url": "toy:a"}) == {"x": 1.5}
-    assert await ask(toys, fault={"url": "toy:a", "name": "loss", "value": None}) == {}
+    assert await request(toys, look={"url": "toy:a"}) == {"x": 1.5}
+    assert await request(toys, fault={"url": "toy:a", "name": "loss", "value": None}) == {}
     assert robot.faults == {"loss": None}
-    assert await ask(toys, remove={"url": "toy:a"}) == {}
+    assert await request(toys, remove={"url": "toy:a"}) == {}
     assert (robot.closed, toys.robots) == (True, {})
 
 
@@ -121,9 +121,9 @@ async def test_the_death_of_the_subprocess_is_reported_to_all(module):
             with pytest.raises(LinkLost, match="status -9"):
                 await lost
         with pytest.raises(LinkLost):
-            await simulator.ask({"add": {"name": "b"}})
+            await simulator.request({"add": {"name": "b"}})
 
 
 async def test_before_it_is_started_there_is_nothing_to_ask():
     with pytest.raises(LinkLost):
-        await SimProcess("toys").ask({})
+        await SimProcess("toys").request({})

@@ -168,7 +168,9 @@ def test_a_process_whose_supervisor_goes_ends():
     theirs.send(protocol.encode(Welcome((StopRequest(("rex",)),))))
     stopped, ended = [], []
     supervised = SupervisorClient(ours)
-    supervised.begin("yard", stop=lambda asked: stopped.append(asked.names) or ["rex"], end=ended.append)
+    supervised.begin(
+        "yard", stop=lambda requested: stopped.append(requested.names) or ["rex"], end=ended.append
+    )
     assert stopped == [("rex",)], "before anything is served"
     theirs.send(protocol.encode(StopRequest((), 7)))
     said = lambda: [protocol.decode(theirs.recv(1000)) for _ in range(1)]  # noqa: E731
@@ -255,7 +257,9 @@ def test_a_process_that_nobody_welcomes_stops_all_its_robots():
     theirs.send(b"nonsense")
     stopped = []
     supervised = SupervisorClient(ours)
-    supervised.begin("yard", stop=lambda asked: stopped.append(asked.names) or [], end=lambda _why: None)
+    supervised.begin(
+        "yard", stop=lambda requested: stopped.append(requested.names) or [], end=lambda _why: None
+    )
     assert stopped == [()]
     supervised.close()
     theirs.close()

@@ -135,11 +135,11 @@ async def working():
 class BlocksTheLoop(Rig):
     """Asks its SDK on the event loop, and waits long for the first answer."""
 
-    asked = False
+    requested = False
 
     def tell(self):
-        if not self.asked:
-            self.asked = True
+        if not self.requested:
+            self.requested = True
             time.sleep(HANGS)
         super().tell()
 

@@ -139,9 +139,9 @@ HOSTILE = st.one_of(
 
 
 def test_every_decoder_of_the_table_is_here():
-    asked = {rule.taker.value for rule in INWARD.values() if rule.taker.asks}
+    requested = {rule.taker.value for rule in INWARD.values() if rule.taker.is_request}
     own = {rule.suffix for rule in INWARD.values() if rule.taker is Recipient.EDGE}
-    assert asked | own == set(CLOUD)
+    assert requested | own == set(CLOUD)
     assert f"in {ENVIRONMENT}" in DECODERS
 
 

@@ -115,13 +115,17 @@ def test_an_unstamped_message_without_a_request_id_cannot_be_distinguished_from_
 
 
 def test_a_request_is_a_repeat_when_its_id_and_what_it_asks_are_the_same():
-    def asked(command, data, request_id="1", stamp=5):
+    def requested(command, data, request_id="1", stamp=5):
         message = {"command": command, "data": data, "timestamp": stamp}
         return decode(message, request_id=request_id).id
 
-    first = asked("takeoff", {"altitude": 2})
-    assert first == asked("takeoff", {"altitude": 2}, stamp=6), "the asker tries again"
-    others = asked("land", {}), asked("takeoff", {"altitude": 3}), asked("takeoff", {"altitude": 2}, "2")
+    first = requested("takeoff", {"altitude": 2})
+    assert first == requested("takeoff", {"altitude": 2}, stamp=6), "the asker tries again"
+    others = (
+        requested("land", {}),
+        requested("takeoff", {"altitude": 3}),
+        requested("takeoff", {"altitude": 2}, "2"),
+    )
     assert len({first, *others}) == 4
 
 
@@ -218,9 +222,9 @@ def test_no_number_can_turn_a_verb_round(command, value, own):
 @pytest.mark.parametrize("command", ["ascend", "descend"])
 @pytest.mark.parametrize("distance", [2, -2.0])
 def test_a_distance_is_a_displacement_and_not_a_speed(command, distance):
-    asked = decode({"command": command, "data": {"distance": distance}})
-    assert (asked.name, asked.data) == (command, {"distance": 2.0})
-    assert isinstance(asked, Command)
+    requested = decode({"command": command, "data": {"distance": distance}})
+    assert (requested.name, requested.data) == (command, {"distance": 2.0})
+    assert isinstance(requested, Command)
 
 
 @pytest.mark.parametrize("wrong", ["0.3", True, None, [0.3], {}])
@@ -269,9 +273,9 @@ def test_a_move_that_names_no_axis_is_refused(data):
     ("command", "field"), [("set_linear_velocity", "linear"), ("set_angular_velocity", "angular")]
 )
 def test_a_velocity_that_is_set_is_a_magnitude_to_store_and_no_motion(command, field):
-    asked = decode({"command": command, "data": {field: -0.4}})
-    assert isinstance(asked, Command)
-    assert (asked.name, asked.data) == (command, {field: 0.4})
+    requested = decode({"command": command, "data": {field: -0.4}})
+    assert isinstance(requested, Command)
+    assert (requested.name, requested.data) == (command, {field: 0.4})
     for data, why in (({}, "is missing"), ({"linaer": 1}, "not a field"), ({field: "1"}, "a number")):
         with pytest.raises(BadCommand, match=why):
             decode({"command": command, "data": data})
@@ -322,9 +326,9 @@ def test_the_duration_is_the_lease_within_bounds(duration_ms, lease):
 
 @pytest.mark.parametrize("change", [{"duration_ms": 0}, {"gait": "stand"}])
 def test_a_duration_of_zero_or_standing_is_a_stop(change):
-    asked = velocity({**LOCOMOTION, **change})
-    assert isinstance(asked, Command)
-    assert (asked.name, asked.data) == ("stop", {})
+    requested = velocity({**LOCOMOTION, **change})
+    assert isinstance(requested, Command)
+    assert (requested.name, requested.data) == ("stop", {})
 
 
 @pytest.mark.parametrize(
@@ -444,11 +448,11 @@ REAL = [
 ]
 
 
-def numbers_of(asked):
-    if not isinstance(asked, Setpoint):
+def numbers_of(requested):
+    if not isinstance(requested, Setpoint):
         return []
-    linear = asked.velocity.linear
-    return [linear.x, linear.y, linear.z, asked.velocity.yaw_rate]
+    linear = requested.velocity.linear
+    return [linear.x, linear.y, linear.z, requested.velocity.yaw_rate]
 
 
 def test_no_hostile_bytes_raise_anything_but_a_refusal_or_move_by_a_number_that_is_none(hostile):
@@ -501,10 +505,10 @@ MESSAGES = st.fixed_dictionaries(
 def test_any_json_of_the_right_shape_is_read_or_refused(message):
     for decoder in (decode, twist):
         try:
-            asked = decoder(message)
+            requested = decoder(message)
         except BadCommand:
             continue
-        assert asked is None or isinstance(asked, Command | Setpoint)
+        assert requested is None or isinstance(requested, Command | Setpoint)
 
 
 # -- the usual form, read in one go ----------------------------------------------------------------------

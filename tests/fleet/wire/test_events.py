@@ -54,8 +54,8 @@ def test_an_event_that_nobody_asked_for_names_nobody():
 
 @pytest.mark.parametrize("kind", EventKind)
 def test_what_was_asked_and_how_it_ended_is_not_reported_to_the_cloud_as_an_event(kind):
-    asked = {EventKind.COMMAND, EventKind.OUTCOME, EventKind.STOP, EventKind.RELEASE, EventKind.SCHEDULE}
-    assert bool(published(EventReport(1.0, kind, "x"))) == (kind not in asked) == (kind in CLOUD_EVENTS)
+    requested = {EventKind.COMMAND, EventKind.OUTCOME, EventKind.STOP, EventKind.RELEASE, EventKind.SCHEDULE}
+    assert bool(published(EventReport(1.0, kind, "x"))) == (kind not in requested) == (kind in CLOUD_EVENTS)
 
 
 def test_an_event_on_the_bus_has_the_names_of_its_topic_and_comes_back_whole():

@@ -52,21 +52,25 @@ def changed(where, value):
 
 def test_a_mission_of_the_contract_is_read_whole():
     AerialMissionV1.model_validate(MISSION)
-    asked = read(MISSION)
-    assert (asked.action_id, asked.ask.name, asked.ask.above_sea) == ("e1", "north field", False)
-    kinds = [item.kind for item in asked.ask.items]
+    requested = read(MISSION)
+    assert (requested.action_id, requested.instruction.name, requested.instruction.above_sea) == (
+        "e1",
+        "north field",
+        False,
+    )
+    kinds = [item.kind for item in requested.instruction.items]
     assert kinds == ["waypoint", "loiter_time", "loiter_turns", "return_to_launch"]
-    assert [item.point.altitude for item in asked.ask.items[:3]] == [20.0, 30.0, 20.0]
-    assert asked.ask.items[0].tolerance == 2.0
-    assert (asked.ask.items[2].turns, asked.ask.items[2].clockwise) == (2, False)
-    assert asked.ask.constraints.max_speed == 4.0
+    assert [item.point.altitude for item in requested.instruction.items[:3]] == [20.0, 30.0, 20.0]
+    assert requested.instruction.items[0].tolerance == 2.0
+    assert (requested.instruction.items[2].turns, requested.instruction.items[2].clockwise) == (2, False)
+    assert requested.instruction.constraints.max_speed == 4.0
 
 
 def test_steps_are_the_items_of_a_mission():
     place = {"latitude": 47.0, "longitude": 8.0, "altitude_m": 10}
-    asked = read(steps=[{"type": "waypoint", "params": place}, {"type": "return_to_launch"}])
-    assert [item.kind for item in asked.ask.items] == ["waypoint", "return_to_launch"]
-    assert asked.ask.home is None
+    requested = read(steps=[{"type": "waypoint", "params": place}, {"type": "return_to_launch"}])
+    assert [item.kind for item in requested.instruction.items] == ["waypoint", "return_to_launch"]
+    assert requested.instruction.home is None
 
 
 @pytest.mark.parametrize(
@@ -74,11 +78,11 @@ def test_steps_are_the_items_of_a_mission():
     [("cancel", Control.STOP), ("pause", Control.PAUSE), ("resume", Control.RESUME)],
 )
 def test_controls_are_those_of_the_running_action(command, control):
-    assert read(command=command).ask is control
+    assert read(command=command).instruction is control
 
 
 def test_a_cancel_is_read_however_broken_the_rest_of_it_is():
-    assert read(command="cancel", mission_execution_uuid=7, timestamp="soon").ask is Control.STOP
+    assert read(command="cancel", mission_execution_uuid=7, timestamp="soon").instruction is Control.STOP
 
 
 @pytest.mark.parametrize(

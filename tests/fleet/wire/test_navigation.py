@@ -32,7 +32,7 @@ def decode(message, *, order="auto", **more):
 
 
 def goal_of(message, **more):
-    return decode({"command": "goto", **message}, **more).ask.goal
+    return decode({"command": "goto", **message}, **more).instruction.goal
 
 
 def refused(message, **more):
@@ -45,7 +45,7 @@ def refused(message, **more):
 
 
 def test_a_goto_of_the_sdk_is_read_whole():
-    asked = decode(
+    requested = decode(
         {
             "command": "goto",
             "action_id": "a-1",
@@ -60,13 +60,15 @@ def test_a_goto_of_the_sdk_is_read_whole():
         }
     )
     task = GoTo(Goal(Vector3(1, 2, 0.5), yaw=1.5), Constraints(0.4, 0.2))
-    assert asked == Navigate(task, "a-1", Origin(Transport.CLOUD, "edge", "s"), 1760000000.0)
+    assert requested == Navigate(task, "a-1", Origin(Transport.CLOUD, "edge", "s"), 1760000000.0)
 
 
 def test_the_references_vocabulary_means_the_same():
-    asked = decode({"command": "navigate_to_pose", "action_id": "a", "position": {"x": 1, "y": 2, "z": 3}})
-    assert asked.ask == GoTo(Goal(Vector3(1, 2, 3)))
-    assert decode({"command": "cancel", "action_id": "a"}).ask is Control.STOP
+    requested = decode(
+        {"command": "navigate_to_pose", "action_id": "a", "position": {"x": 1, "y": 2, "z": 3}}
+    )
+    assert requested.instruction == GoTo(Goal(Vector3(1, 2, 3)))
+    assert decode({"command": "cancel", "action_id": "a"}).instruction is Control.STOP
 
 
 @pytest.mark.parametrize(
@@ -80,14 +82,14 @@ def test_the_references_vocabulary_means_the_same():
     ],
 )
 def test_controls_need_nothing_else(command, control):
-    assert decode({"command": command}).ask is control
+    assert decode({"command": command}).instruction is control
 
 
 @pytest.mark.parametrize(
     "flaw", [{"timestamp": "now"}, {"source_type": 1}, {"action_id": 5}, {"session_id": []}]
 )
 def test_a_stop_is_never_refused_for_its_trimmings(flaw):
-    assert decode({"command": "stop", **flaw}).ask is Control.STOP
+    assert decode({"command": "stop", **flaw}).instruction is Control.STOP
     assert refused({"command": "resume", **flaw}).command == "resume"
 
 
@@ -163,7 +165,7 @@ def test_an_offset_from_the_robot_is_not_taken_for_a_place_in_the_world(name):
 def test_things_to_do_at_a_goal_are_refused_and_not_forgotten():
     message = {"command": "goto", "position": [1, 2, 3]}
     assert refused({**message, "actions": [{"plugin": "photo"}]}).where == "actions"
-    assert decode({**message, "actions": []}).ask.goal.position == Vector3(1, 2, 3)
+    assert decode({**message, "actions": []}).instruction.goal.position == Vector3(1, 2, 3)
 
 
 # -- headings -----------------------------------------------------------------------------------------
@@ -177,25 +179,25 @@ def xyzw(rotation):
 
 def test_a_list_is_read_in_the_order_of_its_vocabulary():
     place = {"position": [0, 0, 0]}
-    assert decode({"command": "goto", "rotation": QUARTER, **place}).ask.goal.yaw == pytest.approx(
+    assert decode({"command": "goto", "rotation": QUARTER, **place}).instruction.goal.yaw == pytest.approx(
         math.pi / 2
     )
     seed = {"command": "navigate_to_pose", "rotation": xyzw(QUARTER), **place}
-    assert decode(seed).ask.goal.yaw == pytest.approx(math.pi / 2)
+    assert decode(seed).instruction.goal.yaw == pytest.approx(math.pi / 2)
 
 
 def test_the_ambiguous_rotation_is_decided_by_the_vocabulary():
     message = {"position": [0, 0, 0], "rotation": [0, 0, 0, 1]}
-    assert abs(decode({"command": "goto", **message}).ask.goal.yaw) == pytest.approx(math.pi)
-    assert decode({"command": "navigate_to_pose", **message}).ask.goal.yaw == 0
+    assert abs(decode({"command": "goto", **message}).instruction.goal.yaw) == pytest.approx(math.pi)
+    assert decode({"command": "navigate_to_pose", **message}).instruction.goal.yaw == 0
 
 
 @pytest.mark.parametrize("command", ["goto", "navigate_to_pose"])
 def test_the_configured_order_goes_before_the_vocabulary(command):
     message = {"command": command, "position": [0, 0, 0], "rotation": QUARTER}
-    assert decode(message, order="wxyz").ask.goal.yaw == pytest.approx(math.pi / 2)
+    assert decode(message, order="wxyz").instruction.goal.yaw == pytest.approx(math.pi / 2)
     message["rotation"] = xyzw(QUARTER)
-    assert decode(message, order="xyzw").ask.goal.yaw == pytest.approx(math.pi / 2)
+    assert decode(message, order="xyzw").instruction.goal.yaw == pytest.approx(math.pi / 2)
 
 
 @pytest.mark.parametrize("order", ["auto", "wxyz", "xyzw"])
@@ -242,7 +244,7 @@ def test_what_is_no_unit_quaternion_is_refused(rotation):
 
 def test_a_robot_that_cannot_tilt_gets_no_tilt():
     message = {"position": [0, 0, 0], "rotation": [1, 0, 0, 0]}
-    assert decode({"command": "goto", **message}, planar=True).ask.goal.yaw == 0
+    assert decode({"command": "goto", **message}, planar=True).instruction.goal.yaw == 0
     error = refused({"command": "navigate_to_pose", **message}, planar=True)
     assert "tilts by 180 degrees; is its order x y z w?" in str(error)
 
@@ -338,20 +340,20 @@ def test_a_plan_of_the_sdk_is_a_path():
     plan = NavigationPlan()
     plan.waypoint(1, 2, 3, yaw=math.pi / 2, metadata={"wait_s": 2}, duration_seconds=5)
     plan.waypoint(position=[4, 5, 6], actions=[])
-    asked = decode(
+    requested = decode(
         {
             "command": "path",
             "waypoints": plan.build()["waypoints"],
             "metadata": {"wait_s": 1.0, "max_loops": 3},
             "constraints": {"max_speed_ms": 1},
         }
-    ).ask
-    first, second = asked.goals
+    ).instruction
+    first, second = requested.goals
     assert first.position == Vector3(1, 2, 3)
     assert first.yaw == pytest.approx(math.pi / 2)
     assert (first.wait, second.wait) == (2.0, 1.0)
     assert (second.position, second.yaw) == (Vector3(4, 5, 6), None)
-    assert (asked.loops, asked.constraints.max_speed) == (3, 1.0)
+    assert (requested.loops, requested.constraints.max_speed) == (3, 1.0)
 
 
 def test_waypoints_of_the_reference_are_bare_components():
@@ -359,27 +361,29 @@ def test_waypoints_of_the_reference_are_bare_components():
         "command": "navigate_to_pose",
         "waypoints": [{"x": 1, "y": 2, "z": 0}, {"x": 3, "y": 4, "z": 0}],
     }
-    assert decode(message).ask == FollowPath((Goal(Vector3(1, 2)), Goal(Vector3(3, 4))))
+    assert decode(message).instruction == FollowPath((Goal(Vector3(1, 2)), Goal(Vector3(3, 4))))
 
 
 def test_a_pose_beside_its_waypoints_is_the_last_goal():
     message = {"command": "navigate_to_pose", "position": [5, 6, 0], "yaw": 1, "waypoints": [[1, 2, 0]]}
-    goals = decode(message).ask.goals
+    goals = decode(message).instruction.goals
     assert [goal.position for goal in goals] == [Vector3(1, 2), Vector3(5, 6)]
-    assert decode({**message, "waypoints": []}).ask == GoTo(Goal(Vector3(5, 6), yaw=1.0))
+    assert decode({**message, "waypoints": []}).instruction == GoTo(Goal(Vector3(5, 6), yaw=1.0))
 
 
 def test_the_paths_yaw_is_for_all_waypoints_without_their_own():
     waypoints = [{"position": [1, 2, 3]}, {"position": [1, 2, 3], "yaw": 2}]
-    asked = decode({"command": "path", "waypoints": waypoints, "yaw": 1}).ask
-    assert [goal.yaw for goal in asked.goals] == [1.0, 2.0]
+    requested = decode({"command": "path", "waypoints": waypoints, "yaw": 1}).instruction
+    assert [goal.yaw for goal in requested.goals] == [1.0, 2.0]
 
 
 def test_a_path_over_the_earth_shares_its_coordinate_frame():
     place = {"geodetic_position": {"latitude": 1, "longitude": 2, "altitude": 3}}
     frame = {"kind": "geodetic", "altitude_reference": "amsl"}
-    asked = decode({"command": "path", "waypoints": [place, place], "coordinate_frame": frame}).ask
-    assert [goal.geo for goal in asked.goals] == [GeoPoint(1.0, 2.0, 3.0)] * 2
+    requested = decode(
+        {"command": "path", "waypoints": [place, place], "coordinate_frame": frame}
+    ).instruction
+    assert [goal.geo for goal in requested.goals] == [GeoPoint(1.0, 2.0, 3.0)] * 2
 
 
 @pytest.mark.parametrize(
@@ -407,7 +411,7 @@ def test_a_path_out_of_bounds_is_refused_with_the_place(change, where):
 
 
 def test_500_waypoints_are_a_path():
-    assert len(decode({"command": "path", "waypoints": [[0, 0, 0]] * 500}).ask.goals) == 500
+    assert len(decode({"command": "path", "waypoints": [[0, 0, 0]] * 500}).instruction.goals) == 500
 
 
 # -- relative moves -----------------------------------------------------------------------------------
@@ -422,7 +426,7 @@ def test_a_relative_move_is_in_the_frame_it_names(translation, frame, body):
         "frame": frame,
         "metadata": {"units": "meters"},
     }
-    assert decode(message).ask == RelativeMove(Vector3(1, -2, 0.5), body)
+    assert decode(message).instruction == RelativeMove(Vector3(1, -2, 0.5), body)
 
 
 @pytest.mark.parametrize(
@@ -456,12 +460,12 @@ REAL = [
 
 def read_or_refused(payload, *, planar):
     try:
-        asked = decode_navigate(
+        requested = decode_navigate(
             payload, transport=Transport.CLOUD, rotation_order="auto", planar=planar, home_altitude=1.0
         )
     except BadCommand:
         return False
-    return isinstance(asked, Navigate)
+    return isinstance(requested, Navigate)
 
 
 def test_no_hostile_bytes_raise_anything_but_a_refusal(hostile):
@@ -503,7 +507,7 @@ def test_any_json_is_read_or_refused(command, members, planar):
 
 def test_another_robot_is_followed_at_a_distance():
     slowly = {"constraints": {"max_speed_ms": 1}}
-    asked = decode({"command": "follow", "robot": "beast", "distance_m": 3, **slowly})
-    assert asked.ask == FollowRobot("beast", 3.0, Constraints(1.0))
+    requested = decode({"command": "follow", "robot": "beast", "distance_m": 3, **slowly})
+    assert requested.instruction == FollowRobot("beast", 3.0, Constraints(1.0))
     assert refused({"command": "follow", "robot": "beast", "distance_m": 0.1}).where == "distance_m"
     assert refused({"command": "follow", "distance_m": 3}).where == "robot"

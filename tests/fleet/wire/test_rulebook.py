@@ -80,7 +80,7 @@ def test_a_rate_never_thins_what_is_asked_of_a_robot():
     book = rulebook("lan", [RuleChanges(inward=inward)])
     for rule in book.inward.values():
         assert rule.size == 10
-        assert rule.max_rate == (0 if rule.taker.asks else 0.001)
+        assert rule.max_rate == (0 if rule.taker.is_request else 0.001)
 
 
 def test_a_topic_from_the_cloud_can_be_left_alone():

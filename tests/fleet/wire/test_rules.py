@@ -170,9 +170,9 @@ def test_nothing_that_comes_from_the_cloud_can_go_back_to_it():
 
 
 def test_whatever_is_asked_of_a_robot_has_no_rate_so_that_no_stop_is_lost():
-    asks = [rule for rule in INWARD.values() if rule.taker.asks]
-    assert {rule.taker.value for rule in asks} == set(get_args(Kind))
-    assert all(rule.max_rate == 0 for rule in asks)
+    requests = [rule for rule in INWARD.values() if rule.taker.is_request]
+    assert {rule.taker.value for rule in requests} == set(get_args(Kind))
+    assert all(rule.max_rate == 0 for rule in requests)
 
 
 def test_no_two_filters_of_a_twin_overlap():

@@ -52,16 +52,16 @@ def test_a_stop_is_known_by_its_name_however_it_is_written(name, word):
 @pytest.mark.parametrize("name", ["emergency_stop", "E-Stop", "brake"])
 @pytest.mark.parametrize("more", [{}, {"timestamp": "never", "source_type": 7, "session_id": [], "data": 5}])
 def test_a_stop_is_one_on_every_topic_whatever_stands_beside_it(kind, field, name, more):
-    ask = DECODERS[kind](json.dumps({field: name, **more}).encode())
-    assert isinstance(ask, Command)
-    assert ask.name == stop_word(name)
+    request = DECODERS[kind](json.dumps({field: name, **more}).encode())
+    assert isinstance(request, Command)
+    assert request.name == stop_word(name)
 
 
 @pytest.mark.parametrize("kind", ["navigate", "mission"])
 def test_what_only_ends_a_task_stays_a_control(kind):
-    ask = DECODERS[kind](b'{"command": "Stop"}')
-    assert isinstance(ask, Navigate)
-    assert ask.ask is Control.STOP
+    request = DECODERS[kind](b'{"command": "Stop"}')
+    assert isinstance(request, Navigate)
+    assert request.instruction is Control.STOP
 
 
 def test_a_stop_beside_a_velocity_or_another_command_is_what_counts():

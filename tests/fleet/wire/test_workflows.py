@@ -13,11 +13,11 @@ def read(**fields):
 
 
 def test_a_request_is_read_with_its_inputs_and_when_it_was_made():
-    asked = read(inputs={"height": 4}, requested_at="2026-11-23T02:00:00+00:00", requested_by_uuid="u1")
-    assert (asked.execution, asked.inputs, asked.by) == ("e1", {"height": 4}, "u1")
-    assert asked.stamp == 1795399200.0
-    assert read(requested_at="2026-11-23T02:00:00").stamp == asked.stamp, "without a zone it is UTC"
-    assert read(requested_at=asked.stamp * 1000).stamp == asked.stamp
+    requested = read(inputs={"height": 4}, requested_at="2026-11-23T02:00:00+00:00", requested_by_uuid="u1")
+    assert (requested.execution, requested.inputs, requested.by) == ("e1", {"height": 4}, "u1")
+    assert requested.stamp == 1795399200.0
+    assert read(requested_at="2026-11-23T02:00:00").stamp == requested.stamp, "without a zone it is UTC"
+    assert read(requested_at=requested.stamp * 1000).stamp == requested.stamp
     assert read(inputs=None, requested_at=None).stamp is None
 
 

@@ -29,7 +29,7 @@ from fleet_quadruped.drives.cia402.setup import (
 from fleet_quadruped.robot.joint import Joint
 from fleet_quadruped.robot.parts import Drive
 
-Given = TypeVar("Given")
+TransferredT = TypeVar("TransferredT")
 log = logging.getLogger(__name__)
 
 _MODE_TRIES = 20  # reads of the mode display
@@ -225,11 +225,11 @@ def _read(node: canopen.RemoteNode, who: NodeName, index: int, sub: int) -> int:
         raise _refused(who, f"{index:04X}h:{sub}", "to be read", error) from None
 
 
-def _transfer(who: NodeName, ask: Callable[[], Given]) -> Given:
+def _transfer(who: NodeName, request: Callable[[], TransferredT]) -> TransferredT:
     """Return the result of an SDO transfer, repeated if unanswered; raises LinkLost or SdoAbortedError."""
     for _ in range(_TRIES):
         try:
-            return ask()
+            return request()
         except SdoCommunicationError as error:
             log.debug("%s: %s", who.name, error)
     raise _silent(who)

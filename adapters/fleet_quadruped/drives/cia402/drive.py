@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from fleet import CanBus, CanFrame
 from fleet_quadruped.body.measured import Targets
-from fleet_quadruped.can.bus_guard import Address
+from fleet_quadruped.can.bus_guard import BusAddress
 from fleet_quadruped.drives.cia402.commission import commission, limit_drive
 from fleet_quadruped.drives.cia402.frames import (
     EMERGENCY,
@@ -81,7 +81,7 @@ class Cia402Drives(DriveGroup[Cia402Node]):
         return MOST_COUNTS / joint.kind.counts_per_rad
 
     @property
-    def addresses(self) -> frozenset[Address]:
+    def addresses(self) -> frozenset[BusAddress]:
         """RPDO1 of each node."""
         return frozenset((node.joint.bus, RPDO1 + node.joint.id) for node in self._drives)
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from fleet import CanBus, CanFrame
 from fleet_quadruped.body.measured import Targets
-from fleet_quadruped.can.bus_guard import Address
+from fleet_quadruped.can.bus_guard import BusAddress
 from fleet_quadruped.drives.base import NEVER, Power
 from fleet_quadruped.drives.damping import DampingGroup
 from fleet_quadruped.drives.mit import frames as wire
@@ -75,7 +75,7 @@ class MitDrives(DampingGroup[MitMotor]):
         return profile_of(drive, joint.kind).angle
 
     @property
-    def addresses(self) -> frozenset[Address]:
+    def addresses(self) -> frozenset[BusAddress]:
         """Command identifier of each motor."""
         return frozenset(self._by_id)
 
@@ -89,7 +89,7 @@ class MitDrives(DampingGroup[MitMotor]):
                 "%s: no watchdog that can be set over CAN; check it in the maker's tool", ", ".join(names)
             )
             kd = self._dog.safety.kd
-            self._requester.ask(
+            self._requester.request(
                 self._plain, lambda motor: motor.damping(kd), lambda motor: motor.reported_at > NEVER
             )
         self._registers.commission(self._dog.drive)

@@ -52,9 +52,9 @@ class MitCommand(NamedTuple):
     torque: float = 0.0
 
 
-Command = tuple[float, float, float, float, float]
+MitSetpoint = tuple[float, float, float, float, float]
 """The numbers of a ``MitCommand``; a plain tuple, because each cycle creates dozens."""
-Reply = tuple[int, float, float, float, int | None, float | None]
+MitFeedback = tuple[int, float, float, float, int | None, float | None]
 """A motor's reply: id, rad, rad/s, N m, status (a Damiao motor's nibble, or an error byte), deg C.
 
 Status and temperature are None if the motor does not report them.
@@ -75,7 +75,7 @@ class MitLayout:
         self._warm_at, self._error_at = profile.temperature_at, profile.error_at
         self._degrees = tuple(float(profile.coldest + step) for step in range(256))
 
-    def pack_command(self, command: Command) -> bytes:
+    def pack_command(self, command: MitSetpoint) -> bytes:
         """Return the eight bytes of a command; see ``pack_target``."""
         angle, speed, kp, kd, torque = command
         return self.pack_target(angle, speed, torque, self.pack_gains(kp, kd))
@@ -100,7 +100,7 @@ class MitLayout:
             gains -= 1  # one step less kd: not a special frame
         return _COMMAND.pack(moved, second, third, (gains & 0xF) << 12 | pushed)
 
-    def unpack_command(self, data: bytes) -> Command | None:
+    def unpack_command(self, data: bytes) -> MitSetpoint | None:
         """Decode a command (motor side); None for another length."""
         if len(data) != 8:
             return None
@@ -114,7 +114,7 @@ class MitLayout:
             (last & 0xFFF) / self._torque - torque,
         )
 
-    def pack_reply(self, reply: Reply) -> bytes:
+    def pack_reply(self, reply: MitFeedback) -> bytes:
         """Return a reply (motor side)."""
         number, angle, speed, torque, status, temperature = reply
         first = (status or 0) << 4 | number & 0xF if self._damiao else number
@@ -128,7 +128,7 @@ class MitLayout:
             return _WHOLE_REPLY.pack(first, moved, second, last, 0, warm)
         return _WHOLE_REPLY.pack(first, moved, second, last, warm, status or 0)
 
-    def unpack_reply(self, data: bytes) -> Reply | None:
+    def unpack_reply(self, data: bytes) -> MitFeedback | None:
         """Decode a reply; None if it is too short."""
         size, warm_at, error_at = len(data), self._warm_at, self._error_at
         if size < 6:

@@ -46,7 +46,7 @@ class DamiaoRegisters:
     def _set_watchdog(self, seconds: float) -> None:
         """Set the watchdog of all motors and verify it."""
         register, timeout = wire.TIMEOUT_REGISTER, wire.timeout_value(seconds)
-        self._requester.ask(
+        self._requester.request(
             self._motors,
             lambda motor: CanFrame(wire.REGISTERS, wire.write_register(motor.id, register, timeout)),
             lambda motor: self._value(motor, register) is not None,
@@ -72,7 +72,7 @@ class DamiaoRegisters:
 
     def _read(self, register: int) -> None:
         """Read one register of all motors."""
-        self._requester.ask(
+        self._requester.request(
             self._motors,
             lambda motor: CanFrame(wire.REGISTERS, wire.read_register(motor.id, register)),
             lambda motor: self._value(motor, register) is not None,

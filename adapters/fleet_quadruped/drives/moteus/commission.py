@@ -46,7 +46,7 @@ class Diagnostics:
         """Send each servo its line; return the last line of each answer."""
         for servo, line in zip(self._servos, lines, strict=True):
             self._lines[servo.joint.name], self._texts[servo.joint.name] = line, b""
-        self._requester.ask(
+        self._requester.request(
             self._servos, self._next_line, lambda one: self._texts[one.joint.name].endswith(b"\n")
         )
         return [text.decode("ascii", "replace").splitlines()[-1] for text in self._texts.values()]
@@ -66,7 +66,7 @@ def commission(
     """
     for servo in servos:
         servo.restarted, servo.reported_at = False, NEVER
-    requester.ask(servos, lambda one: one.frame(wire.pack_query()), lambda one: one.reported_at > NEVER)
+    requester.request(servos, lambda one: one.frame(wire.pack_query()), lambda one: one.reported_at > NEVER)
     for servo in servos:
         _check_home(servo)
     kp, kd, ki = (diagnostics.read(name) for name in (_KP, _KD, _KI))

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 from fleet import CanBus, CanFrame
 from fleet_quadruped.body.measured import Targets
-from fleet_quadruped.can.bus_guard import Address
+from fleet_quadruped.can.bus_guard import BusAddress
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.damping import DampingGroup
 from fleet_quadruped.drives.moteus import frames as wire
@@ -63,7 +63,7 @@ class MoteusDrives(DampingGroup[MoteusServo]):
         return wire.MOST_TURNS * wire.TURN
 
     @property
-    def addresses(self) -> frozenset[Address]:
+    def addresses(self) -> frozenset[BusAddress]:
         """Identifiers of the frames to each servo."""
         return frozenset(self._by_command)
 

@@ -27,8 +27,8 @@ def commission(axes: Sequence[OdriveAxis], requester: DriveRequester, drive: Dri
         axis.restarted, axis.version = False, None
         axis.serials.clear()
         axis.parameters.clear()
-    requester.ask(
-        axes, lambda axis: wire.ask(axis.id, OdriveCommand.VERSION), lambda axis: axis.version is not None
+    requester.request(
+        axes, lambda axis: wire.request(axis.id, OdriveCommand.VERSION), lambda axis: axis.version is not None
     )
     for axis in axes:
         version = axis.version or (0, 0)
@@ -37,8 +37,8 @@ def commission(axes: Sequence[OdriveAxis], requester: DriveRequester, drive: Dri
             raise LinkRefused(
                 f"{axis.joint.name}: firmware {version_text}, wanted 0.6 or newer (command 00h)"
             )
-    requester.ask(
-        axes, lambda axis: wire.ask(axis.id, OdriveCommand.ADDRESS), lambda axis: bool(axis.serials)
+    requester.request(
+        axes, lambda axis: wire.request(axis.id, OdriveCommand.ADDRESS), lambda axis: bool(axis.serials)
     )
     _set_watchdog(axes, requester, drive)
 
@@ -66,7 +66,7 @@ def _verify(axes: Sequence[OdriveAxis], requester: DriveRequester, endpoint: int
     def question(axis: OdriveAxis) -> CanFrame:
         return CanFrame(wire.identifier(axis.id, OdriveCommand.PARAMETER), wire.read_parameter(endpoint))
 
-    requester.ask(axes, question, lambda axis: endpoint in axis.parameters)
+    requester.request(axes, question, lambda axis: endpoint in axis.parameters)
     for axis in axes:
         actual = axis.parameters[endpoint][: len(wanted)]
         if actual != wanted:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 from fleet import CanBus, CanFrame
 from fleet_quadruped.body.measured import Targets
-from fleet_quadruped.can.bus_guard import Address
+from fleet_quadruped.can.bus_guard import BusAddress
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.damping import DampingGroup
 from fleet_quadruped.drives.motor_units import Units, near
@@ -63,9 +63,9 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
     @staticmethod
     def load(drive: Drive, joints: int, bus: CanBusConfig) -> float:
         """Return the load by polls, answers and targets; gains while damping do not exceed it."""
-        asked = frame_bits(0) + frame_bits(8)
-        each = asked * (1 + 1 / _STATE_EVERY) + frame_bits(8)
-        in_turn = asked + 2 * frame_bits(8) + frame_bits(4)
+        requested = frame_bits(0) + frame_bits(8)
+        each = requested * (1 + 1 / _STATE_EVERY) + frame_bits(8)
+        in_turn = requested + 2 * frame_bits(8) + frame_bits(4)
         return drive.cycle_hz * (joints * each + in_turn) / bus.bitrate
 
     @staticmethod
@@ -79,7 +79,7 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         return wire.MOST_TURNS * wire.TURN
 
     @property
-    def addresses(self) -> frozenset[Address]:
+    def addresses(self) -> frozenset[BusAddress]:
         """Identifiers of each node's commands for a position and for a state."""
         orders = (OdriveCommand.INPUT_POS, OdriveCommand.STATE)
         return frozenset(
@@ -110,12 +110,12 @@ class OdriveDrives(DampingGroup[OdriveAxis]):
         hurry = self._wanted is Power.ENABLED and not all(axis.held for axis in self._drives)
         for number, axis in enumerate(self._drives):
             axis.answers.begin()
-            axis.bus.send(wire.ask(axis.id, OdriveCommand.ESTIMATES))
+            axis.bus.send(wire.request(axis.id, OdriveCommand.ESTIMATES))
             if hurry or (number + self._cycle) % _STATE_EVERY == 0 or axis.state is None:
-                axis.bus.send(wire.ask(axis.id, OdriveCommand.HEARTBEAT))
+                axis.bus.send(wire.request(axis.id, OdriveCommand.HEARTBEAT))
         turn, number = divmod(self._cycle, len(self._drives))
         axis = self._drives[number]
-        axis.bus.send(wire.ask(axis.id, _SLOW[turn % len(_SLOW)]))
+        axis.bus.send(wire.request(axis.id, _SLOW[turn % len(_SLOW)]))
 
     def enable(self) -> None:
         """Request closed loop with zero gains; drives already in it stay there without force."""

@@ -107,7 +107,7 @@ def split(number: int) -> tuple[int, int]:
     return number >> _SHIFT, number & _COMMAND
 
 
-def ask(node: int, command: OdriveCommand) -> CanFrame:
+def request(node: int, command: OdriveCommand) -> CanFrame:
     """Return the remote frame that requests the value of a command."""
     return CanFrame(identifier(node, command), b"", remote=True)
 

@@ -67,12 +67,12 @@ class Bench:
             self.run(0.1)
         return self.now - began
 
-    def asks(self, command: int, *params: float) -> list[int]:
+    def requests(self, command: int, *params: float) -> list[int]:
         """Send COMMAND_LONG; return the results of its acknowledgements."""
         values = [*params, *([0.0] * (7 - len(params)))]
         return self._results(mav.MAVLink_command_long_message(1, 1, command, 0, *values))
 
-    def asks_int(self, command: int, frame: int, p: tuple[float, ...], *place: float) -> list[int]:
+    def requests_int(self, command: int, frame: int, p: tuple[float, ...], *place: float) -> list[int]:
         """Send COMMAND_INT with degrees and metres; return the results of its acknowledgements."""
         latitude, longitude, altitude = place
         scaled = (int(latitude * 1e7), int(longitude * 1e7), altitude)
@@ -126,20 +126,20 @@ class Bench:
     def set_mode(self, name: str) -> list[int]:
         """Ask for a mode by its name."""
         if self.ardupilot:
-            return self.asks(176, 1, ARDUPILOT_MODES[name].custom)
+            return self.requests(176, 1, ARDUPILOT_MODES[name].custom)
         custom = PX4_MODES[name].custom
-        return self.asks(176, 1, custom >> 16 & 0xFF, custom >> 24)
+        return self.requests(176, 1, custom >> 16 & 0xFF, custom >> 24)
 
     def climb(self, height: float = 10.0) -> None:
         """Take off and wait at the height."""
         self.run(0.2)
         if self.ardupilot:
             self.set_mode("GUIDED")
-            assert self.asks(400, 1) == [0]
-            assert self.asks(22, 0, 0, 0, 0, 0, 0, height) == [0]
+            assert self.requests(400, 1) == [0]
+            assert self.requests(22, 0, 0, 0, 0, 0, 0, height) == [0]
         else:
-            assert self.asks(22, NAN, 0, 0, NAN, NAN, NAN, HOME[2] + height) == [0]
-            assert self.asks(400, 1) == [0]
+            assert self.requests(22, NAN, 0, 0, NAN, NAN, NAN, HOME[2] + height) == [0]
+            assert self.requests(400, 1) == [0]
         self.until(lambda: abs(self.height - height) < 0.2)
         self.run(2.0)
 

@@ -29,7 +29,7 @@ def test_only_heartbeats_and_texts_come_unasked(ap):
 def test_arming_is_refused_with_the_reason_until_the_start_is_over(bench):
     ap = bench("ardupilot", ready_after=None)
     ap.run(1.0)
-    assert ap.asks(400, 1) == [FAILED]
+    assert ap.requests(400, 1) == [FAILED]
     assert "Arm: System not initialised" in ap.texts
 
 
@@ -39,7 +39,7 @@ def test_readiness_takes_as_long_as_the_real_one_and_depends_on_the_mode(bench):
     ap.set_mode("GUIDED")
     ap.run(26)
     assert ap.pilot.home is not None
-    assert ap.asks(400, 1) == [FAILED]
+    assert ap.requests(400, 1) == [FAILED]
     assert "Arm: Need Position Estimate" in ap.texts
     assert not ap.pilot.sensors()[2] & 0x10000000
     ap.set_mode("STABILIZE")
@@ -48,16 +48,16 @@ def test_readiness_takes_as_long_as_the_real_one_and_depends_on_the_mode(bench):
     ap.set_mode("GUIDED")
     ap.run(14)
     assert ap.pilot.sensors()[2] & 0x10000000
-    assert ap.asks(400, 1) == [ACCEPTED]
+    assert ap.requests(400, 1) == [ACCEPTED]
 
 
 def test_the_ekf_report_shows_a_usable_position(bench):
     ap = bench("ardupilot", ready_after=10.0)
     ap.run(1)
-    ap.asks(512, 193)
+    ap.requests(512, 193)
     assert ap.last("EKF_STATUS_REPORT").flags == 0xA7
     ap.run(10)
-    ap.asks(512, 193)
+    ap.requests(512, 193)
     assert ap.last("EKF_STATUS_REPORT").flags == 0x33F
 
 
@@ -80,42 +80,42 @@ def test_prearm_reasons_are_repeated(bench):
 
 def test_takeoff_needs_guided_and_armed_motors(ap):
     ap.run(0.2)
-    assert ap.asks(22, 0, 0, 0, 0, 0, 0, 10) == [FAILED]
-    assert ap.asks(400, 1) == [ACCEPTED]
-    assert ap.asks(22, 0, 0, 0, 0, 0, 0, 10) == [FAILED]
+    assert ap.requests(22, 0, 0, 0, 0, 0, 0, 10) == [FAILED]
+    assert ap.requests(400, 1) == [ACCEPTED]
+    assert ap.requests(22, 0, 0, 0, 0, 0, 0, 10) == [FAILED]
 
 
 @pytest.mark.parametrize(("frame", "result"), [(3, ACCEPTED), (6, DENIED), (5, DENIED)])
 def test_takeoff_by_command_int_takes_one_frame(ap, frame, result):
     ap.run(0.2)
     ap.set_mode("GUIDED")
-    ap.asks(400, 1)
-    assert ap.asks_int(22, frame, (0, 0, 0, 0), 0, 0, 10) == [result]
+    ap.requests(400, 1)
+    assert ap.requests_int(22, frame, (0, 0, 0, 0), 0, 0, 10) == [result]
 
 
 @pytest.mark.parametrize("altitude", [math.nan, 0.0, -5.0])
 def test_takeoff_to_no_altitude_fails(ap, altitude):
     ap.run(0.2)
     ap.set_mode("GUIDED")
-    ap.asks(400, 1)
-    assert ap.asks(22, 0, 0, 0, 0, 0, 0, altitude) == [FAILED]
+    ap.requests(400, 1)
+    assert ap.requests(22, 0, 0, 0, 0, 0, 0, altitude) == [FAILED]
 
 
 def test_takeoff_takes_as_long_as_the_real_one(ap):
     ap.run(0.2)
     ap.set_mode("GUIDED")
-    ap.asks(400, 1)
-    ap.asks(22, 0, 0, 0, 0, 0, 0, 10)
+    ap.requests(400, 1)
+    ap.requests(22, 0, 0, 0, 0, 0, 0, 10)
     assert 3.5 < ap.until(lambda: ap.height > 0.5) < 4.7
     assert 4.5 < ap.until(lambda: ap.height > 9.8) < 7.0
     assert ap.mode == "GUIDED"
-    assert ap.asks(22, 0, 0, 0, 0, 0, 0, 10) == [FAILED]
+    assert ap.requests(22, 0, 0, 0, 0, 0, 0, 10) == [FAILED]
 
 
 def test_motors_stop_by_themselves_without_a_takeoff(ap):
     ap.run(0.2)
     ap.set_mode("GUIDED")
-    ap.asks(400, 1)
+    ap.requests(400, 1)
     assert 9.5 < ap.until(lambda: not ap.pilot.armed) < 10.5
 
 
@@ -123,16 +123,16 @@ def test_motors_stop_by_themselves_without_a_takeoff(ap):
 def test_some_modes_are_not_armable(ap, mode):
     ap.run(0.2)
     ap.set_mode(mode)
-    assert ap.asks(400, 1) == [FAILED]
+    assert ap.requests(400, 1) == [FAILED]
 
 
 def test_the_status_goes_by_being_landed(ap):
     ap.run(0.2)
     ap.set_mode("GUIDED")
-    ap.asks(400, 1)
+    ap.requests(400, 1)
     ap.run(1.1)
     assert ap.last("HEARTBEAT").system_status == mav.MAV_STATE_STANDBY
-    ap.asks(22, 0, 0, 0, 0, 0, 0, 10)
+    ap.requests(22, 0, 0, 0, 0, 0, 0, 10)
     ap.run(6)
     assert ap.last("HEARTBEAT").system_status == mav.MAV_STATE_ACTIVE
 
@@ -224,15 +224,15 @@ def test_a_global_target_above_home_is_reached(flying):
 
 
 def test_reposition_needs_command_int_and_takes_relative_altitude(flying):
-    assert flying.asks(192, -1, 1, 0, math.nan, 47.3979, 8.545594, 12) == [UNSUPPORTED]
-    assert flying.asks_int(192, 6, (-1, 1, 0, 0), 47.3979, 8.545594, 12) == [ACCEPTED]
+    assert flying.requests(192, -1, 1, 0, math.nan, 47.3979, 8.545594, 12) == [UNSUPPORTED]
+    assert flying.requests_int(192, 6, (-1, 1, 0, 0), 47.3979, 8.545594, 12) == [ACCEPTED]
     flying.until(lambda: abs(flying.height - 12) < 0.3)
 
 
 def test_condition_yaw_turns_at_the_rate(flying):
-    assert flying.asks(115, 90, 30, 1, 0) == [ACCEPTED]
+    assert flying.requests(115, 90, 30, 1, 0) == [ACCEPTED]
     assert 2.5 < flying.until(lambda: abs(math.degrees(flying.body.heading) - 90) < 3) < 4.0
-    assert flying.asks(115, 400, 30, 1, 0) == [FAILED]
+    assert flying.requests(115, 400, 30, 1, 0) == [FAILED]
 
 
 @pytest.mark.parametrize("mode", ["LOITER", "ALT_HOLD", "POSHOLD"])
@@ -251,7 +251,7 @@ def test_brake_holds(flying):
 
 
 def test_land_touches_down_and_disarms(flying):
-    assert flying.asks(21) == [ACCEPTED]
+    assert flying.requests(21) == [ACCEPTED]
     assert 15 < flying.until(lambda: not flying.pilot.armed) < 30
     assert flying.mode == "LAND"
     assert "Disarming motors" in flying.texts
@@ -259,37 +259,37 @@ def test_land_touches_down_and_disarms(flying):
 
 def test_rtl_comes_home_and_disarms(flying):
     flying.stream(5, 4.0)
-    assert flying.asks(20) == [ACCEPTED]
+    assert flying.requests(20) == [ACCEPTED]
     flying.until(lambda: flying.height > 14.5)
     flying.until(lambda: not flying.pilot.armed, 70)
     assert math.hypot(flying.body.north, flying.body.east) < 1.0
 
 
 def test_a_plain_disarm_in_flight_is_refused_and_a_forced_one_drops(flying):
-    assert flying.asks(400, 0) == [FAILED]
+    assert flying.requests(400, 0) == [FAILED]
     assert flying.pilot.armed
-    assert flying.asks(400, 0, 21196) == [ACCEPTED]
+    assert flying.requests(400, 0, 21196) == [ACCEPTED]
     assert flying.until(lambda: flying.body.grounded) < 2.0
 
 
 def test_the_released_motor_stop_starts_the_motors_again(flying):
-    flying.asks(218, 31, 2)
+    flying.requests(218, 31, 2)
     flying.run(0.5)
     assert flying.pilot.armed
     assert flying.body.vd > 3
-    flying.asks(218, 31, 0)
+    flying.requests(218, 31, 0)
     flying.until(lambda: abs(flying.height - 10) < 0.3)
 
 
 def test_reboot_is_refused_in_flight(flying):
-    assert flying.asks(246, 1) == [FAILED]
+    assert flying.requests(246, 1) == [FAILED]
 
 
 def test_a_reboot_forgets_the_rates_and_keeps_the_parameters(ap):
     ap.run(1)
     ap.set_param("RTL_ALT", 2000)
-    ap.asks(511, 30, 100000)
-    assert ap.asks(246, 1) == [ACCEPTED]
+    ap.requests(511, 30, 100000)
+    assert ap.requests(246, 1) == [ACCEPTED]
     ap.heard.clear()
     ap.run(5)
     assert not ap.said("ATTITUDE")
@@ -299,18 +299,18 @@ def test_a_reboot_forgets_the_rates_and_keeps_the_parameters(ap):
 
 def test_calibration_tells_progress_before_the_result(ap):
     ap.run(0.2)
-    assert ap.asks(241, 0, 0, 1) == [IN_PROGRESS, ACCEPTED]
+    assert ap.requests(241, 0, 0, 1) == [IN_PROGRESS, ACCEPTED]
 
 
 def test_message_rates(ap):
     ap.run(0.2)
-    assert ap.asks(511, 30, 20000) == [ACCEPTED]
-    assert ap.asks(511, 30, 2500) == [DENIED]
-    assert ap.asks(511, 9999, 100000) == [DENIED]
+    assert ap.requests(511, 30, 20000) == [ACCEPTED]
+    assert ap.requests(511, 30, 2500) == [DENIED]
+    assert ap.requests(511, 9999, 100000) == [DENIED]
     ap.heard.clear()
     ap.run(10)
     assert 495 <= len(ap.said("ATTITUDE")) <= 505
-    ap.asks(511, 30, 0)
+    ap.requests(511, 30, 0)
     ap.heard.clear()
     ap.run(2)
     assert not ap.said("ATTITUDE")
@@ -413,7 +413,7 @@ def test_a_pilot_takes_over_and_holds(flying):
 
 
 def test_a_changed_speed_stays_in_force(flying):
-    assert flying.asks(178, 1, 2, -1) == [ACCEPTED]
+    assert flying.requests(178, 1, 2, -1) == [ACCEPTED]
     flying.stream(4, 8.0)
     assert flying.body.speed == pytest.approx(2.0, abs=0.1)
 
@@ -425,22 +425,22 @@ def test_pause_and_continue(flying):
         )
     )
     flying.run(3)
-    assert flying.asks(193, 0) == [ACCEPTED]
+    assert flying.requests(193, 0) == [ACCEPTED]
     flying.run(5)
     assert flying.body.speed < 0.1
-    assert flying.asks(193, 1) == [ACCEPTED]
+    assert flying.requests(193, 1) == [ACCEPTED]
     flying.until(lambda: flying.body.north > 58)
 
 
 def test_a_home_set_in_flight_zeroes_the_relative_altitude(flying):
-    assert flying.asks(179, 1) == [ACCEPTED]
+    assert flying.requests(179, 1) == [ACCEPTED]
     assert flying.pilot.height_over_home() == pytest.approx(0, abs=0.05)
 
 
 def test_an_unknown_command_is_unsupported(ap):
     ap.run(0.2)
-    assert ap.asks(34, 5) == [UNSUPPORTED]
-    assert ap.asks(186, 500) == [UNSUPPORTED]
+    assert ap.requests(34, 5) == [UNSUPPORTED]
+    assert ap.requests(186, 500) == [UNSUPPORTED]
 
 
 def test_the_mode_that_it_has_is_not_entered_again(flying):
@@ -454,8 +454,8 @@ def test_the_mode_that_it_has_is_not_entered_again(flying):
 def test_a_setpoint_before_it_leaves_the_ground_ends_a_takeoff(ap, moves):
     ap.run(0.2)
     ap.set_mode("GUIDED")
-    ap.asks(400, 1)
-    assert ap.asks(22, 0, 0, 0, 0, 0, 0, 5) == [ACCEPTED]
+    ap.requests(400, 1)
+    assert ap.requests(22, 0, 0, 0, 0, 0, 0, 5) == [ACCEPTED]
     if moves == "velocity":
         ap.drive(1.0, 0.0, 0.0)
     else:
@@ -472,7 +472,7 @@ def test_a_setpoint_before_it_leaves_the_ground_ends_a_takeoff(ap, moves):
 def test_a_landing_on_the_ground_does_not_take_off(ap, mode, seconds):
     ap.run(0.2)
     ap.set_mode("GUIDED")
-    ap.asks(400, 1)
+    ap.requests(400, 1)
     assert ap.set_mode(mode) == [ACCEPTED]
     ap.until(lambda: not ap.pilot.armed, limit=seconds)
     assert ap.body.grounded

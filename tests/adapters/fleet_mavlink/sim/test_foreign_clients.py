@@ -64,7 +64,7 @@ async def drone(request):
         system = await mavsdk.first_autopilot(timeout_s=LIMIT)
         assert system is not None
         if request.param == "ardupilot":
-            await ask_for_messages(system)
+            await request_for_messages(system)
         yield Drone(request.param, system)
 
 
@@ -104,7 +104,7 @@ class Drone:
         await wait_for(self.telemetry.subscribe_armed(), lambda armed: not armed)
 
 
-async def ask_for_messages(system):
+async def request_for_messages(system):
     direct = MavlinkDirectAsync(system)
     for message_id in ARDUPILOT_NEEDS:
         fields = {

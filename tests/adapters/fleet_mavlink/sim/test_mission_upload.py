@@ -31,17 +31,17 @@ class Uploading:
 
 
 @pytest.fixture
-def ardupilot(asked_by):
-    return asked_by(ARDUPILOT_BEHAVIOUR)
+def ardupilot(requested_by):
+    return requested_by(ARDUPILOT_BEHAVIOUR)
 
 
 @pytest.fixture
-def px4(asked_by):
-    return asked_by(PX4_BEHAVIOUR)
+def px4(requested_by):
+    return requested_by(PX4_BEHAVIOUR)
 
 
 @pytest.fixture
-def asked_by(monkeypatch):
+def requested_by(monkeypatch):
     """Make uploads to messages that a station sent."""
     for kind in (mav.MAVLink_mission_count_message, mav.MAVLink_mission_item_int_message):
         monkeypatch.setattr(kind, "get_srcSystem", lambda _: 255)

@@ -23,9 +23,9 @@ def plan(ardupilot):
 def upload(bench, items):
     bench.run(0.2)
     answers = bench.tell(mav.MAVLink_mission_count_message(1, 1, len(items), 0))
-    asked = "MISSION_REQUEST" if bench.ardupilot else "MISSION_REQUEST_INT"
+    requested = "MISSION_REQUEST" if bench.ardupilot else "MISSION_REQUEST_INT"
     for seq, message in enumerate(items):
-        assert [(m.get_type(), m.seq) for m in answers] == [(asked, seq)]
+        assert [(m.get_type(), m.seq) for m in answers] == [(requested, seq)]
         answers = bench.tell(message)
     assert [(m.get_type(), m.type) for m in answers] == [("MISSION_ACK", 0)]
 
@@ -40,8 +40,8 @@ def loaded(request, bench):
 def start(bench):
     if bench.ardupilot:
         bench.set_mode("GUIDED")
-        assert bench.asks(400, 1) == [0]
-    assert bench.asks(300) == [0]
+        assert bench.requests(400, 1) == [0]
+    assert bench.requests(300) == [0]
 
 
 def test_what_was_uploaded_comes_back(loaded):
@@ -74,7 +74,7 @@ def test_the_current_item_never_passes_the_count(loaded):
     start(loaded)
     loaded.until(lambda: loaded.pilot.missions.state == COMPLETE, 120)
     loaded.run(5)
-    loaded.asks(512, 42)
+    loaded.requests(512, 42)
     current = loaded.last("MISSION_CURRENT")
     assert current.seq == len(plan(loaded.ardupilot)) - 1
     assert current.mission_state == COMPLETE

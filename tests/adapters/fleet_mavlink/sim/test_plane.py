@@ -12,7 +12,7 @@ NAN = math.nan
 
 
 def enters(it, name):
-    return it.asks(176, 1, MODES[name])
+    return it.requests(176, 1, MODES[name])
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def plane(bench):
     it = bench("ardupilot", vehicle="plane")
     it.run(0.5)
     assert enters(it, "GUIDED") == [ACCEPTED]
-    assert it.asks(400, 1) == [ACCEPTED]
+    assert it.requests(400, 1) == [ACCEPTED]
     return it
 
 
@@ -37,8 +37,8 @@ def hovering(bench):
     it.run(0.5)
     it.set_param("Q_GUIDED_MODE", 1)
     enters(it, "GUIDED")
-    assert it.asks(400, 1) == [ACCEPTED]
-    assert it.asks_int(22, 7, (0, 0, 0, 0), 0.0, 0.0, -30.0) == [ACCEPTED]
+    assert it.requests(400, 1) == [ACCEPTED]
+    assert it.requests_int(22, 7, (0, 0, 0, 0), 0.0, 0.0, -30.0) == [ACCEPTED]
     it.until(lambda: it.height > 29.5)
     it.run(2.0)
     return it
@@ -54,9 +54,9 @@ def test_an_armed_plane_waits_for_its_takeoff_and_rolls_before_it_flies(plane):
 
 
 def test_a_plane_takes_neither_the_takeoff_nor_the_landing_of_a_multirotor(plane):
-    assert plane.asks(22, 0, 0, 0, 0, 0, 0, 20) == [FAILED]
-    assert plane.asks(21) == [UNSUPPORTED]
-    assert plane.asks(193, 0) == [UNSUPPORTED]
+    assert plane.requests(22, 0, 0, 0, 0, 0, 0, 20) == [FAILED]
+    assert plane.requests(21) == [UNSUPPORTED]
+    assert plane.requests(193, 0) == [UNSUPPORTED]
 
 
 def test_a_held_plane_circles_and_never_stands(flying):
@@ -76,17 +76,17 @@ def test_a_plane_ignores_velocities(flying):
 
 
 def test_a_plane_takes_airspeeds_between_its_slowest_and_its_fastest(flying):
-    assert flying.asks(178, 0, 15, -1) == [FAILED], "not in TAKEOFF"
+    assert flying.requests(178, 0, 15, -1) == [FAILED], "not in TAKEOFF"
     enters(flying, "GUIDED")
-    assert flying.asks(178, 0, 15, -1) == [ACCEPTED]
-    assert flying.asks(178, 0, 5, -1) == [FAILED]
-    assert flying.asks(178, 0, 40, -1) == [FAILED]
+    assert flying.requests(178, 0, 15, -1) == [ACCEPTED]
+    assert flying.requests(178, 0, 5, -1) == [FAILED]
+    assert flying.requests(178, 0, 40, -1) == [FAILED]
     flying.run(10.0)
     assert flying.body.speed == pytest.approx(15.0, abs=0.5)
 
 
 def test_a_plane_lands_by_the_landing_of_its_mission_and_not_without_one(flying):
-    assert flying.asks(189) == [FAILED]
+    assert flying.requests(189) == [FAILED]
     assert "Unable to start landing sequence" in flying.texts
     place = (473_977_420, 85_455_940)
     zeros = (0.0, 0.0, 0.0, 0.0)
@@ -95,7 +95,7 @@ def test_a_plane_lands_by_the_landing_of_its_mission_and_not_without_one(flying)
         Item(3, 189, 1, *zeros, 0, 0, 0.0),
         Item(3, 21, 1, *zeros, *place, 0.0),
     ]
-    assert flying.asks(189) == [ACCEPTED]
+    assert flying.requests(189) == [ACCEPTED]
     assert flying.mode == "AUTO"
     flying.until(lambda: not flying.pilot.armed, 300.0)
     assert flying.height == 0.0
@@ -141,17 +141,17 @@ def test_a_hovering_quadplane_stands_in_guided_if_it_is_set_so_and_else_flies_fo
 
 
 def test_a_quadplane_takes_a_transition_by_command_in_auto_only(hovering):
-    assert hovering.asks(3000, 4) == [FAILED]
+    assert hovering.requests(3000, 4) == [FAILED]
 
 
 def test_a_px4_vtol_on_its_wings_cannot_be_armed_on_the_ground(bench):
     it = bench("px4", vehicle="vtol")
     it.run(0.5)
-    assert it.asks(3000, 4) == [ACCEPTED]
+    assert it.requests(3000, 4) == [ACCEPTED]
     assert it.pilot.vtol_state() == 4
-    assert it.asks(400, 1) == [REJECTED]
-    assert it.asks(3000, 3) == [ACCEPTED]
-    assert it.asks(400, 1) == [ACCEPTED]
+    assert it.requests(400, 1) == [REJECTED]
+    assert it.requests(3000, 3) == [ACCEPTED]
+    assert it.requests(400, 1) == [ACCEPTED]
 
 
 def test_a_px4_plane_wants_a_landing_in_its_mission(bench):
@@ -159,19 +159,19 @@ def test_a_px4_plane_wants_a_landing_in_its_mission(bench):
     it.run(0.5)
     zeros = (0.0, 0.0, 0.0, 0.0)
     it.pilot.missions._plans[0] = [Item(3, 16, 1, *zeros, 473_980_000, 85_460_000, 30.0)]
-    assert it.asks(300) == [REJECTED]
+    assert it.requests(300) == [REJECTED]
     assert "Mission rejected: Landing waypoint/pattern required" in "\n".join(it.texts)
     it.set_param("MIS_TKO_LAND_REQ", 0)
-    assert it.asks(300) == [ACCEPTED]
+    assert it.requests(300) == [ACCEPTED]
 
 
 def test_a_px4_plane_circles_down_where_it_is_and_disarms(bench):
     it = bench("px4", vehicle="plane")
     it.run(0.5)
-    assert it.asks(400, 1) == [ACCEPTED]
-    assert it.asks(22, NAN, 0, 0, NAN, NAN, NAN, 518.0) == [ACCEPTED]
+    assert it.requests(400, 1) == [ACCEPTED]
+    assert it.requests(22, NAN, 0, 0, NAN, NAN, NAN, 518.0) == [ACCEPTED]
     it.until(lambda: it.mode == "LOITER" and it.height > 29.0)
     north = it.body.north
-    assert it.asks(21) == [ACCEPTED]
+    assert it.requests(21) == [ACCEPTED]
     it.until(lambda: not it.pilot.armed, 120.0)
     assert abs(it.body.north - north) < 400.0

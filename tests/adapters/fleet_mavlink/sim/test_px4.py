@@ -31,7 +31,7 @@ def offboard(flying):
 def test_arming_is_refused_in_chunks_until_it_is_ready(bench):
     px4 = bench("px4", ready_after=None)
     px4.run(1.0)
-    assert px4.asks(400, 1) == [REJECTED]
+    assert px4.requests(400, 1) == [REJECTED]
     assert "Arming denied: Resolve system health failures first\t" in px4.texts
     chunks = px4.said("STATUSTEXT")
     assert [chunk.chunk_seq for chunk in chunks] == [0, 1]
@@ -41,22 +41,22 @@ def test_arming_is_refused_in_chunks_until_it_is_ready(bench):
 def test_readiness_takes_as_long_as_the_real_one(bench):
     px4 = bench("px4", ready_after=None)
     px4.run(4.4)
-    assert px4.asks(400, 1) == [REJECTED]
+    assert px4.requests(400, 1) == [REJECTED]
     px4.run(0.4)
-    assert px4.asks(400, 1) == [ACCEPTED]
+    assert px4.requests(400, 1) == [ACCEPTED]
 
 
 def test_force_does_not_arm_during_the_start(bench):
     px4 = bench("px4", ready_after=None)
     px4.run(1.0)
-    assert px4.asks(400, 1, 21196) == [REJECTED]
+    assert px4.requests(400, 1, 21196) == [REJECTED]
 
 
 def test_texts_are_withheld_until_a_station_is_heard(bench):
     px4 = bench("px4")
     px4.gcs = False
     px4.run(0.2)
-    px4.asks(400, 1)
+    px4.requests(400, 1)
     px4.run(1)
     assert px4.texts == []
     px4.gcs = True
@@ -66,8 +66,8 @@ def test_texts_are_withheld_until_a_station_is_heard(bench):
 
 def test_takeoff_takes_as_long_as_the_real_one_and_ends_in_loiter(px4):
     px4.run(0.2)
-    px4.asks(22, NAN, 0, 0, NAN, NAN, NAN, 498)
-    px4.asks(400, 1)
+    px4.requests(22, NAN, 0, 0, NAN, NAN, NAN, 498)
+    px4.requests(400, 1)
     assert 4.5 < px4.until(lambda: px4.height > 0.5) < 5.7
     assert px4.mode == "TAKEOFF"
     assert px4.pilot.landed_state() == 3
@@ -81,8 +81,8 @@ def test_takeoff_takes_as_long_as_the_real_one_and_ends_in_loiter(px4):
 
 def test_takeoff_at_latitude_0_never_leaves_the_ground(px4):
     px4.run(0.2)
-    assert px4.asks(22, 0, 0, 0, 0, 0, 0, 498) == [ACCEPTED]
-    assert px4.asks(400, 1) == [ACCEPTED]
+    assert px4.requests(22, 0, 0, 0, 0, 0, 0, 498) == [ACCEPTED]
+    assert px4.requests(400, 1) == [ACCEPTED]
     assert px4.mode == "TAKEOFF"
     px4.until(lambda: not px4.pilot.armed, 12)
     assert px4.height == 0
@@ -90,8 +90,8 @@ def test_takeoff_at_latitude_0_never_leaves_the_ground(px4):
 
 def test_takeoff_with_a_relative_altitude_only_hops(px4):
     px4.run(0.2)
-    px4.asks(22, NAN, 0, 0, NAN, NAN, NAN, 10)
-    px4.asks(400, 1)
+    px4.requests(22, NAN, 0, 0, NAN, NAN, NAN, 10)
+    px4.requests(400, 1)
     px4.run(15)
     assert 0.3 < px4.height < 1.0
     assert "Already higher than takeoff altitude\t" in px4.texts
@@ -99,21 +99,21 @@ def test_takeoff_with_a_relative_altitude_only_hops(px4):
 
 def test_takeoff_without_an_altitude_climbs_the_default(px4):
     px4.run(0.2)
-    px4.asks(22, NAN, 0, 0, NAN, NAN, NAN, NAN)
-    px4.asks(400, 1)
+    px4.requests(22, NAN, 0, 0, NAN, NAN, NAN, NAN)
+    px4.requests(400, 1)
     px4.run(15)
     assert px4.height == pytest.approx(2.5, abs=0.3)
 
 
 def test_takeoff_while_flying_climbs_on(flying):
-    assert flying.asks(22, NAN, 0, 0, NAN, NAN, NAN, 503) == [ACCEPTED]
+    assert flying.requests(22, NAN, 0, 0, NAN, NAN, NAN, 503) == [ACCEPTED]
     flying.until(lambda: abs(flying.height - 15) < 0.3)
     flying.until(lambda: flying.mode == "LOITER")
 
 
 def test_motors_stop_by_themselves_without_a_takeoff(px4):
     px4.run(0.2)
-    px4.asks(400, 1)
+    px4.requests(400, 1)
     assert 10.6 < px4.until(lambda: not px4.pilot.armed) < 11.6
 
 
@@ -124,7 +124,7 @@ def test_a_mode_is_acknowledged_twice(flying):
 
 
 def test_an_unknown_mode_is_accepted_twice_and_changes_nothing(flying):
-    assert flying.asks(176, 1, 99) == [ACCEPTED, ACCEPTED]
+    assert flying.requests(176, 1, 99) == [ACCEPTED, ACCEPTED]
     assert flying.mode == "LOITER"
 
 
@@ -133,7 +133,7 @@ def test_any_mode_goes_while_disarmed_and_then_arming_is_refused(px4):
     for mode in ("OFFBOARD", "MISSION", "POSCTL"):
         assert px4.set_mode(mode) == [ACCEPTED, ACCEPTED]
         assert px4.mode == mode
-        assert px4.asks(400, 1) == [REJECTED]
+        assert px4.requests(400, 1) == [REJECTED]
 
 
 def test_set_mode_gets_one_acknowledgement(px4):
@@ -201,13 +201,13 @@ def test_three_setpoints_a_second_are_enough(offboard):
 
 
 def test_reposition_takes_every_altitude_above_sea_level(flying):
-    assert flying.asks_int(192, 6, (-1, 1, 0, NAN), 47.397742, 8.545594, 15) == [ACCEPTED]
+    assert flying.requests_int(192, 6, (-1, 1, 0, NAN), 47.397742, 8.545594, 15) == [ACCEPTED]
     flying.until(lambda: flying.body.grounded)
     assert any("Landing detected" in text for text in flying.texts)
 
 
 def test_reposition_keeps_what_is_not_a_number_and_turns_in_radians(flying):
-    assert flying.asks(192, -1, 1, 0, math.pi / 2, NAN, NAN, 500) == [ACCEPTED]
+    assert flying.requests(192, -1, 1, 0, math.pi / 2, NAN, NAN, 500) == [ACCEPTED]
     flying.until(lambda: abs(flying.height - 12) < 0.2)
     flying.run(2)
     assert math.degrees(flying.body.heading) == pytest.approx(90, abs=2)
@@ -215,46 +215,46 @@ def test_reposition_keeps_what_is_not_a_number_and_turns_in_radians(flying):
 
 
 def test_reposition_without_the_mode_flag_and_condition_yaw_are_unsupported(flying):
-    assert flying.asks(192, -1, 0, 0, NAN, NAN, NAN, 500) == [UNSUPPORTED]
-    assert flying.asks(115, 90, 30, 1) == [UNSUPPORTED]
-    assert flying.asks(193, 0) == [UNSUPPORTED]
+    assert flying.requests(192, -1, 0, 0, NAN, NAN, NAN, 500) == [UNSUPPORTED]
+    assert flying.requests(115, 90, 30, 1) == [UNSUPPORTED]
+    assert flying.requests(193, 0) == [UNSUPPORTED]
 
 
 def test_change_altitude(flying):
-    assert flying.asks(186, 495) == [ACCEPTED]
+    assert flying.requests(186, 495) == [ACCEPTED]
     flying.until(lambda: abs(flying.height - 7) < 0.2)
 
 
 def test_land_disarms_and_goes_back_to_the_mode_chosen_last(offboard):
-    offboard.asks(21)
+    offboard.requests(21)
     assert 12 < offboard.until(lambda: not offboard.pilot.armed) < 24
     assert [text.strip() for text in offboard.texts[-2:]] == ["Landing detected", "Disarmed by landing"]
     assert offboard.mode == "OFFBOARD"
 
 
 def test_rtl_comes_home(flying):
-    flying.asks(192, -1, 1, 0, NAN, 47.397922, 8.545594, 498)
+    flying.requests(192, -1, 1, 0, NAN, 47.397922, 8.545594, 498)
     flying.until(lambda: flying.body.north > 19)
-    assert flying.asks(20) == [ACCEPTED]
+    assert flying.requests(20) == [ACCEPTED]
     assert 30 < flying.until(lambda: not flying.pilot.armed, 80) < 70
     assert abs(flying.body.north) < 1
     assert flying.mode == "LOITER"
 
 
 def test_a_plain_disarm_in_flight_is_refused(flying):
-    assert flying.asks(400, 0) == [REJECTED]
+    assert flying.requests(400, 0) == [REJECTED]
     assert "Disarming denied: not landed\t" in flying.texts
 
 
 def test_a_forced_disarm_drops_and_moves_home(flying):
-    assert flying.asks(400, 0, 21196) == [ACCEPTED]
+    assert flying.requests(400, 0, 21196) == [ACCEPTED]
     assert abs(flying.pilot.height_over_home()) < 0.5
     assert flying.until(lambda: flying.body.grounded) < 3
 
 
 def test_a_terminated_flight_stays_armed_and_refuses_everything(flying):
-    assert flying.asks(185, 0) == [DENIED]
-    assert flying.asks(185, 1) == [ACCEPTED]
+    assert flying.requests(185, 0) == [DENIED]
+    assert flying.requests(185, 1) == [ACCEPTED]
     flying.run(3)
     heartbeat = flying.last("HEARTBEAT")
     assert heartbeat.base_mode & 128
@@ -264,7 +264,7 @@ def test_a_terminated_flight_stays_armed_and_refuses_everything(flying):
 
 
 def test_reboot_is_refused_in_flight(flying):
-    assert flying.asks(246, 1) == [DENIED]
+    assert flying.requests(246, 1) == [DENIED]
 
 
 def test_a_burst_of_commands_loses_acknowledgements(px4):
@@ -296,8 +296,8 @@ def test_rates_come_unasked_and_can_be_changed(px4):
     px4.heard.clear()
     px4.run(10)
     assert 480 <= len(px4.said("ATTITUDE")) <= 505
-    assert px4.asks(511, 30, 100000) == [ACCEPTED]
-    assert px4.asks(511, 9999, 100000) == [FAILED]
+    assert px4.requests(511, 30, 100000) == [ACCEPTED]
+    assert px4.requests(511, 9999, 100000) == [FAILED]
     px4.heard.clear()
     px4.run(10)
     assert 98 <= len(px4.said("ATTITUDE")) <= 102
@@ -323,7 +323,7 @@ def test_without_a_station_arming_is_refused_when_it_is_watched(bench):
     px4.run(0.2)
     px4.set_param("NAV_DLL_ACT", 2)
     px4.run(1)
-    assert px4.asks(400, 1) == [REJECTED]
+    assert px4.requests(400, 1) == [REJECTED]
 
 
 def test_a_critical_battery_holds_and_returns_and_the_user_overrules(flying):
@@ -360,26 +360,26 @@ def test_a_pilot_takes_over_and_holds(offboard):
 
 def test_mission_start_arms_by_itself(px4):
     px4.run(0.2)
-    assert px4.asks(300) == [DENIED]
+    assert px4.requests(300) == [DENIED]
 
 
 def test_an_orbit_is_accepted_and_shown(px4):
     px4.run(0.2)
-    assert px4.asks(34, 5) == [ACCEPTED]
+    assert px4.requests(34, 5) == [ACCEPTED]
     px4.run(1.1)
     assert px4.last("HEARTBEAT").custom_mode == 0x01030000
 
 
 def test_nobody_answers_the_injection_of_a_failure(px4):
     px4.run(0.2)
-    assert px4.asks(420, 1) == []
+    assert px4.requests(420, 1) == []
 
 
 def test_a_pause_and_a_turn_are_unsupported(flying):
-    assert flying.asks(193, 0) == [UNSUPPORTED]
-    assert flying.asks(115, 90) == [UNSUPPORTED]
+    assert flying.requests(193, 0) == [UNSUPPORTED]
+    assert flying.requests(115, 90) == [UNSUPPORTED]
 
 
 def test_arming_by_another_number_is_unsupported(px4):
     px4.run(0.2)
-    assert px4.asks(400, 2) == [UNSUPPORTED]
+    assert px4.requests(400, 2) == [UNSUPPORTED]

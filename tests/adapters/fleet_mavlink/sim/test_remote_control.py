@@ -65,19 +65,19 @@ def test_ardupilot_without_a_control_is_not_armed_unless_it_is_forced(bench):
     ap = bench("ardupilot", faults={"rc_loss": 1.0})
     ap.run(0.2)
     ap.set_mode("GUIDED")
-    assert ap.asks(400, 1) == [FAILED]
+    assert ap.requests(400, 1) == [FAILED]
     assert "Arm: Radio failsafe on" in ap.texts
     ap.set_param("FS_THR_ENABLE", 0)
     ap.run(1)
-    assert ap.asks(400, 1) == [FAILED]
-    assert ap.asks(400, 1, 21196) == [ACCEPTED]
+    assert ap.requests(400, 1) == [FAILED]
+    assert ap.requests(400, 1, 21196) == [ACCEPTED]
 
 
 def test_ardupilot_disarms_on_the_ground(bench):
     ap = bench("ardupilot")
     ap.run(0.2)
     ap.set_mode("GUIDED")
-    ap.asks(400, 1)
+    ap.requests(400, 1)
     ap.vehicle.set_fault("rc_loss", 1)
     ap.run(0.2)
     assert not ap.pilot.armed

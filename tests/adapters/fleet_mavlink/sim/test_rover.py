@@ -14,8 +14,8 @@ AHEAD, KEEP = 0x0DC7, 0x05C7  # masks: velocity; velocity and rate of turn
 def rover(bench):
     it = bench("ardupilot", vehicle="rover")
     it.run(0.5)
-    assert it.asks(176, 1, GUIDED) == [ACCEPTED]
-    assert it.asks(400, 1) == [ACCEPTED]
+    assert it.requests(176, 1, GUIDED) == [ACCEPTED]
+    assert it.requests(400, 1) == [ACCEPTED]
     return it
 
 
@@ -43,21 +43,21 @@ def test_it_starts_in_manual_after_it_was_initialising(bench):
 
 
 def test_it_neither_takes_off_nor_lands_nor_pauses(rover):
-    assert rover.asks(22, 0, 0, 0, 0, 0, 0, 10) == [UNSUPPORTED]
-    assert rover.asks(21) == [UNSUPPORTED]
-    assert rover.asks(193, 0) == [UNSUPPORTED]
-    assert rover.asks(176, 0, GUIDED) == [DENIED]
-    assert rover.asks(176, 1, 99) == [FAILED]
+    assert rover.requests(22, 0, 0, 0, 0, 0, 0, 10) == [UNSUPPORTED]
+    assert rover.requests(21) == [UNSUPPORTED]
+    assert rover.requests(193, 0) == [UNSUPPORTED]
+    assert rover.requests(176, 0, GUIDED) == [DENIED]
+    assert rover.requests(176, 1, 99) == [FAILED]
     assert "No such mode 99" in rover.texts
 
 
 def test_its_landed_state_is_never_reported_and_its_height_is_that_of_the_sea(rover):
-    rover.asks(512, 245)
+    rover.requests(512, 245)
     assert rover.last("EXTENDED_SYS_STATE").landed_state == 0
-    rover.asks(512, 33)
+    rover.requests(512, 33)
     assert rover.last("GLOBAL_POSITION_INT").relative_alt / 1000 == pytest.approx(487.9, abs=0.2)
-    assert rover.asks(400, 0) == [ACCEPTED]
-    rover.asks(512, 33)
+    assert rover.requests(400, 0) == [ACCEPTED]
+    rover.requests(512, 33)
     assert rover.last("GLOBAL_POSITION_INT").relative_alt / 1000 == pytest.approx(0.0, abs=0.1)
 
 
@@ -75,7 +75,7 @@ def test_it_stops_by_itself_three_seconds_after_the_last_setpoint(rover):
 def test_it_brakes_by_a_mode_as_the_recorded_one(rover, mode, metres, seconds):
     rover.stream(4.0, 3.0, mask=AHEAD)
     assert rover.body.speed == pytest.approx(3.45, abs=0.1)
-    assert rover.asks(176, 1, mode) == [ACCEPTED]
+    assert rover.requests(176, 1, mode) == [ACCEPTED]
     went, took = stopped_after(rover)
     assert went == pytest.approx(metres, abs=0.8)
     assert took == pytest.approx(seconds, abs=0.8)
@@ -83,20 +83,20 @@ def test_it_brakes_by_a_mode_as_the_recorded_one(rover, mode, metres, seconds):
 
 def test_guided_again_is_no_stop(rover):
     rover.stream(4.0, 3.0, mask=AHEAD)
-    assert rover.asks(176, 1, GUIDED) == [ACCEPTED]
+    assert rover.requests(176, 1, GUIDED) == [ACCEPTED]
     rover.run(2.0)
     assert rover.body.speed > 3.0
 
 
 def test_a_speed_of_zero_is_refused_and_it_drives_on(rover):
     rover.stream(4.0, 3.0, mask=AHEAD)
-    assert rover.asks(178, 1, 0, -1) == [FAILED]
+    assert rover.requests(178, 1, 0, -1) == [FAILED]
     rover.run(1.0)
     assert rover.body.speed > 3.0
 
 
 def test_setpoints_in_hold_are_ignored(rover):
-    rover.asks(176, 1, HOLD)
+    rover.requests(176, 1, HOLD)
     rover.stream(2.0, 3.0, mask=AHEAD)
     assert rover.body.speed < 0.05
     assert rover.last("HEARTBEAT").system_status == 3
@@ -115,16 +115,16 @@ def test_a_rate_of_turn_is_kept_while_it_drives(rover):
 
 def test_a_disarmed_one_coasts(rover):
     rover.stream(4.0, 2.0, mask=AHEAD)
-    assert rover.asks(400, 0) == [ACCEPTED]
+    assert rover.requests(400, 0) == [ACCEPTED]
     metres, _ = stopped_after(rover)
     assert metres == pytest.approx(3.8, abs=0.8)
 
 
 def test_it_drives_to_a_place_and_home_and_stays_armed(rover):
     place = (47.397742 + 20 / 111_195, 8.545594, 0.0)
-    assert rover.asks_int(mav.MAV_CMD_DO_REPOSITION, 6, (-1, 1, 0, math.nan), *place) == [ACCEPTED]
+    assert rover.requests_int(mav.MAV_CMD_DO_REPOSITION, 6, (-1, 1, 0, math.nan), *place) == [ACCEPTED]
     rover.until(lambda: rover.body.north > 19.0)
-    assert rover.asks(20) == [ACCEPTED]
+    assert rover.requests(20) == [ACCEPTED]
     rover.until(lambda: "Reached destination" in rover.texts)
     assert rover.pilot.armed
     assert rover.mode == "RTL"
@@ -153,21 +153,21 @@ def behind(metres):
 
 
 def test_it_drives_to_a_place_in_reverse_until_its_mode_changes(rover):
-    assert rover.asks(194, 1) == [ACCEPTED]
-    assert rover.asks_int(mav.MAV_CMD_DO_REPOSITION, 6, (-1, 1, 0, math.nan), *behind(8)) == [ACCEPTED]
-    assert rover.asks(178, 1, 1.0, -1) == [ACCEPTED]
+    assert rover.requests(194, 1) == [ACCEPTED]
+    assert rover.requests_int(mav.MAV_CMD_DO_REPOSITION, 6, (-1, 1, 0, math.nan), *behind(8)) == [ACCEPTED]
+    assert rover.requests(178, 1, 1.0, -1) == [ACCEPTED]
     rover.run(16.0)
     assert rover.body.north == pytest.approx(-8.0, abs=0.7)
     assert abs(math.remainder(rover.body.heading, math.tau)) < 0.1
-    rover.asks(176, 1, HOLD)
-    rover.asks(176, 1, GUIDED)
-    assert rover.asks_int(mav.MAV_CMD_DO_REPOSITION, 6, (-1, 1, 0, math.nan), *behind(0)) == [ACCEPTED]
+    rover.requests(176, 1, HOLD)
+    rover.requests(176, 1, GUIDED)
+    assert rover.requests_int(mav.MAV_CMD_DO_REPOSITION, 6, (-1, 1, 0, math.nan), *behind(0)) == [ACCEPTED]
     rover.run(3.0)
     assert rover.body.along > 0.5
 
 
 def test_a_speed_is_refused_while_it_has_no_place_to_drive_to(rover):
-    assert rover.asks(178, 1, 2.0, -1) == [FAILED]
+    assert rover.requests(178, 1, 2.0, -1) == [FAILED]
 
 
 def test_a_station_that_falls_silent_makes_it_act_after_its_time(rover):

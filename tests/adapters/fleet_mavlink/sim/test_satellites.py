@@ -12,7 +12,7 @@ def flown(bench, flavour):
 def test_arducopters_estimator_fails_in_the_recorded_steps(bench):
     flying = flown(bench, "ardupilot")
     for message in (24, 32, 33, 193):
-        flying.asks(511, message, 100_000)
+        flying.requests(511, message, 100_000)
     flying.vehicle.set_fault("gps_loss", 1)
     flying.run(2.0)
     fix = flying.last("GPS_RAW_INT")
@@ -32,7 +32,7 @@ def test_arducopters_estimator_fails_in_the_recorded_steps(bench):
 def test_px4s_estimator_fails_in_the_recorded_steps_and_runs_away(bench):
     flying = flown(bench, "px4")
     for message in (24, 33, 230):
-        flying.asks(511, message, 100_000)
+        flying.requests(511, message, 100_000)
     flying.vehicle.set_fault("gps_loss", 1)
     flying.run(0.7)
     fix = flying.last("GPS_RAW_INT")

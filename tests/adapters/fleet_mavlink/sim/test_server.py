@@ -22,7 +22,7 @@ async def server():
         await wheel
 
 
-async def ask(server, line):
+async def request(server, line):
     return msgspec.json.decode(await server.answer(msgspec.json.encode(line)))
 
 
@@ -54,7 +54,7 @@ async def listen(**where):
 
 
 async def test_an_added_vehicle_waits_to_be_heard(server):
-    reply = await ask(server, {"add": {"flavour": "px4", "system_id": 4, "ready": 0}})
+    reply = await request(server, {"add": {"flavour": "px4", "system_id": 4, "ready": 0}})
     transport, listener = await listen(remote_addr=("127.0.0.1", port_of(reply["url"])))
     transport.sendto(bytes(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(mav.MAVLink(None, 255, 190))))
     assert (await heard(listener, "HEARTBEAT", system=4)).autopilot == mav.MAV_AUTOPILOT_PX4
@@ -72,14 +72,14 @@ async def test_vehicles_may_share_the_port_they_speak_to(server):
 
 
 async def test_a_vehicle_is_looked_at_spoiled_and_taken_away(server):
-    url = (await ask(server, {"add": {"flavour": "px4", "system_id": 4}}))["url"]
+    url = (await request(server, {"add": {"flavour": "px4", "system_id": 4}}))["url"]
     vehicle = server.robots[url].wire.vehicle
-    assert await ask(server, {"look": {"url": url}}) == {"x": 0.0, "y": 0.0, "z": 0.0}
-    assert await ask(server, {"fault": {"url": url, "name": "loss", "value": 0.1}}) == {}
+    assert await request(server, {"look": {"url": url}}) == {"x": 0.0, "y": 0.0, "z": 0.0}
+    assert await request(server, {"fault": {"url": url, "name": "loss", "value": 0.1}}) == {}
     assert vehicle.faults == {"loss": 0.1}
-    await ask(server, {"fault": {"url": url, "name": "loss", "value": None}})
+    await request(server, {"fault": {"url": url, "name": "loss", "value": None}})
     assert vehicle.faults == {}
-    assert await ask(server, {"remove": {"url": url}}) == {}
+    assert await request(server, {"remove": {"url": url}}) == {}
     assert server.robots == {}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free_again:
         await asyncio.sleep(0)  # the loop closes what is closed in its next turn

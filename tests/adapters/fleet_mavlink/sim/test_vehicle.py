@@ -35,25 +35,25 @@ def test_ping_is_answered_to_who_asked(either):
 def test_capabilities(bench, flavour, capabilities):
     made = bench(flavour)
     made.run(0.2)
-    made.asks(520, 1)
+    made.requests(520, 1)
     assert made.last("AUTOPILOT_VERSION").capabilities == capabilities
 
 
 def test_lost_acknowledgements_do_not_keep_a_command_from_being_done(either):
     either.vehicle.set_fault("no_ack", 1)
-    assert either.asks(400, 1) == []
+    assert either.requests(400, 1) == []
     assert either.pilot.armed
 
 
 def test_half_of_the_acknowledgements_can_be_lost(either):
     either.vehicle.set_fault("ack_loss", 0.5)
-    answered = sum(len(either.asks(520, 1)) for _ in range(100))
+    answered = sum(len(either.requests(520, 1)) for _ in range(100))
     assert 25 < answered < 75
 
 
 def test_a_slow_command_tells_progress_first(either):
     either.vehicle.set_fault("slow_ack", 2.0)
-    assert either.asks(400, 1) == [5]
+    assert either.requests(400, 1) == [5]
     either.run(2.1)
     assert either.last("COMMAND_ACK").result == 0
 
@@ -62,9 +62,9 @@ def test_not_ready_refuses_to_arm(either):
     either.vehicle.set_fault("not_ready", 1)
     if either.ardupilot:
         either.set_mode("GUIDED")
-    assert either.asks(400, 1) != [0]
+    assert either.requests(400, 1) != [0]
     either.vehicle.set_fault("not_ready", None)
-    assert either.asks(400, 1) == [0]
+    assert either.requests(400, 1) == [0]
 
 
 def test_a_reboot_in_the_air_falls_and_is_seen_in_the_boot_time(either):
@@ -88,11 +88,11 @@ def test_a_reboot_is_dark_for_a_second(either):
 def test_gps_loss_is_shown(either):
     either.vehicle.set_fault("gps_loss", 1)
     either.run(1.0)
-    either.asks(512, 24)
+    either.requests(512, 24)
     assert either.last("GPS_RAW_INT").fix_type <= 1
     either.vehicle.set_fault("gps_loss", None)
     either.run(0.1)
-    either.asks(512, 24)
+    either.requests(512, 24)
     assert either.last("GPS_RAW_INT").fix_type >= 3
 
 
@@ -180,9 +180,9 @@ def _aloft(bench, flavour):
     made.body.down = -20.0
     if made.ardupilot:
         made.set_mode("GUIDED")
-        made.asks(400, 1)
+        made.requests(400, 1)
     else:
-        made.asks(400, 1)
+        made.requests(400, 1)
         made.drive(0, 0, 0)
         made.set_mode("OFFBOARD")
     return made
@@ -200,7 +200,7 @@ def test_mode_and_flight_state_can_be_shown_late(either):
     either.vehicle.set_fault("state_lag", 1.5)
     if either.ardupilot:
         either.set_mode("GUIDED")
-    assert either.asks(400, 1) == [0]
+    assert either.requests(400, 1) == [0]
     either.run(1.3)
     assert not either.last("HEARTBEAT").base_mode & 128
     either.run(1.5)

@@ -18,7 +18,7 @@ def heights(rig):
 
 def rise_and_leave(rig, after):
     """Have a dog stand up, and tell it to leave meanwhile; return its heights, cycle by cycle."""
-    assert rig.ask(BodyRequest.STAND) == ""
+    assert rig.request(BodyRequest.STAND) == ""
     rig.go(after)
     assert rig.mode is BodyMode.RISING
     rig.order = msgspec.structs.replace(rig.order, leave=True)

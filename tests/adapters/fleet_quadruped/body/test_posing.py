@@ -36,7 +36,7 @@ def halt(rig):
 @pytest.fixture
 def standing(rig):
     rig.stand()
-    assert rig.ask(BodyRequest.POSE) == ""
+    assert rig.request(BodyRequest.POSE) == ""
     rig.go(0.1)
     assert rig.mode is BodyMode.POSING
     return rig
@@ -70,7 +70,7 @@ def test_wherever_its_joints_are_led_a_standing_dog_goes_on_standing(standing, p
     assert fastest <= 2 * speed * standing.dog.dt + 1e-3
     assert standing.mode is BodyMode.POSING
     assert standing.fault == ""
-    assert standing.ask(BodyRequest.STAND) == ""
+    assert standing.request(BodyRequest.STAND) == ""
     standing.go(2.0)
     assert standing.mode is BodyMode.STANDING
 
@@ -87,12 +87,12 @@ PHYSICS = {name: pattern for name, pattern in PATTERNS.items() if "short" in nam
 def test_in_physics_it_does_not_fall_wherever_its_joints_are_led(any_dog, pattern):
     rig = Rig(any_dog, MujocoWorld(any_dog))
     rig.stand()
-    assert rig.ask(BodyRequest.POSE) == ""
+    assert rig.request(BodyRequest.POSE) == ""
     rig.go(0.1)
     lead(rig, 1.5, [at + 5 * sign for at, sign in zip(posture(rig), pattern, strict=True)])
     assert rig.tilt < TILTED
     assert rig.mode in {BodyMode.POSING, BodyMode.HELD}  # held: it leans, and is led no further
-    assert rig.ask(BodyRequest.STAND) == ""
+    assert rig.request(BodyRequest.STAND) == ""
     rig.go(2.0)
     assert (rig.mode, rig.fault) == (BodyMode.STANDING, "")
     assert rig.sim.world.imu().tilt < 0.05
@@ -117,7 +117,7 @@ def test_any_stop_holds_the_posture_and_ends_the_mode_though_targets_come(standi
     lead(standing, 1.0, [None, None, at - 0.2])
     assert standing.mode is BodyMode.HELD
     assert standing.controller.targets[2] == pytest.approx(held, abs=0.005)
-    assert standing.ask(BodyRequest.POSE) == ""
+    assert standing.request(BodyRequest.POSE) == ""
     lead(standing, 1.0, [None, None, at])
     assert standing.controller.targets[2] == pytest.approx(at, abs=0.01)
 
@@ -125,7 +125,7 @@ def test_any_stop_holds_the_posture_and_ends_the_mode_though_targets_come(standi
 def test_a_stop_on_the_way_back_to_standing_stops_that_too(standing):
     at = posture(standing)[2]
     lead(standing, 1.0, [None, None, at + 0.2])
-    standing.ask(BodyRequest.STAND)
+    standing.request(BodyRequest.STAND)
     standing.go(0.2)
     halt(standing)
     held = standing.controller.targets[2]
@@ -140,7 +140,7 @@ def test_it_sits_down_from_the_posture_that_it_has(standing, stopped):
     lead(standing, 1.0, [at + 0.15 for at in posture(standing)])
     if stopped:
         halt(standing)
-    assert standing.ask(BodyRequest.SIT) == ""
+    assert standing.request(BodyRequest.SIT) == ""
     standing.go(3.0)
     assert standing.mode is BodyMode.OFF
     assert standing.tilt < TILTED
@@ -154,7 +154,7 @@ def test_an_emergency_stop_lets_it_down(standing):
     assert standing.mode is BodyMode.DAMPED
     standing.go(4.0)
     assert standing.mode is BodyMode.OFF
-    assert standing.ask(BodyRequest.POSE) != ""
+    assert standing.request(BodyRequest.POSE) != ""
 
 
 def test_without_its_host_it_holds_and_then_sits_down(standing):
@@ -170,14 +170,14 @@ def test_without_its_host_it_holds_and_then_sits_down(standing):
 
 def test_a_dog_that_lies_is_held_as_it_is_found_and_led_from_there(rig):
     rig.settle()
-    assert rig.ask(BodyRequest.POSE) == ""
+    assert rig.request(BodyRequest.POSE) == ""
     rig.go(1.5)
     assert rig.mode is BodyMode.POSING
     start = posture(rig)
     lead(rig, 1.5, [None, None, None, None, start[4] + 0.1])
     assert rig.controller.targets[4] == pytest.approx(start[4] + 0.1, abs=0.01)
     halt(rig)
-    assert rig.ask(BodyRequest.SIT) == ""
+    assert rig.request(BodyRequest.SIT) == ""
     rig.go(3.0)
     assert rig.mode is BodyMode.OFF
 
@@ -187,11 +187,11 @@ def test_a_dog_that_lies_is_held_as_it_is_found_and_led_from_there(rig):
 def test_a_stop_before_its_drives_are_enabled_leaves_a_lying_dog_off(rig, given, later):
     rig.settle()
     if later:
-        rig.ask(given)
+        rig.request(given)
         assert rig.mode is BodyMode.ENABLING
     rig.order = msgspec.structs.replace(rig.order, halts=rig.order.halts + 1)
     if not later:
-        rig.ask(given)
+        rig.request(given)
     rig.go(2.0)
     assert rig.mode is BodyMode.OFF
 
@@ -199,4 +199,4 @@ def test_a_stop_before_its_drives_are_enabled_leaves_a_lying_dog_off(rig, given,
 def test_a_dog_that_walks_is_not_led(rig):
     rig.stand()
     rig.go(0.5, Twist(0.3))
-    assert "walking" in rig.ask(BodyRequest.POSE)
+    assert "walking" in rig.request(BodyRequest.POSE)

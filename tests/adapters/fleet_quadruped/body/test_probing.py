@@ -1,6 +1,6 @@
 import pytest
 
-from fleet_quadruped.body.probing import lean_angles, lean_tests, look_times, probing
+from fleet_quadruped.body.probing import lean_angles, lean_tests, look_times, probing_motion
 from fleet_quadruped.robot.description import leg_angles
 
 
@@ -19,7 +19,7 @@ def test_crouching_level_the_feet_are_below_the_hips(dog):
 
 
 def test_each_look_is_at_the_end_of_a_pause(dog):
-    motion = probing(dog, dog.posture(dog.poses.fold))
+    motion = probing_motion(dog, dog.posture(dog.poses.fold))
     last = 0.0
     for lean, at in zip(lean_tests(dog), look_times(dog), strict=True):
         while last < at - 0.015:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from fleet_quadruped.body.requests import BodyRequest
 from fleet_quadruped.control.order_tracker import OrderTracker
 from fleet_quadruped.control.orders import Activity, Order
-from fleet_quadruped.safety.stages import ASKED_TO_LEAVE, EMERGENCY_STOP, BodyMode, StopStage, Trip
+from fleet_quadruped.safety.stages import EMERGENCY_STOP, REQUESTED_TO_LEAVE, BodyMode, StopStage, Trip
 
 ABANDONED = 2.0
 POWERS_UP = {BodyRequest.STAND, BodyRequest.RECOVER, BodyRequest.CHECK, BodyRequest.POSE}
@@ -19,7 +19,7 @@ class Body:
     def __init__(self):
         self.log, self.fault, self.mode, self.refusal = [], "", BodyMode.STANDING, ""
 
-    def ask(self, request, value, _sense):
+    def request(self, request, value, _sense):
         self.log.append((request, value))
         return self.refusal
 
@@ -121,4 +121,4 @@ def test_the_robot_sits_down_when_its_host_is_silent_or_dismisses_it(it):
     assert it.execute(now=10.0 + ABANDONED, alive=10.0) == []
     (trip,) = it.execute(now=10.0 + ABANDONED + 0.6, alive=10.0)
     assert trip == Trip(StopStage.SIT, "no contact with its host for 3 s")
-    assert it.execute(now=10.0, alive=10.0, leave=True) == [Trip(StopStage.SIT, ASKED_TO_LEAVE)]
+    assert it.execute(now=10.0, alive=10.0, leave=True) == [Trip(StopStage.SIT, REQUESTED_TO_LEAVE)]

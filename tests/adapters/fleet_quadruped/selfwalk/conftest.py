@@ -40,10 +40,10 @@ class WalkerRig:
         for _ in range(round(seconds / self.walker.dt)):
             self.cycle()
 
-    def ask(self, ask, value=0.0):
+    def request(self, request, value=0.0):
         """Ask for something and wait for the answer; return the refusal."""
         number = self.order.activity.number + 1
-        self.order = msgspec.structs.replace(self.order, activity=Activity(number, ask, value))
+        self.order = msgspec.structs.replace(self.order, activity=Activity(number, request, value))
         for _ in range(200):
             self.cycle()
             if self.state.answered == number:

@@ -23,7 +23,7 @@ NOWHERE = {"index": 0x5FFF, "type": "u8", "value": 1}
 @pytest.fixture
 def standing(walker_rig):
     walker_rig.go(0.2)
-    assert walker_rig.ask(BodyRequest.STAND) == ""
+    assert walker_rig.request(BodyRequest.STAND) == ""
     walker_rig.go(1.5)
     assert walker_rig.state.mode == "standing"
     return walker_rig
@@ -37,7 +37,7 @@ def changed(walker, **sections):
     return type(walker).model_validate(tree)
 
 
-def asked(walker_rig):
+def requested(walker_rig):
     """Return the velocities that were sent last."""
     decoder = FrameDecoder(walker_rig.walker.wire.velocity)
     found = [decoder.decode(frame.id, frame.data) for frame in walker_rig.bus.sent]
@@ -50,7 +50,7 @@ def test_it_stands_walks_and_sits(standing):
     assert tuple(standing.machine.twist) == pytest.approx((0.4, 0.1, 0.0), abs=0.01)
     assert (standing.state.x, standing.state.y) == pytest.approx(standing.machine.place[:2], abs=0.05)
     standing.go(1.5)
-    assert standing.ask(BodyRequest.SIT) == ""
+    assert standing.request(BodyRequest.SIT) == ""
     standing.go(1.5)
     assert standing.state.mode == "off"
 
@@ -63,7 +63,7 @@ def test_it_turns_and_knows_its_heading(standing):
 
 def test_one_that_lies_is_sent_no_velocity(walker_rig):
     walker_rig.go(1.0, Twist(0.5))
-    assert all(set(each.values()) == {0.0} for each in asked(walker_rig))
+    assert all(set(each.values()) == {0.0} for each in requested(walker_rig))
     assert walker_rig.machine.mode is BodyMode.OFF
 
 
@@ -72,7 +72,7 @@ def test_without_a_fresh_order_it_stands_still(standing):
     standing.alive = False
     standing.go(2.0, Twist(0.5))
     assert standing.state.mode == "standing"
-    assert set(asked(standing)[-1].values()) == {0.0}
+    assert set(requested(standing)[-1].values()) == {0.0}
 
 
 def test_when_we_are_dead_it_stands_still_by_itself(standing):
@@ -90,7 +90,7 @@ def test_an_emergency_stop_is_obeyed_in_its_cycle_and_latched(standing):
     standing.go(2.0, Twist(0.5))
     assert (standing.state.mode, standing.state.fault) == ("off", "emergency stop")
     assert standing.state.stopped == 1
-    assert standing.ask(BodyRequest.STAND) == ""  # the host asks only after its release
+    assert standing.request(BodyRequest.STAND) == ""  # the host asks only after its release
     assert standing.state.fault == ""
 
 
@@ -101,7 +101,7 @@ def test_with_lost_frames_all_commands_come_through(standing):
     standing.emergency()
     standing.go(2.0)
     assert standing.machine.mode is BodyMode.OFF
-    assert standing.ask(BodyRequest.STAND) == ""
+    assert standing.request(BodyRequest.STAND) == ""
 
 
 def test_an_error_of_the_machine_is_latched_until_it_is_reset(standing):
@@ -111,7 +111,7 @@ def test_an_error_of_the_machine_is_latched_until_it_is_reset(standing):
     standing.machine._error = 0
     standing.go(1.0, Twist(0.5))
     assert tuple(standing.machine.twist) == pytest.approx((0, 0, 0), abs=0.01)
-    assert standing.ask(BodyRequest.RESET) == ""
+    assert standing.request(BodyRequest.RESET) == ""
     standing.go(1.0, Twist(0.5))
     assert standing.machine.twist.x > 0.3
 
@@ -122,7 +122,7 @@ def test_an_emergency_stop_does_not_make_up_for_the_reset_of_an_error(standing):
     standing.machine.fault("error", 0)
     standing.emergency()
     standing.go(2.0)
-    assert "motor too hot (error 2); look at the machine, then send reset_faults" in standing.ask(
+    assert "motor too hot (error 2); look at the machine, then send reset_faults" in standing.request(
         BodyRequest.STAND
     )
 
@@ -132,9 +132,9 @@ def test_a_reset_does_not_end_an_emergency_stop_that_the_machine_has_not_obeyed(
     standing.go(0.5, Twist(0.5))
     standing.emergency()
     standing.go(0.5, Twist(0.5))
-    assert standing.ask(BodyRequest.RESET) == "it has not carried out the emergency stop yet"
+    assert standing.request(BodyRequest.RESET) == "it has not carried out the emergency stop yet"
     standing.go(0.5, Twist(0.5))
-    assert set(asked(standing)[-1].values()) == {0.0}
+    assert set(requested(standing)[-1].values()) == {0.0}
     standing.machine._commands = obeyed
     standing.go(0.1)
     assert standing.machine.mode is BodyMode.DAMPED
@@ -151,7 +151,7 @@ def test_a_machine_that_falls_silent_is_not_led_on_and_then_lost(standing):
     standing.machine.fault("mute")
     standing.go(0.5, Twist(0.5))
     assert "no state for" in standing.state.fault
-    assert set(asked(standing)[-1].values()) == {0.0}
+    assert set(requested(standing)[-1].values()) == {0.0}
     with pytest.raises(LinkLost, match="is silent on bus 'a'"):
         standing.go(3.0)
 
@@ -159,7 +159,7 @@ def test_a_machine_that_falls_silent_is_not_led_on_and_then_lost(standing):
 def test_a_machine_that_tips_is_stopped(make_walker_rig):
     walker_rig = make_walker_rig(load_body(EXAMPLE.with_name("self-walking-canopen.yaml")))
     walker_rig.go(0.2)
-    walker_rig.ask(BodyRequest.STAND)
+    walker_rig.request(BodyRequest.STAND)
     walker_rig.go(1.5)
     walker_rig.machine.fault("tip", 1.0)
     walker_rig.go(2.0)
@@ -181,7 +181,7 @@ def test_asked_to_leave_it_sits_down(standing):
 
 
 def test_it_changes_its_height_within_its_limits(standing):
-    assert standing.ask(BodyRequest.HEIGHT, 1.0) == ""
+    assert standing.request(BodyRequest.HEIGHT, 1.0) == ""
     assert standing.machine.height == pytest.approx(standing.walker.highest)
 
 
@@ -189,7 +189,7 @@ def test_a_command_that_is_not_taken_is_reported(walker, make_walker_rig):
     section, other = ("frames", {"id": 0x7AA, "data": "01"}) if walker.frames else ("objects", NOWHERE)
     walker_rig = make_walker_rig(changed(walker, **{section: {"stand_up": other}}), real=walker)
     walker_rig.go(0.2)
-    assert re.search("was not taken within 1 s|SDO abort 06020000h", walker_rig.ask(BodyRequest.STAND))
+    assert re.search("was not taken within 1 s|SDO abort 06020000h", walker_rig.request(BodyRequest.STAND))
     assert walker_rig.machine.mode is BodyMode.OFF
 
 
@@ -197,12 +197,12 @@ def test_a_description_without_recovery_refuses_it(make_walker_rig):
     lacking = changed(load_body(EXAMPLE.with_name("self-walking.yaml")), frames={"recovery_stand": None})
     walker_rig = make_walker_rig(lacking)
     walker_rig.go(0.2)
-    assert walker_rig.ask(BodyRequest.RECOVER) == "this machine's description has no recovery_stand"
+    assert walker_rig.request(BodyRequest.RECOVER) == "this machine's description has no recovery_stand"
 
 
 def test_it_recovers(walker_rig):
     walker_rig.go(0.2)
-    assert walker_rig.ask(BodyRequest.RECOVER) == ""
+    assert walker_rig.request(BodyRequest.RECOVER) == ""
     walker_rig.go(3.0)
     assert walker_rig.state.mode == "standing"
 
@@ -218,11 +218,11 @@ def test_a_node_that_cannot_be_set_up_is_named(make_walker_rig):
 def test_no_velocity_beyond_the_limits_is_ever_sent(walker, make_walker_rig, twists):
     walker_rig, pace = make_walker_rig(walker), walker.pace
     walker_rig.go(0.2)
-    walker_rig.ask(BodyRequest.STAND)
+    walker_rig.request(BodyRequest.STAND)
     walker_rig.go(1.2)
     for twist in twists:
         walker_rig.go(0.4, Twist(*twist))
-        for each in asked(walker_rig):
+        for each in requested(walker_rig):
             assert abs(each["x"]) <= pace.speed + 1e-3
             assert abs(each["y"]) <= pace.strafe + 1e-3
             assert abs(each["turn"]) <= pace.turn + 1e-3
@@ -277,7 +277,7 @@ def protected(make_walker_rig):
 
 def test_a_machine_with_counters_and_checksums_walks(protected):
     protected.go(0.2)
-    assert protected.ask(BodyRequest.STAND) == ""
+    assert protected.request(BodyRequest.STAND) == ""
     protected.go(1.5)
     protected.go(2.0, Twist(0.4))
     assert protected.state.mode == "walking"
@@ -310,7 +310,7 @@ class Frozen:
 def test_the_example_speaks_agilex_version_2(make_walker_rig):
     walker_rig = make_walker_rig(load_body(EXAMPLE.with_name("self-walking.yaml")))
     walker_rig.go(0.2)
-    walker_rig.ask(BodyRequest.STAND)
+    walker_rig.request(BodyRequest.STAND)
     walker_rig.go(1.5)
     walker_rig.go(2.0, Twist(0.5, 0.1, -0.2))
     velocity = [frame.data for frame in walker_rig.bus.sent if frame.id == 0x111][-1]
@@ -333,9 +333,9 @@ def test_a_machine_that_is_asked_to_walk_and_stands_is_reported(standing):
 
 @pytest.mark.parametrize("twist", [Twist(0.0, 0.2), Twist(0.0, 0.0, 0.8), Twist(-0.4), Twist(0.3, 0.0, 0.6)])
 def test_a_machine_that_obeys_is_not_blamed(standing, twist):
-    for asked in (twist, Twist(*(-part for part in twist)), Twist(), twist):
+    for requested in (twist, Twist(*(-part for part in twist)), Twist(), twist):
         for _ in range(30):
-            standing.go(0.1, asked)
+            standing.go(0.1, requested)
             assert standing.state.warning == standing.state.fault == ""
 
 

@@ -28,7 +28,7 @@ def lying(dog, turn):
 @pytest.mark.parametrize("turn", TURNS)
 def test_it_gets_up_from_whatever_it_lies_on(any_dog, turn):
     rig = lying(any_dog, turn)
-    assert rig.ask(BodyRequest.RECOVER) == ""
+    assert rig.request(BodyRequest.RECOVER) == ""
     for _ in range(24):
         rig.go(1.0)
         if rig.mode is BodyMode.STANDING:
@@ -58,10 +58,10 @@ def test_tuning_heeds_the_monitor_and_the_limits_of_reality(dog):
 
 
 def test_it_does_not_stand_up_while_it_is_on_its_back(dog):
-    assert "send recovery_stand" in lying(dog, TURNS[0]).ask(BodyRequest.STAND)
+    assert "send recovery_stand" in lying(dog, TURNS[0]).request(BodyRequest.STAND)
 
 
 def test_without_roll_poses_it_says_that_it_needs_help(dog):
     poses = dog.poses.model_copy(update={"roll_near": None, "roll_far": None})
     rig = lying(dog.model_copy(update={"poses": poses}), TURNS[0])
-    assert "put it on its feet" in rig.ask(BodyRequest.RECOVER)
+    assert "put it on its feet" in rig.request(BodyRequest.RECOVER)

@@ -67,7 +67,7 @@ def test_the_echo_of_the_dead_man_confirms_it_and_another_time_does_not():
 
 
 @pytest.mark.parametrize(
-    ("asked", "bytes_"),
+    ("requested", "bytes_"),
     [
         (lambda codec: codec.lights(255, 0), b'{"T":132,"IO4":255,"IO5":0}\n'),
         (lambda codec: codec.gimbal(-45, 30), b'{"T":134,"X":-45,"Y":30,"SX":600,"SY":600}\n'),
@@ -80,8 +80,8 @@ def test_the_echo_of_the_dead_man_confirms_it_and_another_time_does_not():
         ),
     ],
 )
-def test_golden_bytes_of_what_hangs_on_the_board(asked, bytes_):
-    assert asked(make()) == bytes_
+def test_golden_bytes_of_what_hangs_on_the_board(requested, bytes_):
+    assert requested(make()) == bytes_
 
 
 @pytest.mark.parametrize(

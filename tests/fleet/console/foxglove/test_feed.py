@@ -18,7 +18,7 @@ from fleet.clock import SystemClock
 from fleet.console.foxglove.feed import Feed
 from fleet.console.foxglove.protocol import PROTOCOLS
 from fleet.console.foxglove.viewer import MOST_BAD
-from fleet.console.links import LinkAsked, ask_link
+from fleet.console.links import LinkRequest, request_link
 from fleet.console.task import link_socket
 from fleet.errors import BusError
 from fleet.model.geometry import Quaternion, Vector3
@@ -30,7 +30,7 @@ from tests.tools.waiting import DEADLINE, wait_until
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 POSITION, LOG = f"cw/{TWIN}/data/position", f"cw/{TWIN}/data/driverlog"
 FOXGLOVE = "https://app.foxglove.dev"
-ASKED = LinkAsked("anna", Permission.VIEW, "foxglove")
+REQUESTED = LinkRequest("anna", Permission.VIEW, "foxglove")
 
 
 def pose(x):
@@ -49,7 +49,7 @@ class Viewer:
         self.socket = socket
         self.channels, self.statuses, self.messages = {}, [], []
 
-    def ask(self, op, **fields):
+    def request(self, op, **fields):
         self.socket.send(json.dumps({"op": op, **fields}))
 
     def read(self):
@@ -75,7 +75,7 @@ class Viewer:
 
     def subscribe(self, number, topic):
         channel = self.until(lambda: self.channels.get(topic))
-        self.ask("subscribe", subscriptions=[{"id": number, "channelId": channel["id"]}])
+        self.request("subscribe", subscriptions=[{"id": number, "channelId": channel["id"]}])
         return channel
 
 
@@ -87,7 +87,7 @@ def served(runtime, serve_console):
 
 @pytest.fixture(scope="module")
 def address(runtime, served):
-    return ask_link(link_socket(runtime, "foxglove"), ASKED).link
+    return request_link(link_socket(runtime, "foxglove"), REQUESTED).link
 
 
 @pytest.fixture(scope="module")
@@ -138,8 +138,8 @@ def test_foxglove_is_offered_topics_and_sent_what_it_subscribes_to(open_viewer, 
     )
     jsonschema.validate(found[0], json.loads(channel["schema"]))
     assert found[0]["frame_id"] == "yard-1/rex/world"
-    viewer.ask("unsubscribe", subscriptionIds=[5])
-    viewer.ask("advertise", channels=[])
+    viewer.request("unsubscribe", subscriptionIds=[5])
+    viewer.request("advertise", channels=[])
     viewer.until(lambda: viewer.statuses)  # so the unsubscription was taken
     viewer.messages.clear()
     edge.reports.put(POSITION, pose(3.0))
@@ -181,7 +181,7 @@ def test_nothing_is_heard_for_nobody(open_viewer, edge):
 @pytest.mark.parametrize("op", ["advertise", "setParameters", "callService", "fetchAsset", "playbackControl"])
 def test_it_takes_no_wish_but_subscriptions(open_viewer, edge, op):
     viewer = open_viewer()
-    viewer.ask(op)
+    viewer.request(op)
     viewer.until(lambda: viewer.statuses)
     assert viewer.statuses == [f"this view is read-only: {op} is not taken"]
 
@@ -189,7 +189,7 @@ def test_it_takes_no_wish_but_subscriptions(open_viewer, edge, op):
 def test_data_and_garbage_are_reported_and_too_much_of_it_ends_the_view(open_viewer, edge):
     viewer = open_viewer()
     viewer.subscribe(1, "/yard-1/rex/state")
-    viewer.ask("subscribe", subscriptions=[{"id": 1, "channelId": 10_000}])
+    viewer.request("subscribe", subscriptions=[{"id": 1, "channelId": 10_000}])
     viewer.until(lambda: viewer.statuses)
     assert viewer.statuses == ["there is no channel 10000"]
     viewer.subscribe(1, "/yard-1/rex/state")
@@ -222,7 +222,7 @@ def test_a_foreign_page_is_refused_even_with_the_address(open_viewer, changed):
 
 
 def test_a_foreign_name_of_this_computer_is_refused(served, address):
-    asked = {
+    requested = {
         "connection": "Upgrade",
         "upgrade": "websocket",
         "sec_websocket_version": "13",
@@ -230,7 +230,7 @@ def test_a_foreign_name_of_this_computer_is_refused(served, address):
         "sec_websocket_protocol": PROTOCOLS[0],
     }
     path = "/foxglove/" + address.rpartition("/")[2]
-    assert served.request("GET", path, host=f"evil.example:{served.port}", **asked)[0] == 403
+    assert served.request("GET", path, host=f"evil.example:{served.port}", **requested)[0] == 403
 
 
 @pytest.mark.parametrize("origin", [None, "file://", FOXGLOVE])
@@ -259,7 +259,7 @@ def test_more_viewers_than_it_serves_are_asked_to_come_again(open_viewer):
     with pytest.raises(ConnectionClosed) as ended:
         viewers[-1].until(lambda: False)
     assert ended.value.rcvd.code == 1013
-    viewers[0].ask("x")
+    viewers[0].request("x")
     viewers[0].until(lambda: viewers[0].statuses)
 
 

@@ -11,7 +11,7 @@ from fleet.console.foxglove.protocol import (
     Unsubscribe,
     advertisement,
     message_data,
-    read_asked,
+    read_requested,
     server_info,
     warning,
 )
@@ -52,8 +52,8 @@ def test_a_warning_is_a_status():
 
 def test_subscriptions_are_read_also_with_members_of_later_versions():
     subscribe = '{"op": "subscribe", "subscriptions": [{"id": 0, "channelId": 3, "x": 1}], "y": 2}'
-    assert read_asked(subscribe) == Subscribe((FoxgloveSubscription(0, 3),))
-    assert read_asked('{"op": "unsubscribe", "subscriptionIds": [0, 1]}') == Unsubscribe((0, 1))
+    assert read_requested(subscribe) == Subscribe((FoxgloveSubscription(0, 3),))
+    assert read_requested('{"op": "unsubscribe", "subscriptionIds": [0, 1]}') == Unsubscribe((0, 1))
 
 
 @pytest.mark.parametrize(
@@ -79,4 +79,4 @@ def test_subscriptions_are_read_also_with_members_of_later_versions():
 )
 def test_what_is_neither_subscribe_nor_unsubscribe_is_refused(message, why):
     with pytest.raises(WireError, match=why):
-        read_asked(message)
+        read_requested(message)

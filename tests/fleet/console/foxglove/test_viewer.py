@@ -51,8 +51,8 @@ async def slow():
 
     running = asyncio.create_task(viewer.run("x"))
     await report(0.0)
-    asked = {"op": "subscribe", "subscriptions": [{"id": 7, "channelId": 1}]}
-    await socket.received.put({"type": "websocket.receive", "text": json.dumps(asked)})
+    requested = {"op": "subscribe", "subscriptions": [{"id": 7, "channelId": 1}]}
+    await socket.received.put({"type": "websocket.receive", "text": json.dumps(requested)})
     async with asyncio.timeout(60):
         await changed.wait()
     yield report, socket, clock

@@ -21,7 +21,7 @@ from fleet.host.process import rebuild
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.workers import worker_changes
 from fleet.host.workers.worker_changes import WorkerChanges
-from fleet.model.change import ChangeKind, ChangesAnswer, ChangesAsked, Outcome
+from fleet.model.change import ChangeKind, ChangesAnswer, ChangesRequest, Outcome
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState
 
@@ -33,8 +33,8 @@ RELEASE = {"command": "release_emergency_stop"}
 class Field:
     """A running edge, its file, and what it is asked."""
 
-    def __init__(self, place, edge, bus_session, asks):
-        self.place, self.edge, self.bus_session, self.asks = place, edge, bus_session, asks
+    def __init__(self, place, edge, bus_session, requests):
+        self.place, self.edge, self.bus_session, self.requests = place, edge, bus_session, requests
 
     def write(self, robot, **fields):
         """Change fields of a robot in fleet.yaml; None takes one out."""
@@ -45,60 +45,62 @@ class Field:
             del entry[name]
         self.place.file.write_text(json.dumps(fleet))
 
-    async def ask(self, **asked):
-        payload = msgspec.json.encode(ChangesAsked(**asked))
+    async def request(self, **requested):
+        payload = msgspec.json.encode(ChangesRequest(**requested))
 
-        def ask():
+        def request():
             return [
-                data for _, data in self.bus_session.ask(keys.changes(self.place.id), payload, timeout=90)
+                data for _, data in self.bus_session.request(keys.changes(self.place.id), payload, timeout=90)
             ]
 
-        (answer,) = await asyncio.to_thread(ask)
+        (answer,) = await asyncio.to_thread(request)
         return msgspec.json.decode(answer, type=ChangesAnswer)
 
-    async def apply(self, **asked):
+    async def apply(self, **requested):
         """Return what came of each robot, by name."""
-        answer = await self.ask(do="apply", **asked)
+        answer = await self.request(do="apply", **requested)
         assert answer.refusal == ""
         return {change.name: change for change in answer.changes}
 
     async def say(self, robot, message, kind="command", **parameters):
         payload, parameters = json.dumps(message).encode(), {"kind": kind, **parameters}
 
-        def ask():
+        def request():
             key = keys.command(self.place.id, robot)
-            return [data for _, data in self.bus_session.ask(key, payload, timeout=20, parameters=parameters)]
+            return [
+                data for _, data in self.bus_session.request(key, payload, timeout=20, parameters=parameters)
+            ]
 
-        return msgspec.json.decode((await asyncio.to_thread(ask))[0], type=Reply)
+        return msgspec.json.decode((await asyncio.to_thread(request))[0], type=Reply)
 
     def state(self, robot):
         return next(state for state in self.edge.states() if state.name == robot)
 
     async def until(self, condition):
-        await self.asks.until(condition, 30)
+        await self.requests.until(condition, 30)
 
 
 @contextlib.asynccontextmanager
-async def running(yard, run_edge, asks, **robots):
+async def running(yard, run_edge, requests, **robots):
     place = yard(**robots)
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
         bus_session = await asyncio.to_thread(place.bus_session)
         try:
-            yield Field(place, edge, bus_session, asks)
+            yield Field(place, edge, bus_session, requests)
         finally:
             await asyncio.to_thread(bus_session.close)
 
 
 @pytest.fixture
-async def field(yard, run_edge, asks):
-    async with running(yard, run_edge, asks, rex=HERE, max=HERE) as there:
+async def field(yard, run_edge, requests):
+    async with running(yard, run_edge, requests, rex=HERE, max=HERE) as there:
         yield there
 
 
 async def test_a_file_that_says_the_same_changes_nothing(field):
-    answer = await field.ask()
+    answer = await field.request()
     assert answer.same
     assert {change.name: change.kind for change in answer.changes} == dict.fromkeys(
         ("rex", "max"), ChangeKind.UNTOUCHED
@@ -123,7 +125,7 @@ def schedules_of(place):
     """Return the names of the schedules that an edge tells."""
     session = place.bus_session()
     try:
-        ((_, answer),) = session.ask(keys.schedules(place.id), b'{"do": "list"}', timeout=20)
+        ((_, answer),) = session.request(keys.schedules(place.id), b'{"do": "list"}', timeout=20)
     finally:
         session.close()
     return [each["name"] for each in json.loads(answer).get("schedules", [])]
@@ -131,13 +133,13 @@ def schedules_of(place):
 
 async def test_missions_places_schedules_and_events_are_taken_over_without_a_restart(field):
     field.place.change(**SECTIONS)
-    planned = {change.name: change for change in (await field.ask()).changes if change.section}
+    planned = {change.name: change for change in (await field.request()).changes if change.section}
     assert {name: change.kind for name, change in planned.items()} == dict.fromkeys(
         SECTIONS, ChangeKind.SETTINGS
     )
     done = await field.apply()
     assert {done[name].outcome for name in SECTIONS} == {Outcome.DONE}
-    assert (await field.ask()).same
+    assert (await field.request()).same
     assert await asyncio.to_thread(schedules_of, field.place) == ["dawn"]
     assert field.edge.state().places.keys() == {"gate"}
     field.place.change(schedules={})
@@ -174,7 +176,7 @@ def _abort(place, run):
 async def test_a_plan_tells_what_would_be_done_and_does_nothing(field):
     field.write("rex", stands=True)
     field.write("max", limits={"speed": 0.5})
-    rex, other = (await field.ask()).changes
+    rex, other = (await field.request()).changes
     assert (rex.kind, rex.fields) == (ChangeKind.REBUILT, ("stands: none -> true",))
     assert other.kind is ChangeKind.REBUILT  # it leads itself to its goals, so it has the limits too
     assert field.place.words() == ["run", "run"]
@@ -187,14 +189,14 @@ async def test_a_robot_at_rest_is_rebuilt_and_the_other_goes_on(field):
     assert field.place.words("rex") == ["run", "run"]
     assert field.place.words("max") == ["run"]
     assert field.edge.process.robots["rex"].config.stands
-    assert (await field.ask()).same
+    assert (await field.request()).same
 
 
 async def test_a_robot_that_is_led_is_not_rebuilt_unless_forced(field):
     assert (await field.say("rex", GOTO, "navigate")).ok
     await field.until(lambda: "navigate" in field.place.words("rex"))
     field.write("rex", stands=True)
-    (planned, _) = (await field.ask()).changes
+    (planned, _) = (await field.request()).changes
     assert "rex is commanded" in planned.why
     refused = (await field.apply())["rex"]
     assert (refused.outcome, "rex is commanded" in refused.why) == (Outcome.REFUSED, True)
@@ -276,7 +278,7 @@ async def test_a_robot_that_does_not_come_back_has_its_configuration_of_before(f
     assert field.edge.process.robots["rex"].config == before
     await field.until(lambda: field.state("rex").health == "ok")
     assert field.place.words("max") == ["run"]
-    assert not (await field.ask()).same
+    assert not (await field.request()).same
 
 
 async def test_a_robot_that_cannot_take_its_configuration_over_runs_with_the_one_before(field):
@@ -334,7 +336,7 @@ class Worker:
     def start(self):
         self.given, self.started, self.reachable = self.task, self.started + 1, self.task == b"old"
 
-    def ask_later(self, _key, _payload, *, parameters, on_answer, on_end, **_kept):
+    def request_later(self, _key, _payload, *, parameters, on_answer, on_end, **_kept):
         self.forced.append(bool(parameters))
         answer = self.answers.pop(0)
         if answer == "dies":
@@ -447,7 +449,7 @@ async def test_what_needs_a_restart_is_reported_with_the_reason_and_left(field):
 
 async def test_a_file_that_cannot_be_used_changes_nothing_and_says_where_it_is_wrong(field):
     field.write("rex", limits={"speed": -1})
-    answer = await field.ask(do="apply")
+    answer = await field.request(do="apply")
     assert "nothing was changed" in answer.refusal
     assert any("robots[0].limits.speed" in problem for problem in answer.problems)
     assert field.place.words() == ["run", "run"]
@@ -455,14 +457,16 @@ async def test_a_file_that_cannot_be_used_changes_nothing_and_says_where_it_is_w
 
 async def test_an_edge_does_nothing_for_who_means_another_file_or_a_newer_format(field):
     field.write("rex", stands=True)
-    assert "not /elsewhere/fleet.yaml" in (await field.ask(do="apply", file="/elsewhere/fleet.yaml")).refusal
-    assert "update it" in (await field.ask(do="apply", format=99)).refusal
+    assert (
+        "not /elsewhere/fleet.yaml" in (await field.request(do="apply", file="/elsewhere/fleet.yaml")).refusal
+    )
+    assert "update it" in (await field.request(do="apply", format=99)).refusal
     assert field.place.words() == ["run", "run"]
 
 
-async def test_the_robots_of_a_worker_are_changed_by_starting_it_again(yard, run_edge, asks):
+async def test_the_robots_of_a_worker_are_changed_by_starting_it_again(yard, run_edge, requests):
     robots = {"arm": {"worker": "limbs"}, "leg": {"worker": "limbs"}, "rex": HERE}
-    async with running(yard, run_edge, asks, **robots) as field:
+    async with running(yard, run_edge, requests, **robots) as field:
         field.write("arm", stands=True)
         assert (await field.say("leg", GOTO, "navigate")).ok
         await field.until(lambda: "navigate" in field.place.words("leg"))
@@ -480,16 +484,16 @@ async def test_the_robots_of_a_worker_are_changed_by_starting_it_again(yard, run
         assert len(set(field.place.processes("arm"))) == 2
         await field.until(lambda: field.state("arm").emergency_stop and field.state("arm").reachable)
         assert field.place.words("rex") == ["run"]
-        assert (await field.ask()).same
+        assert (await field.request()).same
 
 
-async def test_an_edge_that_ends_in_the_middle_of_a_change_leaves_nothing_behind(yard, run_edge, asks):
-    async with running(yard, run_edge, asks, rex=HERE, max=HERE) as field:
+async def test_an_edge_that_ends_in_the_middle_of_a_change_leaves_nothing_behind(yard, run_edge, requests):
+    async with running(yard, run_edge, requests, rex=HERE, max=HERE) as field:
         field.write("rex", journal=str(field.place.file.parent / "nowhere" / "journal"))
-        asking = asyncio.create_task(field.ask(do="apply"))
+        requesting = asyncio.create_task(field.request(do="apply"))
         await field.until(lambda: not field.state("rex").reachable)
-        assert (await field.ask()).refusal == "another change is under way; wait for its end"
-        asking.cancel()
+        assert (await field.request()).refusal == "another change is under way; wait for its end"
+        requesting.cancel()
     assert [task for task in asyncio.all_tasks() if task.get_name() == "changes"] == []
     edge = field.place.edge()  # it has the new file as a whole
     async with run_edge(edge):
@@ -497,8 +501,8 @@ async def test_an_edge_that_ends_in_the_middle_of_a_change_leaves_nothing_behind
         assert edge.process.robots["max"].config.journal == str(field.place.journal)
 
 
-async def test_a_stop_that_is_set_is_set_under_a_new_name_too(yard, run_edge, asks):
-    async with running(yard, run_edge, asks, rex=HERE, arm={"worker": "limbs"}) as field:
+async def test_a_stop_that_is_set_is_set_under_a_new_name_too(yard, run_edge, requests):
+    async with running(yard, run_edge, requests, rex=HERE, arm={"worker": "limbs"}) as field:
         field.bus_session.put(keys.stop(field.place.id), b"", urgent=True)
         await field.until(lambda: all(state.emergency_stop for state in field.edge.states()))
         place = field.place
@@ -506,15 +510,15 @@ async def test_a_stop_that_is_set_is_set_under_a_new_name_too(yard, run_edge, as
     field.write("arm", name="leg")
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
         assert {state.name: state.emergency_stop for state in edge.states()} == {"max": True, "leg": True}
         assert edge.process.robots["max"].controller.latched
 
 
 async def test_a_stop_under_a_new_name_outlives_an_edge_that_ends_before_its_worker_hears(
-    yard, run_edge, asks
+    yard, run_edge, requests
 ):
-    async with running(yard, run_edge, asks, arm={"worker": "limbs"}) as field:
+    async with running(yard, run_edge, requests, arm={"worker": "limbs"}) as field:
         field.bus_session.put(keys.stop(field.place.id), b"", urgent=True)
         await field.until(lambda: field.state("arm").emergency_stop)
     field.write("arm", name="leg")
@@ -542,18 +546,18 @@ async def test_an_edge_of_an_older_fleet_is_named_in_one_line(yard):
     with contextlib.closing(open_edge(BusSettings(place.id), place.runtime)) as bus:
         state = b'{"edge":"%s","version":"0.1.0","stamp":1.0,"uptime":1.0,"of_later":1}' % place.id.encode()
 
-        def asked(question):
+        def requested(question):
             question.reply(state)
             question.close()
 
-        bus.control.answer(keys.health(place.id), asked)
+        bus.control.answer(keys.health(place.id), requested)
         code, _, err = await fleet("apply", str(place.file))
     assert (code, len(err.splitlines())) == (6, 1)
     assert "it runs fleet 0.1.0" in err
 
 
-async def test_a_person_sees_and_applies_the_changes_and_what_is_left_after_the_end(yard, run_edge, asks):
-    async with running(yard, run_edge, asks, rex=HERE, max=HERE) as field:
+async def test_a_person_sees_and_applies_the_changes_and_what_is_left_after_the_end(yard, run_edge, requests):
+    async with running(yard, run_edge, requests, rex=HERE, max=HERE) as field:
         file = str(field.place.file)
         assert await fleet("diff", file) == (0, "untouched: 2 robots: rex, max\n", "")
         field.write("rex", stands=True)
@@ -572,10 +576,10 @@ async def test_a_person_sees_and_applies_the_changes_and_what_is_left_after_the_
 
 
 async def test_what_the_file_says_is_sent_only_to_who_asks_for_it(field):
-    assert (await field.ask()).text == ""
-    answer = await field.ask(text=True)
+    assert (await field.request()).text == ""
+    answer = await field.request(text=True)
     assert ("rex" in answer.text, answer.same) == (True, True)
     assert "leave worker: main out" in answer.warnings[0]
     field.place.file.write_text("robots: 5\n")
-    broken = await field.ask(text=True)
+    broken = await field.request(text=True)
     assert (bool(broken.problems), "robots: 5" in broken.text) == (True, True)

@@ -54,7 +54,7 @@ def forged(twin):
 
 
 @pytest.mark.parametrize("worker", ["main", "legs"])
-async def test_forged_heartbeats_do_not_interrupt_an_operator(yard, run_edge, asks, broker, worker):
+async def test_forged_heartbeats_do_not_interrupt_an_operator(yard, run_edge, requests, broker, worker):
     place = yard(rex={"worker": worker, "setpoint_lease": 5.0})
     place.change(cloud={"host": "127.0.0.1", "port": broker.port, "tls": False})
     edge = place.edge()
@@ -69,15 +69,15 @@ async def test_forged_heartbeats_do_not_interrupt_an_operator(yard, run_edge, as
         """Drive, and wait until the robot is told so once more."""
         before = place.words("rex").count("drive:1")
         await send([(topic, drive, 1, False)])
-        await asks.until(lambda: place.words("rex").count("drive:1") > before)
+        await requests.until(lambda: place.words("rex").count("drive:1") > before)
 
     async with run_edge(edge):
-        await asks.until(lambda: edge.states()[0].health == "ok", 40)
-        await asks.until(lambda: edge.state().cloud == "connected")
+        await requests.until(lambda: edge.states()[0].health == "ok", 40)
+        await requests.until(lambda: edge.state().cloud == "connected")
         await drives()
-        await asks.until(lambda: edge.states()[0].in_use)
+        await requests.until(lambda: edge.states()[0].in_use)
         await send(forged(robot.twin))
-        await asks.until(lambda: "edge evil says" in edge.state().cause)
+        await requests.until(lambda: "edge evil says" in edge.state().cause)
         await drives()
         assert set(place.words("rex")) == {"run", "drive:1"}
         assert edge.states()[0].health == "ok"

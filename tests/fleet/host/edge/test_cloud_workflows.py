@@ -69,41 +69,41 @@ def place(yard):
 
 
 @pytest.fixture
-async def cloud(place, run_edge, asks):
+async def cloud(place, run_edge, requests):
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: edge.states()[0].health == "ok")
+        await requests.until(lambda: edge.states()[0].health == "ok")
         cloud = Cloud(edge)
         cloud.words = lambda: place.words("rex")
         yield cloud
 
 
-async def test_a_mapped_workflow_starts_its_mission_in_the_name_that_fleet_yaml_says(cloud, asks):
+async def test_a_mapped_workflow_starts_its_mission_in_the_name_that_fleet_yaml_says(cloud, requests):
     cloud.run(requested_by_uuid="u1")
     cloud.run(requested_by_uuid="u1")  # the cloud repeats it until it hears that it was started
-    await asks.until(lambda: cloud.published)
+    await requests.until(lambda: cloud.published)
     about = cloud.edge.missions.runs.find(RUN).about
     assert (about.transport, about.source_type, about.workflow) == ("cloud", "tele", WORKFLOW)
     assert about.by == f"workflow {WORKFLOW} by u1"
-    await asks.until(lambda: cloud.ends)
+    await requests.until(lambda: cloud.ends)
     cloud.run(requested_by_uuid="u1")
-    await asks.until(lambda: len(cloud.ends) == 2)
+    await requests.until(lambda: len(cloud.ends) == 2)
     assert cloud.ends == [{"status": "success", "source_type": "edge"}] * 2
     assert cloud.words().count("walk") == 1
 
 
-async def test_a_cancelled_execution_is_an_aborted_run(cloud, asks):
+async def test_a_cancelled_execution_is_an_aborted_run(cloud, requests):
     cloud.run(inputs={"rest": 600})
-    await asks.until(lambda: cloud.published)
+    await requests.until(lambda: cloud.published)
     cloud.cancel(OTHER)  # of another workflow: not this run
     assert cloud.ends == []
     cloud.cancel()
-    await asks.until(lambda: cloud.ends)
+    await requests.until(lambda: cloud.ends)
     assert cloud.ends[0]["status"] == "canceled"
     assert cloud.ends[0]["error_message"].startswith("aborted: aborted by workflow")
 
 
-async def test_what_robots_would_not_obey_starts_nothing_and_is_reported(cloud, asks):
+async def test_what_robots_would_not_obey_starts_nothing_and_is_reported(cloud, requests):
     events = []
     cloud.edge.process.history.on_event = lambda _, event: events.append(event)
     old = datetime.fromtimestamp(time.time() - 60, UTC).isoformat()
@@ -113,7 +113,7 @@ async def test_what_robots_would_not_obey_starts_nothing_and_is_reported(cloud, 
     ):
         cloud.published.clear()
         cloud.run(**fields)
-        await asks.until(lambda: cloud.ends)
+        await requests.until(lambda: cloud.ends)
         assert (cloud.ends[0]["status"], why in cloud.ends[0]["error_message"]) == ("error", True)
         assert why in events[-1].text
     for bad in ({"execution_uuid": 7}, {"requested_at": "soon"}, {"inputs": []}):
@@ -122,22 +122,24 @@ async def test_what_robots_would_not_obey_starts_nothing_and_is_reported(cloud, 
     assert "walk" not in cloud.words()
 
 
-async def test_a_workflow_gives_nobody_rights_that_a_robot_does_not_give(yard, run_edge, asks):
+async def test_a_workflow_gives_nobody_rights_that_a_robot_does_not_give(yard, run_edge, requests):
     place = yard(rex={"worker": "main"})  # it lets nobody start missions but local operators
     workflows = {WORKFLOW: {"mission": "patrol"}}
     cloud = {"host": "127.0.0.1", "port": 1, "tls": False, "workflows": workflows}
     place.change(missions={"patrol": PATROL}, cloud=cloud)
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: edge.states()[0].health == "ok")
-        asked = Cloud(edge)
-        asked.run()
-        await asks.until(lambda: asked.ends)
-        assert "rex: source_type 'tele'; this robot accepts no source_type" in asked.ends[0]["error_message"]
+        await requests.until(lambda: edge.states()[0].health == "ok")
+        requested = Cloud(edge)
+        requested.run()
+        await requests.until(lambda: requested.ends)
+        assert (
+            "rex: source_type 'tele'; this robot accepts no source_type" in requested.ends[0]["error_message"]
+        )
         assert "walk" not in place.words()
 
 
-async def test_the_sdk_starts_a_mapped_workflow_and_hears_of_no_other(place, broker, run_edge, asks):
+async def test_the_sdk_starts_a_mapped_workflow_and_hears_of_no_other(place, broker, run_edge, requests):
     place.change(
         cloud={
             "host": "127.0.0.1",
@@ -150,15 +152,15 @@ async def test_the_sdk_starts_a_mapped_workflow_and_hears_of_no_other(place, bro
     heard = []
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: edge.states()[0].health == "ok")
-        await asks.until(lambda: edge.bridge.client.state is CloudState.CONNECTED)
+        await requests.until(lambda: edge.states()[0].health == "ok")
+        await requests.until(lambda: edge.bridge.client.state is CloudState.CONNECTED)
         await asyncio.to_thread(client.connect)
         for suffix in ("started", f"{RUN}/finished"):
             client.subscribe(f"cyberwave/workflow/{WORKFLOW}/execution/{suffix}", heard.append)
         for workflow in (OTHER, WORKFLOW):
             envelope = {"execution_uuid": RUN, "inputs": {}, "params": {}, "requested_at": now()}
             client.publish(manual_trigger_topic(workflow), envelope)
-        await asks.until(lambda: len(heard) == 2)
+        await requests.until(lambda: len(heard) == 2)
         client.publish(workflow_cancel_topic(OTHER), {"execution_uuid": RUN})
         await asyncio.to_thread(sdk.end, client)
     assert [(each.get("execution_uuid"), each.get("status")) for each in heard] == [
@@ -168,7 +170,7 @@ async def test_the_sdk_starts_a_mapped_workflow_and_hears_of_no_other(place, bro
     assert place.words("rex").count("walk") == 1
 
 
-async def test_what_is_published_is_what_the_sdk_itself_would_publish(cloud, asks):
+async def test_what_is_published_is_what_the_sdk_itself_would_publish(cloud, requests):
     class FakeMqtt:
         connected, topic_prefix = True, ""
 
@@ -181,7 +183,7 @@ async def test_what_is_published_is_what_the_sdk_itself_would_publish(cloud, ask
     reporter._send_started()
     reporter.finished()
     cloud.run()
-    await asks.until(lambda: cloud.ends)
+    await requests.until(lambda: cloud.ends)
     ours = [(f"cyberwave/workflow/{uuid}/{suffix}", body) for uuid, suffix, body in cloud.published]
     assert ours == from_sdk
 

@@ -8,7 +8,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.host.requests.stop_cause import local_cause
-from fleet.missions.report import RunState, StartAsk, Started
+from fleet.missions.report import MissionStartRequest, RunState, Started
 
 HERE = {"worker": "main", "stands": True, "start": [0, 0, 0]}
 THERE = {"worker": "arm", "stands": True, "start": [0, 5, 0]}
@@ -22,25 +22,25 @@ UP = {**MISSION, "steps": [{"id": "up", "start": "together", "do": {"feet": "tak
 LOADED = 2.0  # s by which a busy computer may be late; ``python -m bench together`` measures what it is
 
 
-class Asker:
+class EdgeStartRequester:
     """Who starts the mission of an edge and looks at its runs."""
 
     def __init__(self, place, bus_session):
         self._place, self._bus_session = place, bus_session
 
     def start(self, mission="round"):
-        ask = msgspec.json.encode(StartAsk(run="3f2a", session_id="anna"))
+        request = msgspec.json.encode(MissionStartRequest(run="3f2a", session_id="anna"))
         key, parameters = keys.mission(self._place.id, mission), {"do": "start"}
-        ((_, answer),) = self._bus_session.ask(key, ask, timeout=60, parameters=parameters)
+        ((_, answer),) = self._bus_session.request(key, request, timeout=60, parameters=parameters)
         return msgspec.json.decode(answer, type=Started)
 
     def run(self):
-        found = list(self._bus_session.ask(keys.run(self._place.id, "3f2a"), b"", timeout=60))
+        found = list(self._bus_session.request(keys.run(self._place.id, "3f2a"), b"", timeout=60))
         return msgspec.json.decode(found[0][1], type=RunState) if found else None
 
 
 @pytest.fixture
-def serve(yard, run_edge, asks):
+def serve(yard, run_edge, requests):
     """Run an edge with two robots and a mission in which they begin together."""
 
     @asynccontextmanager
@@ -49,11 +49,11 @@ def serve(yard, run_edge, asks):
         place.change(missions={"round": MISSION, "up": UP})
         edge = place.edge()
         async with run_edge(edge):
-            await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
-            await asks.until(lambda: all(state.placement is not None for state in edge.states()))
+            await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
+            await requests.until(lambda: all(state.placement is not None for state in edge.states()))
             bus_session = await asyncio.to_thread(place.bus_session)
             try:
-                yield place, edge, Asker(place, bus_session)
+                yield place, edge, EdgeStartRequester(place, bus_session)
             finally:
                 await asyncio.to_thread(bus_session.close)
 
@@ -75,11 +75,11 @@ async def phase(asker, phase):
     raise AssertionError(f"waited for {phase}: {await asyncio.to_thread(asker.run)}")
 
 
-async def test_all_begin_at_one_instant_in_whatever_process_they_are(serve, asks):
+async def test_all_begin_at_one_instant_in_whatever_process_they_are(serve, requests):
     async with serve(rex=HERE, arm=THERE) as (place, _, asker):
         started = await asyncio.to_thread(asker.start)
         assert (started.run, started.refusal) == ("3f2a", "")
-        await asks.until(lambda: len(begun(place)) == 2)
+        await requests.until(lambda: len(begun(place)) == 2)
         first, last = sorted(begun(place).values())
         assert last - first < LOADED
 

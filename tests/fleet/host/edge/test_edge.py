@@ -28,16 +28,16 @@ POOLS = ("asyncio", "uvloop")  # whose threads stay for the next one
 HERE = {"worker": "main"}
 
 
-def ask(bus_session, key, message=b"", kind=None, **parameters):
+def request(bus_session, key, message=b"", kind=None, **parameters):
     """Ask on the bus; returns the decoded answers."""
     payload = message if isinstance(message, bytes) else json.dumps(message).encode()
     given = parameters | ({"kind": kind} if kind else {})
-    return [answer for _, answer in bus_session.ask(key, payload, timeout=60, parameters=given)]
+    return [answer for _, answer in bus_session.request(key, payload, timeout=60, parameters=given)]
 
 
 def command(bus_session, yard, robot, message, kind="command", **parameters):
     """Ask a robot; returns its replies."""
-    answers = ask(bus_session, keys.command(yard.id, robot), message, kind, **parameters)
+    answers = request(bus_session, keys.command(yard.id, robot), message, kind, **parameters)
     return [msgspec.json.decode(answer, type=Reply) for answer in answers]
 
 
@@ -46,12 +46,12 @@ GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}
 
 
 @pytest.fixture
-async def served(yard, run_edge, asks):
+async def served(yard, run_edge, requests):
     """Run an edge with two robots, a lane to ask on, and its yard."""
     place = yard(rex=HERE, max=HERE)
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         bus_session = await asyncio.to_thread(place.bus_session)
         yield place, edge, bus_session
         await asyncio.to_thread(bus_session.close)
@@ -68,29 +68,29 @@ async def test_an_edge_tells_every_problem_of_its_own_and_the_agent_of_roll_outs
     assert (await asyncio.to_thread(here.running)).faults == tuple(faults)
 
 
-async def test_a_robot_is_commanded_on_its_bus_key_and_the_lease_ends_it(served, asks):
+async def test_a_robot_is_commanded_on_its_bus_key_and_the_lease_ends_it(served, requests):
     place, _, bus_session = served
     (reply,) = await asyncio.to_thread(command, bus_session, place, "rex", MOVE)
     assert reply.ok
-    await asks.until(lambda: place.words("rex")[-1] == "drive:0")
+    await requests.until(lambda: place.words("rex")[-1] == "drive:0")
     assert place.words("rex") == ["run", "drive:1", "halt", "drive:0"]
     assert place.words("max") == ["run"]
 
 
 async def test_a_robots_state_and_the_edges_are_on_the_bus(served):
     place, _, bus_session = served
-    (state,) = await asyncio.to_thread(ask, bus_session, keys.state(place.id, "rex"))
-    (health,) = await asyncio.to_thread(ask, bus_session, keys.health(place.id))
+    (state,) = await asyncio.to_thread(request, bus_session, keys.state(place.id, "rex"))
+    (health,) = await asyncio.to_thread(request, bus_session, keys.health(place.id))
     assert msgspec.json.decode(state, type=RobotState).health == "ok"
     assert msgspec.json.decode(health, type=EdgeState).robots == {"ok": 2}
 
 
-async def test_the_edge_and_its_robots_are_alive_on_the_bus(served, asks):
+async def test_the_edge_and_its_robots_are_alive_on_the_bus(served, requests):
     place, _, bus_session = served
     alive = {}
     bus_session.watch_tokens(f"fleet/{place.id}/**", alive.__setitem__)
     expected = {keys.edge(place.id), keys.robot(place.id, "rex"), keys.robot(place.id, "max")}
-    await asks.until(lambda: expected <= {key for key, there in alive.items() if there})
+    await requests.until(lambda: expected <= {key for key, there in alive.items() if there})
 
 
 async def test_an_unknown_kind_of_message_is_refused(served):
@@ -99,7 +99,7 @@ async def test_an_unknown_kind_of_message_is_refused(served):
     assert (reply.status, "poem" in reply.reason) == (ReplyStatus.REJECTED, True)
 
 
-async def test_an_emergency_stop_reaches_every_robot_though_the_halt_of_one_raises(served, asks):
+async def test_an_emergency_stop_reaches_every_robot_though_the_halt_of_one_raises(served, requests):
     place, edge, bus_session = served
 
     def refuse():
@@ -107,20 +107,20 @@ async def test_an_emergency_stop_reaches_every_robot_though_the_halt_of_one_rais
 
     edge.process.robots["rex"].controller.attached.adapter.halt = refuse
     bus_session.put(keys.stop(place.id), b"", urgent=True)
-    await asks.until(lambda: "stop" in place.words("max") and "stop" in place.words("rex"))
+    await requests.until(lambda: "stop" in place.words("max") and "stop" in place.words("rex"))
     assert all(state.emergency_stop for state in edge.states())
 
 
-async def test_an_emergency_stop_is_written_while_the_loop_is_stuck(served, asks):
+async def test_an_emergency_stop_is_written_while_the_loop_is_stuck(served, requests):
     place, edge, bus_session = served
     halted = threading.Event()
     edge.process.robots["rex"].controller.attached.adapter.halt = halted.set
     threading.Timer(0.1, bus_session.put, (keys.stop(place.id), b""), {"urgent": True}).start()
     assert halted.wait(20)  # this blocks the loop
-    await asks.until(lambda: edge.process.robots["rex"].controller.latched)
+    await requests.until(lambda: edge.process.robots["rex"].controller.latched)
 
 
-async def test_a_robot_that_fails_for_ever_does_not_disturb_its_neighbour(served, asks):
+async def test_a_robot_that_fails_for_ever_does_not_disturb_its_neighbour(served, requests):
     place, edge, bus_session = served
     for _ in range(3):
         edge.process.robots["max"].runner.crashed(ZeroDivisionError("oops"))
@@ -131,12 +131,12 @@ async def test_a_robot_that_fails_for_ever_does_not_disturb_its_neighbour(served
     assert place.words("rex").count("run") == 1
 
 
-async def test_the_end_of_the_edge_stops_who_moves_and_leaves_nothing_behind(yard, run_edge, asks):
+async def test_the_end_of_the_edge_stops_who_moves_and_leaves_nothing_behind(yard, run_edge, requests):
     place = yard(rex=HERE, max=HERE)
     threads, handlers = set(threading.enumerate()), list(logging.getLogger("fleet.robot").handlers)
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: len(place.words()) == 2)
+        await requests.until(lambda: len(place.words()) == 2)
         bus_session = await asyncio.to_thread(place.bus_session)
         (reply,) = await asyncio.to_thread(command, bus_session, place, "rex", GOTO, "navigate")
         assert reply.ok
@@ -189,15 +189,15 @@ def test_ctrl_c_ends_a_real_edge_in_order(yard):
     wait_until("the worker is gone", lambda: not psutil.pid_exists(place.processes("arm")[0]))
 
 
-async def test_an_emergency_stop_survives_the_edges_violent_death(yard, run_edge, asks):
+async def test_an_emergency_stop_survives_the_edges_violent_death(yard, run_edge, requests):
     place = yard(rex=HERE)
     line = [sys.executable, "-m", "fleet", "run", str(place.file)]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with subprocess.Popen(line, **quiet) as dying:  # noqa: ASYNC220 - it is not waited for here
-        await asks.until(lambda: place.words() == ["run"], 60)
+        await requests.until(lambda: place.words() == ["run"], 60)
         bus_session = await asyncio.to_thread(place.bus_session)
-        assert await asyncio.to_thread(ask, bus_session, keys.stop(place.id))
-        await asks.until(lambda: "stop" in place.words())
+        assert await asyncio.to_thread(request, bus_session, keys.stop(place.id))
+        await requests.until(lambda: "stop" in place.words())
         family = [psutil.Process(dying.pid), *psutil.Process(dying.pid).children(recursive=True)]
         for process in family:  # its supervisor first: nobody starts it again
             process.kill()
@@ -232,14 +232,14 @@ async def test_an_edge_that_the_broker_does_not_let_hear_its_commands_says_so(ya
 
 
 async def test_an_edge_without_a_state_folder_runs_degraded_and_every_robot_is_stopped(
-    yard, run_edge, asks, tmp_path
+    yard, run_edge, requests, tmp_path
 ):
     place = yard(rex=HERE, arm={})
     (tmp_path / "file").write_text("")
     place.change(edge={"spool": {"path": str(tmp_path / "file" / "state")}})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.reachable for state in edge.states()))
+        await requests.until(lambda: all(state.reachable for state in edge.states()))
         assert "the journal of commands is not kept: cannot create" in edge.state().cause
         assert [state.emergency_stop for state in edge.states()] == [True, True]
         bus_session = await asyncio.to_thread(place.bus_session)

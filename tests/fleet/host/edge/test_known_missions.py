@@ -5,7 +5,7 @@ import pytest
 from fleet.config.load import load
 from fleet.errors import Refused
 from fleet.host.edge.known_missions import KnownMissions
-from fleet.missions.report import StartAsk
+from fleet.missions.report import MissionStartRequest
 
 GO = {"version": 1, "roles": {"eye": {"from": "rex"}}, "steps": [{"id": "go", "do": {"eye": "walk"}}]}
 
@@ -19,14 +19,14 @@ def place(yard):
 
 def test_a_request_names_a_mission_or_brings_its_own(place):
     known = KnownMissions(load(place.file))
-    assert known.asked("go", StartAsk()) is known.get("go")
-    own = known.asked("mine", StartAsk(mission=GO | {"inputs": {}}))
+    assert known.requested("go", MissionStartRequest()) is known.get("go")
+    own = known.requested("mine", MissionStartRequest(mission=GO | {"inputs": {}}))
     assert (own.name, known.get("mine")) == ("mine", None)
 
 
 def test_an_unknown_mission_is_refused_with_those_that_there_are(place):
     with pytest.raises(Refused, match="there is no mission 'og'") as refused:
-        KnownMissions(load(place.file)).asked("og", StartAsk())
+        KnownMissions(load(place.file)).requested("og", MissionStartRequest())
     assert "fleet.yaml has go" in str(refused.value.hint)
 
 

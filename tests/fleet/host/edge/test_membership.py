@@ -54,22 +54,22 @@ class Yard(Field):
 
 
 @pytest.fixture
-async def yard_of_two(yard, run_edge, asks):
-    async with running(yard, run_edge, asks, rex=HERE, max=HERE) as there:
-        yield Yard(there.place, there.edge, there.bus_session, asks)
+async def yard_of_two(yard, run_edge, requests):
+    async with running(yard, run_edge, requests, rex=HERE, max=HERE) as there:
+        yield Yard(there.place, there.edge, there.bus_session, requests)
 
 
 async def test_a_robot_is_added_and_obeys(yard_of_two):
     field = yard_of_two
     field.add("ada")
-    (planned,) = [change for change in (await field.ask()).changes if change.name == "ada"]
+    (planned,) = [change for change in (await field.request()).changes if change.name == "ada"]
     assert (planned.kind, planned.why) == (ChangeKind.ADDED, "")
     done = await field.apply()
     assert (done["ada"].kind, done["ada"].outcome) == (ChangeKind.ADDED, Outcome.DONE)
     await field.until(lambda: field.state("ada").health == "ok")
     assert (await field.say("ada", {"command": "walk"})).ok
     assert [field.place.words(name) for name in ("rex", "max")] == [["run"], ["run"]]
-    assert (await field.ask()).same
+    assert (await field.request()).same
     tokens = await asyncio.to_thread(field.bus_session.tokens, keys.robot(field.place.id, "*"), timeout=10)
     assert keys.robot(field.place.id, "ada") in tokens
 
@@ -120,12 +120,12 @@ async def test_a_robot_is_taken_out_and_nothing_of_it_is_left(yard_of_two):
     assert field.names() == ["rex"]
     assert field.place.words("rex") == ["run"]
     assert "max" not in field.edge.missions.runs.robots
-    ask = field.bus_session.tokens
-    assert await asyncio.to_thread(ask, keys.robot(field.place.id, "*"), timeout=10) == [
+    request = field.bus_session.tokens
+    assert await asyncio.to_thread(request, keys.robot(field.place.id, "*"), timeout=10) == [
         keys.robot(field.place.id, "rex")
     ]
-    assert await asyncio.to_thread(ask, keys.claims(twin), timeout=10) == []
-    assert (await field.ask()).same
+    assert await asyncio.to_thread(request, keys.claims(twin), timeout=10) == []
+    assert (await field.request()).same
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ async def test_a_robot_that_moves_is_not_taken_out_unless_forced_and_is_halted_f
     field = yard_of_two
     await moves(field)
     field.remove("rex")
-    (planned,) = [change for change in (await field.ask()).changes if change.name == "rex"]
+    (planned,) = [change for change in (await field.request()).changes if change.name == "rex"]
     assert "rex is commanded" in planned.why
     assert (await field.apply())["rex"].outcome is Outcome.REFUSED
     assert field.place.words("rex") == ["run", "navigate"]
@@ -215,13 +215,13 @@ async def test_nobody_may_start_a_mission_with_a_robot_that_is_not_known_or_does
     missions, refusals = field.edge.missions, {}
     asker = Origin(Transport.CLOUD, "edge")
 
-    def asked_meanwhile(process, robot):
+    def requested_meanwhile(process, robot):
         for name in ("ada", "nobody"):
             refusals[name] = missions._refusal(name, asker, True, True)
         refusals["follow"] = missions._routes.blocker("rex", Act("follow", "ada"))
         return serve(process, robot)
 
-    monkeypatch.setattr(RobotProcess, "serve", asked_meanwhile)
+    monkeypatch.setattr(RobotProcess, "serve", requested_meanwhile)
     field.add("ada", accepts={"command": [], "navigate": []})
     assert (await field.apply())["ada"].outcome is Outcome.DONE
     assert refusals["ada"]
@@ -385,7 +385,9 @@ async def test_a_robot_whose_adapter_does_not_end_is_not_run_a_second_time(yard_
     assert field.place.words("rex") == ["run"]
 
 
-async def test_a_robot_that_may_still_move_after_its_stop_is_not_forgotten(yard, run_edge, asks, monkeypatch):
+async def test_a_robot_that_may_still_move_after_its_stop_is_not_forgotten(
+    yard, run_edge, requests, monkeypatch
+):
     toy = conftest.TOY.replace(
         '        self.note("stop")\n',
         """        self.note("stop")
@@ -394,8 +396,8 @@ async def test_a_robot_that_may_still_move_after_its_stop_is_not_forgotten(yard,
         1,
     )
     monkeypatch.setattr(conftest, "TOY", toy)
-    async with running(yard, run_edge, asks, rex=HERE, max=HERE) as there:
-        field = Yard(there.place, there.edge, there.bus_session, asks)
+    async with running(yard, run_edge, requests, rex=HERE, max=HERE) as there:
+        field = Yard(there.place, there.edge, there.bus_session, requests)
         await moves(field, "rex")
         field.remove("rex")
         done = (await field.apply(force=True))["rex"]

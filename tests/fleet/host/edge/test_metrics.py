@@ -138,13 +138,13 @@ def test_a_port_that_is_taken_is_said(metrics):
             metrics.serve("127.0.0.1", port)
 
 
-async def test_an_edge_serves_its_figures_when_asked_and_opens_no_port_otherwise(yard, run_edge, asks):
+async def test_an_edge_serves_its_figures_when_asked_and_opens_no_port_otherwise(yard, run_edge, requests):
     place = yard(rex={"worker": "main"})
     place.change(metrics={"port": 0})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: edge.metrics.port)
-        await asks.until(lambda: edge.states()[0].health == "ok")
+        await requests.until(lambda: edge.metrics.port)
+        await requests.until(lambda: edge.states()[0].health == "ok")
         seen = await asyncio.to_thread(read, edge.metrics)
         assert seen["fleet_robot_up", "ok", "rex"] == 1
     place.change(metrics=None)
@@ -154,7 +154,7 @@ async def test_an_edge_serves_its_figures_when_asked_and_opens_no_port_otherwise
 
 
 async def test_a_taken_port_costs_the_figures_and_not_the_edge_until_it_is_free(
-    yard, run_edge, asks, monkeypatch
+    yard, run_edge, requests, monkeypatch
 ):
     monkeypatch.setattr("fleet.host.edge.edge.METRICS_EVERY", 0.1)
     place = yard(rex={"worker": "main"})
@@ -165,9 +165,9 @@ async def test_a_taken_port_costs_the_figures_and_not_the_edge_until_it_is_free(
         place.change(metrics={"port": port})
         edge = place.edge()
         async with run_edge(edge):
-            await asks.until(lambda: place.words("rex") == ["run"])
-            await asks.until(lambda: f"metrics: 127.0.0.1:{port} cannot be opened" in edge.state().cause)
+            await requests.until(lambda: place.words("rex") == ["run"])
+            await requests.until(lambda: f"metrics: 127.0.0.1:{port} cannot be opened" in edge.state().cause)
             assert edge.state().health == "degraded"
             taken.close()
-            await asks.until(lambda: edge.metrics.port == port)
-            await asks.until(lambda: "metrics: " not in edge.state().cause)
+            await requests.until(lambda: edge.metrics.port == port)
+            await requests.until(lambda: "metrics: " not in edge.state().cause)

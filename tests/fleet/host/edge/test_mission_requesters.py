@@ -8,20 +8,20 @@ import pytest
 from fleet.errors import Refused
 from fleet.host.edge.mission_requesters import LARGEST, MissionRequesters
 from fleet.host.requests.bus_senders import BusSenders
-from fleet.missions.report import ControlAsk, RunState, StartAsk
+from fleet.missions.report import MissionStartRequest, RunControlRequest, RunState
 from fleet.model.permission import Permission
 from fleet.testing.clock import ManualClock
 
 ANNA, VIC, DESK, PROGRAM = "/as/person/anna", "/as/person/vic", "/as/operate/desk", ""
 
 
-def question(suffix, ask=None, *, asked="fleet/yard/missions/patrol", payload=None):
+def question(suffix, request=None, *, requested="fleet/yard/missions/patrol", payload=None):
     data = (
-        msgspec.json.encode(ask or StartAsk(session_id="eve@laptop", run="r1"))
+        msgspec.json.encode(request or MissionStartRequest(session_id="eve@laptop", run="r1"))
         if payload is None
         else payload
     )
-    return SimpleNamespace(suffix=suffix, asked=asked, payload=data, parameters={"do": "start"})
+    return SimpleNamespace(suffix=suffix, requested=requested, payload=data, parameters={"do": "start"})
 
 
 @pytest.fixture
@@ -64,23 +64,23 @@ def test_who_may_only_view_starts_and_controls_nothing_and_that_is_recorded(aske
     with pytest.raises(Refused, match=needs):
         askers.start(question(VIC))
     with pytest.raises(Refused, match=needs):
-        askers.control(question(VIC), "r1", ControlAsk("abort"))
+        askers.control(question(VIC), "r1", RunControlRequest("abort"))
     assert recorded == [f"mission patrol: start refused: {needs}", f"run r1: abort refused: {needs}"]
 
 
 def test_a_mission_that_is_sent_along_needs_admin(askers):
     with pytest.raises(Refused, match="it needs the permission admin; yours is operate"):
-        askers.start(question(ANNA, StartAsk(mission={"version": 1})))
+        askers.start(question(ANNA, MissionStartRequest(mission={"version": 1})))
 
 
 def test_a_run_is_controlled_under_the_name_of_the_certificate(askers):
-    asked = ControlAsk("pause", session_id="eve@laptop")
-    assert askers.control(question(ANNA), "r1", asked).session_id == "anna"
-    assert askers.control(question(PROGRAM), "r1", asked).session_id == "eve@laptop"
+    requested = RunControlRequest("pause", session_id="eve@laptop")
+    assert askers.control(question(ANNA), "r1", requested).session_id == "anna"
+    assert askers.control(question(PROGRAM), "r1", requested).session_id == "eve@laptop"
 
 
 def test_what_is_no_start_on_one_edge_is_refused(askers):
     with pytest.raises(Refused, match="started on one edge"):
-        askers.start(question(ANNA, asked="fleet/*/missions/patrol"))
+        askers.start(question(ANNA, requested="fleet/*/missions/patrol"))
     with pytest.raises(Refused, match="larger than 1 MiB"):
         askers.start(question(ANNA, payload=b" " * (LARGEST + 1)))

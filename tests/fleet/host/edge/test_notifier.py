@@ -244,16 +244,16 @@ def test_the_address_is_a_secret(hook):
 
 @pytest.mark.parametrize("where", [{"worker": "main"}, {}])
 async def test_a_stop_is_reported_without_a_cloud_also_of_a_robot_in_a_worker(
-    yard, run_edge, asks, hook, where
+    yard, run_edge, requests, hook, where
 ):
     place = yard(rex=where)
     place.change(notify=[{"url": hook.url}])
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         bus_session = await asyncio.to_thread(place.bus_session)
-        await asyncio.to_thread(lambda: list(bus_session.ask(f"fleet/{place.id}/stop", b"", timeout=60)))
-        await asks.until(lambda: [got for got in hook.got if got["kind"] == "stop"])
+        await asyncio.to_thread(lambda: list(bus_session.request(f"fleet/{place.id}/stop", b"", timeout=60)))
+        await requests.until(lambda: [got for got in hook.got if got["kind"] == "stop"])
         await asyncio.to_thread(bus_session.close)
     assert {got["robot"] for got in hook.got} == {"rex"}
 

@@ -16,7 +16,7 @@ from fleet.errors import Refused
 from fleet.host.edge.coordinators import Coordinators
 from fleet.host.edge.edge import Edge
 from fleet.host.edge.partners import Partners
-from fleet.missions.coordination import LAPSES_AFTER, LeaseAsk
+from fleet.missions.coordination import LAPSES_AFTER, RobotLeaseRequest
 from fleet.missions.state import Abort
 from fleet.model.command import Transport
 from fleet.model.state import RobotState
@@ -76,15 +76,15 @@ class Site:
         file.write_text(json.dumps(self.second))
         self.barn = Edge(load(file), directory=self.place.runtime, clock=SystemClock())
         control = self.yard.bus.control
-        ask = control.ask_later
+        request = control.request_later
 
-        def ask_later(key, payload, **how):
+        def request_later(key, payload, **how):
             if self.cut and key.startswith(f"fleet/{self.barn_id}/"):
                 how["on_end"]()
             else:
-                ask(key, payload, **how)
+                request(key, payload, **how)
 
-        control.ask_later = ask_later
+        control.request_later = request_later
         for robot in self.yard.missions.partners.robots.values():
             arrived = robot.arrived
             robot.arrived = lambda payload, arrived=arrived: None if self.cut else arrived(payload)
@@ -103,7 +103,7 @@ def site(yard):
 
 
 @pytest.fixture
-async def both(site, run_edge, asks):
+async def both(site, run_edge, requests):
     """Run both edges, and start missions from the first."""
 
     @contextlib.asynccontextmanager
@@ -111,8 +111,8 @@ async def both(site, run_edge, asks):
         site.build()
         async with run_edge(site.yard), run_edge(site.barn):
             own = site.yard.missions.partners.robots["own"]
-            await asks.until(lambda: own.state().health == "ok" and own._state.placement)
-            await asks.until(lambda: site.yard.states()[0].health == "ok")
+            await requests.until(lambda: own.state().health == "ok" and own._state.placement)
+            await requests.until(lambda: site.yard.states()[0].health == "ok")
             yield
 
     return both
@@ -123,16 +123,18 @@ def start(site, mission="go"):
         return fleet.start(mission).id
 
 
-async def test_a_mission_has_robots_of_two_edges(site, both, asks):
+async def test_a_mission_has_robots_of_two_edges(site, both, requests):
     async with both():
         run = await asyncio.to_thread(start, site)
-        await asks.until(lambda: site.words().count("walk") == 1 and "walk" in site.place.words("rex"))
-        await asks.until(lambda: site.own().run == run)
+        await requests.until(lambda: site.words().count("walk") == 1 and "walk" in site.place.words("rex"))
+        await requests.until(lambda: site.own().run == run)
         state = site.yard.missions.runs.state(site.yard.missions.runs.find(run))
         assert {each.robot for each in state.robots} == {"rex", "own"}
         refused = []
-        ask = site.barn.process.robots["own"].read("command", b'{"command": "walk"}', transport=Transport.BUS)
-        ask(refused.append)
+        request = site.barn.process.robots["own"].read(
+            "command", b'{"command": "walk"}', transport=Transport.BUS
+        )
+        request(refused.append)
         assert f"it is in run {run}" in refused[0].reason
 
         def abort():
@@ -141,48 +143,48 @@ async def test_a_mission_has_robots_of_two_edges(site, both, asks):
                 return fleet.run(run).wait().outcome
 
         assert await asyncio.to_thread(abort) == "aborted"
-        await asks.until(lambda: not site.own().run)
-        await asks.until(lambda: not site.barn.missions.coordinators._leases._held)
+        await requests.until(lambda: not site.own().run)
+        await requests.until(lambda: not site.barn.missions.coordinators._leases._held)
         site.yard.missions.runs.stop(("own",), "the mission failed")
-        await asks.until(lambda: site.own().emergency_stop)
+        await requests.until(lambda: site.own().emergency_stop)
         assert not site.yard.process.robots["rex"].state().emergency_stop
 
 
-async def falls_silent(site, asks, mission, does):
+async def falls_silent(site, requests, mission, does):
     """Cut the edges off from each other in a run; what its robot is told then, and not told after."""
     runs, own = site.yard.missions.runs, site.yard.missions.partners.robots["own"]
     before = len(site.words())
     run = await asyncio.to_thread(start, site, mission)
-    await asks.until(lambda: len(site.words()) > before)
+    await requests.until(lambda: len(site.words()) > before)
     held = site.barn.missions.coordinators._leases._held
     do = {"go": "hold", "away": "walk", "odd": "dance"}[mission]
-    await asks.until(lambda: [robots for _, robots in held.values() if robots == {"own": do}])
+    await requests.until(lambda: [robots for _, robots in held.values() if robots == {"own": do}])
     before = len(site.words())
     site.cut = True
-    await asks.until(lambda: does in site.words()[before:] and not site.own().run)
+    await requests.until(lambda: does in site.words()[before:] and not site.own().run)
     found = runs.find(run)
-    await asks.until(lambda: found.engine.robots.members["own"].outcome)
+    await requests.until(lambda: found.engine.robots.members["own"].outcome)
     assert found.engine.robots.members["own"].outcome == "lost"
     assert found.engine.head.outcome is None, "the quorum holds: it goes on"
     site.cut = False
-    await asks.until(lambda: own.state().reachable)
+    await requests.until(lambda: own.state().reachable)
     after = len(site.words())
     late = json.dumps({"command": "walk", "session_id": f"run {run}"}).encode()
     answers = []
     own.read("command", late, transport=Transport.BUS)(answers.append)
-    await asks.until(lambda: answers)
+    await requests.until(lambda: answers)
     assert "it has left the run" in answers[0].reason
     found.take(Abort("anna"))
     rex = site.yard.process.robots["rex"]
-    await asks.until(lambda: runs.find(run) is None and not own.state().run and not rex.state().run)
+    await requests.until(lambda: runs.find(run) is None and not own.state().run and not rex.state().run)
     assert "walk" not in site.words()[after:], "a robot that was lost is not commanded again"
 
 
-async def test_bus_partition_two_edges(site, both, asks):
+async def test_bus_partition_two_edges(site, both, requests):
     async with both():
-        await falls_silent(site, asks, "go", "stop")
-        await falls_silent(site, asks, "odd", "stop")  # it has no such command
-        await falls_silent(site, asks, "away", "walk")
+        await falls_silent(site, requests, "go", "stop")
+        await falls_silent(site, requests, "odd", "stop")  # it has no such command
+        await falls_silent(site, requests, "away", "walk")
 
 
 async def test_an_edge_that_fleet_yaml_does_not_name_gets_no_robot(site, both):
@@ -193,27 +195,27 @@ async def test_an_edge_that_fleet_yaml_does_not_name_gets_no_robot(site, both):
         assert "walk" not in site.words()
 
 
-async def test_robots_of_partner_edges_are_kept_apart(site, both, asks):
+async def test_robots_of_partner_edges_are_kept_apart(site, both, requests):
     (rex,) = json.loads(site.place.file.read_text())["robots"]
     site.place.change(robots=[rex | {"start": [0, 0, 0]}])
     site.second["partners"][site.place.id]["robots"] = ["rex"]
     async with both():
         rex, own = site.yard.process.robots["rex"], site.barn.process.robots["own"]
-        await asks.until(lambda: not rex.state().separation and not own.state().separation)
+        await requests.until(lambda: not rex.state().separation and not own.state().separation)
         for robot, x, other in ((rex, 5, "own"), (own, -5, "rex")):
             answers = []
             goal = {"command": "goto", "source_type": "tele", "position": [x, x, 0]}
             robot.read("navigate", json.dumps(goal).encode(), transport=Transport.BUS)(answers.append)
-            await asks.until(lambda answers=answers: answers)
+            await requests.until(lambda answers=answers: answers)
             assert f"0.0 m from {other}" in answers[0].reason
 
 
-async def test_places_mean_nothing_to_a_robot_whose_site_has_another_origin(site, both, asks):
+async def test_places_mean_nothing_to_a_robot_whose_site_has_another_origin(site, both, requests):
     site.second["site"] = {"origin": [48.0, 8.0, 400.0]}
     async with both():
         run = await asyncio.to_thread(start, site, "away")
         found = site.yard.missions.runs.find(run)
-        await asks.until(lambda: found.engine.robots.members["own"].outcome)
+        await requests.until(lambda: found.engine.robots.members["own"].outcome)
         assert "not placed in the site's frame" in found.engine.robots.members["own"].reason
         assert "navigate" not in site.words()
 
@@ -231,11 +233,11 @@ class Robot:
     """A robot in a run of another edge, and what it was asked."""
 
     def __init__(self, name):
-        self.asked = []
+        self.requested = []
         self.state = lambda: RobotState(name, "", "", "barn", 0.0, run="r1")
 
     def read(self, kind, payload, *, transport, waits):
-        self.asked.append(json.loads(payload)["command"])
+        self.requested.append(json.loads(payload)["command"])
 
 
 def test_a_robot_that_was_removed_does_not_keep_the_others_from_being_made_safe_when_their_lease_lapses():
@@ -250,10 +252,12 @@ def test_a_robot_that_was_removed_does_not_keep_the_others_from_being_made_safe_
         soon=lambda call: call(),
         clock=clock,
     )
-    coordinators._leases.grant(LeaseAsk("r1", "yard", {"removed": "hold", "own": "hold"}), clock.monotonic())
+    coordinators._leases.grant(
+        RobotLeaseRequest("r1", "yard", {"removed": "hold", "own": "hold"}), clock.monotonic()
+    )
     clock.advance(LAPSES_AFTER)
     coordinators.check()
-    assert own.asked == ["stop"]
+    assert own.requested == ["stop"]
 
 
 class Congested:

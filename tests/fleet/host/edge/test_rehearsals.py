@@ -37,7 +37,7 @@ def fleet(capsys):
 
 
 @pytest.fixture
-def ready(yard, run_edge, asks):
+def ready(yard, run_edge, requests):
     """Run an edge with two robots and a mission for one of them, once they answer."""
     place = yard(rex=HERE, max=HERE | {"start": [0, 5, 0]})
     place.change(missions={"patrol": PATROL})
@@ -47,7 +47,7 @@ def ready(yard, run_edge, asks):
         place.change(**parts)
         edge = place.edge()
         async with run_edge(edge):
-            await asks.until(lambda: all(state.position for state in edge.states()))
+            await requests.until(lambda: all(state.position for state in edge.states()))
             yield place, edge
 
     return ready
@@ -76,7 +76,7 @@ async def test_a_mission_that_must_be_rehearsed_is_started_after_a_pass_alone(re
         assert place.words("rex").count("walk") == 1
 
 
-async def test_a_pass_outlives_the_edge_but_not_a_change_of_fleet_yaml(ready, fleet, asks):
+async def test_a_pass_outlives_the_edge_but_not_a_change_of_fleet_yaml(ready, fleet, requests):
     async with ready() as (place, _):
         assert (await fleet("mission", "rehearse", "patrol"))[0] == 0
     kept = state_folder(place.id) / rehearsals.PASSES
@@ -85,7 +85,7 @@ async def test_a_pass_outlives_the_edge_but_not_a_change_of_fleet_yaml(ready, fl
     async with ready() as (_, edge):
         assert (await fleet("mission", "run", "patrol", "--detach"))[0] == 0
         assert (await fleet("mission", "abort"))[0] == 0
-        await asks.until(lambda: not edge.missions.runs.all())
+        await requests.until(lambda: not edge.missions.runs.all())
     async with ready(defaults={"limits": {"speed": 0.5}}):
         code, _, err = await fleet("mission", "run", "patrol")
         assert (code, "fleet.yaml has changed since the rehearsal" in err) == (5, True)
@@ -137,11 +137,11 @@ async def test_a_process_that_dies_is_reported_with_its_last_words(ready, fleet,
         assert (code, "its process cannot be started" in err) == (5, True)
 
 
-async def test_one_rehearsal_at_a_time_and_none_for_which_nobody_waits(ready, fleet, monkeypatch, asks):
+async def test_one_rehearsal_at_a_time_and_none_for_which_nobody_waits(ready, fleet, monkeypatch, requests):
     monkeypatch.setattr(rehearsals, "COMMAND", (sys.executable, "-c", "import time; time.sleep(300)"))
     async with ready() as (_, edge):
         waits = asyncio.create_task(fleet("mission", "rehearse", "patrol"))
-        await asks.until(lambda: edge.missions.rehearsals._now is not None)
+        await requests.until(lambda: edge.missions.rehearsals._now is not None)
         code, _, err = await fleet("mission", "rehearse", "patrol")
         assert (code, "another rehearsal is under way" in err) == (5, True)
         monkeypatch.setattr(rehearsals, "UNHEARD", 0.0)

@@ -14,18 +14,18 @@ WATCH = {"version": 1, "roles": {"eye": {"from": "rex"}}, "steps": [{"id": "rest
 
 
 @pytest.fixture
-async def watched(yard, run_edge, asks):
+async def watched(yard, run_edge, requests):
     """Run an edge whose robot tells its pose and is in a run."""
     place = yard(rex=HERE | {"stands": True}, max=HERE)
     place.change(missions={"watch": WATCH})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
-        await asks.until(lambda: edge.process.robots["rex"].state().position)
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: edge.process.robots["rex"].state().position)
         yield edge
 
 
-async def test_a_run_leaves_the_tracks_and_pictures_of_its_robots(watched, asks):
+async def test_a_run_leaves_the_tracks_and_pictures_of_its_robots(watched, requests):
     edge, found = watched, []
     rex, other = edge.process.robots["rex"], edge.process.robots["max"]
 
@@ -42,7 +42,7 @@ async def test_a_run_leaves_the_tracks_and_pictures_of_its_robots(watched, asks)
         edge.missions.results.picture_receiver(rex.twin)(b"no picture")
         edge.missions.results.record_positions()
         await asyncio.to_thread(run.abort)
-        await asks.until(lambda: edge.missions.runs.find(run.id) is None)
+        await requests.until(lambda: edge.missions.runs.find(run.id) is None)
         found = await asyncio.to_thread(run.results)
         assert await asyncio.to_thread(lambda: fleet.run(run.id).results()) == found
     assert [(each.kind, each.robot) for each in found] == [("picture", "rex")] * 2 + [("track", "rex")]

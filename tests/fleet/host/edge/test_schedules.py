@@ -166,7 +166,7 @@ async def test_an_edge_whose_schedules_cannot_be_kept_says_so_and_runs(
 
 
 @pytest.fixture
-async def ready(yard, run_edge, asks):
+async def ready(yard, run_edge, requests):
     """Run an edge with three robots and schedules of missions for them, once the robots answer."""
 
     @contextlib.asynccontextmanager
@@ -175,7 +175,7 @@ async def ready(yard, run_edge, asks):
         place.change(groups={"pack": ["max", "ada"]}, missions={"patrol": mission}, schedules=schedules)
         edge = place.edge()
         async with run_edge(edge):
-            await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+            await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
             yield place, edge
 
     return ready

@@ -6,7 +6,7 @@ from fleet.host.edge.start_requests import StartRequests
 from fleet.model.command import Transport
 
 
-def asked(starts, made):
+def requested(starts, made):
     """Ask for a mission; return why it did not begin."""
     answers = queue.Queue()
     starts.begin(made, Transport.BUS, lambda run, _roles, refusal: answers.put((run, refusal)))
@@ -17,7 +17,7 @@ def asked(starts, made):
 
 def test_a_check_that_fails_unforeseen_is_answered(caplog):
     starts = StartRequests(None, lambda then: then(), lambda call: call())
-    assert asked(starts, lambda: 1 / 0) == "ZeroDivisionError; the edge's log says why"
+    assert requested(starts, lambda: 1 / 0) == "ZeroDivisionError; the edge's log says why"
     assert "could not be checked" in caplog.text
     starts.close()
 
@@ -25,4 +25,4 @@ def test_a_check_that_fails_unforeseen_is_answered(caplog):
 def test_nothing_is_started_once_the_edge_ends():
     starts = StartRequests(None, lambda then: then(), lambda call: call())
     starts.close()
-    assert asked(starts, lambda: 1 / 0) == "the edge ends"
+    assert requested(starts, lambda: 1 / 0) == "the edge ends"

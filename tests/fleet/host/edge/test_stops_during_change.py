@@ -13,7 +13,7 @@ CAUSE = local_cause("", "test")
 
 @pytest.fixture
 def process():
-    return SimpleNamespace(stop_asked=None)
+    return SimpleNamespace(stop_requested=None)
 
 
 def stopped(meanwhile, name):
@@ -28,16 +28,16 @@ def stopped(meanwhile, name):
 def test_a_stop_during_a_change_reaches_a_robot_by_its_name_its_group_or_none(process, names, reached):
     meanwhile = StopsDuringChange(process)
     meanwhile.begin({"crew": ["ada", "rex"]})
-    process.stop_asked(names, CAUSE)
+    process.stop_requested(names, CAUSE)
     assert stopped(meanwhile, "ada") is reached
 
 
 def test_a_stop_before_or_after_a_change_is_not_kept(process):
     meanwhile = StopsDuringChange(process)
-    process.stop_asked((), CAUSE)
+    process.stop_requested((), CAUSE)
     meanwhile.begin({})
     assert not stopped(meanwhile, "ada")
-    process.stop_asked((), CAUSE)
+    process.stop_requested((), CAUSE)
     meanwhile.end()
-    process.stop_asked((), CAUSE)
+    process.stop_requested((), CAUSE)
     assert not stopped(meanwhile, "ada")

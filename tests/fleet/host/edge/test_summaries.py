@@ -27,12 +27,12 @@ class Heard:
 
 
 @pytest.fixture
-async def served(yard, run_edge, asks):
+async def served(yard, run_edge, requests):
     place = yard(rex=HERE, max=HERE)
     place.change(edge={"site": "north"})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         bus_session = await asyncio.to_thread(place.bus_session)
         yield place, edge, bus_session
         await asyncio.to_thread(bus_session.close)
@@ -41,7 +41,7 @@ async def served(yard, run_edge, asks):
 async def test_whoever_asks_gets_the_edge_in_one_kilobyte(served):
     place, _, bus_session = served
     ((key, payload),) = await asyncio.to_thread(
-        lambda: list(bus_session.ask(keys.summary("*"), b"", timeout=60))
+        lambda: list(bus_session.request(keys.summary("*"), b"", timeout=60))
     )
     summary = decode(payload, place.id)
     assert key == keys.summary(place.id)
@@ -49,25 +49,25 @@ async def test_whoever_asks_gets_the_edge_in_one_kilobyte(served):
     assert (summary.site, summary.robots, summary.troubles) == ("north", {"ok": 2}, ())
 
 
-async def test_a_fault_is_published_within_two_seconds_and_so_is_its_end(served, asks):
+async def test_a_fault_is_published_within_two_seconds_and_so_is_its_end(served, requests):
     place, edge, bus_session = served
     heard = Heard(bus_session, place.id)
-    await asks.until(lambda: heard.summaries)
+    await requests.until(lambda: heard.summaries)
     robot = edge.process.robots["rex"]
     began = time.monotonic()
     robot.runner.healthy(Health(Level.FAULT, "its gears are stuck"))
-    await asks.until(lambda: any(each.troubles for each in heard.summaries))
+    await requests.until(lambda: any(each.troubles for each in heard.summaries))
     took = next(at for at, each in zip(heard.times, heard.summaries, strict=True) if each.troubles) - began
     (trouble,) = next(each for each in heard.summaries if each.troubles).troubles
     assert (trouble.robots, trouble.names, trouble.cause) == (1, ("rex",), "its gears are stuck")
     robot.runner.healthy(Health())
-    await asks.until(lambda: not heard.summaries[-1].troubles)
+    await requests.until(lambda: not heard.summaries[-1].troubles)
     assert took <= 10.0  # 2 s on a machine that is not busy: the benchmark measures it
     assert max(heard.sizes) <= LARGEST
 
 
-async def test_nothing_is_published_while_nobody_listens(served, asks):
+async def test_nothing_is_published_while_nobody_listens(served, requests):
     _, edge, _ = served
     assert not edge.summaries._publisher.wanted
-    await asks.until(lambda: edge.summaries.newest is not None)
+    await requests.until(lambda: edge.summaries.newest is not None)
     assert edge.summaries._published == ()

@@ -26,13 +26,13 @@ async def test_a_robot_in_a_process_of_its_own_comes_and_goes_with_it(yard_of_tw
     assert field.edge._workers.managers == {}
     assert not psutil.pid_exists(process)
     assert [field.place.words(name) for name in ("rex", "max")] == [["run"], ["run"]]
-    assert (await field.ask()).same
+    assert (await field.request()).same
 
 
-async def test_a_robot_is_added_to_a_worker_and_taken_out_while_its_others_rest(yard, run_edge, asks):
+async def test_a_robot_is_added_to_a_worker_and_taken_out_while_its_others_rest(yard, run_edge, requests):
     limbs = {"worker": "limbs"}
-    async with running(yard, run_edge, asks, rex=HERE, arm=limbs) as there:
-        field = Yard(there.place, there.edge, there.bus_session, asks)
+    async with running(yard, run_edge, requests, rex=HERE, arm=limbs) as there:
+        field = Yard(there.place, there.edge, there.bus_session, requests)
         await moves(field, "arm")
         field.add("leg", **limbs)
         done = (await field.apply())["leg"]
@@ -52,11 +52,11 @@ async def test_a_robot_is_added_to_a_worker_and_taken_out_while_its_others_rest(
 
 
 async def test_a_stop_while_a_shared_worker_does_not_let_go_of_a_robot_reaches_it(
-    yard, run_edge, asks, monkeypatch
+    yard, run_edge, requests, monkeypatch
 ):
     limbs = {"worker": "limbs"}
-    async with running(yard, run_edge, asks, arm=limbs, leg=limbs) as there:
-        field = Yard(there.place, there.edge, there.bus_session, asks)
+    async with running(yard, run_edge, requests, arm=limbs, leg=limbs) as there:
+        field = Yard(there.place, there.edge, there.bus_session, requests)
 
         async def refuses(_workers, _worker, adapter="", *, force):
             assert not adapter
@@ -71,11 +71,11 @@ async def test_a_stop_while_a_shared_worker_does_not_let_go_of_a_robot_reaches_i
 
 
 async def test_a_robot_that_its_worker_runs_stays_though_another_does_not_answer(
-    yard, run_edge, asks, monkeypatch
+    yard, run_edge, requests, monkeypatch
 ):
     limbs = {"worker": "limbs"}
-    async with running(yard, run_edge, asks, rex=HERE, arm=limbs) as there:
-        field = Yard(there.place, there.edge, there.bus_session, asks)
+    async with running(yard, run_edge, requests, rex=HERE, arm=limbs) as there:
+        field = Yard(there.place, there.edge, there.bus_session, requests)
         change = WorkerChanges.change
 
         async def partly(workers, worker, after, *, force, gone=""):

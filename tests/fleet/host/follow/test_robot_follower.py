@@ -42,7 +42,7 @@ def in_field(starts, work):
 
 def follow(field, robot="ahead", distance=2.0):
     """Have the robot behind follow one; return the list that fills with the answers."""
-    return field.ask("behind", Navigate(FollowRobot(robot, distance), uuid.uuid4().hex, TELE))
+    return field.request("behind", Navigate(FollowRobot(robot, distance), uuid.uuid4().hex, TELE))
 
 
 def flat(field):
@@ -89,7 +89,7 @@ def test_it_stands_and_has_failed_once_the_other_one_is_lost():
         await asyncio.sleep(3)
         field.made["ahead"].silent = True
         await asyncio.sleep(1.5)
-        moved = field.made["behind"].asked.linear.norm()
+        moved = field.made["behind"].requested.linear.norm()
         await asyncio.sleep(2)
         return answers, moved, field.made["behind"].stops
 
@@ -149,12 +149,12 @@ def test_it_is_paused_and_goes_on():
     async def work(field):
         follow(field)
         await asyncio.sleep(1)
-        field.ask("behind", Navigate(Control.PAUSE, "", TELE))
+        field.request("behind", Navigate(Control.PAUSE, "", TELE))
         await asyncio.sleep(2)
         paused = field.made["behind"].site, field.state("behind").activity
         await asyncio.sleep(2)
         stood = (field.made["behind"].site - paused[0]).norm()
-        field.ask("behind", Navigate(Control.RESUME, "", TELE))
+        field.request("behind", Navigate(Control.RESUME, "", TELE))
         await asyncio.sleep(8)
         return stood, paused[1], flat(field)
 

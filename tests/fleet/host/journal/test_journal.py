@@ -76,28 +76,28 @@ async def ended(answers):
             await asyncio.sleep(0.005)
 
 
-async def test_a_command_is_not_carried_out_again_after_a_restart(restarted, asks):
+async def test_a_command_is_not_carried_out_again_after_a_restart(restarted, requests):
     bench = restarted()
-    await ended(bench.ask(asks.command("land", id="r1")))
+    await ended(bench.request(requests.command("land", id="r1")))
     assert bench.adapter.calls == ["land"]
     bench = restarted()
-    (answer,) = bench.ask(asks.command("land", id="r1"))
-    await asks.settle()
+    (answer,) = bench.request(requests.command("land", id="r1"))
+    await requests.settle()
     assert (bench.adapter.calls, answer.status) == ([], ACCEPTED)
-    await ended(bench.ask(asks.command("land", id="r2")))
+    await ended(bench.request(requests.command("land", id="r2")))
     assert bench.adapter.calls == ["land"]
 
 
-async def test_a_command_that_was_cut_off_is_refused_after_the_restart(restarted, asks):
+async def test_a_command_that_was_cut_off_is_refused_after_the_restart(restarted, requests):
     bench = restarted()
-    bench.ask(asks.command("takeoff", id="r1"))
-    await asks.until(lambda: bench.adapter.calls)
-    (answer,) = restarted().ask(asks.command("takeoff", id="r1"))
+    bench.request(requests.command("takeoff", id="r1"))
+    await requests.until(lambda: bench.adapter.calls)
+    (answer,) = restarted().request(requests.command("takeoff", id="r1"))
     assert answer.status is REJECTED
     assert answer.reason.startswith("it was started before the edge restarted and was not seen to end")
 
 
-async def test_a_command_is_remembered_before_its_method_is_called(tmp_path, clock, restarted, asks):
+async def test_a_command_is_remembered_before_its_method_is_called(tmp_path, clock, restarted, requests):
     bench = restarted()
     seen = []
 
@@ -107,51 +107,53 @@ async def test_a_command_is_remembered_before_its_method_is_called(tmp_path, clo
         journal.close()
 
     bench.adapter.land = land
-    await ended(bench.ask(asks.command("land", id="r1")))
+    await ended(bench.request(requests.command("land", id="r1")))
     assert [(past.identity, past.outcome) for past in seen] == [("r1", "")]
 
 
-async def test_an_action_that_was_cut_off_fails_once_and_is_not_begun_again(restarted, asks):
+async def test_an_action_that_was_cut_off_fails_once_and_is_not_begun_again(restarted, requests):
     bench = restarted()
-    bench.ask(asks.goal("a1"))
-    await asks.until(lambda: bench.adapter.calls)
+    bench.request(requests.goal("a1"))
+    await requests.until(lambda: bench.adapter.calls)
     for statuses, words in (([("a1", "failed")], ["stop"]), ([], [])):
         bench = restarted()
         bench.controller.statuses.recall()
         reports = [one for one in bench.reports if isinstance(one, NavigationReport)]
         assert [(one.action_id, one.state) for one in reports] == statuses
-        bench.ask(asks.goal("a1"))
-        await asks.settle()
+        bench.request(requests.goal("a1"))
+        await requests.settle()
         assert bench.adapter.calls == words
 
 
 @pytest.mark.parametrize(("name", "expected"), [("move_forward", ["move_forward"]), ("navigate", [])])
-async def test_the_end_of_a_way_is_owed_to_who_asked_it_as_a_command(opened, restarted, asks, name, expected):
+async def test_the_end_of_a_way_is_owed_to_who_asked_it_as_a_command(
+    opened, restarted, requests, name, expected
+):
     bench = restarted()
-    bench.ask(
+    bench.request(
         Navigate(RelativeMove(Vector3(1.0, 0.0, 0.0)), "m1", Origin(Transport.CLOUD, "tele"), name=name)
     )
-    await asks.until(lambda: bench.adapter.calls)
+    await requests.until(lambda: bench.adapter.calls)
     assert [each.name for each in opened().take_interrupted(["rex"])] == expected
 
 
-async def test_a_release_of_earlier_does_not_release_a_later_stop(restarted, asks):
+async def test_a_release_of_earlier_does_not_release_a_later_stop(restarted, requests):
     bench = restarted()
-    bench.ask(asks.command("release_emergency_stop", id="r1"))
-    bench.ask(asks.command("emergency_stop"))
-    await asks.settle()
+    bench.request(requests.command("release_emergency_stop", id="r1"))
+    bench.request(requests.command("emergency_stop"))
+    await requests.settle()
     bench = restarted()
-    bench.ask(asks.command("release_emergency_stop", id="r1"))
+    bench.request(requests.command("release_emergency_stop", id="r1"))
     assert bench.controller.latched
-    bench.ask(asks.command("release_emergency_stop", id="r2"))
+    bench.request(requests.command("release_emergency_stop", id="r2"))
     assert not bench.controller.latched
     assert not restarted().controller.latched
 
 
-async def test_an_emergency_stop_survives_a_restart_and_nothing_moves_until_its_release(restarted, asks):
+async def test_an_emergency_stop_survives_a_restart_and_nothing_moves_until_its_release(restarted, requests):
     restarted().controller.emergency("asked by anna")
     bench = restarted()
-    (refused,) = bench.ask(asks.setpoint())
+    (refused,) = bench.request(requests.setpoint())
     assert "asked by anna" in refused.reason
     assert bench.adapter.calls == []
 
@@ -186,17 +188,17 @@ def test_a_journal_that_cannot_be_read_is_set_aside_and_every_robot_is_stopped(t
     assert (tmp_path / f"{JOURNAL}.broken").exists()
 
 
-async def test_a_disk_that_fails_is_reported_and_commands_go_on(tmp_path, clock, make_bench, asks):
+async def test_a_disk_that_fails_is_reported_and_commands_go_on(tmp_path, clock, make_bench, requests):
     (tmp_path / "file").write_text("in the way")
     journal = Journal(tmp_path / "file", clock, tmp_path / "begun.main")
     assert "cannot create" in journal.problem
     bench = make_bench(journal=journal.robot("rex"))
-    await ended(bench.ask(asks.command("land", id="r1")))
+    await ended(bench.request(requests.command("land", id="r1")))
     assert bench.adapter.calls == ["land"]
     journal.close()
 
 
-def test_a_disk_that_fills_up_is_reported_and_one_that_is_well_again_too(opened, asks):
+def test_a_disk_that_fills_up_is_reported_and_one_that_is_well_again_too(opened, requests):
     journal = opened()
     rex = journal.robot("rex")
     journal._file._database.execute("PRAGMA max_page_count = 1")
@@ -318,7 +320,7 @@ def test_a_stop_does_not_fail_by_its_record(opened, monkeypatch):
 
 
 async def test_an_emergency_stop_halts_the_robot_though_its_record_fails(
-    opened, make_bench, asks, monkeypatch
+    opened, make_bench, requests, monkeypatch
 ):
     def fail(_row):
         raise ValueError("odd")
@@ -327,8 +329,8 @@ async def test_an_emergency_stop_halts_the_robot_though_its_record_fails(
     monkeypatch.setattr("fleet.host.robot.controller.HALT_WAIT", 20.0)
     monkeypatch.setattr(journal._execution_journal, "add", fail)
     bench = make_bench(journal=journal.robot("rex"))
-    bench.ask(asks.command("emergency_stop"))
-    await asks.settle()
+    bench.request(requests.command("emergency_stop"))
+    await requests.settle()
     assert bench.adapter.calls[0] == "halt"
     assert bench.controller.latched
 

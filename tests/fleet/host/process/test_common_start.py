@@ -12,7 +12,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.model.command import Reply, ReplyStatus
-from fleet.model.start import StartAnswer, StartAsked
+from fleet.model.start import StartAnswer, StartSignal
 
 HERE = {"worker": "main", "stands": True}
 THERE = {"worker": "arm", "stands": True}
@@ -21,7 +21,7 @@ ID = "start-1"
 LOADED = 2.0  # s by which a busy computer may be late; ``python -m bench together`` measures what it is
 
 
-class Asker:
+class StartRequester:
     """Who starts the robots of a yard, on a session of its own."""
 
     def __init__(self, place, bus_session):
@@ -33,7 +33,7 @@ class Asker:
         """Ask a robot to prepare; returns its first answer."""
         payload = json.dumps({**message, "action_id": robot, "timestamp": time.time()}).encode()
         given = {"kind": kind, "start": start, **parameters}
-        replies = self.bus_session.ask(
+        replies = self.bus_session.request(
             keys.prepare(self.place.id, robot), payload, timeout=60, parameters=given
         )
         self.answers[robot] = (msgspec.json.decode(reply, type=Reply) for _, reply in replies)
@@ -48,9 +48,9 @@ class Asker:
     def tell(self, ahead, start=ID):
         """Tell the instant; returns it, and why robots will not begin."""
         stamp = time.time() + ahead
-        asked = msgspec.json.encode(StartAsked(start, stamp))
+        requested = msgspec.json.encode(StartSignal(start, stamp))
         found = {}
-        for _, answer in self.bus_session.ask(keys.starts(self.place.id), asked, timeout=60):
+        for _, answer in self.bus_session.request(keys.starts(self.place.id), requested, timeout=60):
             found |= msgspec.json.decode(answer, type=StartAnswer).robots
         return stamp, found
 
@@ -60,7 +60,7 @@ class Asker:
 
 
 @pytest.fixture
-def serve(yard, run_edge, asks):
+def serve(yard, run_edge, requests):
     """Run an edge with robots; gives its place, the edge, and who asks."""
 
     @asynccontextmanager
@@ -69,10 +69,10 @@ def serve(yard, run_edge, asks):
         place.change(groups=groups or {})
         edge = place.edge()
         async with run_edge(edge):
-            await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
-            await asks.until(lambda: all(state.position is not None for state in edge.states()))
+            await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
+            await requests.until(lambda: all(state.position is not None for state in edge.states()))
             bus_session = await asyncio.to_thread(place.bus_session)
-            asker = await asyncio.to_thread(Asker, place, bus_session)
+            asker = await asyncio.to_thread(StartRequester, place, bus_session)
             try:
                 yield place, edge, asker
             finally:
@@ -91,12 +91,12 @@ def begun(place):
     }
 
 
-async def test_all_begin_at_the_instant_in_whatever_process_they_are(serve, asks):
+async def test_all_begin_at_the_instant_in_whatever_process_they_are(serve, requests):
     async with serve(rex=HERE, max=HERE, arm=THERE) as (place, _, asker):
         await asyncio.to_thread(asker.prepared, "rex", "max", "arm")
         stamp, problems = await asyncio.to_thread(asker.tell, 1.0)
         assert problems == {"rex": "", "max": "", "arm": ""}
-        await asks.until(lambda: len(begun(place)) == 3)
+        await requests.until(lambda: len(begun(place)) == 3)
         instant = time.monotonic() - (time.time() - stamp)
         assert all(-0.01 <= at - instant < LOADED for at in begun(place).values())
         assert [(await asyncio.to_thread(asker.ends, name))[0].ok for name in ("rex", "max", "arm")] == [
@@ -138,22 +138,26 @@ def _cause():
 
 
 def _stop(place, bus_session, robot):
-    list(bus_session.ask(keys.command(place.id, robot), json.dumps({"command": "stop"}).encode(), timeout=60))
+    list(
+        bus_session.request(
+            keys.command(place.id, robot), json.dumps({"command": "stop"}).encode(), timeout=60
+        )
+    )
 
 
 def _emergency(place, bus_session, robot):
-    list(bus_session.ask(keys.stop(place.id), json.dumps([robot]).encode(), timeout=60))
+    list(bus_session.request(keys.stop(place.id), json.dumps([robot]).encode(), timeout=60))
 
 
 def _emergency_and_release(place, bus_session, robot):
     _emergency(place, bus_session, robot)
     release = {"command": "release_emergency_stop", "data": {}, "timestamp": time.time()}
-    list(bus_session.ask(keys.command(place.id, robot), json.dumps(release).encode(), timeout=60))
+    list(bus_session.request(keys.command(place.id, robot), json.dumps(release).encode(), timeout=60))
 
 
 def _drive(place, bus_session, robot):
     move = {"command": "move_forward", "data": {"linear_x": 0.1}, "timestamp": time.time()}
-    list(bus_session.ask(keys.command(place.id, robot), json.dumps(move).encode(), timeout=60))
+    list(bus_session.request(keys.command(place.id, robot), json.dumps(move).encode(), timeout=60))
 
 
 @pytest.mark.parametrize("interrupt", [_stop, _emergency, _emergency_and_release, _drive])
@@ -171,17 +175,17 @@ async def test_a_stop_or_somebody_else_who_moves_one_robot_ends_the_start_of_all
 
 @pytest.mark.parametrize("message", [{"command": "stop"}, {"command": "stop", "action_id": 7, "x": [[]]}])
 @pytest.mark.parametrize("kind", ["navigate", "command"])
-async def test_a_stop_is_not_prepared_but_obeyed_at_once(serve, asks, message, kind):
+async def test_a_stop_is_not_prepared_but_obeyed_at_once(serve, requests, message, kind):
     async with serve(rex=HERE) as (place, _, asker):
         await asyncio.to_thread(asker.prepare, "rex", message, kind)
-        await asks.until(lambda: "stop" in place.words("rex"))
+        await requests.until(lambda: "stop" in place.words("rex"))
 
 
-async def test_stops_pass_while_a_robot_is_prepared(serve, asks):
+async def test_stops_pass_while_a_robot_is_prepared(serve, requests):
     async with serve(rex=HERE) as (place, _, asker):
         await asyncio.to_thread(asker.prepared, "rex")
         await asyncio.to_thread(_stop, place, asker.bus_session, "rex")
-        await asks.until(lambda: "stop" in place.words("rex"))
+        await requests.until(lambda: "stop" in place.words("rex"))
 
 
 async def test_an_instant_that_is_past_or_too_far_ahead_starts_nobody(serve):
@@ -216,7 +220,7 @@ async def test_a_message_that_is_old_is_not_prepared(serve):
         payload = json.dumps({**GOTO, "action_id": "a", "timestamp": time.time() - 60.0}).encode()
         key, given = keys.prepare(asker.place.id, "rex"), {"kind": "navigate", "start": ID}
         (answer,) = await asyncio.to_thread(
-            lambda: list(asker.bus_session.ask(key, payload, timeout=60, parameters=given))
+            lambda: list(asker.bus_session.request(key, payload, timeout=60, parameters=given))
         )
         assert "60.0 s old" in msgspec.json.decode(answer[1], type=Reply).reason
 
@@ -230,12 +234,12 @@ async def test_a_robot_is_prepared_for_one_start_at_a_time(serve):
 
 @pytest.mark.parametrize("other", [HERE, THERE])
 async def test_robots_that_would_meet_are_not_started_together_in_whatever_process_they_are(
-    serve, asks, other
+    serve, requests, other
 ):
     """Either of them alone could go there; each is prepared beside what the other is prepared for."""
     robots = {"rex": HERE | {"start": [0, 0, 0]}, "arm": other | {"start": [20, 0, 0]}}
     async with serve(**robots) as (place, edge, asker):
-        await asks.until(lambda: not any(state.separation for state in edge.states()))
+        await requests.until(lambda: not any(state.separation for state in edge.states()))
         here = {**GOTO, "position": [12.0, 0.0, 0.0]}
         there = {**GOTO, "position": [-12.0, 0.0, 0.0]}
         assert (await asyncio.to_thread(asker.prepare, "rex", here)).ok
@@ -261,9 +265,9 @@ async def test_an_aircraft_that_is_not_ready_is_refused_in_its_own_words(serve):
 
 async def test_every_process_tells_its_time(serve):
     async with serve(rex=HERE, arm=THERE) as (place, _, asker):
-        asked = msgspec.json.encode(StartAsked())
+        requested = msgspec.json.encode(StartSignal())
         answers = await asyncio.to_thread(
-            lambda: list(asker.bus_session.ask(keys.starts(place.id), asked, timeout=60))
+            lambda: list(asker.bus_session.request(keys.starts(place.id), requested, timeout=60))
         )
         found = {
             each.process: each.time for each in (msgspec.json.decode(a, type=StartAnswer) for _, a in answers)
@@ -290,25 +294,27 @@ def serve_group(serve):
     return lambda: serve(groups={"all": list(robots)}, **robots)
 
 
-async def test_the_command_line_starts_a_group_at_one_instant(serve_group, asks):
+async def test_the_command_line_starts_a_group_at_one_instant(serve_group, requests):
     async with serve_group() as (place, _, _):
-        asked = await asyncio.to_thread(lambda: run_fleet("send", "all", "walk", "--at", "+4s").communicate())
-        assert sorted(asked[0].splitlines()) == [f"{name}: walk done" for name in ("arm", "max", "rex")], (
-            asked
+        requested = await asyncio.to_thread(
+            lambda: run_fleet("send", "all", "walk", "--at", "+4s").communicate()
         )
-        await asks.until(lambda: len(walked(place)) == 3)
+        assert sorted(requested[0].splitlines()) == [
+            f"{name}: walk done" for name in ("arm", "max", "rex")
+        ], requested
+        await requests.until(lambda: len(walked(place)) == 3)
         assert max(walked(place)) - min(walked(place)) < LOADED
-        assert "3 of 3 ok" in asked[1]
+        assert "3 of 3 ok" in requested[1]
 
 
-async def test_a_command_line_that_is_killed_before_the_instant_starts_nobody(serve_group, asks):
+async def test_a_command_line_that_is_killed_before_the_instant_starts_nobody(serve_group, requests):
     async with serve_group() as (place, edge, _):
-        asked = run_fleet("send", "all", "walk", "--at", "+6s")
+        requested = run_fleet("send", "all", "walk", "--at", "+6s")
         prepared = _prepared_in(edge)
-        await asks.until(lambda: any(one.stamp is not None for one in prepared.values()))
-        asked.kill()
-        await asks.until(lambda: not prepared)
-        await asyncio.to_thread(asked.communicate)
+        await requests.until(lambda: any(one.stamp is not None for one in prepared.values()))
+        requested.kill()
+        await requests.until(lambda: not prepared)
+        await asyncio.to_thread(requested.communicate)
         await asyncio.sleep(6.2)
         assert walked(place) == []
 
@@ -316,9 +322,9 @@ async def test_a_command_line_that_is_killed_before_the_instant_starts_nobody(se
 async def test_the_command_line_says_for_each_robot_why_nobody_was_started(serve_group):
     async with serve_group() as (place, edge, _):
         edge.process.stop_robots(("max",), _cause())
-        asked = run_fleet("send", "all", "walk", "--at", "+4s")
-        out, err = await asyncio.to_thread(asked.communicate)
-        assert asked.returncode == 5, (out, err)
+        requested = run_fleet("send", "all", "walk", "--at", "+4s")
+        out, err = await asyncio.to_thread(requested.communicate)
+        assert requested.returncode == 5, (out, err)
         lines = dict(line.split(": ", 1) for line in out.splitlines())
         assert lines["max"] == "walk rejected: busy with emergency stop"
         assert all("walk rejected: not started" in lines[name] for name in ("rex", "arm")), lines

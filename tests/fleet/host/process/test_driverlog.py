@@ -24,27 +24,27 @@ async def process():
     process.end()
 
 
-async def test_a_robots_warnings_go_to_its_driverlog(process, asks):
+async def test_a_robots_warnings_go_to_its_driverlog(process, requests):
     logging.getLogger("fleet.robot.rex").warning("the %s is hot", "motor")
     logging.getLogger("fleet.robot.rex").info("nothing to see")
     logging.getLogger("fleet.robot.max").warning("somebody else's")
     logging.getLogger("fleet.host").warning("the host's")
-    await asks.settle()
+    await requests.settle()
     assert [(line.level, line.message) for line in process.lines] == [("WARNING", "the motor is hot")]
 
 
-async def test_a_line_that_cannot_be_put_together_hurts_nobody(process, asks, monkeypatch):
+async def test_a_line_that_cannot_be_put_together_hurts_nobody(process, requests, monkeypatch):
     monkeypatch.setattr(logging, "raiseExceptions", False)
     record = logging.LogRecord("fleet.robot.rex", logging.WARNING, "x.py", 1, "%d", ("x",), None)
     logging.getLogger("fleet.robot").handlers[-1].handle(record)
-    await asks.settle()
+    await requests.settle()
     assert process.lines == []
 
 
-async def test_nothing_is_published_after_the_end(process, asks):
+async def test_nothing_is_published_after_the_end(process, requests):
     process.end()
     logging.getLogger("fleet.robot.rex").warning("too late")
-    await asks.settle()
+    await requests.settle()
     assert process.lines == []
 
 

@@ -56,16 +56,16 @@ def test_what_is_no_serial_line_is_refused(tmp_path):
 def test_a_gpio_line_is_asked_for_its_rising_edges_and_pulled_down(tmp_path, monkeypatch):
     (tmp_path / "gpiochip0").touch()
     reader, writer = os.pipe()
-    asked = []
+    requested = []
 
     def ioctl(_chip, request, argument):
-        asked.append((request, LINE_REQUEST.unpack(argument)))
+        requested.append((request, LINE_REQUEST.unpack(argument)))
         argument[-4:] = reader.to_bytes(4, "little")
         return 0
 
     monkeypatch.setattr(heartbeat_devices.fcntl, "ioctl", ioctl)
     device = open_device(config("gpio", tmp_path / "gpiochip0", line=17))
-    ((request, fields),) = asked
+    ((request, fields),) = requested
     assert (request, fields[0], fields[1:64], fields[65]) == (GET_LINE, 17, (0,) * 63, PULSES)
     assert fields[67] == 1
     with pytest.raises(BlockingIOError):
@@ -89,8 +89,8 @@ def test_a_file_that_is_another_device_is_refused(tmp_path, kind):
 
 def test_a_hid_device_is_known_by_its_descriptor(tmp_path, monkeypatch):
     os.mkfifo(tmp_path / "hidraw0")
-    asked = []
-    monkeypatch.setattr(fcntl, "ioctl", lambda _fd, request, _size: asked.append(request))
+    requested = []
+    monkeypatch.setattr(fcntl, "ioctl", lambda _fd, request, _size: requested.append(request))
     device = open_device(config("hid", tmp_path / "hidraw0"))
-    assert asked == [HID_DESCRIPTOR_SIZE]
+    assert requested == [HID_DESCRIPTOR_SIZE]
     os.close(device)

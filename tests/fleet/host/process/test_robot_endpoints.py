@@ -92,7 +92,7 @@ async def test_the_token_that_shows_a_robot_comes_last_and_goes_first(make):
 
 @pytest.mark.parametrize("alone", [True, False])
 async def test_an_edge_takes_the_queries_to_all_robots_only_while_it_has_all(
-    yard, run_edge, asks, monkeypatch, alone
+    yard, run_edge, requests, monkeypatch, alone
 ):
     declared, answer = [], ZenohSession.answer
 
@@ -104,22 +104,22 @@ async def test_an_edge_takes_the_queries_to_all_robots_only_while_it_has_all(
     place = yard(rex=HERE, max=HERE if alone else {"worker": "arms"})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         of_all = {make(place.id, "*") for make in KEYS}
         of_rex = {make(place.id, "rex") for make in KEYS}
         assert set(declared) & (of_all | of_rex) == (of_all if alone else of_rex)
 
 
 @pytest.mark.parametrize("arm", [HERE, {"worker": "arms"}])
-async def test_every_robot_of_an_edge_answers_and_an_unknown_one_is_silent(yard, run_edge, asks, arm):
+async def test_every_robot_of_an_edge_answers_and_an_unknown_one_is_silent(yard, run_edge, requests, arm):
     place = yard(rex=HERE, max=HERE, arm=arm)
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         with contextlib.closing(place.bus_session()) as asker:
 
             async def answered(key, payload=b""):
-                return await asyncio.to_thread(lambda: list(asker.ask(key, payload, timeout=DEADLINE)))
+                return await asyncio.to_thread(lambda: list(asker.request(key, payload, timeout=DEADLINE)))
 
             for name in ("rex", "max", "arm"):
                 key = keys.command(place.id, name)

@@ -28,12 +28,12 @@ HERE = {"worker": "main"}
 
 
 @pytest.fixture
-async def served(yard, run_edge, asks):
+async def served(yard, run_edge, requests):
     """Run two robots in this process; gives the process and the yard."""
     place = yard(rex=HERE, max=HERE)
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         await asyncio.sleep(0.1)
         yield edge.process, place
 
@@ -54,24 +54,24 @@ def block_as(process, name):
     return done
 
 
-async def test_a_robot_that_blocks_the_loop_is_named_with_the_place_and_no_other(served, asks):
+async def test_a_robot_that_blocks_the_loop_is_named_with_the_place_and_no_other(served, requests):
     process, _ = served
     await block_as(process, "rex")
-    await asks.until(lambda: process.robots["rex"].state().health == "degraded")
+    await requests.until(lambda: process.robots["rex"].state().health == "degraded")
     cause = process.robots["rex"].state().cause
     assert cause.startswith("blocked the event loop at test_robot_process.py:")
     assert cause.endswith("in block")
     assert process.robots["max"].state().health == "ok"
 
 
-async def test_a_third_block_in_a_minute_is_a_quarantine_with_the_advice_of_a_worker(served, asks):
+async def test_a_third_block_in_a_minute_is_a_quarantine_with_the_advice_of_a_worker(served, requests):
     process, place = served
     strikes = process.robots["rex"].runner._strikes
     for _ in range(20):  # on a busy machine the watchdog is late too, and then blames nobody
         if not strikes.are_out and "quarantined" not in process.robots["rex"].state().cause:
             await block_as(process, "rex")
             await asyncio.sleep(0.1)
-    await asks.until(lambda: "quarantined" in process.robots["rex"].state().cause)
+    await requests.until(lambda: "quarantined" in process.robots["rex"].state().cause)
     assert "worker: rex" in process.robots["rex"].state().cause
     assert place.words("max") == ["run"]
 
@@ -117,52 +117,52 @@ async def test_a_robot_that_comes_and_goes_begins_and_ends_its_telemetry(served)
     assert types == ["disconnected", "telemetry_end", "connected", "telemetry_start"]
 
 
-async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, asks):
+async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, requests):
     process, place = served
     free = threading.Event()
     held = []
     process.robots["rex"].controller.attached.adapter.halt = lambda: held.append(free.wait(20))
     stopped = await asyncio.to_thread(process.stop_robots, (), local_cause("", "test"))
     assert stopped == ["rex", "max"]
-    await asks.until(lambda: "halt" in place.words("max"))
+    await requests.until(lambda: "halt" in place.words("max"))
     assert all(robot.controller.latched for robot in process.robots.values())
-    await asks.until(lambda: "stop" in place.words("rex"))
+    await requests.until(lambda: "stop" in place.words("rex"))
     assert held == []
     free.set()
-    await asks.until(lambda: held == [True, True])
+    await requests.until(lambda: held == [True, True])
 
 
-async def test_all_are_latched_before_the_first_is_halted(served, asks):
+async def test_all_are_latched_before_the_first_is_halted(served, requests):
     process, _ = served
     latched = []
     process.robots["rex"].controller.attached.adapter.halt = lambda: latched.append(
         process.robots["max"].controller.latched
     )
     await asyncio.to_thread(process.stop_robots, (), local_cause("", "test"))
-    await asks.until(lambda: latched)
+    await requests.until(lambda: latched)
     assert latched[0]
 
 
-async def test_a_halt_that_hangs_keeps_nobody_from_reading_the_stop_of_another(served, asks):
+async def test_a_halt_that_hangs_keeps_nobody_from_reading_the_stop_of_another(served, requests):
     process, place = served
     free, held = threading.Event(), []
     process.robots["rex"].controller.attached.adapter.halt = lambda: held.append(free.wait(20))
     for name in ("rex", "max"):
         process.robots[name].read("command", b'{"command": "emergency_stop"}', transport=Transport.CLOUD)
         assert process.robots[name].controller.latched
-    await asks.until(lambda: "halt" in place.words("max"))
+    await requests.until(lambda: "halt" in place.words("max"))
     assert held == []
     free.set()
-    await asks.until(lambda: held == [True])
+    await requests.until(lambda: held == [True])
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-async def test_a_pose_that_is_no_place_keeps_no_robot_in_its_fence(yard, run_edge, asks, bad):
+async def test_a_pose_that_is_no_place_keeps_no_robot_in_its_fence(yard, run_edge, requests, bad):
     corners = [[-5, -5], [5, -5], [5, 5], [-5, 5]]
     place = yard(rex={"worker": "main", "fence": {"frame": "world", "inclusion": [corners]}})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: edge.states()[0].health == "ok")
+        await requests.until(lambda: edge.states()[0].health == "ok")
         robot = edge.process.robots["rex"]
         for x, expected in ((bad, "the robot's position is unknown"), (1.0, "")):
             robot.publish(PoseReport(edge.process.clock.time(), Vector3(x), Quaternion()))
@@ -181,28 +181,28 @@ async def test_a_stop_is_noted_before_the_robots_are_looked_up(served):
             return super().values()
 
     process, _ = served
-    process.stop_asked = lambda names, cause: seen.append((names, cause.why))
+    process.stop_requested = lambda names, cause: seen.append((names, cause.why))
     process.robots = Robots(process.robots)
     process.stop_robots(("rex",), local_cause("", "test"))
     assert seen[:2] == [(("rex",), "test"), "looked up"]
 
 
-async def test_robots_are_stopped_though_their_stop_could_not_be_noted(served, asks, caplog):
+async def test_robots_are_stopped_though_their_stop_could_not_be_noted(served, requests, caplog):
     process, place = served
-    process.stop_asked = lambda _names, _cause: 1 / 0
+    process.stop_requested = lambda _names, _cause: 1 / 0
     assert process.stop_robots(("max",), local_cause("", "test")) == ["max"]
-    await asks.until(lambda: "stop" in place.words("max"))
+    await requests.until(lambda: "stop" in place.words("max"))
     assert "a stop was not noted for the robots that join" in caplog.text
 
 
-async def test_a_stop_for_one_touches_no_other(served, asks):
+async def test_a_stop_for_one_touches_no_other(served, requests):
     process, place = served
     assert process.stop_robots(("max", "nobody"), local_cause("", "test")) == ["max"]
-    await asks.until(lambda: "stop" in place.words("max"))
+    await requests.until(lambda: "stop" in place.words("max"))
     assert place.words("rex") == ["run"]
 
 
-async def test_a_command_for_an_offline_robot_is_refused_with_the_cause(served, asks):
+async def test_a_command_for_an_offline_robot_is_refused_with_the_cause(served, requests):
     process, _ = served
     robot = process.robots["rex"]
     robot.controller.lost("no heartbeat for 3 s")
@@ -218,11 +218,11 @@ async def test_what_cannot_be_read_is_refused_with_the_reason(served):
     assert [answer.ok for answer in answers] == [False]
 
 
-async def test_an_emergency_stop_halts_before_the_loop_takes_it(served, asks):
+async def test_an_emergency_stop_halts_before_the_loop_takes_it(served, requests):
     process, place = served
     process.robots["rex"].read("command", b'{"command": "emergency_stop"}', transport=Transport.CLOUD)
     assert process.robots["rex"].controller.latched
-    await asks.until(lambda: place.words("rex") == ["run", "halt"])
+    await requests.until(lambda: place.words("rex") == ["run", "halt"])
 
 
 @pytest.mark.parametrize(
@@ -235,16 +235,16 @@ async def test_what_is_no_emergency_stop_is_not_taken_for_one(served, payload):
 
 
 async def test_a_recorded_velocity_that_is_played_on_the_bus_moves_nothing_and_is_reported(
-    served, asks, caplog
+    served, requests, caplog
 ):
     process, place = served
     arrived = partial(take, process.robots["rex"], "motion", process.loop)
     sample = HeaderTemplate("application/json")
     arrived(sample.pack(b'{"linear_x": 0.2}', ts=time.time() - 60))
-    await asks.until(lambda: "refused a setpoint of the bus" in caplog.text)
+    await requests.until(lambda: "refused a setpoint of the bus" in caplog.text)
     assert not any("drive" in word for word in place.words("rex"))
     arrived(sample.pack(b'{"linear_x": 0.2}'))
-    await asks.until(lambda: "drive:0.2" in place.words("rex"))
+    await requests.until(lambda: "drive:0.2" in place.words("rex"))
 
 
 def watching():
@@ -261,10 +261,10 @@ async def ending(yard, monkeypatch):
     edge.process.watchdog.stop()
 
 
-async def test_a_journal_that_takes_long_to_close_is_not_taken_for_a_stuck_loop(ending, run_edge, asks):
+async def test_a_journal_that_takes_long_to_close_is_not_taken_for_a_stuck_loop(ending, run_edge, requests):
     edge, watched = ending
     async with run_edge(edge):
-        await asks.until(lambda: edge.states()[0].health == "ok")
+        await requests.until(lambda: edge.states()[0].health == "ok")
     assert watched == [False]
 
 
@@ -289,18 +289,18 @@ async def test_what_waited_too_long_for_the_loop_is_refused_but_a_stop(served, k
     assert bool(late) is not taken
 
 
-async def test_what_the_battery_made_us_do_is_the_robots_health_with_its_cause(yard, run_edge, asks):
+async def test_what_the_battery_made_us_do_is_the_robots_health_with_its_cause(yard, run_edge, requests):
     place = yard(rex={**HERE, "battery_policy": {"action": "stop"}})
     edge = place.edge()
     async with run_edge(edge):
         robot = edge.process.robots["rex"]
-        await asks.until(lambda: robot.state().health == "ok")
-        robot.controller.receive(asks.setpoint(source="tele"), Receipt("move", lambda _: None))
+        await requests.until(lambda: robot.state().health == "ok")
+        robot.controller.receive(requests.setpoint(source="tele"), Receipt("move", lambda _: None))
         robot.publish(BatteryReport(0.0, 18.0))
-        await asks.until(lambda: "stop" in place.words("rex"))
+        await requests.until(lambda: "stop" in place.words("rex"))
         state = robot.state()
         assert (state.health, state.cause) == ("degraded", "stop by battery_policy: the battery was at 18 %")
-        await asks.until(lambda: "rex degraded: stop by battery_policy" in edge.state().cause)
+        await requests.until(lambda: "rex degraded: stop by battery_policy" in edge.state().cause)
 
 
 MISSPELT = [
@@ -316,12 +316,12 @@ MISSPELT = [
 
 @pytest.mark.parametrize(("kind", "message"), MISSPELT)
 @pytest.mark.parametrize("transport", list(Transport))
-async def test_misspelt_data_moves_nothing_by_any_way_in(served, asks, kind, message, transport):
+async def test_misspelt_data_moves_nothing_by_any_way_in(served, requests, kind, message, transport):
     process, place = served
     answers = []
     take = process.robots["rex"].read(kind, json.dumps(message).encode(), transport=transport)
     take(answers.append)
-    await asks.settle()
+    await requests.settle()
     assert [answer.ok for answer in answers] == [False]
     assert "did you mean" in answers[0].reason
     assert not any(word.startswith(("drive", "navigate")) for word in place.words("rex"))
@@ -369,36 +369,38 @@ async def test_a_goal_that_cannot_be_read_has_a_failed_status_under_its_id(serve
         ("motion", {"linear": {"z": 0.2}}, "it stays on the ground"),
     ],
 )
-async def test_a_way_that_the_robot_cannot_go_is_refused_and_not_accepted(served, asks, kind, message, why):
+async def test_a_way_that_the_robot_cannot_go_is_refused_and_not_accepted(
+    served, requests, kind, message, why
+):
     process, place = served
     answers = []
     payload = json.dumps({"source_type": "tele", **message}).encode()
     process.robots["rex"].read(kind, payload, transport=Transport.CLOUD)(answers.append)
-    await asks.settle()
+    await requests.settle()
     assert [answer.ok for answer in answers] == [False]
     assert why in answers[0].reason
     assert not any(word.startswith("drive") for word in place.words("rex"))
 
 
-async def test_later_verbs_have_the_speed_that_was_set_until_a_stop(served, asks):
+async def test_later_verbs_have_the_speed_that_was_set_until_a_stop(served, requests):
     process, place = served
 
-    async def ask(command, **data):
+    async def request(command, **data):
         answers = []
         message = {"command": command, "source_type": "tele", "session_id": "anna", "data": data}
         process.robots["rex"].read("command", json.dumps(message).encode(), transport=Transport.CLOUD)(
             answers.append
         )
-        await asks.settle()
+        await requests.settle()
         return answers[0]
 
-    echo = await ask("set_linear_velocity", linear=0.25)
+    echo = await request("set_linear_velocity", linear=0.25)
     assert (echo.ok, echo.data) == (True, {"linear": 0.25})
     assert "drive" not in "".join(place.words("rex"))
-    await ask("move_forward")
-    await ask("move_backward", linear_x=0.1)
-    await ask("stop")
-    await ask("move_forward")
+    await request("move_forward")
+    await request("move_backward", linear_x=0.1)
+    await request("stop")
+    await request("move_forward")
     drives = [word for word in place.words("rex") if word.startswith("drive") and word != "drive:0"]
     assert drives == ["drive:0.25", "drive:-0.1", "drive:0.5"]
 

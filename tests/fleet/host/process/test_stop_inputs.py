@@ -54,7 +54,7 @@ def button():
 
 
 @pytest.fixture
-def guarded(yard, run_edge, asks):
+def guarded(yard, run_edge, requests):
     """Return what runs two robots with stop inputs, and the edge once it answers."""
 
     def make(*inputs, max_worker="main"):
@@ -90,7 +90,7 @@ def block_until(condition):
         time.sleep(0.01)
 
 
-async def asked(edge, name, command, **data):
+async def requested(edge, name, command, **data):
     """Ask a robot of this process; returns its receipt."""
     answers = []
     message = {"command": command, "source_type": "tele", "data": data}
@@ -103,151 +103,154 @@ async def asked(edge, name, command, **data):
     return answers[0]
 
 
-async def test_robots_move_while_the_heartbeat_is_heard_and_are_stopped_without_it(guarded, button, asks):
+async def test_robots_move_while_the_heartbeat_is_heard_and_are_stopped_without_it(guarded, button, requests):
     place, edge, running = guarded(an_input(button.name))
     async with running:
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
-        await asks.until(lambda: is_heard(edge))
-        assert (await asked(edge, "rex", "move_forward", linear_x=0.5)).ok
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: is_heard(edge))
+        assert (await requested(edge, "rex", "move_forward", linear_x=0.5)).ok
         button.beats = False
-        await asks.until(lambda: stopped(edge, "rex") and stopped(edge, "max"))
-        await asks.until(lambda: {"halt", "stop"} <= set(place.words("rex")))
-        await asks.until(lambda: "stop input button: no heartbeat for 1 s" in edge.state().cause)
-        refused = await asked(edge, "rex", "move_forward")
+        await requests.until(lambda: stopped(edge, "rex") and stopped(edge, "max"))
+        await requests.until(lambda: {"halt", "stop"} <= set(place.words("rex")))
+        await requests.until(lambda: "stop input button: no heartbeat for 1 s" in edge.state().cause)
+        refused = await requested(edge, "rex", "move_forward")
         assert "emergency stop is set (stop input button: no heartbeat" in refused.reason
 
 
 async def test_a_stop_cannot_be_released_without_the_heartbeat_and_is_not_released_by_it(
-    guarded, button, asks
+    guarded, button, requests
 ):
     _, edge, running = guarded(an_input(button.name))
     async with running:
-        await asks.until(lambda: is_heard(edge))
+        await requests.until(lambda: is_heard(edge))
         button.beats = False
-        await asks.until(lambda: stopped(edge, "rex"))
-        released = await asked(edge, "rex", "release_emergency_stop")
+        await requests.until(lambda: stopped(edge, "rex"))
+        released = await requested(edge, "rex", "release_emergency_stop")
         assert not released.ok
         assert released.reason == "stop input button: no heartbeat for 1 s"
         button.beats = True
-        await asks.until(lambda: is_heard(edge))
+        await requests.until(lambda: is_heard(edge))
         assert stopped(edge, "rex")
-        assert (await asked(edge, "rex", "release_emergency_stop")).ok
+        assert (await requested(edge, "rex", "release_emergency_stop")).ok
         assert not stopped(edge, "rex")
 
 
 async def test_a_device_that_cannot_be_opened_stops_and_is_reported_until_it_is_there(
-    guarded, tmp_path, asks
+    guarded, tmp_path, requests
 ):
     device = tmp_path / "none"
     _, edge, running = guarded(an_input(str(device)))
     async with running:
-        await asks.until(lambda: stopped(edge, "rex"))
+        await requests.until(lambda: stopped(edge, "rex"))
         cause = f"stop input button: {device}: No such file or directory"
-        await asks.until(lambda: cause in edge.state().cause)
-        assert not (await asked(edge, "rex", "release_emergency_stop")).ok
+        await requests.until(lambda: cause in edge.state().cause)
+        assert not (await requested(edge, "rex", "release_emergency_stop")).ok
         button = Button()
         device.symlink_to(button.name)
-        await asks.until(lambda: is_heard(edge))
+        await requests.until(lambda: is_heard(edge))
         assert stopped(edge, "rex")
-        assert (await asked(edge, "rex", "release_emergency_stop")).ok
+        assert (await requested(edge, "rex", "release_emergency_stop")).ok
     button.unplug()
 
 
-async def test_a_device_that_is_pulled_out_stops_at_once(guarded, button, asks):
+async def test_a_device_that_is_pulled_out_stops_at_once(guarded, button, requests):
     _, edge, running = guarded(an_input(button.name, timeout=5.0))
     async with running:
-        await asks.until(lambda: is_heard(edge))
+        await requests.until(lambda: is_heard(edge))
         pulled = time.monotonic()
         button.unplug()
-        await asks.until(lambda: stopped(edge, "rex"))
+        await requests.until(lambda: stopped(edge, "rex"))
         assert time.monotonic() - pulled < 4.0
 
 
-async def test_an_input_stops_only_the_robots_that_it_names(guarded, button, asks):
+async def test_an_input_stops_only_the_robots_that_it_names(guarded, button, requests):
     _, edge, running = guarded(an_input(button.name, robots=["rex"]))
     async with running:
-        await asks.until(lambda: is_heard(edge))
+        await requests.until(lambda: is_heard(edge))
         button.beats = False
-        await asks.until(lambda: stopped(edge, "rex"))
+        await requests.until(lambda: stopped(edge, "rex"))
         assert not stopped(edge, "max")
-        assert (await asked(edge, "max", "move_forward")).ok
+        assert (await requested(edge, "max", "move_forward")).ok
 
 
-async def test_bytes_that_are_not_the_heartbeat_let_nothing_move(guarded, button, asks):
+async def test_bytes_that_are_not_the_heartbeat_let_nothing_move(guarded, button, requests):
     button.word = b"\x00noise"
     _, edge, running = guarded(an_input(button.name, heartbeat="ALIVE"))
     async with running:
-        await asks.until(lambda: stopped(edge, "rex"))
+        await requests.until(lambda: stopped(edge, "rex"))
         button.word = b"IVEAL"  # cut anywhere by the line
-        await asks.until(lambda: is_heard(edge))
+        await requests.until(lambda: is_heard(edge))
 
 
-async def test_the_heartbeat_is_missed_while_the_event_loop_is_stuck(guarded, button, asks):
+async def test_the_heartbeat_is_missed_while_the_event_loop_is_stuck(guarded, button, requests):
     place, edge, running = guarded(an_input(button.name))
     async with running:
-        await asks.until(lambda: is_heard(edge))
-        assert (await asked(edge, "rex", "move_forward", linear_x=0.5)).ok
+        await requests.until(lambda: is_heard(edge))
+        assert (await requested(edge, "rex", "move_forward", linear_x=0.5)).ok
         before = place.words("rex").count("halt")
         button.beats = False
         block_until(lambda: stopped(edge, "rex") and place.words("rex").count("halt") > before)
 
 
 async def test_nothing_moves_before_the_first_heartbeat_and_no_stop_is_set_by_waiting_for_it(
-    guarded, button, asks
+    guarded, button, requests
 ):
     button.beats = False
     _, edge, running = guarded(an_input(button.name, timeout=5.0))
     async with running:
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         assert (
-            "stop input button has sent no heartbeat yet" in (await asked(edge, "rex", "move_forward")).reason
+            "stop input button has sent no heartbeat yet"
+            in (await requested(edge, "rex", "move_forward")).reason
         )
         button.beats = True
-        await asks.until(lambda: is_heard(edge))
+        await requests.until(lambda: is_heard(edge))
         assert not stopped(edge, "rex")
-        assert (await asked(edge, "rex", "move_forward")).ok
+        assert (await requested(edge, "rex", "move_forward")).ok
 
 
-async def asked_on_the_bus(place, edge, name, command):
+async def requested_on_the_bus(place, edge, name, command):
     """Ask a robot on its own key, where its worker answers; returns the receipt."""
     bus_session = await asyncio.to_thread(place.bus_session)
     key = f"fleet/{edge.state().edge}/robots/{name}/command"
     message = json.dumps({"command": command}).encode()
-    (answer,) = await asyncio.to_thread(lambda: list(bus_session.ask(key, message, timeout=60)))
+    (answer,) = await asyncio.to_thread(lambda: list(bus_session.request(key, message, timeout=60)))
     await asyncio.to_thread(bus_session.close)
     return json.loads(answer[1])
 
 
-async def test_a_robot_in_a_worker_is_held_from_its_start_until_the_heartbeat_is_heard(guarded, button, asks):
+async def test_a_robot_in_a_worker_is_held_from_its_start_until_the_heartbeat_is_heard(
+    guarded, button, requests
+):
     button.beats = False
     place, edge, running = guarded(an_input(button.name, timeout=5.0), max_worker="other")
     async with running:
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
-        assert (await asked_on_the_bus(place, edge, "max", "move_forward"))["status"] == "rejected"
-        refused = await asked_on_the_bus(place, edge, "max", RELEASE)
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
+        assert (await requested_on_the_bus(place, edge, "max", "move_forward"))["status"] == "rejected"
+        refused = await requested_on_the_bus(place, edge, "max", RELEASE)
         assert refused["status"] == "rejected"
         assert "stop input" in refused["reason"]  # not heard yet, or by now silent for too long
         assert "move" not in " ".join(place.words("max"))
         button.beats = True
         async with asyncio.timeout(60):
             for command in (RELEASE, "move_forward"):
-                while (await asked_on_the_bus(place, edge, "max", command))["status"] != "accepted":
+                while (await requested_on_the_bus(place, edge, "max", command))["status"] != "accepted":
                     pass
 
 
-async def test_a_robot_in_a_worker_is_stopped_too_and_is_not_released_meanwhile(guarded, button, asks):
+async def test_a_robot_in_a_worker_is_stopped_too_and_is_not_released_meanwhile(guarded, button, requests):
     place, edge, running = guarded(an_input(button.name), max_worker="other")
     async with running:
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
-        await asks.until(lambda: is_heard(edge))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: is_heard(edge))
         button.beats = False
-        await asks.until(lambda: "stop" in place.words("max"))
-        await asks.until(lambda: stopped(edge, "max"))
+        await requests.until(lambda: "stop" in place.words("max"))
+        await requests.until(lambda: stopped(edge, "max"))
         async with asyncio.timeout(60):  # the edge's word that it is held may come a tenth of a second later
-            while (reply := await asked_on_the_bus(place, edge, "max", RELEASE))["status"] == "accepted":
+            while (reply := await requested_on_the_bus(place, edge, "max", RELEASE))["status"] == "accepted":
                 pass
         assert "no heartbeat for 1 s" in reply["reason"]
-        await asks.until(lambda: stopped(edge, "max"))
+        await requests.until(lambda: stopped(edge, "max"))
 
 
 def test_a_lost_heartbeat_holds_and_stops_before_it_is_logged(blocked_log):
@@ -341,30 +344,30 @@ def test_every_robot_is_held_though_another_joins_meanwhile():
 
 
 @pytest.mark.parametrize("how", ["driving", "goal"])
-async def test_what_moves_a_robot_of_a_worker_is_ended_when_the_edge_is_silent(bench, asks, how):
+async def test_what_moves_a_robot_of_a_worker_is_ended_when_the_edge_is_silent(bench, requests, how):
     controller, said = bench.controller, b"{}"
     held = HeldByEdge({"rex": controller.latch}, ended=lambda _, why: controller.end(why), clock=bench.clock)
     held.take(said)
-    (answer,) = bench.ask(asks.goal() if how == "goal" else asks.setpoint(lease=5.0))
+    (answer,) = bench.request(requests.goal() if how == "goal" else requests.setpoint(lease=5.0))
     assert answer.ok
-    await asks.settle()
+    await requests.settle()
     bench.clock.advance(SILENT_AFTER + 0.1)
     held.check()
     assert not controller.in_motion
-    await asks.settle()
+    await requests.settle()
     assert "stop" in bench.adapter.calls
-    assert "is silent" in bench.ask(asks.setpoint())[0].reason
+    assert "is silent" in bench.request(requests.setpoint())[0].reason
 
 
-async def test_a_landing_goes_on_when_the_edge_is_silent(bench, asks):
+async def test_a_landing_goes_on_when_the_edge_is_silent(bench, requests):
     controller = bench.controller
     held = HeldByEdge({"rex": controller.latch}, ended=lambda _, why: controller.end(why), clock=bench.clock)
     held.take(b"{}")
-    bench.ask(asks.command("land"))
-    await asks.settle()
+    bench.request(requests.command("land"))
+    await requests.settle()
     bench.clock.advance(SILENT_AFTER + 0.1)
     held.check()
-    await asks.settle()
+    await requests.settle()
     assert bench.adapter.calls == ["land"]
 
 

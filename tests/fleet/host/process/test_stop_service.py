@@ -90,7 +90,7 @@ def test_a_stop_that_cannot_be_read_stops_everything(bus, processes, payload):
 
 
 def test_whoever_asks_hears_from_each_process_whom_it_stopped(bus, processes):
-    answers = bus.control.ask("fleet/*/stop", b'["yard"]', timeout=60.0, urgent=True)
+    answers = bus.control.request("fleet/*/stop", b'["yard"]', timeout=60.0, urgent=True)
     assert sorted(json.loads(answer) for _, answer in answers) == [[], ["beast"], ["rex"]]
     assert stopped(processes) == [["rex"], ["beast"], []]
 

@@ -18,8 +18,8 @@ from tests.tools.waiting import wait_until
 class FakeSession:
     """A session whose programs answer when the test says so."""
 
-    def ask_later(self, key, payload, *, timeout, on_answer, on_end):
-        self.asked = (key, json.loads(payload), timeout)
+    def request_later(self, key, payload, *, timeout, on_answer, on_end):
+        self.requested = (key, json.loads(payload), timeout)
         self.answer, self.end = on_answer, on_end
 
 
@@ -29,22 +29,22 @@ def bus_session():
 
 
 @pytest.fixture
-async def send(bus_session, asks):
+async def send(bus_session, requests):
     """Ask a relay; returns the replies, the clock, and what has the loop catch up."""
     clock, replies = ManualClock(), []
     loop, key = asyncio.get_running_loop(), "fleet/yard-1/robots/rex/video"
     relay = VideoRelay("rex", key, bus_session, loop, clock, tell=lambda _reply: None)
     relay.take(Command("start_video", {"recording": False}), Receipt("start_video", replies.append))
-    return replies, clock, asks.settle
+    return replies, clock, requests.settle
 
 
 async def test_a_program_is_asked_with_the_commands_data_and_its_yes_is_the_answer(bus_session, send):
     replies, _, settle = send
-    assert bus_session.asked[:2] == (
+    assert bus_session.requested[:2] == (
         "fleet/yard-1/robots/rex/video",
         {"command": "start_video", "data": {"recording": False}},
     )
-    assert bus_session.asked[2] < 5  # what the SDK waits for an answer
+    assert bus_session.requested[2] < 5  # what the SDK waits for an answer
     bus_session.answer(b'{"ok": true}')
     bus_session.end()
     await settle()
@@ -103,7 +103,7 @@ def passed_on(make_bench):
     return passed_on
 
 
-async def test_who_may_start_video_is_said_by_the_robots_policy(passed_on, asks):
+async def test_who_may_start_video_is_said_by_the_robots_policy(passed_on, requests):
     for config, source, obeyed in (
         ({}, "tele", True),
         ({}, "edit", False),
@@ -112,36 +112,38 @@ async def test_who_may_start_video_is_said_by_the_robots_policy(passed_on, asks)
         ({"link": "sim:puppet", "accepts": {"command": ["tele"]}}, "tele", True),
     ):
         bench, passed = passed_on(**config)
-        (reply,) = bench.ask(asks.command("start_video", source))
+        (reply,) = bench.request(requests.command("start_video", source))
         assert (reply.ok, bool(passed)) == (obeyed, obeyed), (config, source)
 
 
-async def test_video_is_started_whatever_the_robot_itself_does(passed_on, asks):
+async def test_video_is_started_whatever_the_robot_itself_does(passed_on, requests):
     bench, passed = passed_on()
-    bench.ask(asks.command("emergency_stop"))
-    await asks.settle()
-    bench.ask(asks.command("start_video"))
+    bench.request(requests.command("emergency_stop"))
+    await requests.settle()
+    bench.request(requests.command("start_video"))
     bench.controller.lost("unplugged")
-    bench.ask(asks.command("start_video"))
+    bench.request(requests.command("start_video"))
     assert len(passed) == 2
     assert bench.controller.latched
 
 
-async def test_a_command_for_video_that_comes_again_is_passed_on_once(passed_on, asks):
+async def test_a_command_for_video_that_comes_again_is_passed_on_once(passed_on, requests):
     bench, passed = passed_on()
-    answers = [bench.ask(asks.command("start_video", id="same"))[0].ok for _ in range(2)]
+    answers = [bench.request(requests.command("start_video", id="same"))[0].ok for _ in range(2)]
     assert (answers, len(passed)) == ([True, True], 1)
 
 
 def command(bus_session, yard, name):
     """Ask the robot rex on the bus."""
     payload = json.dumps({"command": name}).encode()
-    answers = bus_session.ask(keys.command(yard.id, "rex"), payload, timeout=60)
+    answers = bus_session.request(keys.command(yard.id, "rex"), payload, timeout=60)
     return [msgspec.json.decode(answer, type=Reply) for _, answer in answers]
 
 
 @pytest.mark.parametrize("worker", ["main", "yard"])
-async def test_a_program_on_the_bus_is_reached_from_the_edge_and_from_a_worker(yard, run_edge, asks, worker):
+async def test_a_program_on_the_bus_is_reached_from_the_edge_and_from_a_worker(
+    yard, run_edge, requests, worker
+):
     place = yard(rex={"worker": worker})
     edge = place.edge()
     heard, statuses = [], []
@@ -152,7 +154,7 @@ async def test_a_program_on_the_bus_is_reached_from_the_edge_and_from_a_worker(y
         question.close()
 
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         bus_session = await asyncio.to_thread(place.bus_session)
         for name in ("start_video", "stop_video"):
             key = f"cw/{edge.robots()[0].twin}/data/{name}_status"

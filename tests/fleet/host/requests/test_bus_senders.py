@@ -36,9 +36,9 @@ def askers(recorded, clock):
 
 @pytest.mark.parametrize(("console", "proven"), [("desk", True), ("other", False), (keys.LOCAL, False)])
 def test_the_key_names_the_console_and_the_permission(askers, console, proven):
-    asked = question(f"/as/operate/{console}")
-    assert askers.of(asked) == BusSender(console, Permission.OPERATE, proven=proven)
-    assert askers.proven(asked) == ("" if proven else None), "the message names the person"
+    requested = question(f"/as/operate/{console}")
+    assert askers.of(requested) == BusSender(console, Permission.OPERATE, proven=proven)
+    assert askers.proven(requested) == ("" if proven else None), "the message names the person"
 
 
 def test_a_program_has_no_permission_and_may_ask(askers, recorded):
@@ -49,12 +49,12 @@ def test_a_program_has_no_permission_and_may_ask(askers, recorded):
 
 
 def test_a_person_is_known_by_the_certificate_and_may_what_the_edge_says(askers):
-    asked = question("/as/person/anna")
-    assert askers.of(asked) == BusSender("anna", Permission.OPERATE, person="anna", proven=True)
-    assert askers.proven(asked) == "anna"
-    assert askers.refusal(asked, Permission.OPERATE, "walk") == ""
+    requested = question("/as/person/anna")
+    assert askers.of(requested) == BusSender("anna", Permission.OPERATE, person="anna", proven=True)
+    assert askers.proven(requested) == "anna"
+    assert askers.refusal(requested, Permission.OPERATE, "walk") == ""
     needs = "it needs the permission admin; yours is operate"
-    assert askers.refusal(asked, Permission.ADMIN, "reboot") == needs
+    assert askers.refusal(requested, Permission.ADMIN, "reboot") == needs
 
 
 def test_a_person_of_whom_the_edge_says_nothing_may_do_nothing(askers):
@@ -92,15 +92,15 @@ def test_a_refusal_is_in_the_history_with_the_proven_name(askers, recorded):
 
 
 @pytest.mark.parametrize(
-    ("asked", "claimed", "expected"),
+    ("requested", "claimed", "expected"),
     [
         ("/as/view/desk", "eve", ("eve", True)),
         ("/as/view/desk", "", ("an unknown sender at desk", True)),
         ("/as/view/other", "eve", ("eve", False)),
     ],
 )
-def test_a_refusal_at_a_console_has_the_name_that_it_tells(askers, recorded, asked, claimed, expected):
-    assert askers.refusal(question(asked), Permission.OPERATE, "walk", claimed=claimed)
+def test_a_refusal_at_a_console_has_the_name_that_it_tells(askers, recorded, requested, claimed, expected):
+    assert askers.refusal(question(requested), Permission.OPERATE, "walk", claimed=claimed)
     assert [(event.asker.name, event.asker.proven) for _, event in recorded] == [expected]
 
 

@@ -38,7 +38,7 @@ def test_each_kind_of_message_has_its_own_meaning():
     assert isinstance(decode("motion", {"linear": {"x": 1.0}}), Setpoint)
     goal = decode("navigate", {"command": "goto", "position": [1, 2, 3]})
     assert isinstance(goal, Navigate)
-    assert goal.ask.goal.position == Vector3(1.0, 2.0, 3.0)
+    assert goal.instruction.goal.position == Vector3(1.0, 2.0, 3.0)
 
 
 @pytest.mark.parametrize(
@@ -79,17 +79,19 @@ def test_a_verb_without_a_speed_stays_within_the_robot_s_limits(verb, axis, valu
 
 def test_list_rotations_are_read_in_the_robot_s_order():
     goal = {"command": "goto", "position": [0, 0, 0], "rotation": [0, 0, 0, 1]}
-    assert decode("navigate", goal, rotation_order="xyzw").ask.goal.yaw == pytest.approx(0.0)
-    assert abs(decode("navigate", goal, rotation_order="wxyz").ask.goal.yaw) == pytest.approx(3.14159265)
+    assert decode("navigate", goal, rotation_order="xyzw").instruction.goal.yaw == pytest.approx(0.0)
+    assert abs(decode("navigate", goal, rotation_order="wxyz").instruction.goal.yaw) == pytest.approx(
+        3.14159265
+    )
 
 
 def test_geodetic_altitudes_count_from_home_else_from_the_origin():
     goal = {"command": "goto", "geodetic_position": {"latitude": 1.0, "longitude": 2.0, "altitude": 10.0}}
     origin = WorldOrigin(latitude=1.0, longitude=2.0, altitude=100.0)
-    at_home = decode("navigate", goal, origin=origin, home_altitude=30.0).ask
+    at_home = decode("navigate", goal, origin=origin, home_altitude=30.0).instruction
     assert isinstance(at_home, GoTo)
     assert at_home.goal.geo.altitude == 40.0
-    assert decode("navigate", goal, origin=origin).ask.goal.geo.altitude == 110.0
+    assert decode("navigate", goal, origin=origin).instruction.goal.geo.altitude == 110.0
 
 
 @pytest.mark.parametrize("kind", ["command", "navigate"])
@@ -100,10 +102,10 @@ def test_a_reply_asks_nothing(kind):
 @given(st.sampled_from(["command", "navigate", "motion"]), st.binary(max_size=80))
 def test_no_bytes_do_anything_but_ask_or_be_refused(kind, payload):
     try:
-        ask = decoder().decode(kind, payload, transport=Transport.CLOUD)
+        request = decoder().decode(kind, payload, transport=Transport.CLOUD)
     except WireError:
         return
-    assert ask is None or isinstance(ask, Command | Setpoint | Navigate)
+    assert request is None or isinstance(request, Command | Setpoint | Navigate)
 
 
 BAD = (

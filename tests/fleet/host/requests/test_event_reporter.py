@@ -20,12 +20,12 @@ def events(bench):
     return [event for event in reported if event.kind not in {"command", "outcome", "stop", "release"}]
 
 
-async def test_motion_ends_though_it_cannot_be_reported(bench, asks, caplog):
+async def test_motion_ends_though_it_cannot_be_reported(bench, requests, caplog):
     def fail(*_):
         raise ZeroDivisionError("oops")
 
-    bench.ask(asks.goal())
-    await asks.settle()
+    bench.request(requests.goal())
+    await requests.settle()
     reporter = EventReporter("rex", fail, bench.clock, in_motion=lambda: True)
     reporter.heard = fail
     bench.controller.event_reporter = bench.controller.motion._event_reporter = reporter
@@ -35,10 +35,10 @@ async def test_motion_ends_though_it_cannot_be_reported(bench, asks, caplog):
     assert "an event of rex could not be reported" in caplog.text
 
 
-async def test_a_breach_under_way_names_the_goal_that_led_to_it(make_bench, asks):
+async def test_a_breach_under_way_names_the_goal_that_led_to_it(make_bench, requests):
     bench = make_bench(fence=FENCE)
     bench.report_pose()
-    assert bench.ask(asks.goal("a7"))[0].ok
+    assert bench.request(requests.goal("a7"))[0].ok
     bench.report_pose(14.0)
     (breach,) = events(bench)
     assert (breach.kind, breach.asker, breach.request) == ("fence_breached", ANNA, "a7")
@@ -52,18 +52,18 @@ async def test_a_robot_that_is_blown_out_of_its_fence_moves_for_nobody(make_benc
     assert (breach.asker, breach.request, breach.command) == (None, "", "")
 
 
-async def test_an_emergency_stop_is_an_event_once_until_it_was_released(bench, asks):
+async def test_an_emergency_stop_is_an_event_once_until_it_was_released(bench, requests):
     for name in ("emergency_stop", "emergency_stop", "release_emergency_stop", "emergency_stop"):
-        bench.ask(asks.command(name, id="q1"))
+        bench.request(requests.command(name, id="q1"))
     assert [(event.kind, event.severity, event.asker) for event in events(bench)] == [
         ("emergency_stop", "critical", ANNA)
     ] * 2
     assert events(bench)[0].request == "q1"
 
 
-async def test_a_pilot_who_takes_the_robot_is_an_event_that_names_what_he_ended(bench, asks):
-    bench.ask(asks.command("takeoff", id="q2"))
-    await asks.settle()
+async def test_a_pilot_who_takes_the_robot_is_an_event_that_names_what_he_ended(bench, requests):
+    bench.request(requests.command("takeoff", id="q2"))
+    await requests.settle()
     bench.controller.authority_lost("the pilot took it")
     (taken,) = events(bench)
     assert (taken.kind, taken.command, taken.request) == ("authority_lost", "takeoff", "q2")
@@ -72,21 +72,21 @@ async def test_a_pilot_who_takes_the_robot_is_an_event_that_names_what_he_ended(
     ]
 
 
-async def test_a_low_battery_and_what_is_done_about_it_are_events(make_bench, asks):
+async def test_a_low_battery_and_what_is_done_about_it_are_events(make_bench, requests):
     bench = make_bench(battery_policy={"low": 15, "reserve": 20, "action": "land"})
-    bench.ask(asks.setpoint(1.0))
+    bench.request(requests.setpoint(1.0))
     bench.report_battery(10.0)
-    await asks.settle()
+    await requests.settle()
     low, done = events(bench)
     assert (low.text, low.data) == ("its battery is low: 10 %", {"percent": 10.0, "action": "land"})
     assert (done.kind, done.text) == ("battery", "land by battery_policy: the battery was at 10 %")
 
 
-def end_of_a_stream(bench, asks):
+def end_of_a_stream(bench, requests):
     """Let the lease of a velocity run out that had renewed another."""
     bench.report_pose(0.0)
     for _ in range(2):
-        bench.ask(asks.setpoint())
+        bench.request(requests.setpoint())
         bench.clock.advance(0.1)
     bench.controller.motion.lease_ran_out()
 
@@ -94,13 +94,13 @@ def end_of_a_stream(bench, asks):
 @pytest.mark.parametrize(
     "what",
     [
-        lambda bench, asks: end_of_a_stream(bench, asks),
-        lambda bench, _asks: bench.controller.authority_lost("the pilot took it"),
-        lambda bench, asks: bench.ask(asks.command("release_emergency_stop")),
-        lambda bench, _asks: bench.report_pose(14.0),
+        end_of_a_stream,
+        lambda bench, _requests: bench.controller.authority_lost("the pilot took it"),
+        lambda bench, requests: bench.request(requests.command("release_emergency_stop")),
+        lambda bench, _requests: bench.report_pose(14.0),
     ],
 )
-async def test_what_the_host_warns_of_a_robot_is_in_the_robots_own_log(make_bench, asks, caplog, what):
+async def test_what_the_host_warns_of_a_robot_is_in_the_robots_own_log(make_bench, requests, caplog, what):
     caplog.set_level(logging.WARNING)
-    what(make_bench(fence=FENCE), asks)
+    what(make_bench(fence=FENCE), requests)
     assert {record.name for record in caplog.records} == {"fleet.robot.rex"}

@@ -22,31 +22,31 @@ def statuses(answers):
 
 
 @pytest.mark.parametrize("method", ["emergency", "halt"])
-async def test_a_halt_that_raises_stays_inside(bench, asks, method):
+async def test_a_halt_that_raises_stays_inside(bench, requests, method):
     bench.adapter.halts = ZeroDivisionError("oops")
     {"emergency": lambda: bench.controller.emergency("test"), "halt": bench.controller.halt}[method]()
-    bench.ask(asks.command("stop"))
-    await asks.settle()
+    bench.request(requests.command("stop"))
+    await requests.settle()
     assert bench.adapter.calls[-1] == "stop"
 
 
 @pytest.mark.parametrize("reachable", [True, False])
 async def test_an_emergency_halt_that_hangs_keeps_neither_the_latch_nor_the_loop(
-    bench, asks, reachable, monkeypatch
+    bench, requests, reachable, monkeypatch
 ):
     monkeypatch.setattr("fleet.host.robot.controller.HALT_WAIT", 0.01)
     free, held = threading.Event(), []
     bench.adapter.emergency_halt = bench.adapter.halt = lambda: held.append(free.wait(20))
     if not reachable:
         bench.controller.lost("no heartbeat")
-    answers = bench.ask(asks.command("emergency_stop"))
+    answers = bench.request(requests.command("emergency_stop"))
     assert bench.controller.latched
-    await asks.settle()
+    await requests.settle()
     assert held == []
     assert bench.adapter.calls == ["stop"] * reachable
     assert statuses(answers) == [ACCEPTED if reachable else REJECTED]
     free.set()
-    await asks.until(lambda: len(held) == (1 if reachable else 2))
+    await requests.until(lambda: len(held) == (1 if reachable else 2))
 
 
 def refusing(error):
@@ -70,22 +70,24 @@ def refusing(error):
     ids=["written", "unknown", "lost", "refused", "crashed"],
 )
 async def test_a_stop_of_a_robot_that_is_not_heard_says_no_more_than_is_true(
-    bench, asks, monkeypatch, halt_unheard, expected
+    bench, requests, monkeypatch, halt_unheard, expected
 ):
     monkeypatch.setattr(bench.adapter, "halt_unheard", halt_unheard)
     bench.controller.lost("silent")
-    answers = [answer for name in STOP_WORDS for answer in bench.ask(asks.command(name))]
+    answers = [answer for name in STOP_WORDS for answer in bench.request(requests.command(name))]
     assert {(answer.ok, answer.reason.partition("; ")[2]) for answer in answers} == {(False, expected)}
     bench.controller.detach("the device is gone")
-    (answer,) = bench.ask(asks.command("stop"))
+    (answer,) = bench.request(requests.command("stop"))
     assert answer.reason.endswith("the stop was not written: no link to it is open")
 
 
-async def test_a_stop_that_a_blocked_link_has_not_taken_is_not_called_written(make_bench, asks, monkeypatch):
+async def test_a_stop_that_a_blocked_link_has_not_taken_is_not_called_written(
+    make_bench, requests, monkeypatch
+):
     bench, free = make_bench(), threading.Event()
     monkeypatch.setattr("fleet.host.robot.controller.HALT_WAIT", 0.01)
     monkeypatch.setattr(bench.adapter, "halt_unheard", lambda _: free.wait(20.0))
     bench.controller.lost("silent")
-    (answer,) = bench.ask(asks.command("stop"))
+    (answer,) = bench.request(requests.command("stop"))
     free.set()
     assert answer.reason.endswith("the stop may not have been written: its link has not taken it yet")

@@ -108,14 +108,14 @@ def test_types_are_said_in_words():
     assert words(float | str | None) == "number or text"
 
 
-async def test_admission_says_why_a_command_would_be_refused_and_gives_the_robot_to_nobody(bench, asks):
-    ask = asks.command("takeoff")
-    assert bench.controller.would_refuse(ask, moves=True, safe=False) is None
+async def test_admission_says_why_a_command_would_be_refused_and_gives_the_robot_to_nobody(bench, requests):
+    request = requests.command("takeoff")
+    assert bench.controller.would_refuse(request, moves=True, safe=False) is None
     bench.controller.emergency("test")
-    refusal = bench.controller.would_refuse(ask, moves=True, safe=False)
+    refusal = bench.controller.would_refuse(request, moves=True, safe=False)
     assert refusal.startswith("emergency stop is set")
-    assert bench.controller.would_refuse(ask, moves=True, safe=True) is None
-    assert bench.controller.would_refuse(asks.command("stop"), moves=True, safe=False) is None
+    assert bench.controller.would_refuse(request, moves=True, safe=True) is None
+    assert bench.controller.would_refuse(requests.command("stop"), moves=True, safe=False) is None
 
 
 def test_the_key_is_the_robots_own():

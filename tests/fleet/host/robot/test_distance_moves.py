@@ -24,14 +24,14 @@ BIRD = Capabilities(
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 
 
-def ask(verb, can=CART, **data):
+def request(verb, can=CART, **data):
     speeds = VerbSpeeds(can.limits)
     decoder = RequestDecoder(AdapterConfig(name="cart", twin=TWIN), speeds.of, planar=True)
     message = {"command": verb, "data": data, "source_type": "tele", "session_id": "anna"}
-    asked = decoder.decode(
+    requested = decoder.decode(
         "command", json.dumps(message).encode(), transport=Transport.CLOUD, request_id="q1"
     )
-    return goal_of(asked, can, speeds.of)
+    return goal_of(requested, can, speeds.of)
 
 
 @pytest.mark.parametrize(
@@ -41,24 +41,28 @@ def ask(verb, can=CART, **data):
 def test_a_verb_with_a_distance_is_a_way_at_a_verbs_speed_in_the_direction_of_the_word(
     verb, distance, forward
 ):
-    asked = ask(verb, distance=distance)
-    assert isinstance(asked, Navigate)
-    assert (asked.ask.translation, asked.ask.body_frame) == (Vector3(forward), True)
-    assert asked.ask.constraints.max_speed == 0.4
-    assert (asked.name, asked.origin.session) == (verb, "anna")
-    assert asked.action_id == ask(verb, distance=distance).action_id != ask(verb, distance=3.0).action_id
+    requested = request(verb, distance=distance)
+    assert isinstance(requested, Navigate)
+    assert (requested.instruction.translation, requested.instruction.body_frame) == (Vector3(forward), True)
+    assert requested.instruction.constraints.max_speed == 0.4
+    assert (requested.name, requested.origin.session) == (verb, "anna")
+    assert (
+        requested.action_id
+        == request(verb, distance=distance).action_id
+        != request(verb, distance=3.0).action_id
+    )
 
 
 def test_a_robot_that_flies_is_displaced_along_all_axes_and_its_own_words_stay_its_own():
-    assert ask("strafe_left", BIRD, distance=2).ask.translation == Vector3(0.0, 2.0)
-    assert ask("descend", BIRD, distance=2).ask.translation == Vector3(0.0, 0.0, -2.0)
-    assert ask("descend", BIRD, distance=2).ask.constraints.max_speed == 0.5
-    assert isinstance(ask("ascend", BIRD, distance=2), Command)
+    assert request("strafe_left", BIRD, distance=2).instruction.translation == Vector3(0.0, 2.0)
+    assert request("descend", BIRD, distance=2).instruction.translation == Vector3(0.0, 0.0, -2.0)
+    assert request("descend", BIRD, distance=2).instruction.constraints.max_speed == 0.5
+    assert isinstance(request("ascend", BIRD, distance=2), Command)
 
 
 def test_a_speed_beside_a_distance_stays_a_speed_and_other_asks_stay_as_they_are():
-    assert isinstance(ask("move_forward", linear_x=0.2, distance=1.0), Setpoint)
-    dance = ask("dance")
+    assert isinstance(request("move_forward", linear_x=0.2, distance=1.0), Setpoint)
+    dance = request("dance")
     assert dance == Command("dance", {}, dance.origin, dance.id)
 
 
@@ -75,14 +79,14 @@ def test_a_speed_beside_a_distance_stays_a_speed_and_other_asks_stay_as_they_are
 )
 def test_what_is_no_way_is_refused_with_the_reason(verb, distance, why):
     with pytest.raises(WireError, match=why) as refused:
-        ask(verb, distance=distance)
+        request(verb, distance=distance)
     assert refused.value.command == verb
     assert refused.value.where == "data.distance"
 
 
 def test_a_sideways_robot_goes_sideways():
     crab = msgspec.structs.replace(CART, holonomic=True)
-    assert ask("strafe_right", crab, distance=1.0).ask.translation == Vector3(0.0, -1.0)
+    assert request("strafe_right", crab, distance=1.0).instruction.translation == Vector3(0.0, -1.0)
 
 
 def test_a_way_is_gone_at_the_speed_that_was_set_and_not_at_all_at_none():
@@ -90,7 +94,7 @@ def test_a_way_is_gone_at_the_speed_that_was_set_and_not_at_all_at_none():
     move = Command("move_forward", {"distance": 1.0}, origin)
     for value, speed in ((0.2, 0.2), (5.0, 0.4)):
         speeds.store(Command("set_linear_velocity", {"linear": value}, origin))
-        assert goal_of(move, CART, speeds.of).ask.constraints.max_speed == speed
+        assert goal_of(move, CART, speeds.of).instruction.constraints.max_speed == speed
     speeds.store(Command("set_linear_velocity", {"linear": 0.0}, origin))
     with pytest.raises(WireError, match="its speed is set to 0"):
         goal_of(move, CART, speeds.of)

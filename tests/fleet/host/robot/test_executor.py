@@ -96,122 +96,122 @@ async def rude():
     await asyncio.sleep(0)
 
 
-async def test_a_command_that_is_superseded_before_it_began_is_answered(rude, asks):
+async def test_a_command_that_is_superseded_before_it_began_is_answered(rude, requests):
     first = rude.start("wait")
     rude.start("steps")
-    await asks.settle()
+    await requests.settle()
     assert [answer.reason for answer in first] == ["superseded by steps"]
 
 
-async def test_an_answer_that_cannot_be_said_is_a_failure_that_the_asker_hears(rude, asks):
+async def test_an_answer_that_cannot_be_said_is_a_failure_that_the_asker_hears(rude, requests):
     answers = rude.start("mumbles")
-    await asks.settle()
+    await requests.settle()
     assert "the adapter failed: TypeError" in answers[0].reason
     assert [type(crash) for crash in rude.crashes] == [TypeError]
 
 
-async def test_a_command_that_is_superseded_as_it_ends_has_one_answer(rude, asks):
+async def test_a_command_that_is_superseded_as_it_ends_has_one_answer(rude, requests):
     first = rude.start("wait")
-    await asks.settle()
+    await requests.settle()
     rude.rude.go.set()
     rude.executor.cancel("stopped")
-    await asks.settle()
+    await requests.settle()
     assert [answer.reason for answer in first] == ["stopped"]
 
 
-async def test_the_sender_of_an_unanswered_command_gets_a_reply_when_its_time_is_over(rude, asks):
+async def test_the_sender_of_an_unanswered_command_gets_a_reply_when_its_time_is_over(rude, requests):
     answers = rude.start("deaf")
-    await asks.until(lambda: answers)
+    await requests.until(lambda: answers)
     assert answers[0].status is ReplyStatus.TIMEOUT
     assert rude.executor.moving == ""
     assert rude.failed == ["deaf"]
 
 
-async def test_a_deaf_command_can_be_superseded(rude, asks):
+async def test_a_deaf_command_can_be_superseded(rude, requests):
     first = rude.start("deaf")
-    await asks.settle()
+    await requests.settle()
     rude.executor.cancel("stopped")
     assert [answer.reason for answer in first] == ["stopped"]
     assert rude.executor.moving == ""
 
 
-async def test_a_command_that_goes_on_after_its_end_is_a_crash(rude, asks, monkeypatch):
+async def test_a_command_that_goes_on_after_its_end_is_a_crash(rude, requests, monkeypatch):
     monkeypatch.setattr("fleet.host.runtime.cancellation.IGNORED_AFTER", 0.01)
     rude.start("deaf")
-    await asks.settle()
+    await requests.settle()
     rude.executor.cancel("stopped")
-    await asks.until(lambda: rude.crashes)
+    await requests.until(lambda: rude.crashes)
     assert str(rude.crashes[0]) == "command:deaf goes on though it was ended (stopped)"
 
 
-async def test_a_command_that_ends_when_it_is_cancelled_is_no_crash(rude, asks, monkeypatch):
+async def test_a_command_that_ends_when_it_is_cancelled_is_no_crash(rude, requests, monkeypatch):
     monkeypatch.setattr("fleet.host.runtime.cancellation.IGNORED_AFTER", 0.5)
     rude.start("wait")
-    await asks.settle()
+    await requests.settle()
     rude.executor.cancel("stopped")
     await asyncio.sleep(0.6)
     assert rude.crashes == []
 
 
-async def test_a_command_that_calls_sys_exit_ends_nothing_but_itself(rude, asks):
+async def test_a_command_that_calls_sys_exit_ends_nothing_but_itself(rude, requests):
     answers = rude.start("leaves")
-    await asks.settle()
+    await requests.settle()
     assert "sys.exit(3)" in answers[0].reason
     assert len(rude.crashes) == 1
 
 
-async def test_a_command_that_is_cancelled_half_way_is_cleaned_up(rude, asks):
+async def test_a_command_that_is_cancelled_half_way_is_cleaned_up(rude, requests):
     answers = rude.start("steps")
-    await asks.settle()
+    await requests.settle()
     rude.executor.cancel("stopped")
-    await asks.settle()
+    await requests.settle()
     assert rude.rude.closed
     assert [(answer.ok, answer.done) for answer in answers] == [(True, None), (False, False)]
 
 
-async def test_a_command_that_cancels_itself_is_a_crash_and_is_answered(rude, asks):
+async def test_a_command_that_cancels_itself_is_a_crash_and_is_answered(rude, requests):
     answers = rude.start("stray")
-    await asks.settle()
+    await requests.settle()
     assert [answer.status for answer in answers] == [ReplyStatus.REJECTED]
     assert [type(crash) for crash in rude.crashes] == [RuntimeError]
 
 
-async def test_a_command_that_fails_while_it_is_ended_says_nothing_more(rude, asks):
+async def test_a_command_that_fails_while_it_is_ended_says_nothing_more(rude, requests):
     answers = rude.start("breaks_off")
-    await asks.settle()
+    await requests.settle()
     rude.executor.cancel("stopped")
-    await asks.settle()
+    await requests.settle()
     assert [answer.reason for answer in answers] == ["stopped"]
     assert (rude.failed, rude.crashes) == ([], [])
 
 
-async def test_a_time_out_of_the_robots_own_is_no_crash(rude, asks):
+async def test_a_time_out_of_the_robots_own_is_no_crash(rude, requests):
     answers = rude.start("late")
-    await asks.settle()
+    await requests.settle()
     assert answers[0].status is ReplyStatus.TIMEOUT
     assert (rude.failed, rude.crashes) == (["late"], [])
 
 
-async def test_a_command_that_was_superseded_is_not_a_failure(rude, asks):
+async def test_a_command_that_was_superseded_is_not_a_failure(rude, requests):
     rude.start("wait")
-    await asks.settle()
+    await requests.settle()
     rude.executor.cancel("stopped")
-    await asks.settle()
+    await requests.settle()
     assert rude.failed == []
 
 
-async def test_too_many_at_once_are_refused(rude, asks):
+async def test_too_many_at_once_are_refused(rude, requests):
     answers = [rude.start("look") for _ in range(AT_ONCE + 3)]
-    await asks.settle()
+    await requests.settle()
     refused = [one for one in answers if one and not one[0].ok]
     assert len(refused) == 3
 
 
-async def test_nothing_is_left_when_all_have_ended(rude, asks):
+async def test_nothing_is_left_when_all_have_ended(rude, requests):
     for name in ("wait", "look", "steps", "stray", "late"):
         rude.start(name)
     rude.rude.go.set()
-    await asks.settle()
+    await requests.settle()
     assert rude.executor._tasks == set()
     assert rude.executor.moving == ""
 

@@ -89,12 +89,12 @@ class Bench:
 
     def lead(self, positions, *, age=0.0, session="ada", source="tele", **more):
         origin = Origin(Transport.CLOUD, source, session)
-        ask = JointSetpoint(positions, origin=origin, stamp=self.clock.time() - age, **more)
-        return self.ask(ask)
+        request = JointSetpoint(positions, origin=origin, stamp=self.clock.time() - age, **more)
+        return self.request(request)
 
-    def ask(self, ask):
+    def request(self, request):
         answers: list[Any] = []
-        self.controller.receive(ask, Receipt(ask.name, answers.append))
+        self.controller.receive(request, Receipt(request.name, answers.append))
         return answers[0] if answers else None
 
     def run(self, seconds, *, again=None):
@@ -214,7 +214,7 @@ def test_another_session_waits_for_the_control_lease(bench):
 async def test_a_stop_ends_the_stream_until_its_sender_lets_go(bench):
     bench.lead({"hip": 1.0})
     bench.clock.advance(STEP)
-    bench.ask(Command("stop", origin=Origin(Transport.CLOUD, "tele", "bob"), stamp=bench.clock.time()))
+    bench.request(Command("stop", origin=Origin(Transport.CLOUD, "tele", "bob"), stamp=bench.clock.time()))
     assert "stop" in bench.lead({"hip": 1.0}).reason
     written = [each for each in bench.arm.calls if isinstance(each, dict)]
     bench.run(0.4, again={"hip": 1.0})
@@ -250,7 +250,7 @@ def test_the_dead_man_that_fires_while_a_target_is_written_has_the_last_word(ben
 
 
 def test_velocities_do_not_keep_joints_going_nor_joints_velocities(bench):
-    bench.ask(Setpoint(Velocity(Vector3(0.1)), origin=Origin(Transport.CLOUD, "tele", "ada")))
+    bench.request(Setpoint(Velocity(Vector3(0.1)), origin=Origin(Transport.CLOUD, "tele", "ada")))
     bench.lead({"hip": 1.0})
     assert bench.controller.deadman is not bench.controller.joints.deadman
     bench.run(0.4, again={"hip": 1.0})
@@ -331,14 +331,16 @@ def leader_at(bench, hip, *, age=0.0):
 def follow(bench, session="ada"):
     """Request to follow the leader; return the answers, which may follow later."""
     answers: list[Any] = []
-    ask = Command("follow_leader", origin=Origin(Transport.CLOUD, "tele", session), stamp=bench.clock.time())
-    bench.controller.receive(ask, Receipt(ask.name, answers.append))
+    request = Command(
+        "follow_leader", origin=Origin(Transport.CLOUD, "tele", session), stamp=bench.clock.time()
+    )
+    bench.controller.receive(request, Receipt(request.name, answers.append))
     return answers
 
 
-def leads(bench, ask):
+def leads(bench, request):
     """Take what the leader asks, as the robot does; return the answer."""
-    answer = bench.ask(ask)
+    answer = bench.request(request)
     bench.controller.joints.followed(answer)
     return answer
 
@@ -347,9 +349,9 @@ def test_a_leader_asks_nothing_before_somebody_has_it_followed(follower):
     assert leader_at(follower, 0.5) is None
     answers = follow(follower)
     assert answers == [], "nobody has seen it follow"
-    ask = leader_at(follower, 0.5)
-    assert (ask.positions, ask.origin.source_type) == ({"hip": 0.5}, "edge_leader")
-    assert leads(follower, ask).ok
+    request = leader_at(follower, 0.5)
+    assert (request.positions, request.origin.source_type) == ({"hip": 0.5}, "edge_leader")
+    assert leads(follower, request).ok
     assert [each.done for each in answers] == [True]
 
 
@@ -382,21 +384,25 @@ def test_following_is_not_done_when_the_robot_refuses_the_leaders_first_targets(
 
 async def test_following_is_not_done_when_a_stop_comes_first(follower):
     answers = follow(follower)
-    follower.ask(Command("stop", origin=Origin(Transport.CLOUD, "tele", "bob"), stamp=follower.clock.time()))
+    follower.request(
+        Command("stop", origin=Origin(Transport.CLOUD, "tele", "bob"), stamp=follower.clock.time())
+    )
     follower.controller.joints.step()
     assert [each.ok for each in answers] == [False]
 
 
 async def test_a_stop_ends_the_following_until_it_is_asked_for_again(follower):
     follow(follower)
-    follower.ask(leader_at(follower, 0.5))
-    follower.ask(Command("stop", origin=Origin(Transport.CLOUD, "tele", "bob"), stamp=follower.clock.time()))
+    follower.request(leader_at(follower, 0.5))
+    follower.request(
+        Command("stop", origin=Origin(Transport.CLOUD, "tele", "bob"), stamp=follower.clock.time())
+    )
     assert leader_at(follower, 0.5) is None
 
 
 def test_a_leader_that_fell_silent_is_not_followed_again_by_itself(follower):
     follow(follower)
-    follower.ask(leader_at(follower, 0.5))
+    follower.request(leader_at(follower, 0.5))
     follower.run(0.48)
     assert follower.controller.joints.deadman.expire(follower.clock.monotonic() + 0.1)
     follower.lead({"knee": -1.0})
@@ -405,8 +411,8 @@ def test_a_leader_that_fell_silent_is_not_followed_again_by_itself(follower):
 
 def test_a_leader_that_is_late_or_out_of_range_does_not_lead(follower):
     follow(follower)
-    assert "0.90 s late" in follower.ask(leader_at(follower, 0.5, age=0.9)).reason
-    assert "outside" in follower.ask(leader_at(follower, 1.5)).reason
+    assert "0.90 s late" in follower.request(leader_at(follower, 0.5, age=0.9)).reason
+    assert "outside" in follower.request(leader_at(follower, 1.5)).reason
     assert not follower.moved
 
 

@@ -68,42 +68,42 @@ async def blocked_then_done(task):
     yield Progress(50, "a dog", blocked=True)
 
 
-async def test_an_action_that_was_blocked_at_last_still_ends(bench, asks):
+async def test_an_action_that_was_blocked_at_last_still_ends(bench, requests):
     answers = bench.start(navigate=blocked_then_done)
-    await asks.settle()
+    await requests.settle()
     assert bench.states() == ["queued", "running", "blocked", "running", "completed"]
     assert answers[-1].done
     assert not bench.navigator.active
 
 
-async def test_an_action_that_is_ended_before_it_began_is_answered(bench, asks):
+async def test_an_action_that_is_ended_before_it_began_is_answered(bench, requests):
     answers = bench.start()
     bench.navigator.cancel("stopped")
-    await asks.settle()
+    await requests.settle()
     assert bench.states() == ["queued", "cancelled"]
     assert [answer.done for answer in answers] == [None]
     assert bench.tasks == []
 
 
-async def test_an_action_that_is_ended_is_cleaned_up_at_once(bench, asks):
+async def test_an_action_that_is_ended_is_cleaned_up_at_once(bench, requests):
     bench.start()
-    await asks.settle()
+    await requests.settle()
     bench.navigator.cancel("stopped")
-    await asks.settle()
+    await requests.settle()
     assert bench.closed == 1
 
 
-async def test_ending_it_the_moment_it_completes_says_one_end(bench, asks):
+async def test_ending_it_the_moment_it_completes_says_one_end(bench, requests):
     bench.start()
-    await asks.settle()
+    await requests.settle()
     bench.go.set()
     bench.navigator.cancel("stopped")
-    await asks.settle()
+    await requests.settle()
     assert bench.states()[-1] == "cancelled"
     assert sum(status.state.terminal for status in bench.said) == 1
 
 
-async def test_navigation_that_ignores_its_end_has_no_say_any_more(bench, asks):
+async def test_navigation_that_ignores_its_end_has_no_say_any_more(bench, requests):
     async def deaf(task):
         while not bench.go.is_set():
             try:
@@ -112,16 +112,16 @@ async def test_navigation_that_ignores_its_end_has_no_say_any_more(bench, asks):
                 yield Progress(77, "on and on")
 
     bench.start(navigate=deaf)
-    await asks.settle()
+    await requests.settle()
     bench.navigator.pause()
-    await asks.settle()
+    await requests.settle()
     bench.go.set()
-    await asks.settle()
+    await requests.settle()
     assert bench.states() == ["queued", "running", "running"]
     assert bench.said[-1].message == "paused"
 
 
-async def test_navigation_that_goes_on_after_its_end_is_a_crash(bench, asks, monkeypatch):
+async def test_navigation_that_goes_on_after_its_end_is_a_crash(bench, requests, monkeypatch):
     monkeypatch.setattr("fleet.host.runtime.cancellation.IGNORED_AFTER", 0.01)
 
     async def deaf(task):
@@ -131,70 +131,70 @@ async def test_navigation_that_goes_on_after_its_end_is_a_crash(bench, asks, mon
         yield Progress(1)
 
     bench.start(navigate=deaf)
-    await asks.settle()
+    await requests.settle()
     bench.navigator.cancel("stopped")
-    await asks.until(lambda: bench.crashes)
+    await requests.until(lambda: bench.crashes)
 
 
-async def test_navigation_that_cancels_itself_has_failed_and_the_robot_is_held(bench, asks):
+async def test_navigation_that_cancels_itself_has_failed_and_the_robot_is_held(bench, requests):
     async def stray(task):
         yield Progress(1)
         raise asyncio.CancelledError
 
     bench.start(navigate=stray)
-    await asks.settle()
+    await requests.settle()
     assert bench.states()[-1] == "failed"
     assert len(bench.held) == 1
 
 
-async def test_navigation_that_cannot_be_held_does_not_leave_a_failed_task(bench, asks):
+async def test_navigation_that_cannot_be_held_does_not_leave_a_failed_task(bench, requests):
     async def lost(task):
         raise LinkLost("the cable came out")
         yield
 
     bench.start(navigate=lost)
-    await asks.settle()
+    await requests.settle()
     assert bench.states()[-1] == "failed"
     assert bench.held == ["navigation failed: the cable came out"]
 
 
-async def test_a_goal_that_the_adapter_refuses_at_once_holds_the_robot(bench, asks):
+async def test_a_goal_that_the_adapter_refuses_at_once_holds_the_robot(bench, requests):
     def refuses(task):
         raise LinkLost("no")
 
     bench.start()
-    await asks.settle()
+    await requests.settle()
     bench.start(action="a2", navigate=refuses)
-    await asks.settle()
+    await requests.settle()
     assert bench.states("a2")[-1] == "failed"
     assert len(bench.held) == 1
 
 
-async def test_a_paused_path_is_gone_on_with_where_it_was(bench, asks):
+async def test_a_paused_path_is_gone_on_with_where_it_was(bench, requests):
     bench.start(FollowPath(GOALS))
-    await asks.settle()
+    await requests.settle()
     assert bench.navigator.pause()
-    await asks.settle()
+    await requests.settle()
     assert bench.navigator.resume(bench.adapter)
-    await asks.settle()
+    await requests.settle()
     assert bench.tasks == [FollowPath(GOALS), FollowPath(GOALS[1:])]
 
 
-async def test_a_relative_move_is_ended_by_a_pause(bench, asks):
+async def test_a_relative_move_is_ended_by_a_pause(bench, requests):
     bench.start(RelativeMove(Vector3(1.0, 0.0, 0.0)))
-    await asks.settle()
+    await requests.settle()
     assert bench.navigator.pause()
     assert bench.states()[-1] == "cancelled"
     assert not bench.navigator.resume(bench.adapter)
 
 
-async def test_a_repeated_id_gets_the_last_status_and_the_same_answers(bench, asks):
+async def test_a_repeated_id_gets_the_last_status_and_the_same_answers(bench, requests):
     first = bench.start()
-    await asks.settle()
+    await requests.settle()
     again = []
     assert bench.navigator.statuses.repeated("a1", Receipt("navigate", again.append, waits=True))
     bench.go.set()
-    await asks.settle()
+    await requests.settle()
     assert bench.states() == ["queued", "running", "running", "completed"]
     assert again == first
     assert len(bench.tasks) == 1

@@ -29,9 +29,11 @@ def anywhere(make_bench):
     return bench
 
 
-def judged(bench, asks, name, **data):
+def judged(bench, requests, name, **data):
     """Return what the guard says of a command."""
-    return bench.controller.guard.beginning(asks.command(name, data=data), bench.controller.can.command(name))
+    return bench.controller.guard.beginning(
+        requests.command(name, data=data), bench.controller.can.command(name)
+    )
 
 
 def is_out(bench):
@@ -48,28 +50,30 @@ def is_unknown(bench):
     [(is_out, "it is outside the fence"), (is_unknown, "its position is unknown, so its fence")],
     ids=["outside", "unknown"],
 )
-async def test_outside_or_nobody_knows_where_only_what_leads_back_or_down_begins(anywhere, asks, where, why):
+async def test_outside_or_nobody_knows_where_only_what_leads_back_or_down_begins(
+    anywhere, requests, where, why
+):
     where(anywhere)
     for name in EVERYWHERE:
-        assert judged(anywhere, asks, name) is None, name
+        assert judged(anywhere, requests, name) is None, name
     for name in INSIDE_ONLY:
-        refusal = judged(anywhere, asks, name, distance=3.0)
+        refusal = judged(anywhere, requests, name, distance=3.0)
         assert refusal is not None, name
         assert refusal.startswith(why), name
         assert refusal.endswith(ALLOWED_OUTSIDE), name
-    answers = {name: anywhere.ask(asks.command(name)) for name in ("dock", *STOP_WORDS, "land")}
-    await asks.settle()
+    answers = {name: anywhere.request(requests.command(name)) for name in ("dock", *STOP_WORDS, "land")}
+    await requests.settle()
     assert [name for name, (answer,) in answers.items() if not answer.ok] == ["dock"]
 
 
-async def test_inside_the_fence_every_command_is_left_to_its_adapter(anywhere, asks):
+async def test_inside_the_fence_every_command_is_left_to_its_adapter(anywhere, requests):
     anywhere.report_pose(20.5)  # less than a metre out: noise
     for name in (*EVERYWHERE, *INSIDE_ONLY):
-        assert judged(anywhere, asks, name, distance=3.0) is None, name
+        assert judged(anywhere, requests, name, distance=3.0) is None, name
 
 
-async def test_who_is_too_high_may_sink_and_not_climb(anywhere, asks):
+async def test_who_is_too_high_may_sink_and_not_climb(anywhere, requests):
     anywhere.report_pose(0.0, 0.0, 40.0)
-    assert judged(anywhere, asks, "descend", distance=15.0) is None
-    assert "the limit is 30 m" in judged(anywhere, asks, "descend", distance=5.0)
-    assert "above home" in judged(anywhere, asks, "ascend", distance=1.0)
+    assert judged(anywhere, requests, "descend", distance=15.0) is None
+    assert "the limit is 30 m" in judged(anywhere, requests, "descend", distance=5.0)
+    assert "above home" in judged(anywhere, requests, "ascend", distance=1.0)

@@ -15,30 +15,30 @@ from fleet.testing.clock import ManualClock
 
 
 @pytest.mark.parametrize("given", ["zero", "velocity", "joints", "shy"])
-async def test_what_does_not_move_the_robot_takes_it_from_no_pilot(bench, asks, given):
+async def test_what_does_not_move_the_robot_takes_it_from_no_pilot(bench, requests, given):
     for _ in range(2):
-        bench.ask(asks.setpoint())
+        bench.request(requests.setpoint())
     bench.controller.authority_lost("the pilot took over")
     bench.adapter.raises = NotReady("a pilot flies it")
     bench.clock.advance(1.0)
     ways = {
-        "zero": lambda: asks.setpoint(0.0),
-        "velocity": asks.setpoint,
-        "joints": lambda: JointSetpoint({"elbow": 1.0}, origin=asks.setpoint().origin),
-        "shy": lambda: asks.command("shy"),
+        "zero": lambda: requests.setpoint(0.0),
+        "velocity": requests.setpoint,
+        "joints": lambda: JointSetpoint({"elbow": 1.0}, origin=requests.setpoint().origin),
+        "shy": lambda: requests.command("shy"),
     }
     bench.adapter.joint_ranges = dict
     bench.controller.can = msgspec.structs.replace(bench.controller.can, moves_joints=True)
     bench.adapter.raises = None if given == "zero" else bench.adapter.raises
-    bench.ask(ways[given]())
-    await asks.settle()
+    bench.request(ways[given]())
+    await requests.settle()
     before = len(bench.adapter.calls)
     bench.controller.lost("no heartbeat")
     assert bench.adapter.calls[before:] == []
 
 
-async def test_a_lease_that_ran_out_as_a_pilot_took_over_tells_the_robot_nothing_more(bench, asks):
-    bench.ask(asks.setpoint())
+async def test_a_lease_that_ran_out_as_a_pilot_took_over_tells_the_robot_nothing_more(bench, requests):
+    bench.request(requests.setpoint())
     bench.controller.authority_lost("the pilot took over")
     before = len(bench.adapter.calls)
     bench.controller.motion.lease_ran_out()  # on its way from the watchdog since before that
@@ -47,25 +47,25 @@ async def test_a_lease_that_ran_out_as_a_pilot_took_over_tells_the_robot_nothing
 
 @pytest.mark.parametrize("given", ["takeoff", "goal"])
 async def test_what_waits_for_a_stop_does_not_begin_under_an_emergency_stop_of_another_thread(
-    make_bench, asks, given
+    make_bench, requests, given
 ):
     bench = make_bench()
     bench.adapter.stops = "never"
-    bench.ask(asks.command("stop"))
-    answers = bench.ask(asks.command(given) if given == "takeoff" else asks.goal(), waits=True)
-    await asks.settle()
+    bench.request(requests.command("stop"))
+    answers = bench.request(requests.command(given) if given == "takeoff" else requests.goal(), waits=True)
+    await requests.settle()
     bench.controller.emergency("by a thread")  # the loop has not heard of it yet
     bench.adapter.go.set()
-    await asks.settle()
+    await requests.settle()
     assert [call for call in bench.adapter.calls if not isinstance(call, str)] == []
     assert "emergency stop is set" in answers[-1].reason
 
 
 @pytest.mark.parametrize("way", ["asked", "held again"])
 async def test_a_velocity_that_an_emergency_stop_of_another_thread_overtakes_is_not_the_last_word(
-    bench, asks, monkeypatch, way
+    bench, requests, monkeypatch, way
 ):
-    bench.ask(asks.setpoint(0.5))
+    bench.request(requests.setpoint(0.5))
     drive = bench.adapter.drive
 
     def slowly(velocity):
@@ -74,7 +74,7 @@ async def test_a_velocity_that_an_emergency_stop_of_another_thread_overtakes_is_
 
     if way == "asked":
         bench.adapter.drive = slowly
-        assert not bench.ask(asks.setpoint(1.0))[0].ok
+        assert not bench.request(requests.setpoint(1.0))[0].ok
     else:
         bench.controller.emergency("by a thread")
         monkeypatch.setattr(bench.controller.guard, "within", lambda _velocity: Velocity(Vector3(0.3)))
@@ -83,22 +83,22 @@ async def test_a_velocity_that_an_emergency_stop_of_another_thread_overtakes_is_
 
 
 async def test_a_stop_that_a_newer_velocity_overtakes_says_so_and_does_not_halt_it(
-    make_bench, asks, monkeypatch
+    make_bench, requests, monkeypatch
 ):
     bench = make_bench()
     monkeypatch.setattr("fleet.host.robot.standstill.STOP_TIMEOUT", 0.01)
     bench.adapter.stops = "never"
-    answers = bench.ask(asks.command("stop"))
-    await asks.settle()
-    bench.ask(asks.setpoint())
-    await asks.until(lambda: answers)
+    answers = bench.request(requests.command("stop"))
+    await requests.settle()
+    bench.request(requests.setpoint())
+    await requests.until(lambda: answers)
     assert "driven again" in answers[0].reason
     assert bench.adapter.calls[-1] == Velocity(Vector3(1.0))
 
 
 @pytest.mark.parametrize("before", ["land", "goal"])
 @pytest.mark.parametrize("after", ["takeoff", "goal", "resume"])
-async def test_nothing_begins_while_what_was_cancelled_still_cleans_up(bench, asks, before, after):
+async def test_nothing_begins_while_what_was_cancelled_still_cleans_up(bench, requests, before, after):
     cleaned = asyncio.Event()
 
     async def deaf(_task=None):
@@ -115,55 +115,55 @@ async def test_nothing_begins_while_what_was_cancelled_still_cleans_up(bench, as
 
     bench.adapter.land, navigate = deaf, bench.adapter.navigate
     bench.adapter.navigate = steps
-    bench.ask(asks.command("land") if before == "land" else asks.goal("a1"))
-    await asks.settle()
+    bench.request(requests.command("land") if before == "land" else requests.goal("a1"))
+    await requests.settle()
     control = Control.PAUSE if after == "resume" and before == "goal" else Control.STOP
-    bench.ask(Navigate(control, "", asks.goal().origin))
-    await asks.settle()
+    bench.request(Navigate(control, "", requests.goal().origin))
+    await requests.settle()
     bench.adapter.navigate = navigate
     bench.adapter.calls.clear()
     if control is Control.PAUSE:
-        bench.ask(Navigate(Control.RESUME, "", asks.goal().origin))
+        bench.request(Navigate(Control.RESUME, "", requests.goal().origin))
     else:
-        bench.ask(asks.command("takeoff") if after == "takeoff" else asks.goal("a2"))
-    await asks.settle()
+        bench.request(requests.command("takeoff") if after == "takeoff" else requests.goal("a2"))
+    await requests.settle()
     assert bench.adapter.calls == []
     cleaned.set()
-    await asks.settle()
+    await requests.settle()
     assert bench.adapter.calls[0] == "cleaned"
     assert len(bench.adapter.calls) == 2
 
 
-async def test_what_is_asked_after_a_failed_goal_waits_until_the_robot_stands(make_bench, asks):
+async def test_what_is_asked_after_a_failed_goal_waits_until_the_robot_stands(make_bench, requests):
     bench = make_bench()
     bench.adapter.raises, bench.adapter.stops = NotReady("lost its way"), "never"
-    bench.ask(asks.goal())
-    await asks.settle()
+    bench.request(requests.goal())
+    await requests.settle()
     bench.adapter.raises = None
-    bench.ask(asks.goal("a2"))
-    await asks.settle()
+    bench.request(requests.goal("a2"))
+    await requests.settle()
     assert bench.adapter.calls[-1] == "stop"
     bench.adapter.go.set()
-    await asks.settle()
+    await requests.settle()
     assert isinstance(bench.adapter.calls[-1], GoTo)
 
 
-async def test_a_resumed_action_counts_as_motion_for_who_waits_for_a_common_start(bench, asks):
+async def test_a_resumed_action_counts_as_motion_for_who_waits_for_a_common_start(bench, requests):
     heard = []
     bench.controller.event_reporter.heard = heard.append
-    bench.ask(asks.goal())
-    await asks.settle()
-    bench.ask(Navigate(Control.PAUSE, "", asks.goal().origin))
-    await asks.settle()
+    bench.request(requests.goal())
+    await requests.settle()
+    bench.request(Navigate(Control.PAUSE, "", requests.goal().origin))
+    await requests.settle()
     heard.clear()
-    bench.ask(Navigate(Control.RESUME, "", asks.goal().origin))
+    bench.request(Navigate(Control.RESUME, "", requests.goal().origin))
     assert heard == ["navigate by anna"]
 
 
-async def test_the_end_of_a_command_of_the_host_is_in_the_journal(make_bench, asks):
+async def test_the_end_of_a_command_of_the_host_is_in_the_journal(make_bench, requests):
     changes = []
     bench = make_bench(journal=RobotJournal("rex", changes.append, clock=ManualClock()))
-    bench.ask(asks.command("release_emergency_stop", id="r1"))
+    bench.request(requests.command("release_emergency_stop", id="r1"))
     assert CommandEnd("completed", "rex", "r1") in changes
 
 
@@ -180,41 +180,41 @@ class Memory:
 
 @pytest.mark.parametrize("given", ["takeoff", "goal", "setpoint", "lost goal"])
 async def test_what_may_be_moving_is_stopped_by_later_processes_until_it_was_seen_to_stand(
-    make_bench, asks, given
+    make_bench, requests, given
 ):
     memory = Memory()
     bench = make_bench(journal=memory.journal())
-    asked = {"takeoff": lambda: asks.command("takeoff"), "setpoint": asks.setpoint}
-    bench.ask(asked.get(given, lambda: asks.goal(""))())
-    await asks.settle()
+    requested = {"takeoff": lambda: requests.command("takeoff"), "setpoint": requests.setpoint}
+    bench.request(requested.get(given, lambda: requests.goal(""))())
+    await requests.settle()
     if given == "lost goal":
         bench.controller.lost("silent")
     for stops, call in [(LinkLost("gone"), ["stop", "halt"]), ("", ["stop"]), ("", [])]:
         bench = make_bench(journal=memory.journal())
         bench.adapter.stops = stops
-        await asks.settle()
+        await requests.settle()
         assert bench.adapter.calls == call
 
 
 @pytest.mark.parametrize("given", ["takeoff that ended", "landing", "battery_check"])
-async def test_what_moves_no_more_or_lands_is_left_alone_by_the_next_process(make_bench, asks, given):
+async def test_what_moves_no_more_or_lands_is_left_alone_by_the_next_process(make_bench, requests, given):
     memory = Memory()
     bench = make_bench(journal=memory.journal())
     bench.adapter.land = asyncio.Event().wait
-    bench.ask(asks.command({"takeoff that ended": "takeoff", "landing": "land"}.get(given, given)))
+    bench.request(requests.command({"takeoff that ended": "takeoff", "landing": "land"}.get(given, given)))
     bench.adapter.go.set()
-    await asks.settle()
+    await requests.settle()
     bench.controller.motion.record()
     bench = make_bench(journal=memory.journal())
-    await asks.settle()
+    await requests.settle()
     assert bench.adapter.calls == []
 
 
-async def test_lasting_motion_is_not_forgotten(make_bench, asks):
+async def test_lasting_motion_is_not_forgotten(make_bench, requests):
     changes = []
     clock = ManualClock()
     bench = make_bench(journal=RobotJournal("rex", changes.append, clock=clock))
-    bench.ask(asks.goal())
+    bench.request(requests.goal())
     clock.advance(3600.0)
     bench.controller.motion.record()
     bench.controller.motion.record()

@@ -106,7 +106,7 @@ def test_what_nobody_listens_to_is_not_put_but_the_bridge_gets_it_and_who_asks(
     put(TWIN, pose(1.0))
     outbox.flush()
     assert crossed == [(f"cw/{TWIN}/data/position", pose(1.0))]
-    ((_, sample),) = bus_session.ask(crossed[0][0], b"", timeout=60.0)
+    ((_, sample),) = bus_session.request(crossed[0][0], b"", timeout=60.0)
     assert decode_report("position", sample) == pose(1.0)
 
 
@@ -216,12 +216,12 @@ def test_whoever_asks_gets_the_last_of_each_channel(outbox, put, bus_session):
         put(OTHER, pose(-x))
         put(TWIN, BatteryReport(1.0, 50.0 + x))
         outbox.flush()
-    last = dict(bus_session.ask(f"cw/{TWIN}/data/**", b"", timeout=60.0))
+    last = dict(bus_session.request(f"cw/{TWIN}/data/**", b"", timeout=60.0))
     assert {key: decode_report(key.split("/")[3], sample) for key, sample in last.items()} == {
         f"cw/{TWIN}/data/position": pose(2.0),
         f"cw/{TWIN}/data/battery": BatteryReport(1.0, 52.0),
     }
-    assert len(list(bus_session.ask("cw/*/data/position", b"", timeout=60.0))) == 2
+    assert len(list(bus_session.request("cw/*/data/position", b"", timeout=60.0))) == 2
 
 
 def test_a_report_that_cannot_be_encoded_keeps_the_asker_from_no_other(
@@ -236,7 +236,7 @@ def test_a_report_that_cannot_be_encoded_keeps_the_asker_from_no_other(
     put(TWIN, BatteryReport(1.0, 50.0))
     outbox.flush()
     monkeypatch.setattr("fleet.host.robot.report_queue.encode_report", encode)
-    answers = dict(bus_session.ask(f"cw/{TWIN}/data/**", b"", timeout=60.0))
+    answers = dict(bus_session.request(f"cw/{TWIN}/data/**", b"", timeout=60.0))
     assert list(answers) == [f"cw/{TWIN}/data/battery"]
     assert "too far away" in caplog.text
 
@@ -248,7 +248,7 @@ def test_who_asks_waits_for_nothing_though_answering_fails(outbox, put, bus_sess
     questions = []
     closed = Query.close
     monkeypatch.setattr(Query, "close", lambda question: (questions.append(question), closed(question)))
-    assert list(bus_session.ask(f"cw/{TWIN}/data/**", b"", timeout=60.0)) == []
+    assert list(bus_session.request(f"cw/{TWIN}/data/**", b"", timeout=60.0)) == []
     assert len(questions) == 1
 
 

@@ -64,7 +64,7 @@ async def test_an_emergency_stop_is_set_and_halts_by_the_thread_that_reads_it(do
 
 
 async def test_an_emergency_stop_that_fails_at_once_is_recorded_and_still_obeyed_by_the_loop(
-    door, bench, asks, monkeypatch, caplog
+    door, bench, requests, monkeypatch, caplog
 ):
     def fails(_why):
         raise OSError("the disk is full")
@@ -75,7 +75,7 @@ async def test_an_emergency_stop_that_fails_at_once_is_recorded_and_still_obeyed
     assert "the emergency stop did not go through at once" in caplog.text
     assert [event.command for event in door.recorded] == ["emergency_stop"]
     door.take(request)
-    await asks.settle()
+    await requests.settle()
     assert bench.controller.latched
     assert "stop" in bench.adapter.calls
 
@@ -91,10 +91,10 @@ async def test_nothing_else_is_taken_for_an_emergency_stop(door, bench, payload)
 
 
 async def test_a_command_that_must_not_be_read_is_an_emergency_stop_with_the_reason_in_its_answer(
-    door, bench, asks, caplog
+    door, bench, requests, caplog
 ):
     answers = door.take(door.read("command", {"command": "takeoff"}, unread="it is too long"))
-    await asks.settle()
+    await requests.settle()
     assert bench.controller.latched
     assert [(answer.ok, answer.reason) for answer in answers] == [
         (True, "taken for emergency_stop, though the message was refused: it is too long")
@@ -112,7 +112,7 @@ async def test_a_command_that_must_not_be_read_is_an_emergency_stop_with_the_rea
     ],
 )
 async def test_what_moves_the_robot_is_refused_once_it_has_waited_too_long(
-    door, bench, asks, message, longest
+    door, bench, requests, message, longest
 ):
     request = door.read(*message)
     bench.clock.advance(longest + 0.01)
@@ -123,7 +123,7 @@ async def test_what_moves_the_robot_is_refused_once_it_has_waited_too_long(
     request = door.read(*message)
     bench.clock.advance(longest - 0.01)
     answers = door.take(request)
-    await asks.settle()
+    await requests.settle()
     assert [answer.ok for answer in answers] == [True]
     assert bench.controller.in_motion
 
@@ -138,13 +138,13 @@ async def test_what_moves_the_robot_is_refused_once_it_has_waited_too_long(
         ("motion", {"linear_x": 0.0}),
     ],
 )
-async def test_what_ends_motion_is_obeyed_however_long_it_waited(door, bench, asks, kind, message):
+async def test_what_ends_motion_is_obeyed_however_long_it_waited(door, bench, requests, kind, message):
     door.take(door.read("motion", {"linear_x": 1.0}))
     assert bench.controller.in_motion
     request = door.read(kind, message)
     bench.clock.advance(3600.0)
     answers = door.take(request)
-    await asks.settle()
+    await requests.settle()
     assert [answer.ok for answer in answers] == [True]
     assert not bench.controller.in_motion
 
@@ -177,24 +177,24 @@ async def test_a_command_that_cannot_be_read_is_refused_and_recorded_without_a_s
     assert [(event.kind, event.command) for event in door.recorded] == [("command", "command")]
 
 
-async def test_a_robot_is_in_use_from_what_moves_it_on(door, bench, asks):
+async def test_a_robot_is_in_use_from_what_moves_it_on(door, bench, requests):
     for message in ({"command": "battery_check"}, {"command": "no_such"}, {"command": "stop"}):
         door.take(door.read("command", message))
-        await asks.settle()
+        await requests.settle()
         assert not door.intake.in_use
     door.take(door.read("motion", {"linear_x": 1.0}))
     assert door.intake.in_use
     door.take(door.read("command", {"command": "stop"}))
-    await asks.settle()
+    await requests.settle()
     assert door.intake.in_use, "nobody else has taken it since"
 
 
-async def test_a_stop_that_came_by_no_message_is_followed_on_the_loop(door, bench, asks):
+async def test_a_stop_that_came_by_no_message_is_followed_on_the_loop(door, bench, requests):
     door.take(door.read("motion", {"linear_x": 1.0}))
     bench.controller.emergency("the stop key")
     cause = StopCause(Requester(Transport.BUS), "the stop key", "r1")
     await asyncio.to_thread(door.intake.follow_emergency, cause)
-    await asks.settle()
+    await requests.settle()
     assert bench.adapter.calls[-1] == "stop"
     assert door.changed == ["rex"]
     assert [event.text for event in door.recorded if event.kind == "stop"] == [

@@ -101,14 +101,14 @@ async def test_nothing_is_said_through_a_closed_handle():
     assert heard.all == []
 
 
-async def test_the_timers_of_a_run_end_with_it_and_none_begins_after_it(asks):
+async def test_the_timers_of_a_run_end_with_it_and_none_begins_after_it(requests):
     heard, calls = Heard(), []
     heard.handle.every(0.02, lambda: calls.append("before"))
     heard.handle.close()
     heard.handle.every(0.02, lambda: calls.append("after"))
     heard.scheduler.every(0.02, lambda: calls.append("the host's own"))
     heard.scheduler.start()
-    await asks.until(lambda: len(calls) >= 3)
+    await requests.until(lambda: len(calls) >= 3)
     heard.scheduler.stop()
     assert set(calls) == {"the host's own"}
 

@@ -187,7 +187,7 @@ def goal(x):
     return json.dumps({"command": "goto", "source_type": "tele", "position": [x, 0, 0]}).encode()
 
 
-async def test_robots_in_workers_are_judged_against_each_other_too(yard, run_edge, asks):
+async def test_robots_in_workers_are_judged_against_each_other_too(yard, run_edge, requests):
     fleet = yard(
         rex={"stands": True, "start": [0.0, 0.0, 0.0]},
         ugv={"stands": True, "start": [6.0, 0.0, 0.0], "worker": "main"},
@@ -197,8 +197,8 @@ async def test_robots_in_workers_are_judged_against_each_other_too(yard, run_edg
     async with run_edge(edge):
         bus_session = fleet.bus_session()
 
-        def ask(robot, x):
-            answers = bus_session.ask(
+        def request(robot, x):
+            answers = bus_session.request(
                 keys.command(fleet.id, robot), goal(x), timeout=60, parameters={"kind": "navigate"}
             )
             return [json.loads(answer) for _, answer in answers]
@@ -206,12 +206,12 @@ async def test_robots_in_workers_are_judged_against_each_other_too(yard, run_edg
         def known():
             return all(state.reachable and not state.separation for state in edge.states())
 
-        await asks.until(known, within=40.0)
-        onto_ugv = await asyncio.to_thread(ask, "rex", 6.0)
-        first = await asyncio.to_thread(ask, "dog", -3.0)
+        await requests.until(known, within=40.0)
+        onto_ugv = await asyncio.to_thread(request, "rex", 6.0)
+        first = await asyncio.to_thread(request, "dog", -3.0)
         others = edge.process.robots["ugv"].controller.guard.apart.others
-        await asks.until(lambda: others.seen("ugv", "dog").route)
-        meets = await asyncio.to_thread(ask, "ugv", 3.0)
+        await requests.until(lambda: others.seen("ugv", "dog").route)
+        meets = await asyncio.to_thread(request, "ugv", 3.0)
         bus_session.close()
     assert (onto_ugv[0]["status"], "0.0 m from ugv" in onto_ugv[0]["reason"]) == ("rejected", True)
     assert first[0]["status"] == ReplyStatus.ACCEPTED

@@ -324,7 +324,7 @@ class Homing(Walker):
     async def return_to_home(self):
         """Drive home."""
         while self.world.horizontal() > 0.3:
-            self.asked = Velocity(rotate_to_world(self.world.scaled(-0.5 / self.world.norm()), -self.yaw))
+            self.requested = Velocity(rotate_to_world(self.world.scaled(-0.5 / self.world.norm()), -self.yaw))
             yield Progress(50.0)
             await asyncio.sleep(0.1)
 
@@ -359,7 +359,7 @@ def test_a_robot_that_would_drive_home_into_another_is_refused_in_words(in_the_w
 def test_a_way_home_for_the_sake_of_the_battery_is_never_refused():
     async def work(field):
         await away(field, in_the_way=True)
-        return field.ask("rover", Command("return_to_home", origin=BATTERY))
+        return field.request("rover", Command("return_to_home", origin=BATTERY))
 
     assert in_field(WAY_HOME, work)[0].ok
 

@@ -42,7 +42,7 @@ async def test_a_task_that_swallowed_its_cancellation_is_cancelled_again(monkeyp
     assert len(swallowed) == 2
 
 
-async def test_what_ignores_its_cancellation_is_left_behind(asks):
+async def test_what_ignores_its_cancellation_is_left_behind(requests):
     free = asyncio.Event()
 
     async def on_ignored():
@@ -56,7 +56,7 @@ async def test_what_ignores_its_cancellation_is_left_behind(asks):
     with pytest.raises(TimeoutError):
         await wait_bounded(on_ignored(), 0.01)
     free.set()
-    await asks.settle()
+    await requests.settle()
 
 
 async def test_a_stray_cancellation_inside_is_not_taken_for_ones_own():
@@ -67,7 +67,7 @@ async def test_a_stray_cancellation_inside_is_not_taken_for_ones_own():
         await wait_bounded(stray(), 20)
 
 
-async def test_who_waits_can_be_cancelled_and_takes_the_work_with_him(asks):
+async def test_who_waits_can_be_cancelled_and_takes_the_work_with_him(requests):
     ended = asyncio.Event()
 
     async def work():
@@ -77,10 +77,10 @@ async def test_who_waits_can_be_cancelled_and_takes_the_work_with_him(asks):
             ended.set()
 
     task = asyncio.create_task(wait_bounded(work(), 20))
-    await asks.settle()
+    await requests.settle()
     task.cancel()
     await asyncio.wait({task})
-    await asks.settle()
+    await requests.settle()
     assert ended.is_set()
 
 

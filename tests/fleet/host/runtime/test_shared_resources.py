@@ -43,11 +43,11 @@ async def user(shared, port, leave, key="p"):
         await leave.wait()
 
 
-async def test_two_robots_share_one_and_the_last_closes_it(port, asks):
+async def test_two_robots_share_one_and_the_last_closes_it(port, requests):
     shared, first, second = SharedResources(), asyncio.Event(), asyncio.Event()
     one = asyncio.create_task(user(shared, port, first))
     two = asyncio.create_task(user(shared, port, second))
-    await asks.settle()
+    await requests.settle()
     first.set()
     await one
     assert port.log == ["open"]
@@ -56,20 +56,20 @@ async def test_two_robots_share_one_and_the_last_closes_it(port, asks):
     assert port.log == ["open", "close"]
 
 
-async def test_one_who_comes_while_it_is_closing_gets_a_new_one(port, asks):
+async def test_one_who_comes_while_it_is_closing_gets_a_new_one(port, requests):
     shared, leave = SharedResources(), asyncio.Event()
     port.may_close.clear()
     leave.set()
     one = asyncio.create_task(user(shared, port, leave))
-    await asks.settle()
+    await requests.settle()
     two = asyncio.create_task(user(shared, port, leave))
-    await asks.settle()
+    await requests.settle()
     port.may_close.set()
     await asyncio.gather(one, two)
     assert port.log == ["open", "close", "open", "close"]
 
 
-async def test_one_that_cannot_be_opened_fails_all_who_wait_and_is_tried_again(port, asks):
+async def test_one_that_cannot_be_opened_fails_all_who_wait_and_is_tried_again(port, requests):
     shared, leave = SharedResources(), asyncio.Event()
     leave.set()
     port.taken = True
@@ -82,33 +82,33 @@ async def test_one_that_cannot_be_opened_fails_all_who_wait_and_is_tried_again(p
     assert port.log == ["open", "close"]
 
 
-async def test_a_user_that_is_cancelled_does_not_close_it_for_the_other(port, asks):
+async def test_a_user_that_is_cancelled_does_not_close_it_for_the_other(port, requests):
     shared, leave = SharedResources(), asyncio.Event()
     one = asyncio.create_task(user(shared, port, leave))
     two = asyncio.create_task(user(shared, port, leave))
-    await asks.settle()
+    await requests.settle()
     one.cancel()
-    await asks.settle()
+    await requests.settle()
     assert port.log == ["open"]
     leave.set()
     await two
 
 
-async def test_closing_goes_on_though_the_last_user_is_cancelled_twice(port, asks):
+async def test_closing_goes_on_though_the_last_user_is_cancelled_twice(port, requests):
     shared = SharedResources()
     port.may_close.clear()
     one = asyncio.create_task(user(shared, port, asyncio.Event()))
-    await asks.settle()
+    await requests.settle()
     for _ in range(2):
         one.cancel()
-        await asks.settle()
+        await requests.settle()
     port.may_close.set()
-    await asks.settle()
+    await requests.settle()
     assert one.cancelled()
     assert port.log == ["open", "close"]
 
 
-async def test_what_all_use_belongs_to_nobody(port, asks):
+async def test_what_all_use_belongs_to_nobody(port, requests):
     leave = asyncio.Event()
     leave.set()
     token = OWNER.set("rex")

@@ -29,11 +29,11 @@ async def test_a_signal_ends_it_in_order(number, hang_up):
     await asyncio.wait_for(ended.wait(), 10)
 
 
-async def test_ctrl_z_does_not_leave_robots_without_their_host(hang_up, asks, caplog):
+async def test_ctrl_z_does_not_leave_robots_without_their_host(hang_up, requests, caplog):
     ended = asyncio.Event()
     end_by_signal(ended.set)
     os.kill(os.getpid(), signal.SIGTSTP)
-    await asks.until(lambda: "not suspended" in caplog.text)
+    await requests.until(lambda: "not suspended" in caplog.text)
     assert not ended.is_set()
 
 

@@ -35,9 +35,9 @@ class Gate:
     def drive(self, session="anna", *, sent=None, velocity=FORWARD, source="tele"):
         """Judge a velocity that was sent at ``sent``, now where that is left out; return the refusal."""
         stamp = self.clock.time() if sent is None else self.began + sent
-        ask = Setpoint(velocity, origin=Origin(Transport.CLOUD, source, session), stamp=stamp)
-        untimely = self.rules.is_untimely_zero(ask)
-        return self.rules.untimely_zero(ask) if untimely else self.rules.setpoint(ask)
+        request = Setpoint(velocity, origin=Origin(Transport.CLOUD, source, session), stamp=stamp)
+        untimely = self.rules.is_untimely_zero(request)
+        return self.rules.untimely_zero(request) if untimely else self.rules.setpoint(request)
 
     def zero(self, session="anna", *, sent=None, **fields):
         return self.drive(session, sent=sent, velocity=ZERO_VELOCITY, **fields)

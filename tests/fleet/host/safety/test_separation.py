@@ -34,7 +34,7 @@ ROBOT = st.builds(
     braking=st.floats(0.5, 3),
     at=POINT,
     velocity=VELOCITY,
-    asked=VELOCITY,
+    requested=VELOCITY,
     turn=st.floats(-2, 2),
     moves=st.booleans(),
     precedence=st.tuples(st.floats(0, 3)),
@@ -75,25 +75,27 @@ def test_no_way_that_is_admitted_comes_nearer_than_the_radii_or_than_it_begins(r
 
 
 # One that comes so fast that it may reach the robot: what drives to meet it is not admitted for that.
-MET = Occupant("rex", 1.0, 1.0, Vector3(-10.0), asked=Vector3(1.0))
+MET = Occupant("rex", 1.0, 1.0, Vector3(-10.0), requested=Vector3(1.0))
 COMING = Occupant("other", 1.0, 1.0, Vector3(-6.0), velocity=Vector3(-2.0), moves=True)
 
 
 @example(MET, COMING)
 @given(ROBOT, OTHER)
 def test_what_is_admitted_of_a_velocity_never_leads_nearer_than_the_radii_or_than_it_is(robot, other):
-    robot = Occupant(robot.name, robot.radius, robot.braking, robot.at, asked=robot.asked, turn=robot.turn)
-    share = admitted(robot, robot.asked, other)
+    robot = Occupant(
+        robot.name, robot.radius, robot.braking, robot.at, requested=robot.requested, turn=robot.turn
+    )
+    share = admitted(robot, robot.requested, other)
     assert 0.0 <= share <= 1.0
-    course, theirs = robot.course(robot.asked.scaled(share)), other.stopping_path()
+    course, theirs = robot.course(robot.requested.scaled(share)), other.stopping_path()
     here = apart((robot.at,), theirs)
     assert apart(course, theirs) >= min(needed(robot, other) + HELD, here) - 0.02
 
 
 @given(ROBOT, OTHER)
 def test_a_robot_that_turns_may_also_brake_straight_ahead_from_what_is_admitted(robot, other):
-    share = admitted(robot, robot.asked, other)
-    straight = msgspec.structs.replace(robot, turn=0.0).course(robot.asked.scaled(share))
+    share = admitted(robot, robot.requested, other)
+    straight = msgspec.structs.replace(robot, turn=0.0).course(robot.requested.scaled(share))
     theirs, least = other.stopping_path(), needed(robot, other) + HELD
     assert apart(straight, theirs) >= min(least, apart((robot.at,), theirs)) - 1e-5
 

@@ -29,9 +29,11 @@ def test_nothing_is_set_at_the_beginning(speeds):
     assert VerbSpeeds(Limits()).of("").forward == VERB_SPEED
 
 
-@pytest.mark.parametrize(("asked", "applied"), [(0.2, 0.2), (0.8, 0.8), (99.0, 0.8), (-0.3, 0.3), (0.0, 0.0)])
-def test_what_is_set_is_applied_within_the_limits_and_echoed(speeds, asked, applied):
-    assert speeds.store(linear(asked)) == {"linear": applied}
+@pytest.mark.parametrize(
+    ("requested", "applied"), [(0.2, 0.2), (0.8, 0.8), (99.0, 0.8), (-0.3, 0.3), (0.0, 0.0)]
+)
+def test_what_is_set_is_applied_within_the_limits_and_echoed(speeds, requested, applied):
+    assert speeds.store(linear(requested)) == {"linear": applied}
     found = speeds.of("anna")
     assert (found.forward, found.lateral, found.vertical) == (applied, applied, min(applied, 0.3))
     assert found.yaw_rate == 0.5

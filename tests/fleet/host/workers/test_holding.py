@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from fleet.bus import keys
-from fleet.model.change import HeldRobot, HoldAsked, HoldRobot, Outcome
+from fleet.model.change import HeldRobot, HoldRequest, HoldRobot, Outcome
 from fleet.model.command import Reply
 from tests.fleet.host.edge.test_changes import HERE, moves, running
 
@@ -14,8 +14,8 @@ LIMBS = {"worker": "limbs"}
 
 
 @pytest.fixture
-async def field(yard, run_edge, asks):
-    async with running(yard, run_edge, asks, arm=LIMBS, leg=LIMBS, rex=HERE) as there:
+async def field(yard, run_edge, requests):
+    async with running(yard, run_edge, requests, arm=LIMBS, leg=LIMBS, rex=HERE) as there:
         yield there
 
 
@@ -33,7 +33,7 @@ async def test_what_is_stricter_reaches_a_robot_that_moves_and_its_worker_goes_o
     await field.until(lambda: field.state("arm").activity == "")
     assert (await field.apply())["arm"].outcome is Outcome.DONE
     assert field.edge.remote["arm"].config.limits.yaw_rate == 9.0
-    assert (await field.ask()).same
+    assert (await field.request()).same
 
 
 async def test_settings_that_are_stricter_in_all_are_done_without_a_restart(field):
@@ -41,7 +41,7 @@ async def test_settings_that_are_stricter_in_all_are_done_without_a_restart(fiel
     field.write("arm", accepts={"command": [], "navigate": []})
     assert (await field.apply())["arm"].outcome is Outcome.DONE
     assert field.place.words("arm") == ["run", "navigate"]
-    assert (await field.ask()).same
+    assert (await field.request()).same
 
 
 async def test_looser_settings_of_robots_at_rest_need_no_restart_either(field):
@@ -76,13 +76,13 @@ async def test_a_stop_finds_the_robots_of_a_group_that_came_while_the_edge_runs(
 
 
 async def test_a_worker_answers_for_each_robot_and_refuses_what_it_cannot_use(field):
-    asked = HoldAsked({"arm": HoldRobot('{"name": 1}'), "nobody": HoldRobot("{}")})
+    requested = HoldRequest({"arm": HoldRobot('{"name": 1}'), "nobody": HoldRobot("{}")})
     key = keys.hold(field.place.id, "limbs")
-    ((_, answer),) = field.bus_session.ask(key, msgspec.json.encode(asked), timeout=20)
+    ((_, answer),) = field.bus_session.request(key, msgspec.json.encode(requested), timeout=20)
     held = msgspec.json.decode(answer, type=dict[str, HeldRobot])
     assert "its adapter, as it is loaded, refuses it" in held["arm"].why
     assert "has no robot 'nobody'" in held["nobody"].why
-    assert list(field.bus_session.ask(key, b"{", timeout=20)) == []
+    assert list(field.bus_session.request(key, b"{", timeout=20)) == []
     reply = await field.say("arm", {"command": "walk"})
     assert isinstance(reply, Reply)
     assert reply.ok

@@ -27,25 +27,25 @@ async def fleet(*arguments):
 class Field:
     """A running edge: arm and leg in one worker, rex in the edge's process."""
 
-    def __init__(self, place, edge, bus_session, asks):
-        self.place, self.edge, self.bus_session, self._asks = place, edge, bus_session, asks
+    def __init__(self, place, edge, bus_session, requests):
+        self.place, self.edge, self.bus_session, self._requests = place, edge, bus_session, requests
         self.file = place.file.parent / "plugins" / "toy.py"
 
     async def reload(self, adapter="toy", worker="limbs"):
-        def ask():
+        def request():
             key = keys.reload(self.place.id, worker)
-            answers = self.bus_session.ask(key, adapter.encode(), timeout=60)
+            answers = self.bus_session.request(key, adapter.encode(), timeout=60)
             return [msgspec.json.decode(answer, type=Reply) for _, answer in answers]
 
-        (reply,) = await asyncio.to_thread(ask)
+        (reply,) = await asyncio.to_thread(request)
         return reply
 
     async def say(self, robot, message, kind="command"):
-        def ask():
+        def request():
             key, payload = keys.command(self.place.id, robot), json.dumps(message).encode()
-            list(self.bus_session.ask(key, payload, timeout=60, parameters={"kind": kind}))
+            list(self.bus_session.request(key, payload, timeout=60, parameters={"kind": kind}))
 
-        await asyncio.to_thread(ask)
+        await asyncio.to_thread(request)
 
     def change(self, old, new):
         text = self.file.read_text()
@@ -53,20 +53,20 @@ class Field:
         self.file.write_text(text.replace(old, new))
 
     async def until(self, condition):
-        await self._asks.until(condition)
+        await self._requests.until(condition)
 
     def state(self, robot):
         return next(state for state in self.edge.states() if state.name == robot)
 
 
 @pytest.fixture
-async def field(yard, run_edge, asks):
+async def field(yard, run_edge, requests):
     place = yard(arm={"worker": "limbs"}, leg={"worker": "limbs"}, rex={"worker": "main"})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         bus_session = await asyncio.to_thread(place.bus_session)
-        yield Field(place, edge, bus_session, asks)
+        yield Field(place, edge, bus_session, requests)
         await asyncio.to_thread(bus_session.close)
 
 

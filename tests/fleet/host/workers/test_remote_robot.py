@@ -52,18 +52,18 @@ class Bench:
 
     def works(self, *answers):
         """Play a worker that gives these answers; returns what it is asked."""
-        asked = []
+        requested = []
 
         def work(question):
-            asked.append(question)
+            requested.append(question)
             for answer in answers:
                 question.reply(answer if isinstance(answer, bytes) else msgspec.json.encode(answer))
             question.close()
 
         self.bus_session.answer(keys.command("yard", "rex"), work)
-        return asked
+        return requested
 
-    def ask(self, payload, kind="command", **fields):
+    def request(self, payload, kind="command", **fields):
         """Ask, and return the list of answers that the loop will fill."""
         answers = []
         payload = payload if isinstance(payload, bytes) else json.dumps(payload).encode()
@@ -98,16 +98,16 @@ def bench(bench):
 
 
 def test_a_message_goes_to_the_worker_as_it_is_and_its_answer_comes_back(bench):
-    asked = bench.works(DONE)
-    answers = bench.ask(b'{"command": "takeoff"}', request_id="q1")
+    requested = bench.works(DONE)
+    answers = bench.request(b'{"command": "takeoff"}', request_id="q1")
     assert bench.answered(answers) == DONE
-    assert asked[0].payload == b'{"command": "takeoff"}'
-    assert asked[0].parameters == {"kind": "command", "way": "cloud", "id": "q1"}
+    assert requested[0].payload == b'{"command": "takeoff"}'
+    assert requested[0].parameters == {"kind": "command", "way": "cloud", "id": "q1"}
 
 
 def test_only_the_first_answer_counts(bench):
     bench.works(DONE, Reply("takeoff", ReplyStatus.REJECTED, "changed my mind"))
-    assert bench.answered(bench.ask({"command": "takeoff"})) == DONE
+    assert bench.answered(bench.request({"command": "takeoff"})) == DONE
 
 
 @pytest.mark.parametrize(
@@ -121,40 +121,40 @@ def test_only_the_first_answer_counts(bench):
     ],
 )
 def test_who_waits_hears_how_it_ended_also_from_a_worker_that_died_over_it(bench, given, heard):
-    asked = bench.works(*given)
+    requested = bench.works(*given)
     bench.robot.set_worker_problem("killed by SIGKILL")
-    answers = bench.ask({"command": "takeoff"}, waits=True)
+    answers = bench.request({"command": "takeoff"}, waits=True)
     for _ in heard:
         bench.later.get(timeout=DEADLINE)()
     assert [answer.done for answer in answers] == heard
-    assert asked[0].parameters["wait"] == "1"
+    assert requested[0].parameters["wait"] == "1"
     if heard == [None, False]:
         assert answers[1].reason == "worker w did not say how it ended: killed by SIGKILL"
 
 
 def test_a_worker_that_is_not_there_is_reported_with_the_cause(bench):
     bench.robot.set_worker_problem("worker w: ended with exit code 1")
-    answer = bench.answered(bench.ask({"command": "takeoff"}))
+    answer = bench.answered(bench.request({"command": "takeoff"}))
     assert (answer.command, answer.status) == ("takeoff", ReplyStatus.TIMEOUT)
     assert answer.reason == "worker w did not answer: worker w: ended with exit code 1"
 
 
 def test_an_answer_that_cannot_be_read_is_none(bench, caplog):
     bench.works(b"garbage")
-    assert bench.answered(bench.ask({"command": "takeoff"})).status is ReplyStatus.TIMEOUT
+    assert bench.answered(bench.request({"command": "takeoff"})).status is ReplyStatus.TIMEOUT
     assert "a bus callback failed" in caplog.text
 
 
 def test_navigation_without_a_worker_is_answered_in_its_name(bench):
     goal = {"command": "goto", "position": [1, 2, 3], "source_type": "tele"}
-    assert bench.answered(bench.ask(goal, kind="navigate")).command == "navigate"
+    assert bench.answered(bench.request(goal, kind="navigate")).command == "navigate"
 
 
 def test_what_cannot_be_read_is_for_the_worker_to_refuse(bench):
     refusal = Reply("command", ReplyStatus.REJECTED, "not JSON")
-    asked = bench.works(refusal)
-    assert bench.answered(bench.ask(b"{")) == refusal
-    assert asked[0].payload == b"{"
+    requested = bench.works(refusal)
+    assert bench.answered(bench.request(b"{")) == refusal
+    assert requested[0].payload == b"{"
 
 
 def test_a_worker_that_is_back_is_stopped_again_before_it_is_logged(bench, blocked_log):
@@ -168,9 +168,9 @@ def test_a_worker_that_is_back_is_stopped_again_before_it_is_logged(bench, block
 
 
 def test_a_reply_on_its_way_back_asks_nothing(bench):
-    asked = bench.works(DONE)
-    assert bench.ask({"status": "ok", "command": "takeoff"}) == []
-    assert asked == []
+    requested = bench.works(DONE)
+    assert bench.request({"status": "ok", "command": "takeoff"}) == []
+    assert requested == []
     assert bench.later.empty()
 
 
@@ -205,7 +205,7 @@ def test_a_stop_that_the_bus_refuses_is_reported_and_the_worker_is_still_asked(b
 
     bench.works(Reply("emergency_stop", ReplyStatus.ACCEPTED))
     monkeypatch.setattr(bench.bus_session, "put", refuse)
-    assert bench.answered(bench.ask({"command": "emergency_stop"})).ok
+    assert bench.answered(bench.request({"command": "emergency_stop"})).ok
     wait_until("the log", lambda: "the emergency stop did not go out at once" in caplog.text)
 
 
@@ -230,20 +230,20 @@ def test_bytes_that_are_no_message_and_name_no_stop_are_none(bench):
 
 
 def test_a_stop_whose_message_is_refused_reaches_the_worker_as_it_should_be_written(bench):
-    asked = bench.works(Reply("emergency_stop", ReplyStatus.ACCEPTED))
-    answers = bench.ask(b'{"command": "emergency_stop", "data": {')
+    requested = bench.works(Reply("emergency_stop", ReplyStatus.ACCEPTED))
+    answers = bench.request(b'{"command": "emergency_stop", "data": {')
     answer = bench.answered(answers)
     assert bench.stopped() == [["rex"]]
-    assert json.loads(asked[0].payload) == {"command": "emergency_stop"}
+    assert json.loads(requested[0].payload) == {"command": "emergency_stop"}
     assert answer.ok
     assert answer.reason.startswith("taken for emergency_stop, though the message was refused: ")
 
 
 def test_what_is_too_large_to_be_read_stays_here(bench):
-    asked = bench.works(Reply("emergency_stop", ReplyStatus.ACCEPTED))
-    bench.answered(bench.ask(b"x", unread="2000000 bytes are more than are read"))
-    (refused,) = bench.ask(b"x", kind="motion", unread="2000000 bytes are more than are read")
-    assert [question.payload for question in asked] == [b'{"command":"emergency_stop"}']
+    requested = bench.works(Reply("emergency_stop", ReplyStatus.ACCEPTED))
+    bench.answered(bench.request(b"x", unread="2000000 bytes are more than are read"))
+    (refused,) = bench.request(b"x", kind="motion", unread="2000000 bytes are more than are read")
+    assert [question.payload for question in requested] == [b'{"command":"emergency_stop"}']
     assert (refused.status, refused.reason) == (ReplyStatus.REJECTED, "2000000 bytes are more than are read")
     assert bench.stopped() == [["rex"]]
 
@@ -305,7 +305,7 @@ def test_a_health_that_nobody_knows_changes_nothing(bench, caplog):
 
 def test_whoever_asks_for_the_robot_hears_that_its_worker_is_gone(bench):
     bench.robot.set_worker_problem("worker w: ended with exit code 1")
-    ((key, answer),) = bench.bus_session.ask(keys.state("*", "*"), b"", timeout=60.0)
+    ((key, answer),) = bench.bus_session.request(keys.state("*", "*"), b"", timeout=60.0)
     state = msgspec.json.decode(answer, type=RobotState)
     assert (key, state.health) == (keys.state("yard", "rex"), "offline")
     assert state.cause == "worker w: ended with exit code 1"
@@ -386,14 +386,14 @@ def test_what_was_released_stays_released(bench):
 
 @pytest.mark.parametrize(("command", "taken"), [("takeoff", False), ("stop", True)])
 def test_what_waited_too_long_for_the_edges_loop_is_refused_here_but_a_stop(bench, command, taken):
-    asked = bench.works(DONE)
+    requested = bench.works(DONE)
     answers = []
     take = bench.robot.read("command", json.dumps({"command": command}).encode(), transport=Transport.BUS)
     bench.clock.advance(6.0)
     take(answers.append)
     if taken:
         bench.answered(answers)
-    assert (len(asked), answers[0].ok) == (int(taken), taken)
+    assert (len(requested), answers[0].ok) == (int(taken), taken)
 
 
 @pytest.mark.parametrize("fields", [{"name": "max"}, {"twin": TWIN.replace("1", "2")}, {"edge": "barn"}])

@@ -39,7 +39,7 @@ def state_of(edge, name):
 def say(bus_session, place, robot, message, kind="command"):
     """Ask a robot on its own bus key; returns its replies."""
     key, payload = keys.command(place.id, robot), json.dumps(message).encode()
-    answers = bus_session.ask(key, payload, timeout=60, parameters={"kind": kind})
+    answers = bus_session.request(key, payload, timeout=60, parameters={"kind": kind})
     return [msgspec.json.decode(answer, type=Reply) for _, answer in answers]
 
 
@@ -47,7 +47,7 @@ def say_and_leave(bus_session, place, robot, name):
     """Ask for a command that nobody will answer."""
     payload = json.dumps({"command": name}).encode()
     nobody = lambda *_: None  # noqa: E731
-    bus_session.ask_later(
+    bus_session.request_later(
         keys.command(place.id, robot), payload, timeout=5, on_answer=nobody, on_end=lambda: None
     )
 
@@ -58,7 +58,7 @@ class Field:
     def __init__(self, place, edge, bus_session):
         self.place, self.edge, self.bus_session = place, edge, bus_session
 
-    async def ask(self, robot, message, kind="command"):
+    async def request(self, robot, message, kind="command"):
         return await asyncio.to_thread(say, self.bus_session, self.place, robot, message, kind)
 
     @property
@@ -67,11 +67,11 @@ class Field:
 
 
 @pytest.fixture
-async def field(yard, run_edge, asks):
+async def field(yard, run_edge, requests):
     place = yard(arm={}, rex={"worker": "main"})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         bus_session = await asyncio.to_thread(place.bus_session)
         yield Field(place, edge, bus_session)
         await asyncio.to_thread(bus_session.close)
@@ -87,24 +87,24 @@ def test_each_worker_is_started_once():
     assert names_of(["legs", "", "arm", "legs"]) == ["arm", "legs"]
 
 
-async def test_a_robot_in_a_worker_is_commanded_through_the_edge_and_on_its_own_key(field, asks):
+async def test_a_robot_in_a_worker_is_commanded_through_the_edge_and_on_its_own_key(field, requests):
     assert field.worker != os.getpid()
     assert field.place.processes("rex") == [os.getpid()]
-    (reply,) = await field.ask("arm", MOVE)
+    (reply,) = await field.request("arm", MOVE)
     assert reply.ok
     replies = []
     payload = json.dumps(MOVE | {"source_type": "tele"}).encode()
     field.edge.remote["arm"].read("command", payload, transport=Transport.CLOUD)(replies.append)
-    await asks.until(lambda: replies)
+    await requests.until(lambda: replies)
     assert replies[0].ok
-    await asks.until(lambda: field.place.words("arm")[-1] == "drive:0")
+    await requests.until(lambda: field.place.words("arm")[-1] == "drive:0")
     assert field.place.words("arm") == ["run", "drive:1", "drive:1", "halt", "drive:0"]
 
 
-async def test_an_emergency_stop_reaches_a_robot_in_a_worker(field, asks):
+async def test_an_emergency_stop_reaches_a_robot_in_a_worker(field, requests):
     field.bus_session.put(keys.stop(field.place.id), b"", urgent=True)
-    await asks.until(lambda: "stop" in field.place.words("arm"))
-    await asks.until(lambda: state_of(field.edge, "arm").emergency_stop)
+    await requests.until(lambda: "stop" in field.place.words("arm"))
+    await requests.until(lambda: state_of(field.edge, "arm").emergency_stop)
 
 
 class Passing(SupervisorClient):
@@ -114,52 +114,52 @@ class Passing(SupervisorClient):
         self.stop = stop
 
 
-async def test_a_stop_that_comes_by_the_supervisor_reaches_a_robot_in_a_worker(yard, run_edge, asks):
+async def test_a_stop_that_comes_by_the_supervisor_reaches_a_robot_in_a_worker(yard, run_edge, requests):
     place, passing = yard(arm={}, rex={"worker": "main"}), Passing()
     edge = Edge(load(place.file), directory=place.runtime, clock=SystemClock(), supervised=passing)
     async with run_edge(edge):
-        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await requests.until(lambda: all(state.health == "ok" for state in edge.states()))
         passing.stop(StopRequest(names=("arm",), by="anna", why="smoke", request="r1"))
-        await asks.until(lambda: "stop" in place.words("arm"))
+        await requests.until(lambda: "stop" in place.words("arm"))
         said = "asked by anna (claimed, on this computer): smoke"
-        await asks.until(lambda: state_of(edge, "arm").stop_cause == said)
+        await requests.until(lambda: state_of(edge, "arm").stop_cause == said)
         assert not state_of(edge, "rex").emergency_stop
 
 
-async def test_the_stop_of_a_stop_input_stands_at_a_robot_in_a_worker_in_its_words(field, asks):
+async def test_the_stop_of_a_stop_input_stands_at_a_robot_in_a_worker_in_its_words(field, requests):
     field.edge._stop_robots((), "stop input button: no heartbeat for 1 s")
-    await asks.until(
+    await requests.until(
         lambda: state_of(field.edge, "arm").stop_cause == "stop input button: no heartbeat for 1 s"
     )
 
 
-async def test_a_robot_in_a_worker_that_nobody_uses_is_left_to_the_edge_that_the_cloud_shows(field, asks):
+async def test_a_robot_in_a_worker_that_nobody_uses_is_left_to_the_edge_that_the_cloud_shows(field, requests):
     twin = field.edge.remote["arm"].twin
     field.edge.cloud_claims.handle_claim(twin, "yard-0")
-    await asks.until(lambda: "edge yard-0 has its twin" in state_of(field.edge, "arm").cause)
+    await requests.until(lambda: "edge yard-0 has its twin" in state_of(field.edge, "arm").cause)
     assert state_of(field.edge, "rex").health == "ok"
     field.edge.cloud_claims.handle_claim(twin, "")
-    await asks.until(lambda: field.place.words("arm") == ["run", "run"])
+    await requests.until(lambda: field.place.words("arm") == ["run", "run"])
 
 
-async def test_a_worker_keeps_a_robot_that_somebody_moves_whatever_the_cloud_shows(field, asks):
+async def test_a_worker_keeps_a_robot_that_somebody_moves_whatever_the_cloud_shows(field, requests):
     twin = field.edge.remote["arm"].twin
-    (reply,) = await field.ask("arm", GOTO, "navigate")
+    (reply,) = await field.request("arm", GOTO, "navigate")
     assert reply.ok
     # As when the worker's word that the robot is used has not come yet.
     field.edge.cloud_claims._holders[twin] = "yard-0"
     field.edge.cloud_claims.notify_workers()
-    await asks.until(lambda: state_of(field.edge, "arm").in_use)
+    await requests.until(lambda: state_of(field.edge, "arm").in_use)
     field.edge.cloud_claims.handle_claim(twin, "yard-0")
     assert "yard-0" in field.edge.state().cause
     assert field.place.words("arm") == ["run", "navigate"]
 
 
-async def test_the_end_of_the_edge_holds_who_moves_in_a_worker_and_ends_it(yard, run_edge, asks):
+async def test_the_end_of_the_edge_holds_who_moves_in_a_worker_and_ends_it(yard, run_edge, requests):
     place = yard(arm={})
     edge = place.edge()
     async with run_edge(edge):
-        await asks.until(lambda: state_of(edge, "arm").health == "ok")
+        await requests.until(lambda: state_of(edge, "arm").health == "ok")
         bus_session = await asyncio.to_thread(place.bus_session)
         (reply,) = await asyncio.to_thread(say, bus_session, place, "arm", GOTO, "navigate")
         assert reply.ok
@@ -178,26 +178,28 @@ FAULTS = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 async def test_a_worker_that_fails_is_noticed_and_started_again_and_nothing_moves_by_itself(
-    field, asks, fault
+    field, requests, fault
 ):
     befall, within = FAULTS[fault]
-    (reply,) = await field.ask("arm", GOTO, "navigate")
+    (reply,) = await field.request("arm", GOTO, "navigate")
     assert reply.ok
-    await asks.until(lambda: "navigate" in field.place.words("arm"))  # it is on its way, not merely accepted
+    await requests.until(
+        lambda: "navigate" in field.place.words("arm")
+    )  # it is on its way, not merely accepted
     first = field.worker
     began = time.monotonic()
     befall(field)
-    await asks.until(lambda: state_of(field.edge, "arm").health == "offline")
+    await requests.until(lambda: state_of(field.edge, "arm").health == "offline")
     # A busy machine takes seconds more.
     assert time.monotonic() - began < 5 * within
     assert "worker arm" in state_of(field.edge, "arm").cause
-    (reply,) = await field.ask("rex", MOVE)
+    (reply,) = await field.request("rex", MOVE)
     assert reply.ok
-    await asks.until(lambda: state_of(field.edge, "arm").health == "ok")
+    await requests.until(lambda: state_of(field.edge, "arm").health == "ok")
     assert len(field.place.processes("arm")) == 2
     assert not psutil.pid_exists(first)
     words = lambda: [word for pid, _, word in field.place.calls("arm") if pid == field.worker]  # noqa: E731
-    await asks.until(lambda: words() == ["run", "stop"])  # it may still have been on its way
+    await requests.until(lambda: words() == ["run", "stop"])  # it may still have been on its way
     assert len(field.place.processes("rex")) == 1
     assert not state_of(field.edge, "arm").emergency_stop
     if fault == "hung":  # its bus threads still heard that it is to stop
@@ -246,10 +248,10 @@ class FailingWorker:
         )
 
 
-async def test_a_worker_that_cannot_be_started_is_reported_and_tried_again(monkeypatch, asks):
+async def test_a_worker_that_cannot_be_started_is_reported_and_tried_again(monkeypatch, requests):
     worker = FailingWorker(monkeypatch)
     task = asyncio.create_task(worker.worker.run())
-    await asks.until(lambda: worker.tries > 1)
+    await requests.until(lambda: worker.tries > 1)
     task.cancel()
     await asyncio.wait({task})
     assert worker.said[0] == "worker arm: cannot be started: Too many open files"
@@ -281,7 +283,7 @@ def test_a_halt_over_a_closed_bus_is_reported(caplog):
     wait_until("it is told", lambda: "its robots could not be halted over the bus" in caplog.text)
 
 
-async def test_a_hanging_worker_is_killed_though_its_halt_and_the_report_fail(monkeypatch, asks):
+async def test_a_hanging_worker_is_killed_though_its_halt_and_the_report_fail(monkeypatch, requests):
     processes, start = [], asyncio.create_subprocess_exec
 
     async def started(*_, **options):
@@ -295,7 +297,7 @@ async def test_a_hanging_worker_is_killed_though_its_halt_and_the_report_fail(mo
     monkeypatch.setattr(asyncio, "create_subprocess_exec", started)
     monkeypatch.setattr("fleet.host.workers.worker_manager.START_WITHIN", 0.0)
     task = asyncio.create_task(worker.run())
-    await asks.until(lambda: len(processes) > 1)
+    await requests.until(lambda: len(processes) > 1)
     assert processes[0].returncode == -signal.SIGKILL
     task.cancel()
     await asyncio.wait({task})
@@ -303,7 +305,7 @@ async def test_a_hanging_worker_is_killed_though_its_halt_and_the_report_fail(mo
 
 
 async def test_a_worker_has_neither_the_clouds_token_nor_the_edges_environment(
-    yard, run_edge, asks, monkeypatch, broker
+    yard, run_edge, requests, monkeypatch, broker
 ):
     monkeypatch.setenv("CYBERWAVE_API_KEY", "canary-environment")
     monkeypatch.setenv("SOME_SECRET", "canary-other")
@@ -316,7 +318,7 @@ async def test_a_worker_has_neither_the_clouds_token_nor_the_edges_environment(
     assert b"canary" not in task
     assert [robot["name"] for robot in msgspec.json.decode(task)["robots"]] == ["arm"]
     async with run_edge(edge):
-        await asks.until(lambda: state_of(edge, "arm").health == "ok")
+        await requests.until(lambda: state_of(edge, "arm").health == "ok")
         (worker,) = place.processes("arm")
         process = psutil.Process(worker)
         assert "canary" not in json.dumps(process.environ())

@@ -20,8 +20,8 @@ def test_golden_frames():
     assert wire.pack_state(State.CLOSED_LOOP).hex() == "08000000"
     assert wire.pack_modes().hex() == "0300000001000000"
     assert wire.pack_gain(20.0).hex() == "0000a041"
-    assert wire.ask(3, OdriveCommand.ESTIMATES).id == 0x69
-    assert wire.ask(3, OdriveCommand.ESTIMATES).remote
+    assert wire.request(3, OdriveCommand.ESTIMATES).id == 0x69
+    assert wire.request(3, OdriveCommand.ESTIMATES).remote
     assert wire.write_parameter(241, b"\x01").hex() == "01f1000001"
     assert wire.read_parameter(241).hex() == "00f10000"
 

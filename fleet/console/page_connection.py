@@ -15,23 +15,23 @@ from fleet.console import commands, control, missions, schedules
 from fleet.console.driving import Driving
 from fleet.console.lookups import Lookups
 from fleet.console.requests import (
-    Asked,
-    CommandAsked,
-    ControlAsked,
-    DriveAsked,
-    GiveAsked,
-    GotoAsked,
-    MissionAsked,
-    PingAsked,
-    RehearseAsked,
-    ReleaseAsked,
-    Request,
-    RunAsked,
+    AnsweredRequest,
+    PageCommandRequest,
+    PageControlRequest,
+    PageDriveRequest,
+    PageGiveRequest,
+    PageGotoRequest,
+    PageMissionRequest,
+    PagePingRequest,
+    PageRehearseRequest,
+    PageReleaseRequest,
+    PageRequest,
+    PageRunRequest,
+    PageStopRequest,
+    PageWatchRequest,
     ScheduleChange,
-    StopAsked,
-    WatchAsked,
     needed_for,
-    read_asked,
+    read_requested,
 )
 from fleet.console.sessions import ConsoleUser
 from fleet.console.stops import StopTarget
@@ -65,15 +65,15 @@ class Tab:
         self._lookups = Lookups(hub)
         self._driving = Driving(operator, hub.edges.session_to, hub.clock, self._drove)
         self._calls: Mapping[type[object], Call] = {
-            StopAsked: self._stop,
-            ReleaseAsked: self._command,
-            GotoAsked: self._command,
-            CommandAsked: self._command,
-            MissionAsked: self._mission,
-            RehearseAsked: self._rehearse,
-            RunAsked: self._run,
-            ControlAsked: self._control,
-            GiveAsked: self._give,
+            PageStopRequest: self._stop,
+            PageReleaseRequest: self._command,
+            PageGotoRequest: self._command,
+            PageCommandRequest: self._command,
+            PageMissionRequest: self._mission,
+            PageRehearseRequest: self._rehearse,
+            PageRunRequest: self._run,
+            PageControlRequest: self._control,
+            PageGiveRequest: self._give,
             ScheduleChange: self._schedule,
             **dict.fromkeys(self._lookups.calls, self._look),
         }
@@ -120,7 +120,7 @@ class Tab:
             if message["type"] == "websocket.disconnect":
                 return
             try:
-                await self._take(read_asked(message.get("text") or message.get("bytes") or b""))
+                await self._take(read_requested(message.get("text") or message.get("bytes") or b""))
             except WireError as error:
                 bad += 1
                 await self._tell("", "", {"status": "rejected", "reason": f"it cannot be read: {error}"})
@@ -128,22 +128,22 @@ class Tab:
                     await self._socket.close(UNREADABLE)
                     return
 
-    async def _take(self, asked: Asked) -> None:
+    async def _take(self, requested: PageRequest) -> None:
         """Begin a request, if this operator has the permission."""
-        if isinstance(asked, PingAsked):
-            await self._send(msgspec.json.encode({"type": "pong", "number": asked.number}))
+        if isinstance(requested, PagePingRequest):
+            await self._send(msgspec.json.encode({"type": "pong", "number": requested.number}))
             return
-        if why := self._operator.permission.refusal(needed_for(asked)):
-            await self._tell(getattr(asked, "request", ""), "", {"status": "rejected", "reason": why})
-        elif isinstance(asked, WatchAsked):
-            self.watched = asked.robot
-            self._hub.edges.ask_description(asked.robot)
-        elif isinstance(asked, DriveAsked):
-            self._driving.drive(asked)
-        elif len(self._open) >= MOST_OPEN and not isinstance(asked, StopAsked):
-            await self._tell(asked.request, "", {"status": "rejected", "reason": TOO_MANY})
+        if why := self._operator.permission.refusal(needed_for(requested)):
+            await self._tell(getattr(requested, "request", ""), "", {"status": "rejected", "reason": why})
+        elif isinstance(requested, PageWatchRequest):
+            self.watched = requested.robot
+            self._hub.edges.request_description(requested.robot)
+        elif isinstance(requested, PageDriveRequest):
+            self._driving.drive(requested)
+        elif len(self._open) >= MOST_OPEN and not isinstance(requested, PageStopRequest):
+            await self._tell(requested.request, "", {"status": "rejected", "reason": TOO_MANY})
         else:
-            self._begin(self._guarded(asked))
+            self._begin(self._guarded(requested))
 
     def _drove(self, result: Mapping[str, object]) -> None:
         """Send the answer to a velocity to the page."""
@@ -155,29 +155,29 @@ class Tab:
         self._open.add(task)
         task.add_done_callback(self._open.discard)
 
-    async def _guarded(self, asked: Request) -> None:
+    async def _guarded(self, requested: AnsweredRequest) -> None:
         """Execute a request; an exception becomes its answer."""
         try:
-            await self._calls[type(asked)](asked)
+            await self._calls[type(requested)](requested)
         except FleetError as error:
-            await self._tell(asked.request, "", commands.refused(error))
+            await self._tell(requested.request, "", commands.refused(error))
         except Exception as error:
             log.exception("a request of a page failed")
             result = {"status": "rejected", "reason": f"the console failed: {error!r}"}
-            await self._tell(asked.request, "", result)
+            await self._tell(requested.request, "", result)
 
-    async def _stop(self, asked: StopAsked) -> None:
+    async def _stop(self, requested: PageStopRequest) -> None:
         """Stop robots. It continues if the page is closed."""
-        stop = self._hub.stop(StopTarget(asked.robots), self._operator, asked.why, asked.request)
+        stop = self._hub.stop(StopTarget(requested.robots), self._operator, requested.why, requested.request)
         result = await asyncio.shield(stop)
-        await self._tell(asked.request, "", {"status": "accepted", "stop": result})
+        await self._tell(requested.request, "", {"status": "accepted", "stop": result})
 
-    async def _command(self, asked: ReleaseAsked | GotoAsked | CommandAsked) -> None:
+    async def _command(self, requested: PageReleaseRequest | PageGotoRequest | PageCommandRequest) -> None:
         """Send a command to robots concurrently, and forward each answer as it arrives."""
-        prepared = commands.prepare(asked, self._hub.view)
-        await asyncio.gather(*(self._ask(asked.request, each) for each in prepared))
+        prepared = commands.prepare(requested, self._hub.view)
+        await asyncio.gather(*(self._request(requested.request, each) for each in prepared))
 
-    async def _ask(self, request: str, prepared: commands.Prepared) -> None:
+    async def _request(self, request: str, prepared: commands.Prepared) -> None:
         """Send a command to one robot."""
         robot = prepared[0]
         name = f"{robot.edge}/{robot.name}"
@@ -187,51 +187,51 @@ class Tab:
         async for reply in commands.send(prepared, bus_session, self._operator, self._hub.clock):
             await self._tell(request, name, _shown(reply))
 
-    async def _look(self, asked: Request) -> None:
+    async def _look(self, requested: AnsweredRequest) -> None:
         """Answer a read-only request."""
-        found = await self._lookups.calls[type(asked)](asked)
-        await self._tell(asked.request, "", {"status": "accepted", **found})
+        found = await self._lookups.calls[type(requested)](requested)
+        await self._tell(requested.request, "", {"status": "accepted", **found})
 
-    async def _mission(self, asked: MissionAsked) -> None:
+    async def _mission(self, requested: PageMissionRequest) -> None:
         """Start a mission."""
         bus_sessions = list(self._hub.edges.bus_sessions().values())
-        start = asyncio.to_thread(missions.start, asked, bus_sessions, self._operator, self._hub.clock)
-        await self._tell(asked.request, "", await start)
+        start = asyncio.to_thread(missions.start, requested, bus_sessions, self._operator, self._hub.clock)
+        await self._tell(requested.request, "", await start)
 
-    async def _rehearse(self, asked: RehearseAsked) -> None:
+    async def _rehearse(self, requested: PageRehearseRequest) -> None:
         """Rehearse a mission; closing the page ends it."""
         bus_sessions = list(self._hub.edges.bus_sessions().values())
-        async for state in missions.rehearse(asked, bus_sessions, self._operator):
+        async for state in missions.rehearse(requested, bus_sessions, self._operator):
             done = {} if state.result is None else {"done": True}
             result = {"status": "accepted", "rehearsal": msgspec.to_builtins(state), **done}
-            await self._tell(asked.request, "", result)
+            await self._tell(requested.request, "", result)
 
-    async def _run(self, asked: RunAsked) -> None:
+    async def _run(self, requested: PageRunRequest) -> None:
         """Control a run."""
         bus_sessions = list(self._hub.edges.bus_sessions().values())
-        control = asyncio.to_thread(missions.control, asked, bus_sessions, self._operator)
-        await self._tell(asked.request, "", await control)
+        control = asyncio.to_thread(missions.control, requested, bus_sessions, self._operator)
+        await self._tell(requested.request, "", await control)
 
-    async def _control(self, asked: ControlAsked) -> None:
+    async def _control(self, requested: PageControlRequest) -> None:
         """Request control of a robot."""
-        result = control.asked(asked, self._hub.view, self._operator, self._hub.clock.time())
-        self._hub.view.put("requests", asked.robot, result)
-        await self._tell(asked.request, "", {"status": "accepted"})
+        result = control.requested(requested, self._hub.view, self._operator, self._hub.clock.time())
+        self._hub.view.put("requests", requested.robot, result)
+        await self._tell(requested.request, "", {"status": "accepted"})
 
-    async def _give(self, asked: GiveAsked) -> None:
+    async def _give(self, requested: PageGiveRequest) -> None:
         """Give up control of a robot, or keep it."""
-        answered = control.answered(asked, self._hub.view, self._operator)
-        if asked.give:
-            await self._command(CommandAsked(asked.request, asked.robot, "stop"))
-        self._hub.view.put("requests", asked.robot, answered)
-        await self._tell(asked.request, "", {"status": "accepted", "done": True})
+        answered = control.answered(requested, self._hub.view, self._operator)
+        if requested.give:
+            await self._command(PageCommandRequest(requested.request, requested.robot, "stop"))
+        self._hub.view.put("requests", requested.robot, answered)
+        await self._tell(requested.request, "", {"status": "accepted", "done": True})
 
-    async def _schedule(self, asked: ScheduleChange) -> None:
+    async def _schedule(self, requested: ScheduleChange) -> None:
         """Change a schedule."""
         bus_sessions = list(self._hub.edges.bus_sessions().values())
-        found = await asyncio.to_thread(schedules.change, asked, bus_sessions, self._operator)
-        self._hub.view.take_schedules(asked.edge, found)
-        await self._tell(asked.request, "", {"status": "accepted", "done": True})
+        found = await asyncio.to_thread(schedules.change, requested, bus_sessions, self._operator)
+        self._hub.view.take_schedules(requested.edge, found)
+        await self._tell(requested.request, "", {"status": "accepted", "done": True})
 
 
 def _hello(operator: ConsoleUser) -> bytes:

@@ -5,7 +5,7 @@ import json
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from fleet.console.guard import LONGEST_BODY
+from fleet.console.request_guard import LONGEST_BODY
 from fleet.model.permission import Permission
 
 
@@ -37,7 +37,7 @@ def test_a_message_that_cannot_be_read_is_refused_and_the_page_stays(console, te
     with console.page() as page:
         page.socket.send(text)
         assert page.next("answer")["reason"].startswith("it cannot be read")
-        page.ask("ping", number=7)
+        page.request("ping", number=7)
         assert page.next("pong")["number"] == 7
 
 
@@ -61,14 +61,14 @@ def test_a_page_that_sends_nothing_but_garbage_is_closed(console):
 )
 def test_a_permission_that_is_too_low_moves_and_changes_nothing(console, permission, given, fields):
     with console.page(permission) as page:
-        page.ask(given, request="r", **fields)
+        page.request(given, request="r", **fields)
         answer = page.answer("r")
         assert (answer["status"], "it needs the permission" in answer["reason"]) == ("rejected", True)
 
 
 def test_everybody_with_a_session_may_stop(console):
     with console.page(Permission.VIEW) as page:
-        page.ask("stop", request="by-viewer")
+        page.request("stop", request="by-viewer")
         assert page.answer("by-viewer")["status"] == "accepted"
     status, _, _ = console.post(
         "/api/stop", {"ask": "stop", "request": "by-post"}, cookie=console.cookie(Permission.VIEW)

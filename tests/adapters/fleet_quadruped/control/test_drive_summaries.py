@@ -2,7 +2,14 @@
 
 import pytest
 
-from fleet_quadruped.control.holding import all_off, failed, holding, not_enabled, silent_bus, silent_joint
+from fleet_quadruped.control.drive_summaries import (
+    all_off,
+    failed,
+    holding,
+    not_enabled,
+    silent_bus,
+    silent_joint,
+)
 from fleet_quadruped.drives.base import JointFeedback, JointsFeedback, Power
 
 OFF, ON = JointFeedback(power=Power.DISABLED, age=0.0), JointFeedback(power=Power.ENABLED, age=0.0)

@@ -6,7 +6,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from fleet.console.guard import HOSTS, LONGEST_BODY, POLICY
+from fleet.console.request_guard import HOSTS, LONGEST_BODY, POLICY
 
 OTHER = "http://evil.example"
 
