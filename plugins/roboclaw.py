@@ -24,11 +24,11 @@ from fleet_ugv import (
     Codec,
     CodecSettings,
     Confirmed,
-    Event,
     Feedback,
     Motion,
     UgvAdapter,
     UgvConfig,
+    UgvEvent,
     Wheels,
 )
 
@@ -59,17 +59,17 @@ class RoboclawCodec(Codec):
         self._requested: deque[int] = deque(maxlen=MOST_REQUESTED)
         self._volts: float | None = None
 
-    def feed(self, data: bytes) -> Sequence[Event]:
+    def feed(self, data: bytes) -> Sequence[UgvEvent]:
         """Decode received bytes; return the events of the complete answers."""
         self._rest = (self._rest + data)[-256:]
-        events: list[Event] = []
+        events: list[UgvEvent] = []
         while self._rest and (not self._requested or len(self._rest) >= ANSWERS[self._requested[0]]):
             said = self._next()
             if said is not None:
                 events.append(said)
         return events
 
-    def _next(self) -> Event | None:
+    def _next(self) -> UgvEvent | None:
         """Decode the answer to the oldest request, or an acknowledgement; discard anything else."""
         if self._requested:
             command = self._requested[0]
@@ -91,7 +91,7 @@ class RoboclawCodec(Codec):
         requested = bytes((ADDRESS, command))
         return binascii.crc_hqx(requested + answer[:-2], 0) == int.from_bytes(answer[-2:])
 
-    def _answer(self, command: int, answer: bytes) -> Event | None:
+    def _answer(self, command: int, answer: bytes) -> UgvEvent | None:
         """Return the event of an answer."""
         if command == COUNTERS:
             left, right = struct.unpack(">ii", answer[:8])

@@ -69,14 +69,14 @@ async def loses_its_satellites(it):
         await it.until(lambda: "no satellite fix" in it.robot.healths[-1].cause, 5.0)
         await it.until(lambda: it.robot.losses, 30.0)
         assert "ailsafe" in it.robot.losses[-1], it.robot.losses[-1]
-        await it.until(lambda: "not to be trusted" in it.robot.healths[-1].cause, 10.0)
+        await it.until(lambda: "not reliable" in it.robot.healths[-1].cause, 10.0)
         assert "ailsafe" in it.robot.healths[-1].cause
         fixes = [each for each in it.robot.reports if isinstance(each, GpsReport)]
         assert fixes[-1].fix_type == "none"
         await takes_nothing_that_needs_a_position(it)
     finally:
         await write(it, (name, on))
-    await it.until(lambda: "not to be trusted" not in it.robot.healths[-1].cause, 30.0)
+    await it.until(lambda: "not reliable" not in it.robot.healths[-1].cause, 30.0)
     await it.do("land")
 
 

@@ -211,11 +211,8 @@ def test_what_is_not_moved_here_is_not_moved_not_even_by_one_setpoint(run_in_sim
 def test_a_rover_on_px4_is_refused_with_what_is_missing_and_what_is_moved(vehicle_type):
     lacking = missing_commands(VehicleState(Heartbeat(vehicle_type, 12)))
     assert set(lacking) == set(OF_A_MOVED_VEHICLE)
-    assert all(
-        why.endswith("how a rover on PX4 holds and stops; one on ArduPilot is moved")
-        for why in lacking.values()
-    )
-    assert "PX4 holds" not in missing_commands(VehicleState(Heartbeat(SUBMARINE, 12)))["goto"]
+    assert all("holding and stopping of PX4 rovers was never measured" in why for why in lacking.values())
+    assert "PX4 rovers" not in missing_commands(VehicleState(Heartbeat(SUBMARINE, 12)))["goto"]
 
 
 def first_brake(autopilot, vehicle_type, **state):

@@ -102,7 +102,7 @@ def test_it_is_reported_marked_and_ended_in_the_air(run_in_sim_time, sim_flight,
             health = it.robot.healths[-1]
             assert health.level is Level.DEGRADED
             assert WHY[flavour] in health.cause
-            assert "not to be trusted" in health.cause
+            assert "not reliable" in health.cause
             assert it.now - began < 20.0
 
     run_in_sim_time(main())

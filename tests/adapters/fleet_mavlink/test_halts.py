@@ -102,7 +102,7 @@ async def test_the_hold_is_no_change_by_somebody_else(it):
     assert it.authority.lost_to == ""
 
 
-@pytest.mark.parametrize("how", [{}, {"asked": True}, {"takes_over": True}])
+@pytest.mark.parametrize("how", [{}, {"requested": True}, {"takes_over": True}])
 async def test_one_on_the_ground_is_told_nothing(it, how):
     for _ in range(2):
         it.harness.beat(armed=False)
@@ -122,7 +122,7 @@ async def test_one_that_a_pilot_has_is_left_alone_unless_it_is_taken_over(it):
     assert it.commands == [HOLD]
 
 
-@pytest.mark.parametrize("how", ["asked", "takes_over"])
+@pytest.mark.parametrize("how", ["requested", "takes_over"])
 async def test_a_landing_goes_on_unless_somebody_asks(it, how):
     it.fly()
     it.comes_down = True
@@ -235,7 +235,7 @@ async def test_a_requested_stop_says_when_there_was_nothing_to_stop_or_nobody_to
         it.halts.write(takes_over=True)
     it.fly()
     it.takes = False
-    with pytest.raises(LinkLost, match="nobody was heard on udp:1 yet"):
+    with pytest.raises(LinkLost, match="address on udp:1 is not known yet"):
         it.halts.write(takes_over=False)
 
 

@@ -64,7 +64,7 @@ def test_a_stop_of_the_host_itself_leaves_a_vehicle_that_is_not_ours_alone_and_t
 
 def test_a_link_that_fails_leaves_it_unknown_whether_the_vehicle_stops():
     it = stops(error=LinkLost("the cable is out"))
-    with pytest.raises(NotReady, match="nobody knows whether it stops: the cable is out"):
+    with pytest.raises(NotReady, match="it is unknown whether it stops: the cable is out"):
         it.stop("stop").send(None)
 
 

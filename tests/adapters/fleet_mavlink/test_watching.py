@@ -354,7 +354,7 @@ def test_a_station_with_the_ids_of_this_edge_or_of_a_vehicle_is_not_obeyed(
 
     run_in_sim_time(main())
     assert "it has the ids of this edge" in caplog.text
-    assert "a station with the id of a vehicle" in caplog.text
+    assert "that of a vehicle, is ignored" in caplog.text
 
 
 def test_what_is_for_all_or_for_an_unknown_vehicle_reaches_none(run_in_sim_time, sim_flight, caplog):

@@ -45,7 +45,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 async def site(yard, run_edge, folder, free_port, request):
-    capsys, monkeypatch, requests = map(request.getfixturevalue, ("capsys", "monkeypatch", "asks"))
+    capsys, monkeypatch, requests = map(request.getfixturevalue, ("capsys", "monkeypatch", "requests"))
     assert main(["certs", "init", "site"]) == 0
     place = yard(rex=HERE, max=HERE)
     for name, role in {place.id: "edge", **dict.fromkeys(ROLES, "person")}.items():

@@ -51,7 +51,7 @@ def test_a_file_that_was_cut_off_gives_what_it_has(folder, tmp_path):
 
 def test_a_time_of_which_there_is_nothing_is_refused(folder, tmp_path):
     into = tmp_path / "window.mcap"
-    with pytest.raises(StateError, match="has nothing of that time"):
+    with pytest.raises(StateError, match="has no data of that time"):
         export(folder, into, since=NOW + 100_000_000_000, until=float("inf"))
     assert not into.exists()
 
