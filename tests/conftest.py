@@ -219,8 +219,8 @@ def shared_foreign_broker(request, tmp_path_factory):
 
 
 def pytest_xdist_auto_num_workers():
-    """Run three processes more than there are processors: the tests wait for two thirds of their time."""
-    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else (os.cpu_count() or 1) + 3
+    """Run two processes more than there are processors: the tests wait for two thirds of their time."""
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else (os.cpu_count() or 1) + 2
 
 
 def pytest_addoption(parser, pluginmanager):

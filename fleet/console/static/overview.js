@@ -11,7 +11,7 @@ const operates = () => store.permission !== "view";
 const NEXT = [
   [/emergency stop|stop input/i, "Look at the robot, then release it on its page."],
   [/quarantin/i, "Give it a worker of its own (worker:), or mend its adapter; restart_adapter ends the quarantine."],
-  [/not spoken|nothing received|not been reached|was received/i, "Is it switched on and in reach? Look at its link in fleet.yaml."],
+  [/not spoken|nothing received|not been reached|was received|reported nothing/i, "Is it switched on and in reach? Look at its link in fleet.yaml."],
   [/cannot be opened|No such file|gone from|Permission denied/i, "Look at cable, address and rights of the link in fleet.yaml."],
   [/it does not run|has gone|lets us in/i, "Start the edge there: fleet run. The supervisor restarts one that died."],
   [/battery/i, "Charge it, or change its battery policy."],
