@@ -100,6 +100,9 @@ def _place_of(error: BaseException) -> str:
 
 def _is_ours(file: Path) -> bool:
     """Return True for code of fleet itself or of the standard library."""
-    if file.is_relative_to(_HOST) or file.name.startswith("<frozen"):
-        return True
+    return file.is_relative_to(_HOST) or file.name.startswith("<frozen") or is_standard_library(file)
+
+
+def is_standard_library(file: Path) -> bool:
+    """Return True for a file of the standard library, which only executes calls of others."""
     return "site-packages" not in file.parts and any(map(file.is_relative_to, _LIBRARIES))

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import FrameType
 
 from fleet.runtime.event_loop import OwnedCall, OwnedTask
+from fleet.runtime.exception_barrier import is_standard_library
 
 
 class LoopMonitor:
@@ -46,7 +47,7 @@ class LoopMonitor:
         if frame is None:
             return "an unknown place"
         stack = traceback.extract_stack(frame)
-        own = [entry for entry in stack if not _is_library(entry.filename)]
+        own = [entry for entry in stack if not is_standard_library(Path(entry.filename))]
         last = own[-1] if own else stack[-1]
         return f"{Path(last.filename).name}:{last.lineno} in {last.name}"
 
@@ -91,11 +92,6 @@ class LoopSilence:
         if self._waited is None:
             self._waited = total
         return total - self._waited
-
-
-def _is_library(filename: str) -> bool:
-    """Return True for standard library code, which only executes calls of others."""
-    return "/lib/python3" in filename and "/site-packages/" not in filename
 
 
 def _waited_of(number: int) -> Callable[[], float]:
