@@ -79,7 +79,8 @@ class WorkerMembership:
             outcome, why = await self._changes.change(worker, after, force=False)
             return "" if outcome in TAKEN else why
         manager = self._workers.add(worker, after)
-        if await seen(lambda: manager.started > 0, START_WITHIN):
+        # Until its first state the worker counts as silent, and changes after this one would be refused.
+        if await seen(lambda: manager.started > 0 and not robot.silent, START_WITHIN):
             return ""
         await self._workers.end(worker)
         return robot.state().cause or f"worker {worker} did not come up within {START_WITHIN:g} s"

@@ -126,7 +126,11 @@ class WorkerChanges:
 
     async def _back(self, manager: WorkerManager, started: int, robots: list[RemoteRobot]) -> str:
         """Wait until a worker and its robots are back; return which are not."""
-        if not await seen(lambda: manager.started > started, ENDS_WITHIN):
+
+        def is_back() -> bool:
+            return manager.started > started and not self._is_silent(manager.name)
+
+        if not await seen(is_back, ENDS_WITHIN):
             return f"worker {manager.name} did not come up within {ENDS_WITHIN:g} s"
         if await seen(lambda: all(robot.state().reachable for robot in robots), BACK_WITHIN):
             return ""

@@ -12,6 +12,7 @@ from fleet.host.edge import membership
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_service import names_in, stop_everywhere
 from fleet.host.requests.stop_cause import local_cause
+from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.missions.program import Act
 from fleet.model.change import ChangeKind, Outcome
 from fleet.model.command import Origin, Transport
@@ -298,12 +299,35 @@ async def test_a_stop_of_a_group_reaches_the_robots_that_a_change_has_added_to_i
         return spec_of(loaded, name)
 
     monkeypatch.setattr(membership, "_spec_of", stopped_meanwhile)
-    assert {change.outcome for change in (await field.apply()).values() if change.name != "rex"} >= {
-        Outcome.DONE
-    }
+    done = await field.apply()
+    assert {name: done[name].outcome for name in ("ada", "eva", "groups")} == dict.fromkeys(
+        ("ada", "eva", "groups"), Outcome.DONE
+    )
     for name in ("rex", "max", "ada", "eva"):
         await field.until(lambda name=name: field.state(name).emergency_stop)
     assert field.edge._groups == {"crew": ["max", "ada", "eva"]}
+
+
+async def test_the_groups_of_a_robot_whose_worker_reports_late_are_taken_over(yard_of_two, monkeypatch):
+    """Its worker runs, but has not reported a state yet: it must not count as silent."""
+    field, ignored = yard_of_two, []
+    arrived = RemoteRobot.state_arrived
+
+    def arrives_late(robot, payload):
+        ignored.append(payload)
+        if len(ignored) > 2:
+            arrived(robot, payload)
+
+    monkeypatch.setattr(RemoteRobot, "state_arrived", arrives_late)
+    field.add("ada", worker="limbs")
+    field.place.change(groups={"crew": ["max", "ada"]})
+    done = await field.apply()
+    assert (done["ada"].outcome, done["groups"].outcome, done["groups"].why) == (
+        Outcome.DONE,
+        Outcome.DONE,
+        "",
+    )
+    assert field.edge._groups == {"crew": ["max", "ada"]}
 
 
 async def test_a_stop_of_a_group_that_cannot_be_taken_over_reaches_its_old_and_its_new_robots(
