@@ -59,9 +59,10 @@ TRY_AGAIN_LATER = 1013  # close code: overloaded
 
 
 class _Given(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Request to open a session by a link."""
+    """Request to open a session by a link; ``page`` identifies the page in a repeated request."""
 
     token: str
+    page: str = ""
 
 
 class _LoginRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -157,10 +158,10 @@ class _App:
     async def _open(self, request: Request) -> Response:
         """Open a session for the token of a link."""
         try:
-            token = decode_json(await _body(request), _Given).token
+            given = decode_json(await _body(request), _Given)
         except (msgspec.DecodeError, WireError):
             return _json({"error": "the token cannot be read"}, 400)
-        opened = self._sessions.open(token)
+        opened = self._sessions.open(given.token, given.page)
         if opened is None:
             return _json({"error": USED}, 403)
         return self._opened(opened)

@@ -13,8 +13,9 @@ from fleet.clock import Clock
 from fleet.model.permission import Permission
 
 LINK_LIFE = 600.0  # s within which a link must be used
+RETRY_LIFE = 60.0  # s for which the page that used a link may repeat its request, if the response was lost
 SESSION_LIFE = 12 * 3600.0  # s without a request after which the session of a link ends
-MOST_LINKS = 32  # unused links; a new one replaces the oldest
+MOST_LINKS = 32  # a new one replaces the oldest
 MOST_SESSIONS = 64
 MOST_OF_ONE = 16  # sessions of one person; a new one replaces the oldest
 _BYTES = 32  # of randomness in a token
@@ -28,10 +29,11 @@ class ConsoleUser(msgspec.Struct, frozen=True):
 
 
 class _LoginLink(msgspec.Struct, frozen=True):
-    """An unused link."""
+    """A link, and the digest of the page that has used it; empty for an unused one."""
 
     operator: ConsoleUser
     until: float
+    page: bytes = b""
 
 
 class Opened(msgspec.Struct, frozen=True):
@@ -85,7 +87,7 @@ class Sessions:
         self.cookie = f"{prefix}fleet_console_{self.instance}"
 
     def new_link(self, operator: ConsoleUser) -> str:
-        """Return a token that opens one session for this operator, once and within LINK_LIFE."""
+        """Return a token with which one page opens a session for this operator within LINK_LIFE."""
         now = self._clock.monotonic()
         self._links = {key: link for key, link in self._links.items() if link.until > now}
         while len(self._links) >= MOST_LINKS:
@@ -94,11 +96,20 @@ class Sessions:
         self._links[_digest(token)] = _LoginLink(operator, now + LINK_LIFE)
         return token
 
-    def open(self, token: str) -> Opened | None:
-        """Return a new session for a token, which is consumed; None for an invalid one."""
-        link = self._links.pop(_digest(token), None)
-        if link is None or link.until <= self._clock.monotonic():
+    def open(self, token: str, page: str = "") -> Opened | None:
+        """Return a new session for a token, which is consumed; None for an invalid one.
+
+        ``page`` is a random text of the requesting page. The same page may repeat the request within
+        RETRY_LIFE: a page that never received the response could not even stop a robot.
+        """
+        now, key, user = self._clock.monotonic(), _digest(token), _digest(page) if page else b""
+        link = self._links.get(key)
+        if link is None or link.until <= now or link.page not in (b"", user):
             return None
+        if not user:
+            del self._links[key]
+        elif not link.page:
+            self._links[key] = _LoginLink(link.operator, min(link.until, now + RETRY_LIFE), user)
         return self.begin(link.operator)
 
     def begin(self, operator: ConsoleUser, holds: Callable[[], bool] = _always) -> Opened:

@@ -36,30 +36,51 @@
   }
 
   const soon = () => AbortSignal.timeout(POST_WITHIN);
+  const pause = (time) => new Promise((resume) => setTimeout(resume, time));
 
-  async function openSession() {
+  // The token of the link, removed from the address; what is left there is a moment of the past.
+  function takeToken() {
     const given = new URLSearchParams(location.hash.slice(1));
     const token = given.get("token");
+    if (!token) return "";
+    given.delete("token");
+    history.replaceState(null, "", location.pathname + (given.size ? `#${given}` : ""));
+    return token;
+  }
+
+  const token = takeToken();
+  const self = crypto.randomUUID(); // so that a repeated request of this page is accepted
+
+  async function openSession() {
+    let refusal = null;
     if (token) {
-      given.delete("token"); // what is left is a moment of the past
-      history.replaceState(null, "", location.pathname + (given.size ? `#${given}` : ""));
-      const body = JSON.stringify({ token });
+      const body = JSON.stringify({ token, page: self });
       const answer = await fetch("/api/session", { method: "POST", headers: page.headers(), body, signal: soon() });
       if (answer.ok) return keep(await answer.json());
-      const known = await fetch("/api/session", { headers: page.headers(), signal: soon() });
-      if (known.ok) return known.json();
-      throw new Error((await answer.json()).error);
+      refusal = await answer.json();
     }
     const answer = await fetch("/api/session", { headers: page.headers(), signal: soon() });
     const told = await answer.json();
-    if (!answer.ok) throw Object.assign(new Error(told.error), { login: told.login });
-    return told;
+    if (answer.ok) return told;
+    throw Object.assign(new Error((refusal || told).error), { login: told.login, refused: true });
   }
-  page.session = openSession();
+
+  // Without a session the page can stop nothing: repeat the request until the console answers.
+  async function insistOnSession() {
+    for (;;) {
+      try {
+        return await openSession();
+      } catch (error) {
+        if (error.refused) throw error;
+        await pause(AGAIN);
+      }
+    }
+  }
+  page.session = insistOnSession();
   page.session.catch(() => {});
 
   async function post(request, stop) {
-    await page.session.catch(() => {});
+    await Promise.race([page.session.catch(() => {}), pause(POST_WITHIN)]);
     const body = JSON.stringify({ ask: "stop", request, robots: stop.robots });
     const answer = await fetch("/api/stop", { method: "POST", headers: page.headers(), body, signal: soon() });
     const told = await answer.json();
@@ -70,7 +91,7 @@
   async function follow(request) {
     const stop = page.stops.get(request);
     while (stop.told && stop.told.open) {
-      await new Promise((resume) => setTimeout(resume, 200));
+      await pause(200);
       try {
         const answer = await fetch(`/api/stops/${encodeURIComponent(request)}`, { headers: page.headers() });
         if (answer.ok) page.answered(request, await answer.json());
@@ -89,7 +110,7 @@
       } catch (error) {
         stop.error = error.message || String(error);
         page.changed();
-        await new Promise((resume) => setTimeout(resume, AGAIN));
+        await pause(AGAIN);
       }
     }
   }

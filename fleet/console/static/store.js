@@ -2,6 +2,7 @@
 // it.
 
 const AGAIN = 500; // ms until the WebSocket is reopened
+const ANSWER_WITHIN = 6000; // ms
 const PING = 1000; // ms between measurements of the round-trip time
 export const SILENT = 1000; // ms without a message after which the shown data is not trusted
 const TRACK = 400; // points of a track
@@ -131,7 +132,8 @@ function toLogin(address) {
 // Why no connection opens: a restarted console has no sessions.
 async function tellWhy() {
   try {
-    const answer = await fetch("/api/session", { headers: window.fleetPage.headers() });
+    const asked = { headers: window.fleetPage.headers(), signal: AbortSignal.timeout(ANSWER_WITHIN) };
+    const answer = await fetch("/api/session", asked);
     const told = await answer.json();
     if (told.login) toLogin(told.login);
     store.error = answer.ok ? "" : told.error;

@@ -148,6 +148,26 @@ def test_without_a_session_the_page_says_how_to_get_a_link(open_page, console):
     shows(page, "#silence", "fleet console --link")
 
 
+@pytest.mark.parametrize("lost", ["request", "response"])
+def test_a_page_whose_first_request_or_its_response_is_lost_repeats_it(open_page, lost):
+    """A console under load answers late; a page that gave up could stop no robot."""
+    tries = []
+
+    def lose_one(route):
+        tries.append(route.request.method)
+        if len(tries) > 1:
+            route.continue_()
+            return
+        if lost == "response":
+            route.fetch()
+        route.abort("timedout")
+
+    page = open_page(prepare=lambda page: page.route("**/api/session", lose_one))
+    assert tries[:2] == ["POST", "POST"]
+    page.reload()
+    page.wait_for_selector(row(REX))
+
+
 def test_escape_twice_stops_everything_and_shows_who_stands_after_how_long(open_page, yard):
     page, before = open_page(), len(yard.stops)
     page.keyboard.press("Escape")

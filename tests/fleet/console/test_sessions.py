@@ -8,6 +8,7 @@ from fleet.console.sessions import (
     MOST_LINKS,
     MOST_OF_ONE,
     MOST_SESSIONS,
+    RETRY_LIFE,
     SESSION_LIFE,
     ConsoleUser,
     Permission,
@@ -40,6 +41,19 @@ def test_a_link_that_is_too_old_opens_none(sessions, clock):
     token = sessions.new_link(ANNA)
     clock.advance(LINK_LIFE)
     assert sessions.open(token) is None
+
+
+def test_only_the_page_that_used_a_link_may_repeat_its_request_and_only_for_a_while(sessions, clock):
+    """Its response may have been lost: such a page could not even stop a robot."""
+    token = sessions.new_link(ANNA)
+    first = sessions.open(token, "page one")
+    for other in ("", "page two"):
+        assert sessions.open(token, other) is None
+    again = sessions.open(token, "page one")
+    for opened in (first, again):
+        assert sessions.operator_of({sessions.cookie: opened.cookie}, opened.proof) == ANNA
+    clock.advance(RETRY_LIFE)
+    assert sessions.open(token, "page one") is None
 
 
 def test_a_session_lasts_while_it_is_used(sessions, clock):
