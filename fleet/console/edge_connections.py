@@ -60,7 +60,7 @@ class EdgeConnections:
             "robots/description": self._take_description,
             "health": self._take_health,
             "places": self._take_places,
-            "missions": self._take_mission,
+            "missions": self._take_missions,
             "runs": self._take_run,
             "schedules": self._take_schedules,
             "data": self._take_pose,
@@ -93,12 +93,10 @@ class EdgeConnections:
         self._request_states(bus.control)
 
     def _request_states(self, control: ZenohSession) -> None:
-        """Query values that change rarely and would not be published soon; blocks."""
-        ours = [
-            keys.as_console(key, Permission.VIEW.word, control.identity)
-            for key in (keys.mission("*", "*"), keys.run("*", "*"))
-        ]
-        for key in (keys.health("*"), keys.state("*", "*"), *ours):
+        """Query values that would not be published soon; blocks."""
+        self._request_missions(control)
+        runs = keys.as_console(keys.run("*", "*"), Permission.VIEW.word, control.identity)
+        for key in (keys.health("*"), keys.state("*", "*"), runs):
             for answered, data in control.request(key, b"", timeout=ANSWER_WITHIN):
                 self._arrived(answered, data)
 
@@ -114,6 +112,27 @@ class EdgeConnections:
                 on_answer=lambda data: self._arrived(key, data),
                 on_end=lambda: None,
             )
+
+    def request_missions(self) -> None:
+        """Query the missions of the edges, which a change of fleet.yaml adds and removes."""
+        for bus_session in self.bus_sessions().values():
+            self._request_missions(bus_session)
+
+    def _request_missions(self, control: ZenohSession) -> None:
+        """Query the missions reached by one bus; the answers are handled together, like one publication."""
+        key, answers = keys.mission("*", "*"), list[bytes]()
+
+        def ended() -> None:
+            if answers:
+                self._arrived(f"{key}@{control.identity}", b"[%s]" % b",".join(answers))
+
+        control.request_later(
+            keys.as_console(key, Permission.VIEW.word, control.identity),
+            b"",
+            timeout=ANSWER_WITHIN,
+            on_answer=answers.append,
+            on_end=ended,
+        )
 
     def request_schedules(self) -> None:
         """Query the schedules of each edge; the answers are handled like publications."""
@@ -174,10 +193,9 @@ class EdgeConnections:
         """Take the schedules of an edge."""
         self._view.take_schedules(parts[1], decode_json(payload, ScheduleAnswer).schedules)
 
-    def _take_mission(self, _parts: list[str], payload: bytes) -> None:
-        """Take a mission that can be started."""
-        found = decode_json(payload, MissionState)
-        self._view.put("missions", f"{found.edge}/{found.name}", msgspec.to_builtins(found))
+    def _take_missions(self, _parts: list[str], payload: bytes) -> None:
+        """Take the missions that can be started."""
+        self._view.take_missions(decode_json(payload, list[MissionState]))
 
     def _take_run(self, _parts: list[str], payload: bytes) -> None:
         """Take a run of a mission."""

@@ -2,7 +2,8 @@
 
 A page knows everything up to a version, and receives the entries that changed since. So a slow page gets
 fewer, newer messages instead of a queue. Entries stay as long as the console lives: a robot that vanishes is
-shown as gone, not removed.
+shown as gone, not removed. Only missions and schedules are removed, with the value None, when their edge no
+longer has them.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from fleet.missions.report import RunState
+from fleet.missions.report import MissionState, RunState
 from fleet.model.description import RobotDescription
 from fleet.model.geometry import Vector3, wrap_angle
 from fleet.model.report import PoseReport
@@ -82,9 +83,13 @@ class FleetView:
         self._entries: dict[str, dict[str, tuple[int, Any]]] = {kind: {} for kind in KINDS}
 
     def since(self, version: int) -> dict[str, dict[str, Any]]:
-        """Return the entries that changed after a version, by kind and identity; 0 returns all."""
+        """Return the entries that changed after a version, by kind and identity; 0 returns all there are."""
         found = {
-            kind: {name: value for name, (at, value) in entries.items() if at > version}
+            kind: {
+                name: value
+                for name, (at, value) in entries.items()
+                if at > version and (version or value is not None)
+            }
             for kind, entries in self._entries.items()
         }
         return {kind: entries for kind, entries in found.items() if entries}
@@ -185,9 +190,26 @@ class FleetView:
         self._keep("runs", MOST_RUNS)
 
     def take_schedules(self, edge: str, schedules: Iterable[ScheduleState]) -> None:
-        """Take the schedules of an edge."""
-        for each in schedules:
-            self.put("schedules", f"{edge}/{each.name}", {"edge": edge, **msgspec.to_builtins(each)})
+        """Take all schedules of an edge."""
+        shown = {each.name: {"edge": edge, **msgspec.to_builtins(each)} for each in schedules}
+        self._replace("schedules", edge, shown)
+
+    def take_missions(self, missions: Iterable[MissionState]) -> None:
+        """Take all missions of one or more edges; those of others stay as they are."""
+        by_edge: dict[str, dict[str, Any]] = {}
+        for each in missions:
+            by_edge.setdefault(each.edge, {})[each.name] = msgspec.to_builtins(each)
+        for edge, shown in by_edge.items():
+            self._replace("missions", edge, shown)
+
+    def _replace(self, kind: str, edge: str, shown: Mapping[str, object]) -> None:
+        """Set the entries of an edge, and remove those that it no longer has."""
+        for name, value in shown.items():
+            self.put(kind, id_of(edge, name), value)
+        for key in list(self._entries[kind]):
+            of, _, name = key.partition("/")
+            if of == edge and name not in shown:
+                self.put(kind, key, None)
 
     def _keep(self, kind: str, most: int) -> None:
         """Remove the entries with the oldest change."""

@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 TICK = 0.1  # s between updates
 QUIET = 0.25  # s after which a page gets a message even without news; it shows a silent console after 1 s
 DESCRIBE = 10  # ticks between queries of the vocabulary of watched robots
-SCHEDULES = 20  # ticks between queries of the schedules
+PLANS = 20  # ticks between queries of the missions and schedules
 MOST_TABS = 64
 
 
@@ -72,7 +72,8 @@ class Hub:
         if self._count % DESCRIBE == 0:
             for robot in watched:
                 self.edges.request_description(robot)
-        if self.tabs and self._count % SCHEDULES == 0:
+        if self.tabs and self._count % PLANS == 0:
+            self.edges.request_missions()
             self.edges.request_schedules()
         tick, self._tick = self._tick, asyncio.Event()
         tick.set()

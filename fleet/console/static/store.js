@@ -76,7 +76,11 @@ function takeNews(message) {
   for (const kind of ["stops", ...KINDS]) {
     if (!message[kind]) continue;
     kinds.add(kind);
-    Object.assign(kind === "stops" ? store.stops : live[kind], message[kind]);
+    const known = kind === "stops" ? store.stops : live[kind];
+    for (const [id, entry] of Object.entries(message[kind])) {
+      if (entry === null) delete known[id];
+      else known[id] = entry;
+    }
   }
   for (const [id, pose] of Object.entries(message.poses || {})) extend(id, pose);
   for (const [request, told] of Object.entries(message.stops || {})) window.fleetPage.answered(request, told);

@@ -117,6 +117,7 @@ class PlayedEdge:
         self.stops = []
         self._silent = False
         self._put_off = []
+        self._states = {}
         self._stands = set()  # who shows that it was stopped
         self.shows_stops = True
         self._groups = groups
@@ -125,10 +126,14 @@ class PlayedEdge:
         self._control = self.bus.control
         for name, fields in robots.items():
             self.add_robot(name, **fields)
-        health = EdgeState(edge, "1.0", 0.0, 5.0, groups=groups, places=places or {})
-        self._control.answer(keys.health(edge), self._replier(msgspec.json.encode(health)))
+        health = msgspec.json.encode(EdgeState(edge, "1.0", 0.0, 5.0, groups=groups, places=places or {}))
+        self._control.answer(keys.health(edge), self._replier(health))
         self._control.answer(keys.stop(edge), self._stopped)
         self._control.token(keys.edge(edge))
+        # Who joined before the answers were declared has asked in vain; an edge publishes both every second.
+        self._control.put(keys.health(edge), health)
+        for name in robots:
+            self.publish_state(name)
 
     def add_robot(self, name, **fields):
         """Tell a robot's state."""
@@ -141,6 +146,11 @@ class PlayedEdge:
             return msgspec.json.encode(msgspec.structs.replace(state, **ended) if known else state)
 
         self._control.answer(keys.state(self.edge, name), self._replier(encoded_state))
+        self._states[name] = encoded_state
+
+    def publish_state(self, name):
+        """Publish a robot's state, as an edge does once a second."""
+        self._control.put(keys.state(self.edge, name), self._states[name]())
 
     def answer_garbage(self, name):
         """Answer for a robot with what is no state."""

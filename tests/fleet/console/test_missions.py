@@ -52,6 +52,29 @@ def missions(play_edge, console):
     return missions
 
 
+def test_missions_that_a_change_of_the_file_adds_and_removes_are_shown_so(serve_console, runtime, play_edge):
+    yard = play_edge("other-1", robots={"rex": {"health": "ok"}})
+    known = ["patrol", "sweep"]
+
+    def take(question):
+        for name in known:
+            state = MissionState(name, "other-1")
+            question.reply(msgspec.json.encode(state), keys.mission("other-1", name))
+        question.close()
+
+    yard.bus.control.answer(keys.mission("other-1", "*"), take, more=keys.SENDER_SUFFIX)
+    with serve_console(runtime, "changes") as console:
+        with console.page() as page:
+            page.wait_for("missions", "other-1/sweep")
+            known[:] = ["patrol", "mow"]
+            page.wait_for("missions", "other-1/mow")
+            page.wait_for("missions", "other-1/sweep", lambda entry: entry is None)
+            assert page.entries["missions"]["other-1/patrol"]["name"] == "patrol"
+        with console.page() as page:
+            page.wait_for("missions", "other-1/mow")
+            assert "other-1/sweep" not in page.entries["missions"]
+
+
 def test_a_mission_is_started_by_the_operators_name(console, missions):
     with console.page(Permission.OPERATE) as page:
         page.request("mission", request="r", edge="yard-1", name="patrol", inputs={"height": 5})

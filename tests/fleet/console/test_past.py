@@ -183,7 +183,7 @@ def test_a_time_of_which_nothing_is_recorded_is_refused_and_one_after_it_is_repo
     assert not moment["entries"]["edges"]["yard-1"]["alive"]
 
 
-def test_one_slider_takes_the_whole_page_to_a_second_and_back(open_past, begins):
+def test_one_slider_takes_the_whole_page_to_a_second_and_back(open_past, yard, begins):
     page = open_past(at=begins + 8)
     shows_at(page, REX, [18.0, 0.0])
     assert "PAST" in page.inner_text("#past")
@@ -195,7 +195,12 @@ def test_one_slider_takes_the_whole_page_to_a_second_and_back(open_past, begins)
     assert "stopped: too close" in page.inner_text("#robot .events")
     page.click("text=Back to now")
     page.wait_for_selector("body:not(.past)")
-    assert "idle now" in page.inner_text("#robots")
+
+    def shows_now():
+        yard.publish_state("rex")
+        return "idle now" in page.inner_text("#robots")
+
+    wait_until("the present", shows_now)
     assert "#" not in page.url
 
 
