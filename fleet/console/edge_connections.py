@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -15,22 +14,21 @@ from fleet.bus.bus import Bus
 from fleet.bus.edge_buses import EdgeBuses
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import Clock
+from fleet.console.edge_queries import EdgeQueries
 from fleet.console.fleet_view import FleetView, Goals
 from fleet.console.task import ConsoleTask
 from fleet.console.watched_reports import WatchedReports
 from fleet.errors import WireError
 from fleet.missions.report import MissionState, RunState
 from fleet.model.description import RobotDescription
-from fleet.model.permission import Permission
 from fleet.model.report import PoseReport
-from fleet.model.schedule import ScheduleAnswer, ScheduleRequest
+from fleet.model.schedule import ScheduleAnswer
 from fleet.model.state import EdgeState, RobotState
 from fleet.runtime.decoding import decode_json
 from fleet.wire.databus import decode_report
 
 log = logging.getLogger(__name__)
 
-ANSWER_WITHIN = 2.0  # s for the first states
 POSITIONS = f"cw/*/data/{PoseReport.channel}"
 
 
@@ -53,6 +51,7 @@ class EdgeConnections:
         )
         self.joined: Mapping[str, Bus] = self._edges.joined
         self.watched = WatchedReports(view, self.joined)
+        self.queries = EdgeQueries(view, self.session_to, self.bus_sessions, self._arrived)
         self._lock = threading.Lock()
         self._pending: dict[str, bytes] = {}
         self._takers: Mapping[str, Callable[[list[str], bytes], None]] = {
@@ -90,62 +89,7 @@ class EdgeConnections:
         for key in (keys.state("*", "*"), keys.health("*"), keys.places("*", "*"), keys.run("*", "*")):
             bus.control.subscribe(key, self._arrived)
         bus.reports.gather(POSITIONS, self._gathered)
-        self._request_states(bus.control)
-
-    def _request_states(self, control: ZenohSession) -> None:
-        """Query values that would not be published soon; blocks."""
-        self._request_missions(control)
-        runs = keys.as_console(keys.run("*", "*"), Permission.VIEW.word, control.identity)
-        for key in (keys.health("*"), keys.state("*", "*"), runs):
-            for answered, data in control.request(key, b"", timeout=ANSWER_WITHIN):
-                self._arrived(answered, data)
-
-    def request_description(self, robot: str) -> None:
-        """Query a robot's vocabulary; the answer is handled like a publication."""
-        edge, _, name = robot.rpartition("/")
-        bus_session, key = self.session_to(edge), keys.description(edge, name)
-        if bus_session is not None and robot in self._view.states:
-            bus_session.request_later(
-                key,
-                b"",
-                timeout=ANSWER_WITHIN,
-                on_answer=lambda data: self._arrived(key, data),
-                on_end=lambda: None,
-            )
-
-    def request_missions(self) -> None:
-        """Query the missions of the edges, which a change of fleet.yaml adds and removes."""
-        for bus_session in self.bus_sessions().values():
-            self._request_missions(bus_session)
-
-    def _request_missions(self, control: ZenohSession) -> None:
-        """Query the missions reached by one bus; the answers are handled together, like one publication."""
-        key, answers = keys.mission("*", "*"), list[bytes]()
-
-        def ended() -> None:
-            if answers:
-                self._arrived(f"{key}@{control.identity}", b"[%s]" % b",".join(answers))
-
-        control.request_later(
-            keys.as_console(key, Permission.VIEW.word, control.identity),
-            b"",
-            timeout=ANSWER_WITHIN,
-            on_answer=answers.append,
-            on_end=ended,
-        )
-
-    def request_schedules(self) -> None:
-        """Query the schedules of each edge; the answers are handled like publications."""
-        payload = msgspec.json.encode(ScheduleRequest())
-        for edge, bus_session in self.bus_sessions().items():
-            key = keys.schedules(edge)
-            bus_session.request_later(
-                keys.as_console(key, Permission.VIEW.word, bus_session.identity),
-                payload,
-                timeout=ANSWER_WITHIN,
-                on_answer=partial(self._arrived, key),
-                on_end=lambda: None,
-            )
+        self.queries.request_states(bus.control)
 
     def _arrived(self, key: str, payload: bytes) -> None:
         """Keep the newest sample of a key; on the bus's threads."""

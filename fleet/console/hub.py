@@ -71,10 +71,10 @@ class Hub:
         self.edges.watched.watch(watched)
         if self._count % DESCRIBE == 0:
             for robot in watched:
-                self.edges.request_description(robot)
+                self.edges.queries.request_description(robot)
         if self.tabs and self._count % PLANS == 0:
-            self.edges.request_missions()
-            self.edges.request_schedules()
+            self.edges.queries.request_missions()
+            self.edges.queries.request_schedules()
         tick, self._tick = self._tick, asyncio.Event()
         tick.set()
 

@@ -137,7 +137,7 @@ class Tab:
             await self._tell(getattr(requested, "request", ""), "", {"status": "rejected", "reason": why})
         elif isinstance(requested, PageWatchRequest):
             self.watched = requested.robot
-            self._hub.edges.request_description(requested.robot)
+            self._hub.edges.queries.request_description(requested.robot)
         elif isinstance(requested, PageDriveRequest):
             self._driving.drive(requested)
         elif len(self._open) >= MOST_OPEN and not isinstance(requested, PageStopRequest):
