@@ -12,16 +12,18 @@ import secrets
 import stat
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import msgspec
 
-from fleet.errors import FleetError
+from fleet.errors import FleetError, StateNewer
 from fleet.model.permission import Permission
 from fleet.runtime.decoding import decode_json
+from fleet.runtime.state_format import refuse_newer
 from fleet.spool.state_folder import create_folder, locked
 
 FILE = "console-people.json"
+FORMAT: Final = 1
 LONGEST_NAME = 64
 MOST = 1000  # people
 LARGEST = 1 << 20  # bytes
@@ -52,7 +54,13 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The content of the file."""
 
     people: tuple[Person, ...] = ()
-    format: Literal[1] = 1
+    format: Literal[1] = FORMAT
+
+
+class _Format(msgspec.Struct, frozen=True):
+    """The format number of the file; the first format had none."""
+
+    format: int = FORMAT
 
 
 def name_problem(name: str) -> str:
@@ -83,7 +91,10 @@ def read_people(path: Path) -> dict[str, Person]:
     try:
         if len(content) > LARGEST:
             raise PeopleError(f"{path} has more than {LARGEST} bytes")
+        refuse_newer(decode_json(content, _Format).format, FORMAT)
         listed = decode_json(content, _File).people
+    except StateNewer as error:
+        raise PeopleError(f"{path} cannot be used: {error}") from None
     except msgspec.DecodeError as error:
         raise PeopleError(f"{path} is damaged: {error}") from None
     people = {person.name: person for person in listed}

@@ -69,7 +69,7 @@ def test_a_file_that_others_may_read_or_write_lets_nobody_in(path, mode):
         '{"people": [{"name": "anna", "permission": "root", "password": "x"}]}',
         '{"people": [{"name": "anna", "permission": "view", "password": "x", "more": 1}]}',
         '{"people": [{"name": "-f", "permission": "view", "password": "x"}]}',
-        '{"format": 2, "people": []}',
+        '{"format": 0, "people": []}',
         json.dumps({"people": [{"name": "anna", "permission": "view", "password": "x"}] * 2}),
         '{"people": []}' + " " * (1 << 20),
     ],
@@ -79,6 +79,14 @@ def test_a_damaged_file_lets_nobody_in(path, content):
     path.write_text(content)
     path.chmod(0o600)
     with pytest.raises(PeopleError, match=r"damaged|more than"):
+        read_people(path)
+
+
+def test_a_file_of_a_newer_fleet_is_reported_as_such(path):
+    path.parent.mkdir()
+    path.write_text('{"format": 2, "everyone": []}')
+    path.chmod(0o600)
+    with pytest.raises(PeopleError, match="it has format 2, of a newer fleet"):
         read_people(path)
 
 
