@@ -6,6 +6,7 @@ An edge that is away, frozen, or refuses the connection is reported and retried;
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from fleet.bus.bus import Bus, join
 from fleet.bus.settings import BusSettings, running_edges
 from fleet.clock import Clock
 from fleet.errors import BusError
+
+log = logging.getLogger(__name__)
 
 SCAN_EVERY = 0.25  # s between two scans for running edges
 RETRY_AFTER = 2.0  # s until a failed join is retried
@@ -79,10 +82,10 @@ class EdgeBuses:
         for edge in self.joined.keys() - wanted.keys():
             self._leave(edge)
 
-    def _leave(self, edge: str) -> None:
+    def _leave(self, edge: str, why: str = "it has gone") -> None:
         """Close the bus of an edge that is gone; it is joined again when it is back."""
         bus = self.joined.pop(edge)
-        self._changed(edge, "it has gone")
+        self._changed(edge, why)
         closing = asyncio.create_task(asyncio.to_thread(bus.close), name=f"close:{edge}")
         self._closing.add(closing)
         closing.add_done_callback(self._closing.discard)
@@ -98,6 +101,16 @@ class EdgeBuses:
         else:
             self.joined[edge] = bus
             self._changed(edge, None)
-            await asyncio.to_thread(self._opened, edge, bus)
+            await self._open(edge, bus)
         finally:
             del self._joining[edge]
+
+    async def _open(self, edge: str, bus: Bus) -> None:
+        """Call ``opened`` in a thread; an edge for which it fails is left and joined again."""
+        try:
+            await asyncio.to_thread(self._opened, edge, bus)
+        except Exception as error:
+            log.exception("%s was joined, but nothing can be received from it; it is joined again", edge)
+            self._not_before[edge] = self._clock.monotonic() + RETRY_AFTER
+            if self.joined.get(edge) is bus:
+                self._leave(edge, f"nothing can be received from it: {error}")
