@@ -177,22 +177,22 @@ A robot with `follows: TWIN` in fleet.yaml follows the joints that this twin tel
 same names, from the command `follow_leader` on, until any stop, or until the leader is silent for a lease.
 A leader (`role: leader`) cannot be led by one.
 
-Of `T position`, `T rotation` and `T scale` only what the editor says (`source_type: edit`) goes to the bus,
-for local programs; it moves nothing. What others measured or simulated of the twin is left alone. With MQTT
-3.1.1 a broker sends an edge's own state back to it; `inbound: {position: {on: false}}` saves that.
+Of `T position`, `T rotation` and `T scale` only messages of the editor (`source_type: edit`) go to the bus,
+for local programs; they move nothing. Measured and simulated poses from other sources are ignored. With MQTT
+3.1.1 a broker sends an edge's own state back to it; `inbound: {position: {on: false}}` avoids that traffic.
 
-A twin has one edge. An edge that sees that another one has it, by the token
-`fleet/{edge}/claims/{twin}/{since}-held` on the bus, or by two `edge_health` messages in the cloud while
-nobody uses the robot here, does not run the robot, carries nothing for it, says who has it (a second later,
-to who asks), and takes it when the other has gone. A stop is obeyed all the same. Nobody who moves a robot
-loses it to a claim.
+A twin has one edge. An edge learns that another edge has the twin from the token
+`fleet/{edge}/claims/{twin}/{since}-held` on the bus, or, while its own robot is not in use, from two
+`edge_health` messages in the cloud. It then does not run the robot and forwards nothing for it, answers
+requests with the name of the other edge (after a second), and takes the twin when the other edge is gone. A
+stop is executed all the same. A robot in use is never lost to a claim.
 
-An edge that dies: an MQTT connection has one will, so the broker says `disconnected` at once, on
-`T telemetry`, for the first twin of fleet.yaml alone. For all twins the edge's supervisor has it said, within
-a second, unless the next edge is there before. A computer that dies takes the supervisor along: then the
-others' `T edge_health` tells, which comes each 5 s; none for 16 s means that no edge serves the twin. When
-the edge is connected again it says `connected` for each twin that answers, and `disconnected`, once after its
-start, for those that do not.
+When an edge dies, the broker publishes its will: `disconnected` on `T telemetry`, at once, but only for the
+first twin of fleet.yaml, because an MQTT connection has one will. The edge's supervisor publishes it for all
+twins within a second, unless another edge has taken over by then. When the whole computer dies, the missing
+`T edge_health`, published every 5 s, is the sign: none for 16 s means that no edge serves the twin. When the
+edge is connected again it publishes `connected` for each twin that answers, and once after its start
+`disconnected` for those that do not.
 """
 
 ENVELOPE = """\

@@ -38,7 +38,7 @@ function draw() {
 // The holder of a robot, for its panel.
 export function holder(robot) {
   if (robot.run) return `run ${robot.run}`;
-  if (!robot.control) return "nobody";
+  if (!robot.control) return "none";
   return robot.control === store.operator ? "you" : robot.control;
 }
 

@@ -106,7 +106,7 @@ function partRow(part, end) {
 
 function approach(result) {
   const nearest = result.approaches?.[0];
-  if (!nearest) return "Closest approach: nobody knows; no two robots are placed in the site's frame, or none moved.";
+  if (!nearest) return "Closest approach: unknown; no two robots are placed in the site's frame, or none moved.";
   return `Closest approach: ${nearest.robots.join(" and ")}, ${nearest.metres.toFixed(2)} m after ${clock(nearest.at)}; ${nearest.kept} m are kept.`;
 }
 

@@ -155,6 +155,6 @@
     if (!button) return;
     const whom = button.dataset.stop === "all" ? [] : page.selected();
     if (button.dataset.stop === "all" || whom.length) page.stop(whom);
-    else page.changed("Nobody is selected: choose robots in the list, or STOP ALL.");
+    else page.changed("No robot is selected: choose robots in the list, or STOP ALL.");
   });
 })();

@@ -129,7 +129,7 @@ class ExecutionJournal:
     def all_rows(self, *, clear: bool = True) -> Iterator[list[JournalRow]]:
         """Give the rows of all processes of this edge; an incomplete row at the end of a file is skipped.
 
-        After the block, those of dead processes are removed, and with ``clear`` our own. Nobody else would
+        After the block, those of dead processes are removed, and with ``clear`` our own. Nothing else would
         remove them, and a stop among them would be set again at every start, although it was released long
         ago.
         """

@@ -48,7 +48,7 @@ class SetpointRequests:
             receipt.done()
             return
         superseding = motion.under_way
-        if motion.in_control or not request.velocity.is_zero:  # a zero takes the robot from nobody
+        if motion.in_control or not request.velocity.is_zero:  # a zero does not take over the robot
             motion.begin(request)
         motion.navigator.cancel("teleoperation took over")
         if motion.driving.take(adapter, request, receipt, superseding=superseding):
