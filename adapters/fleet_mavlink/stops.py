@@ -20,8 +20,8 @@ class StopCommands(SessionAdapter):
     async def stop(self, reason: str) -> None:
         """Brake and hold in the air; motors are never cut.
 
-        A landing or a flight home is executed by the autopilot itself, and is the safest way left when an edge
-        ends: only a requested stop breaks it off. A vehicle that this edge does not move is braked only then.
+        A landing or a flight home is executed by the autopilot itself, and is the safest way left when an
+        edge ends: only a requested stop breaks it off, or brakes a vehicle that this edge does not move.
         Raises a CommandError when the vehicle was not seen to stop.
         """
         if reason not in _REQUESTED and not self._session.is_ours_to_stop:

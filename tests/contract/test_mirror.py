@@ -61,7 +61,6 @@ FLEET = {
     "host/edge/run_reporter.py": "fleet/missions/test_runs.py",
     "host/edge/missions.py": "fleet/missions/test_runs.py",
     "host/edge/webhook.py": "fleet/host/edge/test_notifier.py",
-    "host/robot/whereabouts.py": "fleet/host/follow/test_robot_follower.py",
     "host/follow/goal_follower.py": "fleet/host/robot/test_navigator.py",
     "host/follow/leg_follower.py": "adapters/fleet_quadruped/test_navigation.py",
     "host/follow/stuck.py": "adapters/fleet_quadruped/test_navigation.py",
@@ -79,11 +78,9 @@ FLEET = {
     "host/process/twin_holders.py": "fleet/host/test_two_edges.py",
     "host/process/rebuild.py": "fleet/host/edge/test_changes.py",
     "host/process/robot_runs.py": "fleet/host/process/test_robot_process.py",
-    "host/robot/rest.py": "fleet/host/workers/test_reload.py",
     "host/workers/worker_changes.py": "fleet/host/edge/test_changes.py",
     "host/robot/dry_run.py": "fleet/host/robot/test_local_robot.py",
     "host/robot/frame_commands.py": "fleet/host/robot/test_frame_adapter_runner.py",
-    "host/robot/standstill.py": "fleet/host/test_invariants.py",
     "host/runtime/blocking_calls.py": "fleet/host/robot/test_robot_handle.py",
     "host/runtime/loop_monitor.py": "fleet/host/runtime/test_watchdog.py",
     "host/workers/drop_in_inspector.py": "fleet/cli/test_drop_ins.py",
@@ -293,7 +290,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 149, "adapters": 134, "plugins": 0}
+CEILINGS = {"fleet": 146, "adapters": 134, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))

@@ -7,6 +7,8 @@ from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine
 from contextlib import AbstractAsyncContextManager, aclosing, nullcontext
 from typing import Any, TypeVar
 
+from fleet.runtime.exception_barrier import failure_of
+
 ResultT = TypeVar("ResultT")
 
 AGAIN_AFTER = 0.5  # s after which a task that goes on is cancelled again
@@ -30,9 +32,14 @@ async def wait_bounded(work: Coroutine[object, object, ResultT], seconds: float)
 
 
 def result_of(task: asyncio.Future[ResultT]) -> ResultT:
-    """Return or raise the result of a finished task; RuntimeError if it was cancelled, since not by us."""
+    """Return or raise the result of a finished task; RuntimeError if it was cancelled, since not by us.
+
+    A GeneratorExit that the task raised becomes a RuntimeError, too: handlers of Exception halt the robot.
+    """
     if task.cancelled():
         raise RuntimeError("the adapter was cancelled from within")
+    if isinstance(error := task.exception(), GeneratorExit):
+        raise failure_of(error)
     return task.result()
 
 
