@@ -79,7 +79,6 @@ FLEET = {
     "host/process/rebuild.py": "fleet/host/edge/test_changes.py",
     "host/process/robot_runs.py": "fleet/host/process/test_robot_process.py",
     "host/workers/worker_changes.py": "fleet/host/edge/test_changes.py",
-    "host/robot/dry_run.py": "fleet/host/robot/test_local_robot.py",
     "host/robot/frame_commands.py": "fleet/host/robot/test_frame_adapter_runner.py",
     "host/runtime/blocking_calls.py": "fleet/host/robot/test_robot_handle.py",
     "host/runtime/loop_monitor.py": "fleet/host/runtime/test_watchdog.py",
@@ -290,7 +289,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 146, "adapters": 134, "plugins": 0}
+CEILINGS = {"fleet": 145, "adapters": 134, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))

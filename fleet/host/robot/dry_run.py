@@ -31,15 +31,12 @@ def would_refuse(controller: RobotController, name: str, spec: CommandSpec | Non
 def against(controller: RobotController, request: Command | Navigate, spec: CommandSpec | None) -> str:
     """Return why a robot would not start a request from standstill now; empty when it would.
 
-    ``spec`` is that of a command. Stricter than a request: a robot that is busy, even for the same sender,
-    does not start together with others.
+    ``spec`` is that of a command. Stricter than a request: a robot that is busy, even for the same sender, or
+    whose emergency stop is set does not start together with others.
     """
-    if controller.offline or controller.activity:
-        return (
-            f"{controller.name} is offline: {controller.offline}"
-            if controller.offline
-            else f"busy with {controller.activity}"
-        )
+    if controller.offline or controller.motion.activity:
+        absent = f"{controller.name} is offline: {controller.offline}"
+        return absent if controller.offline else f"busy with {controller.motion.activity}"
     if isinstance(request, Navigate):
         if isinstance(request.instruction, Control):
             return f"{request.name} is not started together"
@@ -55,7 +52,7 @@ def against(controller: RobotController, request: Command | Navigate, spec: Comm
     except Refused as error:
         return str(error)
     return (
-        controller.would_refuse(request, moves=spec.moves, safe=spec.safe)
+        controller.would_refuse(request, moves=spec.moves, safe=spec.safe and not controller.latched)
         or controller.guard.beginning(request, spec)
         or ""
     )
