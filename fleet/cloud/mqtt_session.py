@@ -91,10 +91,11 @@ class MqttSession:
         Raises SessionRefused if the broker refuses the session, SessionEnded if the connection must be
         closed.
         """
-        handler = self._handlers.get(type(packet))
+        kind = type(packet)
+        handler = self._handlers.get(kind)
         # CONNACK must come first, and only once.
-        if handler is None or self.connected == isinstance(packet, mqtt5.ConnAckPacket):
-            raise _broken(f"the broker sent {type(packet).__name__} out of place")
+        if handler is None or self.connected == (kind is mqtt5.ConnAckPacket):
+            raise _broken(f"the broker sent {kind.__name__} out of place")
         handler(packet, now)
 
     def take_replies(self) -> bytes:

@@ -35,8 +35,8 @@ def frame_length(data: bytes, start: int = 0) -> int | None:
 
     Raises WireError for a length field of more than four bytes.
     """
-    at, size, shift = start + 1, 0, 0
-    while at < len(data):
+    known, at, size, shift = len(data), start + 1, 0, 0
+    while at < known:
         byte = data[at]
         size |= (byte & 0x7F) << shift
         at += 1
@@ -78,26 +78,29 @@ class PacketFramer(Generic[ReadT]):
                 return
             data = bytes(self._rest)
             self._rest.clear()
-        start = 0
-        while start < len(data) and (end := self._end(data, start)) is not None:
+        start, known = 0, len(data)
+        while start < known and (end := self._end(data, start, known)) is not None:
             yield self._read(data, start, end)
             start = end
         self._rest += data[start:]
 
-    def _end(self, data: bytes, start: int) -> int | None:
-        """Return the end of the frame, None if it is incomplete; then record how many bytes it needs."""
+    def _end(self, data: bytes, start: int, known: int) -> int | None:
+        """Return the end of the frame, None if it is incomplete; then record how many bytes it needs.
+
+        ``known`` is the length of ``data``.
+        """
         length = frame_length(data, start)
         if length is None:
             self._needed = 0
             return None
         if length > self._limit:
-            if len(data) - start < min(length, self._head):
+            if known - start < min(length, self._head):
                 self._needed = min(length, self._head)
                 return None
             head = data[start : start + self._head]
             raise PacketTooLarge(f"a packet of {length} bytes, larger than {self._limit}", head)
         self._needed = length
-        return start + length if start + length <= len(data) else None
+        return start + length if start + length <= known else None
 
 
 class PacketDecoder(PacketFramer[mqtt5.Packet]):

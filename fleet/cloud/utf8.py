@@ -56,9 +56,7 @@ class _Scanner:
         self.number()  # skip the remaining length: the packet is complete
 
     def packet(self) -> None:
-        """Scan the whole packet; one of ASCII characters only has no broken text."""
-        if bytes(self._packet[self._at :]).isascii():
-            return
+        """Scan the whole packet."""
         kind, flags = self._packet[0] >> 4, self._packet[0]
         for part in _LAYOUTS.get(kind, ""):
             match part:
@@ -152,7 +150,13 @@ class _Scanner:
 
 
 def has_broken_text(packet: memoryview) -> bool:
-    """Return whether a string in a complete MQTT 5 packet is not UTF-8; False if it is malformed before."""
+    """Return whether a string in a complete MQTT 5 packet is not UTF-8; False if it is malformed before.
+
+    A packet of ASCII characters behind its first two bytes has no broken text. A length field of three bytes
+    or more, which is not ASCII either, is that of a long packet, which is scanned.
+    """
+    if bytes(packet[2:]).isascii():
+        return False
     try:
         _Scanner(packet).packet()
     except _NotUtf8:
