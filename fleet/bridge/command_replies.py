@@ -63,17 +63,27 @@ class PublishReply(Protocol):
 
 
 class MessageReplies:
-    """Replies to one message: the receipt, then, for an accepted command, its end."""
+    """Replies to one message: the receipt, then, for an accepted command, its end.
 
-    def __init__(self, receipt: SendReply, end: SendReply) -> None:
-        self._next, self._end = receipt, end
-        self.answered = False
+    ``senders`` returns the senders of both. It is called for the receipt: by then the robot has been told.
+    """
+
+    def __init__(self, senders: Callable[[], tuple[SendReply, SendReply]]) -> None:
+        self._senders = senders
+        self._end: SendReply | None = None
+
+    @property
+    def answered(self) -> bool:
+        """True once the receipt was sent."""
+        return self._end is not None
 
     def __call__(self, reply: Reply) -> None:
         """Send a reply; the first one is the receipt."""
-        self.answered = True
-        send, self._next = self._next, self._end
-        send(reply)
+        if self._end is None:
+            receipt, self._end = self._senders()
+            receipt(reply)
+        else:
+            self._end(reply)
 
 
 class CommandReplies:
@@ -97,31 +107,43 @@ class CommandReplies:
         Results of ``start_video`` and ``stop_video`` are also published on topics of their own, where the
         frontend waits for them. ``once``: the message is not part of a stream, whatever its command.
         """
-        receipt, end = self._senders(port, message, kind, once)
-        if kind == "command":
-            return MessageReplies(
-                partial(self._send_with_video, port, receipt), partial(self._send_with_video, port, end)
-            )
-        return MessageReplies(receipt, end)
+        return MessageReplies(
+            partial(self._senders, port, message.response_topic, message.correlation, kind, once)
+        )
 
     def _senders(
         self,
         port: RobotPort,
-        message: CloudMessage,
+        inbox: str | None,
+        correlation: bytes | None,
         kind: Kind,
         once: bool,  # noqa: FBT001 - by position
     ) -> tuple[SendReply, SendReply]:
         """Return the senders of the receipt and of the end."""
-        inbox, status = message.response_topic, _no_answer
+        receipt, end = self._plain_senders(port, inbox, correlation, kind, once)
+        if kind == "command":
+            return partial(self._send_with_video, port, receipt), partial(self._send_with_video, port, end)
+        return receipt, end
+
+    def _plain_senders(
+        self,
+        port: RobotPort,
+        inbox: str | None,
+        correlation: bytes | None,
+        kind: Kind,
+        once: bool,  # noqa: FBT001 - by position
+    ) -> tuple[SendReply, SendReply]:
+        """Return the senders of the receipt and of the end, without the topics of video commands."""
+        status = _no_answer
         if kind in ANSWERED_BY_STATUS and port.legacy_status:
-            status = partial(self._send_status, port, _text(message.correlation), once)
+            status = partial(self._send_status, port, _text(correlation), once)
         if inbox is None:
             return status, status
         if not self._topics.is_own_inbox(inbox, port.twin):
             line = "%s: no reply to %.120r: it is not a reply inbox of this twin"
             self._refusals.add("foreign inbox", line, port.name, inbox)
             return _no_answer, status
-        return self._responder(port, inbox, message.correlation), status
+        return self._responder(port, inbox, correlation), status
 
     def _send_with_video(self, port: RobotPort, send: SendReply, reply: Reply) -> None:
         """Send a reply; publish the result of a video command on the topic of that command as well."""

@@ -163,7 +163,8 @@ class Downlink:
         """
         topic, twin = one.message.topic, one.route.topic.twin
         if len(self._inbox) < MOST_WAITING and self._waiting < MOST_BYTES:
-            self._stops.pop(twin, None)  # this message may start motion: the next stop counts again
+            if self._stops:
+                self._stops.pop(twin, None)  # this message may start motion: the next stop counts again
         elif stops and topic not in self._stops.setdefault(twin, {}):
             self._stops[twin][topic] = one
         else:
@@ -180,17 +181,17 @@ class Downlink:
         """
         end = self._clock.monotonic() + TIME_SLICE
         while self._inbox:
-            if self._clock.monotonic() > end:
-                return True
             one = self._inbox.popleft()
             self._waiting = self._waiting - len(one.message.payload) if self._inbox else 0
-            waiting = self._stops.get(one.route.topic.twin)
+            waiting = self._stops and self._stops.get(one.route.topic.twin)
             if waiting and waiting.get(one.message.topic) is one:
                 waiting.pop(one.message.topic, None)
             try:
                 self._dispatch(one)
             except Exception:  # the other messages must not wait for the next read: they would be late
                 log.exception("a message on %s could not be dispatched", one.message.topic)
+            if self._inbox and self._clock.monotonic() > end:
+                return True
         return False
 
     def _read(self, route: InboundRoute, port: RobotPort, message: CloudMessage) -> Request | None:
@@ -249,7 +250,7 @@ class Downlink:
             self.refusals.add("retained", line, message.topic)
         elif message.flaw:
             self.refusals.add("damaged", "refused a message on %s: %s", message.topic, message.flaw)
-        elif message.payload.find(self._session_bytes) >= 0 and self._is_ours(message.payload):
+        elif self._session_bytes in message.payload and self._is_ours(message.payload):
             if requested is not None:
                 line = "refused a message on %s: it carries this edge's own session_id"
                 self.refusals.add("own session", line, message.topic)
