@@ -166,7 +166,9 @@ def _usual(payload: bytes) -> _Usual | None:
     except (ValueError, RecursionError):
         return None
     name = read.command
-    if not (name.isidentifier() and name.isascii() and name[0] != "_" and len(name) <= LONGEST_NAME):
+    if name not in _MEANINGS and not (
+        name.isidentifier() and name.isascii() and name[0] != "_" and len(name) <= LONGEST_NAME
+    ):
         return None
     members = 4 + (read.session_id is not None) + len(read.data)
     # Each member has one colon. More colons mean an unknown member or a duplicate key: not the usual form.
@@ -248,7 +250,7 @@ def _move(envelope: _Envelope, _defaults: Defaults) -> Setpoint:
 
 def _signed(members: Mapping[str, object], where: str) -> Velocity:
     """Return the velocity in flat signed fields, of which at least one must be present."""
-    if members.keys().isdisjoint(VELOCITY_FIELDS):
+    if _VELOCITY.isdisjoint(members):
         raise WireError(f"needs one of {', '.join(VELOCITY_FIELDS)}", where=where or "message")
     x = number(members, "linear_x", where) if "linear_x" in members else 0.0
     y = number(members, "linear_y", where) if "linear_y" in members else 0.0

@@ -136,7 +136,7 @@ def _member(members: Mapping[str, object], name: str, where: str) -> object:
 
 def finite(value: object, where: str) -> float:
     """Return ``value`` as a float; raises WireError for a string, a boolean, null or an infinity."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if type(value) is not float and (isinstance(value, bool) or not isinstance(value, int | float)):
         raise WireError(f"a number is needed, this is {kind(value)}", where=where)
     try:
         measure = float(value)

@@ -47,8 +47,8 @@ class RequestDecoder:
         self._origin = config.origin
         self._home_altitude = home_altitude
         self._planar = planar
-        self._defaults = defaults
         self._decoders: dict[Kind, Callable[..., RobotRequest | None]] = {
+            "command": partial(decode_command, defaults=defaults),
             "navigate": self._navigate,
             "motion": decode_motion,
             "joints": partial(decode_joints, leads=config.role == "leader"),
@@ -72,7 +72,7 @@ class RequestDecoder:
         # No variable may hold the error: its traceback would then form a reference cycle that keeps the
         # payload until the next garbage collection, which is rare.
         try:
-            return self._decode(kind, payload, transport=transport, request_id=request_id)
+            return self._decoders[kind](payload, transport=transport, request_id=request_id, twin=self._twin)
         except WireError as error:
             if stop := stop_in(payload, kind):
                 return Command(stop, origin=Origin(transport), flaw=str(error))
@@ -83,16 +83,6 @@ class RequestDecoder:
             if stop := stop_in(payload, kind):
                 return Command(stop, origin=Origin(transport), flaw=why)
             raise WireError(why) from None
-
-    def _decode(
-        self, kind: Kind, payload: bytes, *, transport: Transport, request_id: str
-    ) -> RobotRequest | None:
-        """Decode a message strictly."""
-        if kind == "command":
-            return decode_command(
-                payload, transport=transport, request_id=request_id, defaults=self._defaults, twin=self._twin
-            )
-        return self._decoders[kind](payload, transport=transport, request_id=request_id, twin=self._twin)
 
     def _navigate(
         self, payload: bytes, *, transport: Transport, request_id: str, twin: str
@@ -125,14 +115,22 @@ class RequestDecoder:
 
 def is_stop(request: RobotRequest) -> bool:
     """Return True for a request that can only end motion."""
-    if isinstance(request, Navigate):
-        return request.instruction is Control.STOP
-    return isinstance(request, Command) and request.name in STOP_WORDS
+    match request:
+        case Command():
+            return request.name in STOP_WORDS
+        case Navigate():
+            return request.instruction is Control.STOP
+        case _:
+            return False
 
 
 def is_discrete(request: RobotRequest) -> bool:
     """Return True for a request that is not part of a stream of velocities or joint targets."""
-    return not isinstance(request, Setpoint | JointSetpoint)
+    match request:
+        case Setpoint() | JointSetpoint():
+            return False
+        case _:
+            return True
 
 
 def reply_with_flaw(answer: Answer, flaw: str) -> Answer:
@@ -148,9 +146,12 @@ def reply_with_flaw(answer: Answer, flaw: str) -> Answer:
 
 def max_wait(request: RobotRequest, config: AdapterConfig) -> float:
     """Return how many seconds a request may wait for the event loop; stops and zeros may always wait."""
-    if isinstance(request, Setpoint):
-        return math.inf if request.velocity.is_zero else config.max_age
-    if isinstance(request, JointSetpoint):
-        return config.max_age
-    holds = isinstance(request, Navigate) and request.instruction is Control.PAUSE
-    return math.inf if holds or is_stop(request) else config.command_max_age
+    match request:
+        case Setpoint():
+            return math.inf if request.velocity.is_zero else config.max_age
+        case JointSetpoint():
+            return config.max_age
+        case Navigate(instruction=Control.PAUSE):
+            return math.inf
+        case _:
+            return math.inf if is_stop(request) else config.command_max_age

@@ -152,6 +152,10 @@ class EventReporter:
 
 def request_of(request: RobotRequest | None) -> str:
     """Return the id of a request, empty if it has none."""
-    if isinstance(request, Navigate):
-        return request.action_id
-    return request.id if isinstance(request, Command) else ""
+    match request:
+        case Command():
+            return request.id
+        case Navigate():
+            return request.action_id
+        case _:
+            return ""

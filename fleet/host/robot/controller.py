@@ -249,14 +249,15 @@ class RobotController:
 
     def receive(self, request: RobotRequest, receipt: Receipt) -> None:
         """Handle a request; its receipt is answered exactly once."""
-        if isinstance(request, Setpoint):
-            self._setpoints.velocity(request, receipt)
-        elif isinstance(request, JointSetpoint):
-            self._setpoints.joints(request, receipt)
-        elif isinstance(request, Command):
-            self._command(request, receipt)
-        else:
-            self.goals.take(request, receipt)
+        match request:
+            case Setpoint():
+                self._setpoints.velocity(request, receipt)
+            case JointSetpoint():
+                self._setpoints.joints(request, receipt)
+            case Command():
+                self._command(request, receipt)
+            case _:
+                self.goals.take(request, receipt)
         self.motion.record()
 
     def _command(self, request: Command, receipt: Receipt) -> None:

@@ -23,7 +23,9 @@ def goal_of(request: RobotRequest | None, can: Capabilities, defaults: Defaults)
     Verbs that the adapter declares are left to it. Raises BadCommand with the reason for an invalid distance,
     and for one that takes longer than ``LONGEST`` at the speed of a verb, which ``defaults`` gives.
     """
-    if not isinstance(request, Command) or request.name not in VERBS or request.name in can.commands:
+    if request is None or request.name not in VERBS or request.name in can.commands:
+        return request
+    if not isinstance(request, Command):
         return request
     verb, distance = VERBS[request.name], float(request.data["distance"])
     speed = getattr(defaults(request.origin.session), verb.default)

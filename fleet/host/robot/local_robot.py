@@ -32,7 +32,7 @@ from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.host.runtime.watchdog import Watchdog, Watched
 from fleet.link.backoff import backoff
-from fleet.model.command import Reply, Request, Transport
+from fleet.model.command import Reply
 from fleet.model.description import RobotDescription
 from fleet.model.event import EventReport
 from fleet.model.health import Health, Level
@@ -41,7 +41,6 @@ from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.runtime.event_loop import OWNER
 from fleet.supervisor.client import SupervisorClient
-from fleet.wire.rules import Kind
 
 RECORD_EVERY = 1.0  # s between records of the end of motion
 
@@ -113,6 +112,7 @@ class LocalRobot:
             home_altitude=lambda: self._seen.home_altitude,
             context=self._context,
         )
+        self.read = self.requests.read
         self._changed = changed
         self._limits = config.limits.over(can.limits)
         self._make_handle = partial(
@@ -157,28 +157,6 @@ class LocalRobot:
             self._scheduler.every(POLL_INTERVAL, apart.check, owner=self.name, failed=on_failure)
 
         self._scheduler.every(POLL_INTERVAL, apart.check, owner=self.name, failed=on_failure)
-
-    def read(
-        self,
-        kind: Kind,
-        payload: bytes,
-        *,
-        transport: Transport,
-        request_id: str = "",
-        waits: bool = False,
-        unread: str = "",
-        proven: str | None = None,
-    ) -> Request | None:
-        """Decode a message, on any thread; the returned request is called on the loop."""
-        return self.requests.read(
-            kind,
-            payload,
-            transport=transport,
-            request_id=request_id,
-            waits=waits,
-            unread=unread,
-            proven=proven,
-        )
 
     def spec_of(self, command: str) -> CommandSpec | None:
         """Return the adapter's declaration of a command, None for an unknown one."""

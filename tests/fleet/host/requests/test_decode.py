@@ -150,7 +150,7 @@ def test_a_message_too_large_to_read_is_refused_where_no_stop_comes(kind):
 
 def test_an_error_of_the_edges_own_takes_no_stop_away(caplog):
     broken = decoder()
-    broken._decode = lambda *_, **__: 1 / 0
+    broken._decoders["command"] = lambda *_, **__: 1 / 0
     stop = broken.decode("command", b'{"command": "stop"}', transport=Transport.CLOUD)
     assert (stop.name, stop.flaw) == (
         "stop",
