@@ -73,12 +73,13 @@ class RobotJournal:
         """Record whether the robot may be moving because of this process; a repetition writes nothing."""
         if self._clock is None:
             return
-        now = self._clock.monotonic()
         if not moving:
             if self._moved_at is not None:
                 self._moved_at = None
                 self._put(CommandEnd("ended", self._robot, MOTION))
-        elif self._moved_at is None or now - self._moved_at > NOTED_AGAIN:
+            return
+        now = self._clock.monotonic()
+        if self._moved_at is None or now - self._moved_at > NOTED_AGAIN:
             self._moved_at = now
             self._put(StartedCommand(self._robot, MOTION, "motion", False, self._clock.time()))
 
@@ -273,15 +274,18 @@ class Journal:
 
     def _put(self, change: JournalChange) -> None:
         """Add a change; from here on, a started command or a stop survives the process."""
-        if isinstance(change, CommandEnd) and not self.ends_are_reported():
-            return
+        match change:
+            case CommandEnd() if not self.ends_are_reported():
+                return
         with self._adding:
-            if not isinstance(change, CommandEnd):
-                self._add(change)
-            if isinstance(change, Latched):
-                self._set[change.robot] = change.why
-                if not change.why:
-                    del self._set[change.robot]
+            match change:
+                case StartedCommand():
+                    self._add(change)
+                case Latched():
+                    self._add(change)
+                    self._set[change.robot] = change.why
+                    if not change.why:
+                        del self._set[change.robot]
             self._waiting.append(change)
 
     def _gather(self) -> None:

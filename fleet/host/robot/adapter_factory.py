@@ -58,7 +58,9 @@ class Capabilities(msgspec.Struct, frozen=True):
             return "it does not move sideways"
         if self.limits.vertical_speed is None and abs(velocity.linear.z) > _NOISE:
             return "it stays on the ground"
-        return self._lacked(velocity) if self.lacking else None
+        if not self.lacking or VERBS.keys().isdisjoint(self.lacking):
+            return None
+        return self._lacked(velocity)
 
     def _lacked(self, velocity: Velocity) -> str | None:
         """Return why this robot lacks a direction of the velocity; None when it lacks none."""

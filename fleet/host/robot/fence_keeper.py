@@ -11,7 +11,7 @@ from fleet.errors import Refused
 from fleet.host.robot.robot_place import RobotPlace
 from fleet.host.safety.fence import Fence
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
-from fleet.model.geometry import Vector3, Velocity, rotate_to_world
+from fleet.model.geometry import Vector3, Velocity
 from fleet.model.polygon import Polygon
 from fleet.robot_config import FenceConfig, Limits
 
@@ -83,19 +83,16 @@ class FenceKeeper:
 
     def inside(self, velocity: Velocity) -> Velocity:
         """Return the part of a body velocity that stays in the fence; raises Refused if that is unknown."""
-        if self.is_open or (not self._has_border and velocity.linear.z <= 0) or velocity.is_zero:
+        if self.is_open or (velocity.is_zero if self._has_border else velocity.linear.z <= 0):
             return velocity
         pose = self._place.fresh()
         if pose is None or self.fence is None:
             if not self._has_border:
                 return velocity
             raise Refused("the fence cannot be kept: the robot's position is unknown")
-        yaw = pose.rotation.yaw
-        wanted = rotate_to_world(velocity.linear, yaw)
-        admitted = self.fence.admitted(pose.position, wanted, self._place.home_point())
-        if admitted == wanted:
-            return velocity
-        return Velocity(rotate_to_world(admitted, -yaw), velocity.yaw_rate)
+        heading = pose.rotation.yaw if self._has_border else 0.0  # a ceiling limits the climb of any
+        admitted = self.fence.admitted(pose.position, velocity.linear, self._place.home_point(), heading)
+        return velocity if admitted == velocity.linear else Velocity(admitted, velocity.yaw_rate)
 
 
 def _placed(corners: Iterable[tuple[float, float]], config: FenceConfig, world: GeoOrigin | None) -> Polygon:

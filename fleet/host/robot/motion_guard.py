@@ -91,7 +91,8 @@ class MotionGuard:
 
     def configure(self, config: AdapterConfig, limits: Limits) -> None:
         """Apply a changed fence, limits and battery policy, also to present motion."""
-        self._config, self._limits = config, limits
+        self._takeoff_altitude = getattr(config, "takeoff_altitude", 0.0)
+        self._limits = limits
         self.fencing.configure(config.fence, limits)
         before, self._policy = self._policy, config.battery_policy
         if self._policy is None:
@@ -194,7 +195,7 @@ class MotionGuard:
         Judged are a start of a flight, a change of the height, and outside the fence all that may move the
         robot to another place, as ``spec`` declares it.
         """
-        rise = vertical_motion(request, self._place, getattr(self._config, "takeoff_altitude", 0.0))
+        rise = vertical_motion(request, self._place, self._takeoff_altitude)
         if request.name in BEGINNINGS:
             begins = self._start_trouble()
         else:

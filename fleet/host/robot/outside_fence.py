@@ -37,8 +37,10 @@ def vertical_motion(request: Command, place: RobotPlace, default: float) -> Vect
 
     None for other commands, for an unknown height, and for parameters that the command itself refuses.
     """
+    if request.name not in CLIMBS:
+        return None
     pose, home = place.fresh(), place.home_point()
-    if request.name not in CLIMBS or pose is None:
+    if pose is None:
         return None
     field, sign = CLIMBS[request.name]
     metres = request.data.get(field, default)

@@ -73,7 +73,9 @@ class RobotMotion:
     @property
     def under_way(self) -> bool:
         """True while the robot moves, or may move, because of a request to this edge."""
-        return bool(self.driving.activity or self.executor.moving or self.navigator.active)
+        driving = self.driving
+        held = driving.deadman.armed or driving.joints.deadman.armed
+        return held or bool(self.executor.moving) or self.navigator.active
 
     def record(self) -> None:
         """Record whether the robot may be moving, for a process that follows this one; call it often."""
@@ -83,7 +85,9 @@ class RobotMotion:
     def begin(self, request: RobotRequest) -> None:
         """Note that a request moves the robot from now on: this edge is in control."""
         self._had_control, self.in_control = self.in_control, True
-        self._stop_unconfirmed &= isinstance(request, Setpoint) and request.velocity.is_zero
+        self._stop_unconfirmed = (
+            self._stop_unconfirmed and isinstance(request, Setpoint) and request.velocity.is_zero
+        )
         self._event_reporter.moves(request)
 
     def not_begun(self, receipt: Receipt) -> None:

@@ -120,19 +120,19 @@ class VelocityControl:
         """Make the adapter hold a velocity for its lease (s); raises the adapter's errors."""
         self._adapter, self._wanted = adapter, clamp(velocity, self._limits)
         velocity = self._guard.within(self._wanted)
-        now = self._clock.monotonic()
+        now, zero = self._clock.monotonic(), velocity.is_zero
         self.deadman.feed(now, lease)
         self._guard.held = velocity
         self._driven_until = now + lease
-        if velocity.is_zero:
+        if zero:
             self._driven_until = now
             self.deadman.clear()
         call_guarded(adapter.drive, velocity)
-        if not velocity.is_zero and (why := self.barred()):  # set meanwhile by another thread
+        if not zero and (why := self.barred()):  # set meanwhile by another thread
             self._halt()
             self.release()
             raise Refused(why)
-        self._guard.taken = self._guard.taken and velocity.is_zero
+        self._guard.taken = self._guard.taken and zero
 
     def reapply_velocity(self) -> None:
         """Hold the requested velocity as far as the guard admits it now; the lease is not renewed."""

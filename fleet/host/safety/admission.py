@@ -78,15 +78,14 @@ class Admission:
         requested_for = request.name == JOIN and not request.origin.session.startswith(
             RUN_SESSION
         )  # by a person
-        refusal = self._policy_refusal(request) or self._age(
-            _sender_of(request.origin),
-            request.stamp,
-            self._command_max_age,
-            moves=ends_a_stop or requested_for,
+        now = self._clock.monotonic()
+        refusal = (
+            self._policy_refusal(request)
+            or self._age(request, now, self._command_max_age, moves=ends_a_stop or requested_for)
+            or self._standing(request, now, moves=moves, safe=safe)
         )
-        refusal = refusal or self._standing(request, moves=moves, safe=safe)
         if refusal is None and ends_a_stop and request.name != RELEASE:
-            self._take(request.origin)
+            self._take(request.origin, now)
         if refusal is None and moves:  # a safe command does not take the robot out of its run
             self.lease.others_moved(
                 request.origin.session, f"taken: {request.name} by {_named(request.origin)}"
@@ -124,21 +123,22 @@ class Admission:
             return self._policy.refusal(request.origin, navigation=True) or self.motion() or turn
         if request.name in STOP_WORDS:
             return None
-        return self._policy.refusal(request.origin) or self._standing(request, moves=moves, safe=safe)
+        now = self._clock.monotonic()
+        return self._policy.refusal(request.origin) or self._standing(request, now, moves=moves, safe=safe)
 
-    def _standing(self, request: Command, *, moves: bool, safe: bool) -> str | None:
+    def _standing(self, request: Command, now: float, *, moves: bool, safe: bool) -> str | None:
         """Judge a command by the present state: a set stop, a fault, the control lease."""
         if request.name == RELEASE:
             return self.latch.held or None
         if request.origin.session.startswith(RUN_SESSION) and request.name not in (JOIN, LEAVE):
-            refusal = self.lease.refusal(request.origin.session, self._clock.monotonic())
+            refusal = self.lease.refusal(request.origin.session, now)
             if refusal is not None:  # a run may not touch a robot that left it, not even to land it
                 return refusal
         if safe:
             return None
         if not moves:
             return self.latch.refusal()
-        return self.motion() or self.lease.refusal(request.origin.session, self._clock.monotonic())
+        return self.motion() or self.lease.refusal(request.origin.session, now)
 
     def setpoint(self, request: Setpoint) -> str | None:
         """Judge a velocity. One that is refused for its age still counts as a held stick."""
@@ -154,7 +154,7 @@ class Admission:
         refusal = self._policy.refusal(request.origin)
         if refusal is not None:
             return refusal
-        late = self._setpoint_age(request)
+        late = self._age(request, now, self._max_age, ordered=True)
         if late is not None:
             self._stick_release.record_velocity(sender, now)
             return late
@@ -162,13 +162,16 @@ class Admission:
         holds = self._stick_release.refusal(sender, now, zero=zero)
         refusal = self.motion() or holds or self.lease.refusal(request.origin.session, now)
         if refusal is None:
-            self._take(request.origin)
+            self._take(request.origin, now)
             self._stick_release.record_velocity(sender, now)
         return refusal
 
     def is_untimely_zero(self, request: Setpoint) -> bool:
         """Return whether this is a zero where another velocity would be refused for its age or as motion."""
-        return request.velocity.is_zero and (self.motion() or self._setpoint_age(request)) is not None
+        if not request.velocity.is_zero:
+            return False
+        refusal = self.motion() or self._age(request, self._clock.monotonic(), self._max_age, ordered=True)
+        return refusal is not None
 
     def untimely_zero(self, request: Setpoint) -> str | None:
         """Judge a zero velocity that is late, has a wrong stamp, or arrives while nothing may move.
@@ -180,7 +183,7 @@ class Admission:
         refusal = self._policy.refusal(request.origin) or self.lease.refusal(session, now)
         if refusal is None:
             self.lease.release(session)
-            if self._setpoint_age(request) is None:
+            if self._age(request, now, self._max_age, ordered=True) is None:
                 self._stick_release.refusal(_sender_of(request.origin), now, zero=True)
         return refusal
 
@@ -188,11 +191,12 @@ class Admission:
         """Judge a navigation message; stop and pause are always admitted, resume counts as motion."""
         if request.instruction in (Control.STOP, Control.PAUSE):
             return None
+        now = self._clock.monotonic()
         refusal = (
             self._policy.refusal(request.origin, navigation=True)
-            or self._age(_sender_of(request.origin), request.stamp, self._command_max_age)
+            or self._age(request, now, self._command_max_age)
             or self.motion()
-            or self.lease.refusal(request.origin.session, self._clock.monotonic())
+            or self.lease.refusal(request.origin.session, now)
         )
         if refusal is None:
             self.speeds.driven_by(request.origin.session)
@@ -204,26 +208,28 @@ class Admission:
         return self.latch.refusal() or self.permit.refusal() or fault
 
     def _age(
-        self, sender: str, stamp: float | None, max_age: float, *, ordered: bool = False, moves: bool = True
+        self,
+        request: Command | Setpoint | JointSetpoint | Navigate,
+        now: float,
+        max_age: float,
+        *,
+        ordered: bool = False,
+        moves: bool = True,
     ) -> str | None:
-        """Judge the age of a message."""
+        """Judge the age of a message; a second call with the same message gives the same answer."""
         return self._ages.refusal(
-            sender,
-            stamp,
+            _sender_of(request.origin),
+            request.stamp,
             wall=self._clock.time(),
-            now=self._clock.monotonic(),
+            now=now,
             max_age=max_age,
             ordered=ordered,
             moves=moves,
         )
 
-    def _setpoint_age(self, request: Setpoint | JointSetpoint) -> str | None:
-        """Judge the age of a stream message; a second call with the same message gives the same answer."""
-        return self._age(_sender_of(request.origin), request.stamp, self._max_age, ordered=True)
-
-    def _take(self, origin: Origin) -> None:
+    def _take(self, origin: Origin, now: float) -> None:
         """Give the control lease to the sender."""
-        self.lease.take(origin.session, self._clock.monotonic())
+        self.lease.take(origin.session, now)
         self.speeds.driven_by(origin.session)
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 import msgspec
 
-from fleet.model.geometry import Vector3
+from fleet.model.geometry import Vector3, rotate_to_world
 from fleet.model.polygon import Polygon, PolygonPoint, crosses, distance_to_border, polygon_contains
 
 SLACK = 1.0  # m out of bounds that count as position noise and overshoot
@@ -114,20 +114,27 @@ class Fence(msgspec.Struct, frozen=True):
         homes = [polygon for polygon in self.inclusion if polygon_contains(polygon, start)]
         return bool(homes) and all(crosses(polygon, start, end) for polygon in homes)
 
-    def admitted(self, point: Vector3, velocity: Vector3, home: Vector3) -> Vector3:
-        """Return the part of a world velocity (m/s) that keeps the robot inside or brings it back.
+    @property
+    def has_border(self) -> bool:
+        """Whether it limits the place, and not the height alone."""
+        return bool(self.inclusion or self.exclusion) or self.distance is not None
 
-        A robot outside does not climb: it comes back, or lands.
+    def admitted(self, point: Vector3, velocity: Vector3, home: Vector3, heading: float = 0.0) -> Vector3:
+        """Return the part of a velocity (m/s) that keeps the robot inside or brings it back.
+
+        Its frame is the world, turned by ``heading``. A robot outside does not climb: it comes back, or
+        lands.
         """
-        flat, climb = Vector3(velocity.x, velocity.y, 0.0), velocity.z
-        if self._worse(point, flat, home):
-            flat = Vector3()
-        if climb > 0 and (self._is_high(point.z - home.z + climb * LOOK_AHEAD) or self._is_out(point, home)):
+        climb, bordered = velocity.z, self.has_border
+        high = climb > 0 and self._is_high(point.z - home.z + climb * LOOK_AHEAD)
+        if high or (climb > 0 and bordered and self._beyond(point, home) > SLACK):
             climb = 0.0
-        return Vector3(flat.x, flat.y, climb)
+        if bordered and self._worse(point, rotate_to_world(velocity, heading), home):
+            return Vector3(0.0, 0.0, climb)
+        return Vector3(velocity.x, velocity.y, climb)
 
     def _worse(self, point: Vector3, velocity: Vector3, home: Vector3) -> bool:
-        """Return whether a horizontal velocity leads out, or farther out."""
+        """Return whether the horizontal part of a world velocity leads out, or farther out."""
         speed = velocity.horizontal()
         if speed == 0:
             return False
@@ -143,10 +150,6 @@ class Fence(msgspec.Struct, frozen=True):
     def _is_high(self, height: float) -> bool:
         """Return whether a height above home is above the ceiling."""
         return self.ceiling is not None and height > self.ceiling
-
-    def _is_out(self, point: Vector3, home: Vector3) -> bool:
-        """Return whether a robot at a point has left the fence sideways, by more than noise."""
-        return self._beyond(point, home) > SLACK
 
     def _beyond(self, point: Vector3, home: Vector3) -> float:
         """Return the metres by which a point is out of bounds, 0 inside."""

@@ -41,26 +41,23 @@ class _Stop(msgspec.Struct, frozen=True):
 class _SenderClock:
     """Clock estimate and newest stop of one sender.
 
-    ``offset`` is the smallest lag of this window and the previous one, within ``skew``.
+    ``smallest`` is the smallest lag of this window and the previous one as measured, s; ``offset`` is that
+    within ``skew``.
     """
 
     def __init__(self, now: float, skew: float) -> None:
-        self.current = self.previous = self.offset = math.inf
+        self.current = self.previous = self.smallest = math.inf
+        self.offset = skew
         self.since = now
         self._skew = skew
         self.newest = -math.inf
         self.stop = _Stop()
 
-    @property
-    def smallest(self) -> float:
-        """Smallest lag of this window and the previous one as measured, s."""
-        return min(self.current, self.previous)
-
     def update_lag(self, lag: float, now: float) -> None:
         """Set the smallest lag of this window, or start the next window with it."""
         if now - self.since > WINDOW:
             self.previous, self.since = self.current, now
-        self.current = lag
+        self.current, self.smallest = lag, min(lag, self.previous)
         self.offset = max(-self._skew, min(self._skew, self.smallest))
 
     def follow(self, stamp: float, ordered: bool) -> str | None:  # noqa: FBT001 - by position
@@ -134,7 +131,7 @@ class AgeCheck:
         """Return why a message with this lag is too late; None when it is not."""
         if ordered and known.smallest > self._skew:
             return f"its sender's clock, or its way, is {known.smallest:.2f} s late; {self._advice()}"
-        age = max(lag - known.offset, lag - self._skew)
+        age = lag - known.offset
         return f"{age:.1f} s old; the limit is {max_age:g} s" if age > max_age else None
 
     def _overtaken(

@@ -10,14 +10,14 @@ def clamp(velocity: Velocity, limits: Limits) -> Velocity:
     """Return the velocity within ``limits``; horizontal, vertical and yaw are limited separately."""
     linear = velocity.linear
     level = _scale(linear.horizontal(), limits.speed)
-    climb = _scale(abs(linear.z), limits.vertical_speed)
-    turn = _scale(abs(velocity.yaw_rate), limits.yaw_rate)
+    climb = _scale(linear.z, limits.vertical_speed)
+    turn = _scale(velocity.yaw_rate, limits.yaw_rate)
     if level == climb == turn == 1.0:
         return velocity
     scaled = Vector3(linear.x * level, linear.y * level, linear.z * climb)
     return Velocity(scaled, velocity.yaw_rate * turn, velocity.gait)
 
 
-def _scale(length: float, limit: float | None) -> float:
-    """Return the factor that brings ``length`` to at most ``limit``."""
-    return 1.0 if limit is None or length <= limit else limit / length
+def _scale(value: float, limit: float | None) -> float:
+    """Return the factor that brings the magnitude of ``value`` to at most ``limit``."""
+    return 1.0 if limit is None or -limit <= value <= limit else limit / abs(value)
