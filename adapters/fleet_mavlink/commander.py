@@ -322,7 +322,8 @@ class Commander:
 
     def _answer_is_due(self, request: MavlinkCommand) -> bool:
         """Return True if the next answer may be that of an earlier equal command, with other parameters."""
-        return self.vehicle.now() - self._unanswered.get(request.command, -math.inf) < _LATE
+        sent_at = self._unanswered.get(request.command)
+        return sent_at is not None and self.vehicle.now() - sent_at < _LATE
 
     def addressed(self, request: MavlinkCommand) -> MavlinkCommand:
         """Return a command with the vehicle's address filled in, and expect acknowledgements of it."""
@@ -332,8 +333,9 @@ class Commander:
     def _send(self, request: MavlinkCommand, attempt: int) -> None:
         """Send the command, addressed; a repeated COMMAND_LONG has its confirmation count."""
         addressed = self.addressed(request)
-        if isinstance(addressed, CommandLong):
-            addressed = msgspec.structs.replace(addressed, confirmation=min(attempt, 255))
+        match addressed:
+            case CommandLong():
+                addressed = msgspec.structs.replace(addressed, confirmation=min(attempt, 255))
         self._unanswered[request.command] = self.vehicle.now()
         self.vehicle.send(addressed)
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import msgspec
 
-from fleet import GeoPoint, Vector3, Velocity, enu_yaw_from_heading, ned_from_enu, rotate_to_world
+from fleet import GeoPoint, Vector3, Velocity, rotate_to_world
 from fleet_mavlink.constants import AUTOPILOT, FORCE, MavCmd, MavFrame
 from fleet_mavlink.messages import (
     CommandInt,
@@ -78,6 +78,11 @@ class Flavour(VehicleKind):
     transitions: ClassVar[Mapping[str, str]] = {}  # flight state -> mode that leads to it; empty: a command
 
     @property
+    def flavour(self) -> Flavour:
+        """Itself: such a vehicle is moved here."""
+        return self
+
+    @property
     def ours(self) -> frozenset[str]:
         """Modes in which only we move the vehicle."""
         return frozenset({self.external, self.hold, self.goto, self.arming, self.takeoff})
@@ -111,8 +116,15 @@ class Flavour(VehicleKind):
         return ""
 
     def setpoint(self, velocity: Velocity, heading: float, system: int) -> SetPositionTargetLocalNed:
-        """Return the setpoint for a body velocity; ``heading`` is radians clockwise from north."""
-        return setpoint(velocity, heading, system)
+        """Return the setpoint for a body velocity, rotated to NED, which all autopilots interpret alike.
+
+        ``heading`` is radians clockwise from north. The yaw rate is always set, because otherwise ArduPilot
+        turns the nose into the direction of travel.
+        """
+        linear = velocity.linear
+        # By the heading FRD turns into NED, as FLU turns into ENU by the yaw.
+        world = rotate_to_world(Vector3(linear.x, -linear.y, -linear.z), heading)
+        return ned_setpoint(world, -velocity.yaw_rate, system)
 
     def command_before_go(self, *, backwards: bool) -> CommandLong | None:  # noqa: ARG002 - not needed
         """Return the command that must precede a go command, or None."""
@@ -172,16 +184,6 @@ class Flavour(VehicleKind):
     @abstractmethod
     def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:
         """Interpret a message about compass calibration, None for any other; raises Refused if it failed."""
-
-
-def setpoint(velocity: Velocity, heading: float, system: int) -> SetPositionTargetLocalNed:
-    """Return the setpoint for a body velocity, rotated to NED, which all autopilots interpret alike.
-
-    ``heading`` is radians clockwise from north. The yaw rate is always set, because otherwise ArduPilot turns
-    the nose into the direction of travel.
-    """
-    world = ned_from_enu(rotate_to_world(velocity.linear, enu_yaw_from_heading(heading)))
-    return ned_setpoint(world, -velocity.yaw_rate, system)
 
 
 def ned_setpoint(velocity: Vector3, yaw_rate: float, system: int) -> SetPositionTargetLocalNed:

@@ -22,17 +22,16 @@ _COPTER, _PX4 = ArduCopter(), Px4()
 _UNKNOWN, _PX4_OTHER = UnknownKind(), Px4Kind()
 _NO_STATE = VehicleState()
 _WINGED = (1, *VTOLS)  # MAV_TYPE: planes
-_BY_TYPE: Mapping[int, Mapping[int, VehicleKind]] = {
-    ARDUPILOT: {
-        **dict.fromkeys(MULTIROTORS, _COPTER),
-        5: ArduTracker(),
-        7: ArduBlimp(),
-        10: ArduRover(),
-        11: ArduBoat(),
-        12: ArduSub(),
-    },
-    PX4: dict.fromkeys(MULTIROTORS, _PX4),
+_BY_TYPE: Mapping[tuple[int, int], VehicleKind] = {
+    **{(ARDUPILOT, each): _COPTER for each in MULTIROTORS},
+    (ARDUPILOT, 5): ArduTracker(),
+    (ARDUPILOT, 7): ArduBlimp(),
+    (ARDUPILOT, 10): ArduRover(),
+    (ARDUPILOT, 11): ArduBoat(),
+    (ARDUPILOT, 12): ArduSub(),
+    **{(PX4, each): _PX4 for each in MULTIROTORS},
 }
+"""Kinds without wings, by MAV_AUTOPILOT and MAV_TYPE."""
 
 
 def kind_of(heartbeat: Heartbeat, state: VehicleState = _NO_STATE) -> VehicleKind:
@@ -42,10 +41,9 @@ def kind_of(heartbeat: Heartbeat, state: VehicleState = _NO_STATE) -> VehicleKin
     if heartbeat.type in _WINGED and heartbeat.autopilot == PX4:
         return px4_plane_of(heartbeat.type, state)
     otherwise = _PX4_OTHER if heartbeat.autopilot == PX4 else _UNKNOWN
-    return _BY_TYPE.get(heartbeat.autopilot, {}).get(heartbeat.type, otherwise)
+    return _BY_TYPE.get((heartbeat.autopilot, heartbeat.type), otherwise)
 
 
 def flavour_of(heartbeat: Heartbeat, state: VehicleState = _NO_STATE) -> Flavour | None:
     """Return the present flavour of a vehicle that is moved here; None for another."""
-    kind = kind_of(heartbeat, state)
-    return kind if isinstance(kind, Flavour) else None
+    return kind_of(heartbeat, state).flavour

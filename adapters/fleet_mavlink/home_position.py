@@ -27,9 +27,10 @@ class VehicleHome:
 
     async def altitude(self) -> float:
         """Return the altitude of home, m AMSL, waiting a moment for it; raises NotReady."""
-        if self._vehicle.state.home_altitude is None:
-            await self._vehicle.until(lambda state: state.home_altitude is not None, _KNOWN_WITHIN)
         altitude = self._vehicle.state.home_altitude
+        if altitude is None:
+            await self._vehicle.until(lambda state: state.home_altitude is not None, _KNOWN_WITHIN)
+            altitude = self._vehicle.state.home_altitude
         if altitude is None:
             raise home_unknown()
         return altitude
@@ -79,7 +80,7 @@ class VehicleHome:
 
 def _require_place(latitude: float, longitude: float, altitude: float) -> None:
     """Raise Refused unless this is a plausible home (degrees, m AMSL)."""
-    if not (abs(latitude) < 90 and abs(longitude) <= 180 and math.isfinite(altitude)):
+    if not (-90 < latitude < 90 and -180 <= longitude <= 180 and math.isfinite(altitude)):
         raise Refused("home must be a place on Earth, in degrees and metres")
     if not _DEEPEST <= altitude <= _HIGHEST:
         raise Refused(f"{altitude:g} m above mean sea level is no altitude of a home")

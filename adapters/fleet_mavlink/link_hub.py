@@ -13,7 +13,7 @@ import msgspec
 
 from fleet import Address, Clock, Link, LinkLost, LinkRefused
 from fleet_mavlink.authentication import FrameAuthentication
-from fleet_mavlink.codec import PLAIN, UNREAD, Frame, FrameSettings, Packer, Parser, pack
+from fleet_mavlink.codec import PLAIN, UNREAD, Frame, Packer, Parser, pack
 from fleet_mavlink.constants import AUTOPILOT, NO_AUTOPILOT
 from fleet_mavlink.messages import CommandAck, Heartbeat, MavlinkMessage
 from fleet_mavlink.mission_messages import INCOMING as MISSION_MESSAGES
@@ -71,7 +71,7 @@ class LinkHub:
         trust = FrameAuthentication(signer, accept_unsigned=accept_unsigned)
 
         def send(message: MavlinkMessage, address: Address) -> None:
-            self.send(message, address, trust.frame_settings)
+            self.link.send(self._packer.pack(message, trust.frame_settings), address)
 
         vehicle = self._vehicles[system] = Vehicle(system, self._clock, send, trust)
         try:
@@ -136,10 +136,6 @@ class LinkHub:
         """Return True if an answer is for us; autopilots that do not fill in the target send 0."""
         return answer.target_system in {0, self.system} and answer.target_component in {0, self.component}
 
-    def send(self, message: MavlinkMessage, address: Address, settings: FrameSettings = PLAIN) -> None:
-        """Send a message; raises LinkLost. Only on the event loop's thread."""
-        self.link.send(self._packer.pack(message, settings), address)
-
     def send_from_any_thread(self, messages: list[MavlinkMessage], vehicle: Vehicle) -> bool:
         """Send messages to a vehicle off the event loop, with their own sequence numbers; raises LinkLost.
 
@@ -160,10 +156,9 @@ class LinkHub:
                 peers = {(each.address, each.trust.frame_settings) for each in self._vehicles.values()}
                 if isinstance(self.link, RedundantLinks):  # links that are not in use get heartbeats as well
                     peers |= {(None, settings) for _, settings in peers}
+                beat = Heartbeat(type=_GCS, autopilot=NO_AUTOPILOT, system_status=4)
                 for address, settings in peers or {(None, PLAIN)}:
-                    self.send(
-                        Heartbeat(type=_GCS, autopilot=NO_AUTOPILOT, system_status=4), address, settings
-                    )
+                    self.link.send(self._packer.pack(beat, settings), address)
                 await asyncio.sleep(_BEAT)
 
 

@@ -52,9 +52,10 @@ def require_movable(vehicle: Vehicle, authority: Authority) -> None:
     """Raise NotReady unless it flies (or is armed on the surface), is ours, and has a valid position."""
     require_control(vehicle, authority)
     state = vehicle.state
-    if state.on_the_surface and not state.armed:
-        raise not_armed()
-    if not state.on_the_surface and not (state.armed and state.in_air):
+    if state.on_the_surface:
+        if not state.armed:
+            raise not_armed()
+    elif not (state.armed and state.in_air):
         raise not_in_the_air()
     if not state.knows_where(vehicle.now()):
         raise NotReady("no position of the last second that can be trusted", hint="wait for satellites")

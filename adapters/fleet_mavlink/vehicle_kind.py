@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import msgspec
 
 from fleet_mavlink.messages import MavlinkCommand
 from fleet_mavlink.state import VehicleState
+
+if TYPE_CHECKING:
+    from fleet_mavlink.flavour import Flavour
 
 _SLOWED = 0.7  # share of the first speed
 
@@ -47,6 +50,11 @@ class VehicleKind(ABC):
     bytewise_parameters: ClassVar[bool]  # integers are sent as their bits, not as a number
     may_be_disarmed: ClassVar[bool] = False  # switching its motors off is safe
     goes_over: ClassVar[bool] = False  # in transition to its wings: it has braked once it hovers again
+
+    @property
+    def flavour(self) -> Flavour | None:
+        """Itself if such a vehicle is moved here, else None."""
+        return None
 
     def mode_name(self, custom_mode: int) -> str:
         """Return the name of a mode, or its number if it has no name here."""

@@ -81,11 +81,11 @@ class VelocityStream:
         moves = not velocity.is_zero
         if not moves and self.phase is IDLE:
             return
-        flavour = self._vehicle.flavour
+        flavour, now = self._vehicle.flavour, self._vehicle.now()
         if moves:
-            self._require(velocity, flavour)
+            self._require(velocity, flavour, now)
         if moves or not self._wanted.is_zero:
-            self._since = self._vehicle.now()
+            self._since = now
         self._wanted = velocity
         if self.phase is IDLE or (self.phase is BRAKING and moves):
             # After braking the shown mode may be outdated: the hold may have been entered since.
@@ -93,7 +93,7 @@ class VelocityStream:
             self._again_at = -math.inf if self._refusal is None else self._again_at
             self._to(STARTING)
         if self.phase is not BRAKING and (moves or self._is_ours()):
-            self._stream(flavour)
+            self._stream(flavour, now)
 
     def rest(self) -> bool:
         """End a drive gently: zero velocity now, the hold a moment later; False without a drive.
@@ -105,21 +105,17 @@ class VelocityStream:
         self.drive(ZERO_VELOCITY)
         return True
 
-    def _require(self, velocity: Velocity, flavour: Flavour | None) -> None:
-        """Raise unless we may move the vehicle now."""
+    def _require(self, velocity: Velocity, flavour: Flavour | None, now: float) -> None:
+        """Raise unless we may move the vehicle now; Unsupported for a motion that it lacks."""
         linear = velocity.linear
         if not math.isfinite(linear.x + linear.y + linear.z + velocity.yaw_rate):
             raise Refused("a velocity must be made of finite numbers")
-        self._require_possible(velocity, flavour)
-        require_movable(self._vehicle, self._authority)
-        if self._refusal is not None and self._vehicle.now() < self._again_at:
-            raise NotReady(f"the vehicle does not take velocities: {self._refusal}")
-
-    def _require_possible(self, velocity: Velocity, flavour: Flavour | None) -> None:
-        """Raise Unsupported for a motion that this vehicle lacks."""
         turns_in_place = self._vehicle.turns_in_place
         if flavour and (why := flavour.cannot(velocity, turns_in_place=turns_in_place)):
             raise Unsupported(why)
+        require_movable(self._vehicle, self._authority)
+        if self._refusal is not None and now < self._again_at:
+            raise NotReady(f"the vehicle does not take velocities: {self._refusal}")
 
     def brake(self) -> None:
         """Stream zero velocity until the vehicle holds by itself; the caller requests the hold."""
@@ -163,22 +159,21 @@ class VelocityStream:
             if self._authority.requested_before(mode):  # or it is shown late, and has been left since
                 self._again_at = self._vehicle.now() + _LATE
         if self.phase is not IDLE:
-            self._stream(flavour)
+            self._stream(flavour, self._vehicle.now())
             _STEPS[self.phase](self, flavour, mode)
 
     def _is_ours(self) -> bool:
         """Return True if setpoints may be sent."""
         return self._vehicle.connected and not self._vehicle.clashing and not self._authority.lost_to
 
-    def _stream(self, flavour: Flavour | None) -> None:
+    def _stream(self, flavour: Flavour | None, now: float) -> None:
         """Send the requested velocity, or zero while braking.
 
         It is also sent before the mode is shown: the vehicle follows as soon as it accepts setpoints, and the
         heartbeat that shows the mode arrives up to a second later.
         """
         state = self._vehicle.state
-        knows_where = state.knows_where(self._vehicle.now())
-        moves = self.phase is not BRAKING and knows_where
+        moves = self.phase is not BRAKING and state.knows_where(now)
         if moves and flavour is not None and state.attitude is not None:
             velocity = _below(self._wanted, self._ceiling, state.relative_altitude)
             self._vehicle.send(flavour.setpoint(velocity, state.attitude.yaw, self._vehicle.system))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from fleet import GeoPoint, Vector3, Velocity
 from fleet_mavlink.ardupilot import ArduCopter
 from fleet_mavlink.constants import MavCmd
-from fleet_mavlink.flavour import arm_command, setpoint
+from fleet_mavlink.flavour import arm_command
 from fleet_mavlink.flavours import flavour_of
 from fleet_mavlink.messages import CommandInt, CommandLong, Heartbeat, SetPositionTargetGlobalInt
 from fleet_mavlink.px4 import Px4
@@ -107,12 +107,12 @@ def test_forcing_skips_the_checks_of_what_is_asked_and_of_nothing_else():
     ("heading", "north", "east"), [(0.0, 1, 0), (math.pi / 2, 0, 1), (math.pi, -1, 0), (-math.pi / 2, 0, -1)]
 )
 def test_forward_is_where_the_nose_points(heading, north, east):
-    sent = setpoint(Velocity(Vector3(1.0, 0.0, 0.0)), heading, 1)
+    sent = Px4().setpoint(Velocity(Vector3(1.0, 0.0, 0.0)), heading, 1)
     assert (sent.vx, sent.vy, sent.vz) == pytest.approx((north, east, 0.0), abs=1e-9)
 
 
 def test_left_up_and_turning_left_have_their_signs():
-    sent = setpoint(Velocity(Vector3(0.0, 1.0, 2.0), yaw_rate=0.5), 0.0, 3)
+    sent = Px4().setpoint(Velocity(Vector3(0.0, 1.0, 2.0), yaw_rate=0.5), 0.0, 3)
     assert (sent.vx, sent.vy, sent.vz) == pytest.approx((0.0, -1.0, -2.0), abs=1e-9)
     assert sent.yaw_rate == -0.5
     assert (sent.coordinate_frame, sent.type_mask, sent.target_system) == (1, 1479, 3)
@@ -123,7 +123,7 @@ small = st.floats(-20, 20)
 
 @given(small, small, small, st.floats(-math.pi, math.pi))
 def test_turning_a_velocity_changes_no_speed(x, y, z, heading):
-    sent = setpoint(Velocity(Vector3(x, y, z)), heading, 1)
+    sent = Px4().setpoint(Velocity(Vector3(x, y, z)), heading, 1)
     assert math.hypot(sent.vx, sent.vy) == pytest.approx(math.hypot(x, y), abs=1e-9)
     assert sent.vz == -z
 
