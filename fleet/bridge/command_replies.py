@@ -7,7 +7,6 @@ from functools import partial
 from typing import Protocol
 
 from fleet.clock import Clock
-from fleet.cloud.values import CloudMessage
 from fleet.model.command import Reply, Request, Transport
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.wire.commands import VELOCITY_WORDS
@@ -87,7 +86,7 @@ class MessageReplies:
 
 
 class CommandReplies:
-    """Factory for the replies to messages."""
+    """Senders of the replies to messages."""
 
     def __init__(
         self, topics: Topics, send: PublishReply, refusals: RateLimitedCounter, clock: Clock
@@ -98,20 +97,7 @@ class CommandReplies:
         self._clock = clock
         self._refused_at: dict[tuple[str, str, str], float] = {}
 
-    def replies_to(
-        self, port: RobotPort, message: CloudMessage, kind: Kind, *, once: bool = False
-    ) -> MessageReplies:
-        """Return the replies to a message: a response in the sender's inbox, or else a status.
-
-        The end of a command that was accepted is published as a status, for all subscribers of the twin.
-        Results of ``start_video`` and ``stop_video`` are also published on topics of their own, where the
-        frontend waits for them. ``once``: the message is not part of a stream, whatever its command.
-        """
-        return MessageReplies(
-            partial(self._senders, port, message.response_topic, message.correlation, kind, once)
-        )
-
-    def _senders(
+    def senders(
         self,
         port: RobotPort,
         inbox: str | None,
@@ -119,7 +105,12 @@ class CommandReplies:
         kind: Kind,
         once: bool,  # noqa: FBT001 - by position
     ) -> tuple[SendReply, SendReply]:
-        """Return the senders of the receipt and of the end."""
+        """Return the senders of the receipt and of the end: to the sender's ``inbox``, or else as a status.
+
+        The end of a command that was accepted is published as a status, for all subscribers of the twin.
+        Results of ``start_video`` and ``stop_video`` are also published on topics of their own, where the
+        frontend waits for them. ``once``: the message is not part of a stream, whatever its command.
+        """
         receipt, end = self._plain_senders(port, inbox, correlation, kind, once)
         if kind == "command":
             return partial(self._send_with_video, port, receipt), partial(self._send_with_video, port, end)

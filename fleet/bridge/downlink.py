@@ -279,8 +279,15 @@ class Downlink:
     def _request(self, one: InboundMessage, port: RobotPort, requested: Request) -> None:
         """Pass a request to its robot, or answer a moment later which edge holds its twin."""
         route, message = one.route, one.message
-        replies = self._answers.replies_to(port, message, route.kind, once=requested.once)
-        answer = partial(self._answer, port, replies, one.at)
+        senders = partial(
+            self._answers.senders,
+            port,
+            message.response_topic,
+            message.correlation,
+            route.kind,
+            requested.once,
+        )
+        answer = partial(self._answer, port, MessageReplies(senders), one.at)
         holder = self.held.get(route.topic.twin)
         if holder is None:
             requested(answer)

@@ -19,7 +19,6 @@ Protocol = Literal[5, 311]
 ReadT = TypeVar("ReadT")
 
 _CONNECT = 1
-_CONNACK = 0x20
 MORE = 0x80  # continuation bit of a length byte
 _V311_REFUSAL = b"\x20\x02\x00\x01"
 """Answer of a broker without MQTT 5 to an MQTT 5 CONNECT; the MQTT 5 codec cannot decode it."""
@@ -120,14 +119,6 @@ class PacketDecoder(PacketFramer[mqtt5.Packet]):
         return decode(data, start, end, self.protocol)
 
 
-def decode(data: bytes, start: int, end: int, protocol: Protocol) -> mqtt5.Packet:
-    """Decode one complete frame; raise WireError if it is invalid."""
-    frame = memoryview(data)[start:end]
-    if protocol == 5 and data[start] == _CONNACK and frame == _V311_REFUSAL:
-        return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
-    return _packet(frame, protocol)
-
-
 def _version_of(frame: memoryview) -> Protocol:
     """Return the protocol version in a CONNECT: the byte behind the protocol name."""
     head = bytes(frame[:12])
@@ -140,24 +131,26 @@ def _version_of(frame: memoryview) -> Protocol:
     return 5 if level == 5 else 311
 
 
-def _packet(frame: memoryview, protocol: Protocol) -> mqtt5.Packet:
-    """Decode one frame; turn every error of the codecs into WireError."""
+def decode(data: bytes, start: int, end: int, protocol: Protocol) -> mqtt5.Packet:
+    """Decode one complete frame; raise WireError if it is invalid, for every error of the codecs."""
+    frame = memoryview(data)[start:end]
     if protocol == 5 and has_broken_text(frame):
         raise WireError("not an MQTT packet: a text is not UTF-8")
     try:
-        packet, length = mqtt5.read(frame) if protocol == 5 else (v311.read(frame), len(frame))
+        packet, length = mqtt5.read(frame) if protocol == 5 else (v311.read(frame), end - start)
     except (ValueError, IndexError) as error:
+        if protocol == 5 and frame == _V311_REFUSAL:
+            return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
         raise WireError(f"not an MQTT packet: {error}") from None
     except BaseException as error:
         # A panic of the codec derives from BaseException, and its class is not public.
         if type(error).__name__ != "PanicException":
             raise
         raise WireError("not an MQTT packet: the codec panicked over it") from None
-    if length != len(frame):
+    if length != end - start:
         raise WireError("not an MQTT packet: it has bytes after its end")
-    if isinstance(packet, mqtt5.PublishPacket):
-        topic = packet.topic
-        if "+" in topic or "#" in topic or "\0" in topic:
+    match packet:
+        case mqtt5.PublishPacket(topic=topic) if "+" in topic or "#" in topic or "\0" in topic:
             raise WireError("a message to a topic with a wildcard or a NUL in it")
     if getattr(packet, "packet_id", None) == 0:
         raise WireError("a packet with the identifier 0")

@@ -195,7 +195,8 @@ class MotionGuard:
         Judged are a start of a flight, a change of the height, and outside the fence all that may move the
         robot to another place, as ``spec`` declares it.
         """
-        rise = vertical_motion(request, self._place, self._takeoff_altitude)
+        climbs = request.name in CLIMBS
+        rise = vertical_motion(request, self._place, self._takeoff_altitude) if climbs else None
         if request.name in BEGINNINGS:
             begins = self._start_trouble()
         else:
@@ -210,7 +211,7 @@ class MotionGuard:
         )
         return (
             begins
-            or self._climb_trouble(request, rise)
+            or (self._climb_trouble(rise) if climbs else None)
             or (f"its way home is not free: {met}" if met else None)
         )
 
@@ -225,9 +226,9 @@ class MotionGuard:
                 EventKind.SEPARATION, why, telemetry="separation", data={"reason": why}
             )
 
-    def _climb_trouble(self, request: Command, rise: Vector3 | None) -> str:
-        """Return which robot is in the way straight up or down; empty for none, and for other commands."""
-        if request.name not in CLIMBS or self.apart is None or not self.apart.is_judged:
+    def _climb_trouble(self, rise: Vector3 | None) -> str:
+        """Return which robot is in the way straight up or down; empty for none."""
+        if self.apart is None or not self.apart.is_judged:
             return ""
         pose = self._place.fresh()
         if pose is None:

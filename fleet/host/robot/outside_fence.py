@@ -33,12 +33,10 @@ def stays_in_place(request: Command, spec: CommandSpec | None) -> bool:
 
 
 def vertical_motion(request: Command, place: RobotPlace, default: float) -> Vector3 | None:
-    """Return the way of a vertical command (``default``: m of a take-off without a height).
+    """Return the way of one of ``CLIMBS`` (``default``: m of a take-off without a height).
 
-    None for other commands, for an unknown height, and for parameters that the command itself refuses.
+    None for an unknown height, and for parameters that the command itself refuses.
     """
-    if request.name not in CLIMBS:
-        return None
     pose, home = place.fresh(), place.home_point()
     if pose is None:
         return None
