@@ -90,19 +90,28 @@ class RobotJournal:
         """
         self._put(Latched(self._robot, why.encode(errors="replace").decode()))
 
-    def note(self, identity: str, name: str, *, action: bool = False, transport: str = "") -> None:
-        """Record that a command is being executed; without an identity it cannot repeat and is not kept."""
+    def note(
+        self,
+        identity: str,
+        name: str,
+        *,
+        action: bool = False,
+        transport: str = "",
+        receipt: Receipt | None = None,
+    ) -> None:
+        """Record that a command is being executed; without an identity it cannot repeat and is not kept.
+
+        Its outcome is recorded once its ``receipt`` has it.
+        """
         if identity and self._clock is not None:
             self._put(StartedCommand(self._robot, identity, name, action, self._clock.time(), transport))
+        if receipt is not None:
+            receipt.watch(partial(self._seen, identity))
 
     def end(self, identity: str, outcome: str) -> None:
         """Record the outcome of a command, as one word."""
         if identity:
             self._put(CommandEnd(outcome, self._robot, identity))
-
-    def follow(self, identity: str, receipt: Receipt) -> None:
-        """Record the outcome of a command once its receipt has it."""
-        receipt.watch(partial(self._seen, identity))
 
     def repeats(self, now: float) -> DedupCache[Receipt]:
         """Return the answers to commands of earlier processes; ``now``: monotonic seconds."""

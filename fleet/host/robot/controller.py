@@ -286,8 +286,7 @@ class RobotController:
             self.event_reporter.log.warning(
                 "%s by %s", request.name, request.origin.session or request.origin.transport
             )
-            self._journal.note(request.id, request.name)
-            self._journal.follow(request.id, receipt)
+            self._journal.note(request.id, request.name, receipt=receipt)
             own(request, receipt)
         elif spec is not None:
             self._execute(spec, request, receipt)

@@ -167,14 +167,14 @@ class Executor:
     async def _run(self, job: _Job) -> None:
         """Run one command to its end and answer."""
         try:
-            self._journal.note(job.request.id, job.request.name, transport=job.request.origin.transport)
-            self._journal.follow(job.request.id, job.receipt)
+            request, receipt = job.request, job.receipt
+            self._journal.note(request.id, request.name, transport=request.origin.transport, receipt=receipt)
             if job.spec.moves:
                 await (self.standing() if job.spec.safe else self.ready())
-            call = start_command(job.adapter, job.spec, job.request)
-            data = await (_stepped(call, job.receipt) if job.spec.streams else call)
+            call = start_command(job.adapter, job.spec, request)
+            data = await (_stepped(call, receipt) if job.spec.streams else call)
             msgspec.json.encode(data)  # raises if it cannot be encoded: the sender must get an answer
-            job.receipt.done(data)
+            receipt.done(data)
         except asyncio.CancelledError:
             if was_cancelled():
                 raise

@@ -78,9 +78,13 @@ class Admission:
         requested_for = request.name == JOIN and not request.origin.session.startswith(
             RUN_SESSION
         )  # by a person
-        now = self._clock.monotonic()
+        now, refusal = self._clock.monotonic(), self._policy.refusal(request.origin)
+        if refusal is not None and request.name in (JOIN, LEAVE):
+            # A run joins its robots in the name of the person who started it, whose rights may cover only
+            # navigation. The run's steps are judged again one by one. The same rights are needed to leave.
+            refusal = self._policy.refusal(request.origin, navigation=True)
         refusal = (
-            self._policy_refusal(request)
+            refusal
             or self._age(request, now, self._command_max_age, moves=ends_a_stop or requested_for)
             or self._standing(request, now, moves=moves, safe=safe)
         )
@@ -90,17 +94,6 @@ class Admission:
             self.lease.others_moved(
                 request.origin.session, f"taken: {request.name} by {_named(request.origin)}"
             )
-        return refusal
-
-    def _policy_refusal(self, request: Command) -> str | None:
-        """Judge the sender.
-
-        A run joins its robots in the name of the person who started it, whose rights may cover commands or
-        only navigation. The run's steps are judged again one by one. The same rights are needed to leave.
-        """
-        refusal = self._policy.refusal(request.origin)
-        if refusal is not None and request.name in (JOIN, LEAVE):
-            return self._policy.refusal(request.origin, navigation=True)
         return refusal
 
     def join(self, request: Command) -> None:

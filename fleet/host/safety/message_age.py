@@ -60,13 +60,6 @@ class _SenderClock:
         self.current, self.smallest = lag, min(lag, self.previous)
         self.offset = max(-self._skew, min(self._skew, self.smallest))
 
-    def follow(self, stamp: float, ordered: bool) -> str | None:  # noqa: FBT001 - by position
-        """Return the refusal of a setpoint that a newer one overtook; record the newest stamp."""
-        if stamp >= self.newest:
-            self.newest = stamp
-            return None
-        return "older than a setpoint that arrived before it" if ordered else None
-
 
 class AgeCheck:
     """Age check of one robot; ``clock_skew`` in seconds."""
@@ -125,7 +118,12 @@ class AgeCheck:
         # Beyond this time no message from before the stop is young enough, and changed clocks do not matter.
         since = now - 2 * self._skew - max_age
         overtaken = self._overtaken(session, stamp, since, ordered=ordered, moves=moves)
-        return late or overtaken or known.follow(stamp, ordered)
+        if late is not None or overtaken is not None:
+            return late or overtaken
+        if stamp >= known.newest:
+            known.newest = stamp
+            return None
+        return "older than a setpoint that arrived before it" if ordered else None
 
     def _late(self, known: _SenderClock, lag: float, max_age: float, *, ordered: bool) -> str | None:
         """Return why a message with this lag is too late; None when it is not."""

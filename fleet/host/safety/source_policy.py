@@ -28,7 +28,8 @@ class SourcePolicy:
 
     def refusal(self, origin: Origin, *, navigation: bool = False) -> str | None:
         """Return why this sender is not obeyed; None when it is."""
-        return _refusal(origin, self.navigate if navigation else self.command)
+        accepted = self.navigate if navigation else self.command
+        return None if origin.source_type in accepted else _refusal(origin, accepted)
 
     def mission_refusal(self, origin: Origin, *, commands: bool, navigates: bool) -> str | None:
         """Return why this sender may not start a mission that commands or navigates the robot, else None.
@@ -36,17 +37,16 @@ class SourcePolicy:
         It needs the right to start missions and the right to each kind of request in the mission: a mission
         gives its sender no further rights.
         """
+        accepted = origin.source_type in self.mission
         return (
-            _refusal(origin, self.mission)
+            (None if accepted else _refusal(origin, self.mission))
             or (self.refusal(origin) if commands else None)
             or (self.refusal(origin, navigation=True) if navigates else None)
         )
 
 
 def _refusal(origin: Origin, accepted: frozenset[str]) -> str | None:
-    """Return why a sender's source type is not accepted; None when it is."""
-    if origin.source_type in accepted:
-        return None
+    """Return why a sender whose source type is not ``accepted`` is not obeyed; None when it is."""
     if origin.transport is Transport.MISSION or (
         origin.transport is Transport.BUS and origin.source_type is None
     ):
