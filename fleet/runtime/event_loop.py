@@ -12,6 +12,7 @@ import contextvars
 import threading
 from collections.abc import Callable, Coroutine
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -77,6 +78,32 @@ def make_task(
     """Create a task with an owner, as this loop's ``create_task`` does; a direct call takes half the time."""
     task = OwnedTask(work, loop=loop, context=context, **options)
     task.owner = OWNER.get() if context is None else context.get(OWNER, "")
+    return task
+
+
+def start_task(
+    loop: asyncio.AbstractEventLoop, work: Coroutine[object, object, None], *, name: str
+) -> asyncio.Task[Any]:
+    """Create a task with an owner, and run it up to its first wait before this returns.
+
+    Otherwise its first step would follow all that the loop has just found to do: dozens of datagrams of other
+    robots. The loop of a new task is asked to call that step soon, and here keeps it; Python 3.12 has eager
+    tasks. No task can run within another: called from one, the step follows soon.
+    """
+    if asyncio.current_task(loop) is not None:
+        return make_task(loop, work, name=name)
+    steps: list[Callable[[], object]] = []
+
+    def keep(call: Callable[..., object], *args: object, context: contextvars.Context | None = None) -> None:
+        steps.append(partial((context or contextvars.copy_context()).run, call, *args))
+
+    loop.call_soon = keep  # type: ignore[assignment, method-assign]
+    try:
+        task = make_task(loop, work, name=name)
+    finally:
+        del loop.call_soon
+    for step in steps:
+        step()
     return task
 
 

@@ -115,7 +115,6 @@ FLEET = {
     "model/report.py": "fleet/bridge/test_bridge.py",
     "plugins/drop_in_file.py": "fleet/plugins/test_probe.py",
     "robot_config.py": "fleet/config/test_schema.py",
-    "runtime/event_loop.py": "fleet/host/logs/test_rotating_file.py",
     "schedules/model.py": "fleet/schedules/test_runner.py",
     "sim/broker/conversation.py": "fleet/sim/broker/test_connection.py",
     "sim/broker/directory.py": "fleet/sim/broker/test_connection.py",
@@ -289,7 +288,7 @@ ADAPTERS = {
 }
 ELSEWHERE = {"fleet": FLEET, "adapters": ADAPTERS, "plugins": {}}
 """Modules with logic whose tests stand elsewhere, with where, by tree. To be made shorter, never longer."""
-CEILINGS = {"fleet": 145, "adapters": 134, "plugins": 0}
+CEILINGS = {"fleet": 144, "adapters": 134, "plugins": 0}
 """How many modules of each tree may have their tests elsewhere. Lower a number when its list gets shorter."""
 LOGIC = (ast.If, ast.IfExp, ast.For, ast.AsyncFor, ast.While, ast.Try, ast.Match)
 trees = pytest.mark.parametrize("tree", sorted(ELSEWHERE))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import logging
 from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any
@@ -17,7 +18,7 @@ from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import start_command
 from fleet.host.runtime.cancellation import IGNORED_AFTER, cancel_and_wait, closing, was_cancelled
 from fleet.model.command import Command, ReplyStatus
-from fleet.runtime.event_loop import make_task
+from fleet.runtime.event_loop import make_task, start_task
 from fleet.runtime.exception_barrier import failure_of, failure_text
 
 log = logging.getLogger(__name__)
@@ -83,7 +84,9 @@ class Executor:
             receipt.reject(f"{AT_ONCE} commands are under way; try again")
             return
         job = _Job(adapter, spec, request, receipt, failed)
-        task = self.spawn(self._run(job), name=request.name)
+        # Motion begins soon: it has to be known here before. Nothing overtakes what has not begun yet.
+        at_once = not spec.moves and self._all_begun()
+        task = self.spawn(self._run(job), name=request.name, make=start_task if at_once else make_task)
         if spec.moves:
             self._mover, self._receipt, self.moving = task, receipt, request.name
             self.safe = spec.safe
@@ -152,12 +155,23 @@ class Executor:
         if why := self._barred():
             raise Refused(why)
 
-    def spawn(self, work: Coroutine[object, object, None], *, name: str) -> asyncio.Task[None]:
+    def spawn(
+        self,
+        work: Coroutine[object, object, None],
+        *,
+        name: str,
+        make: Callable[..., asyncio.Task[None]] = make_task,
+    ) -> asyncio.Task[None]:
         """Start a task of this robot; it is referenced until it ends."""
-        task = make_task(asyncio.get_running_loop(), work, name=f"command:{name}")
+        task = make(asyncio.get_running_loop(), work, name=f"command:{name}")
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
+
+    def _all_begun(self) -> bool:
+        """Return whether all running commands and stops have made their first step."""
+        states = [inspect.getcoroutinestate(task.get_coro()) for task in self._tasks]  # type: ignore[arg-type]
+        return inspect.CORO_CREATED not in states
 
     def _moved(self, task: asyncio.Task[None]) -> None:
         """Record the end of the moving command."""

@@ -21,6 +21,7 @@ class Rude:
         self.go = asyncio.Event()
         self.closed = False
         self.cleaned_up = []
+        self.looks = 0
 
     @command("wait")
     async def wait(self):
@@ -49,6 +50,7 @@ class Rude:
 
     @command("look", moves=False)
     async def look(self):
+        self.looks += 1
         await self.go.wait()
 
     @command("slow", timeout=0.01)
@@ -101,6 +103,27 @@ async def test_a_command_that_is_superseded_before_it_began_is_answered(rude, re
     rude.start("steps")
     await requests.settle()
     assert [answer.reason for answer in first] == ["superseded by steps"]
+
+
+def looks_at_once(rude, *before):
+    """Start commands from the loop, then ``look``; return whether it has begun before the loop goes on."""
+    result = asyncio.get_running_loop().create_future()
+
+    def begin():
+        for name in (*before, "look"):
+            rude.start(name)
+        result.set_result(rude.rude.looks == 1)
+
+    asyncio.get_running_loop().call_soon(begin)
+    return result
+
+
+async def test_a_command_without_motion_begins_before_the_loop_goes_on(rude):
+    assert await looks_at_once(rude)
+
+
+async def test_no_command_overtakes_one_that_has_not_begun(rude):
+    assert not await looks_at_once(rude, "wait")
 
 
 async def test_an_answer_that_cannot_be_said_is_a_failure_that_the_asker_hears(rude, requests):
