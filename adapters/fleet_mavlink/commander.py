@@ -333,9 +333,8 @@ class Commander:
     def _send(self, request: MavlinkCommand, attempt: int) -> None:
         """Send the command, addressed; a repeated COMMAND_LONG has its confirmation count."""
         addressed = self.addressed(request)
-        match addressed:
-            case CommandLong():
-                addressed = msgspec.structs.replace(addressed, confirmation=min(attempt, 255))
+        if isinstance(addressed, CommandLong):
+            addressed = msgspec.structs.replace(addressed, confirmation=min(attempt, 255))
         self._unanswered[request.command] = self.vehicle.now()
         self.vehicle.send(addressed)
 

@@ -283,9 +283,8 @@ class Journal:
 
     def _put(self, change: JournalChange) -> None:
         """Add a change; from here on, a started command or a stop survives the process."""
-        match change:
-            case CommandEnd() if not self.ends_are_reported():
-                return
+        if isinstance(change, CommandEnd) and not self.ends_are_reported():
+            return
         with self._adding:
             match change:
                 case StartedCommand():

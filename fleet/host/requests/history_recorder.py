@@ -52,10 +52,9 @@ class HistoryRecorder:
     @never_raises
     def requested(self, request: RobotRequest, receipt: Receipt) -> None:
         """Record a request and the replies to it; on the event loop, before it is executed."""
-        match request:
-            case Setpoint() | JointSetpoint():
-                receipt.watch(partial(self._drove, request))
-                return
+        if isinstance(request, Setpoint | JointSetpoint):
+            receipt.watch(partial(self._drove, request))
+            return
         if is_stop(request):
             if request.name != EMERGENCY:  # EMERGENCY is recorded where it is decoded
                 self._add(

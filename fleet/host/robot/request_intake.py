@@ -123,10 +123,10 @@ class RequestIntake:
 
     def take(self, kind: Kind, request: RobotRequest, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
         """Pass a request to the controller, or refuse it if it has waited too long since ``arrived``."""
-        match request:
-            case Command(flaw=flaw) if flaw:
-                self._refusals.add("flawed", "took a message that was refused for %s: %s", request.name, flaw)
-                answer = reply_with_flaw(answer, flaw)
+        if isinstance(request, Command) and request.flaw:
+            line = "took a message that was refused for %s: %s"
+            self._refusals.add("flawed", line, request.name, request.flaw)
+            answer = reply_with_flaw(answer, request.flaw)
         receipt = Receipt(request.name, answer, waits=waits)
         waited = self._clock.monotonic() - arrived
         if waited <= max_wait(request, self._config):
