@@ -57,7 +57,7 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     format: Literal[1] = FORMAT
 
 
-class _Format(msgspec.Struct, frozen=True):
+class _PeopleFormat(msgspec.Struct, frozen=True):
     """The format number of the file; the first format had none."""
 
     format: int = FORMAT
@@ -91,7 +91,7 @@ def read_people(path: Path) -> dict[str, Person]:
     try:
         if len(content) > LARGEST:
             raise PeopleError(f"{path} has more than {LARGEST} bytes")
-        refuse_newer(decode_json(content, _Format).format, FORMAT)
+        refuse_newer(decode_json(content, _PeopleFormat).format, FORMAT)
         listed = decode_json(content, _File).people
     except StateNewer as error:
         raise PeopleError(f"{path} cannot be used: {error}") from None
