@@ -62,6 +62,7 @@ BUT = (
     "adapters/fleet_mavlink/test_wings.py",
     "adapters/fleet_mavlink/test_velocity_stream.py",
     "adapters/fleet_mavlink/test_flight.py",
+    "adapters/fleet_mavlink/test_flight_commands.py",
     "adapters/fleet_mavlink/test_flight_list.py",
     "adapters/fleet_mavlink/test_heading.py",
     "adapters/fleet_mavlink/test_mission.py",
