@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import math
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 from fleet import (
-    Adapter,
-    JointRange,
     LatestMotion,
     Limits,
     Link,
     LinkLost,
     NotReady,
-    Range,
-    Refused,
     Robot,
     Separation,
     TimedOut,
@@ -27,24 +21,18 @@ from fleet import (
     photograph,
 )
 from fleet.sim.process import SimProcess
-from fleet_ugv.accessories import MOUNT, CameraMount, Lamps
+from fleet_ugv.accessories import CameraMount, Lamps
 from fleet_ugv.board import Board, Inbox
 from fleet_ugv.config import UgvConfig
+from fleet_ugv.lamp_commands import LampCommands
+from fleet_ugv.mount_commands import MountCommands
 from fleet_ugv.observer import Observer
 from fleet_ugv.odometry import POSE, WheelOdometry
 from fleet_ugv.sim.rehearsed import simulated_base
 from fleet_ugv.sim.spec import spec_of
 
-GivenT = TypeVar("GivenT")
-
 STANDSTILL = 3.0  # s, of the host's 5 s, that a stop waits until the wheels are seen to stand
-NUDGE = 0.1  # rad by which camera_up, _down, _left and _right move
 SIMULATOR = "fleet_ugv.sim"
-_Level = Annotated[int, Range(0, 255, "(full brightness)")]
-_Levels = Annotated[list[int], Range(0, 255, "(full brightness)")]
-_Pan = Annotated[float, Range(-math.pi, math.pi, "rad")]
-_Tilt = Annotated[float, Range(-math.pi / 6, math.pi / 2, "rad")]
-_Delta = Annotated[float, Range(-math.tau, math.tau, "rad")]
 
 
 def _replayed(config: Any, robot: Robot) -> UgvAdapter:
@@ -52,7 +40,7 @@ def _replayed(config: Any, robot: Robot) -> UgvAdapter:
     return UgvAdapter(config, robot)
 
 
-class UgvAdapter(Adapter[UgvConfig]):
+class UgvAdapter(LampCommands, MountCommands):
     """Drives a wheeled base, reports its odometry and battery, and stops it whatever fails."""
 
     Config = UgvConfig
@@ -70,7 +58,6 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._mount = CameraMount()
         # Where the robot is outlives its cable.
         self._odometry = WheelOdometry(config.scale, config.base.fastest, robot.state.get(POSE))
-        self._board: Board
         self._link: Link
 
     async def connect(self) -> None:
@@ -120,109 +107,13 @@ class UgvAdapter(Adapter[UgvConfig]):
             raise LinkLost(f"{self.config.link} is down")
         return True
 
-    # -- the camera's joints -------------------------------------------------------------------------
-
-    def joint_ranges(self) -> Mapping[str, JointRange]:
-        """Return pan (right positive) and tilt (up positive) of a base with a camera mount."""
-        return MOUNT if self._board.codec.gimbal_stop else {}
-
-    def move_joints(self, targets: Mapping[str, float]) -> None:
-        """Turn the mount; a joint that is not named keeps its target. Angles are sent in whole degrees."""
-        self._mount.lead(self._board, targets)
-
-    def hold_joints(self) -> None:
-        """Stop the mount where it is; from any thread."""
-        self._board.hold_gimbal()
-
-    # -- lamps, camera, display ----------------------------------------------------------------------
-
-    @command("lights", moves=False, safe=True, timeout=2.0)
-    async def lights(
-        self,
-        *,
-        pwm: _Level | None = None,
-        all: _Level | None = None,  # noqa: A002 - the word of the wire
-        io4: _Level | None = None,
-        io5: _Level | None = None,
-        chassis_light: _Level | None = None,
-        camera_light: _Level | None = None,
-        data: _Levels | None = None,
-        leds: _Levels | None = None,
-    ) -> None:
-        """Set the lamps, 0 to 255: pwm or all for both, io4 or chassis_light, io5 or camera_light."""
-        both = _first(pwm, all)
-        pair = _pair(_first(data, leds) or ())
-        chassis = _first(chassis_light, io4, pair[0], both)
-        camera = _first(camera_light, io5, pair[1], both)
-        if chassis is None and camera is None:
-            raise Refused("lights says no brightness", hint="pwm=0 to 255, or chassis_light and camera_light")
-        self._lamps.set(self._board, chassis=chassis, camera=camera)
-
-    @command("chassis_light_toggle", moves=False, safe=True, timeout=2.0)
-    async def chassis_light_toggle(self) -> None:
-        """Switch the chassis lamp on or off."""
-        self._lamps.set(self._board, chassis=_toggled(self._lamps.chassis))
-
-    @command("camera_light_toggle", moves=False, safe=True, timeout=2.0)
-    async def camera_light_toggle(self) -> None:
-        """Switch the camera lamp on or off."""
-        self._lamps.set(self._board, camera=_toggled(self._lamps.camera))
-
-    @command("led_toggle", moves=False, safe=True, timeout=2.0)
-    async def led_toggle(self) -> None:
-        """Switch both lamps on, or off when one is on."""
-        level = _toggled(max(self._lamps.chassis, self._lamps.camera))
-        self._lamps.set(self._board, chassis=level, camera=level)
-
-    @command("camera_up", moves=False, timeout=2.0)
-    async def camera_up(self) -> None:
-        """Tilt the camera up by 0.1 rad."""
-        self._mount.turn_by(self._board, tilt=NUDGE)
-
-    @command("camera_down", moves=False, timeout=2.0)
-    async def camera_down(self) -> None:
-        """Tilt the camera down by 0.1 rad."""
-        self._mount.turn_by(self._board, tilt=-NUDGE)
-
-    @command("camera_left", moves=False, timeout=2.0)
-    async def camera_left(self) -> None:
-        """Pan the camera left by 0.1 rad."""
-        self._mount.turn_by(self._board, pan=-NUDGE)
-
-    @command("camera_right", moves=False, timeout=2.0)
-    async def camera_right(self) -> None:
-        """Pan the camera right by 0.1 rad."""
-        self._mount.turn_by(self._board, pan=NUDGE)
-
-    @command("camera_default", moves=False, timeout=2.0)
-    async def camera_default(self) -> None:
-        """Turn the camera straight ahead."""
-        self._mount.turn(self._board, 0.0, 0.0)
-
-    @command("camera_servo", moves=False, timeout=2.0)
-    async def camera_servo(
-        self,
-        *,
-        pan: _Pan | None = None,
-        tilt: _Tilt | None = None,
-        pan_delta: _Delta = 0.0,
-        tilt_delta: _Delta = 0.0,
-    ) -> None:
-        """Turn the camera to pan and tilt (rad, right and up positive), or by their deltas."""
-        at = self._mount.aimed(self._board)
-        self._mount.turn(
-            self._board,
-            (at[0] if pan is None else pan) + pan_delta,
-            (at[1] if tilt is None else tilt) + tilt_delta,
-        )
+    # -- display and queries -------------------------------------------------------------------------
 
     @command("oled_ctrl", moves=False, safe=True, timeout=2.0)
     async def oled_ctrl(self, *, text: str = "") -> None:
         """Write up to four lines on the display; nothing: its own text again."""
         board = self._board
         board.write(board.codec.display(text.splitlines()))
-
-    # -- queries -------------------------------------------------------------------------------------
 
     @command("battery_check", moves=False, safe=True, timeout=2.0)
     async def battery_check(self) -> None:
@@ -244,23 +135,6 @@ class UgvAdapter(Adapter[UgvConfig]):
     async def take_photo(self) -> None:
         """Publish a picture of the configured camera."""
         self.robot.report(await photograph(self.config.camera, self.robot.clock))
-
-
-def _toggled(level: int) -> int:
-    """Return full brightness for a lamp that is off, else off."""
-    return 0 if level else 255
-
-
-def _first(*values: GivenT | None) -> GivenT | None:
-    """Return the first value that is not None."""
-    return next((value for value in values if value is not None), None)
-
-
-def _pair(values: Sequence[int]) -> tuple[int | None, int | None]:
-    """Return the chassis and camera levels in a list of one or two; raises Refused for a longer list."""
-    if len(values) > 2:
-        raise Refused("there are two lamps", hint="a list of two levels at most")
-    return (values[0] if values else None, values[-1] if values else None)
 
 
 async def _url(config: UgvConfig, robot: Robot) -> str:
