@@ -10,14 +10,13 @@ from typing import ClassVar
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, CommandHandler
-from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
-from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Idle, Land, Manoeuvre, Return, Sink, Takeoff
+from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Idle, Land, Manoeuvre, Return, Sink
 from fleet_mavlink.sim.modes import GUIDED_BASE, FlightMode
-from fleet_mavlink.sim.plane import COMMANDS as PLANES
 from fleet_mavlink.sim.plane import MODES as PLANE_MODES
 from fleet_mavlink.sim.plane import PlaneSpeeds, SimArduPlane
 from fleet_mavlink.sim.plane_moves import Ahead, CircleManoeuvre, Pass
 from fleet_mavlink.sim.plane_physics import WING_SPEED, VtolBody
+from fleet_mavlink.sim.quadplane_commands import COMMANDS
 from fleet_mavlink.sim.speaker import INFO
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 from fleet_mavlink.sim.vtol_mission import VtolMission
@@ -27,9 +26,7 @@ _FORWARD_TAKES = 8.0  # s
 _HARDER = 1.25  # times Q_TRANS_DECEL: its largest deceleration from its wings
 _NEAR = 1.5  # stopping distances from cruise airspeed, up to which it hovers to a position
 _HELPS, _PUSHED = 1.0, 2.0  # m/s above Q_ASSIST_SPEED: when its rotors assist, and its speed then
-_OFFSET = 7  # MAV_FRAME_LOCAL_OFFSET_NED
 _TAKEOFFS, _NAV_LAST = frozenset({mav.MAV_CMD_NAV_TAKEOFF, mav.MAV_CMD_NAV_VTOL_TAKEOFF}), 95
-_ABOVE_HOME = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}  # frames
 _STICK_AT_MINIMUM = 2.5  # m/s down
 _LANDED_DISARM = 2.0  # s
 _RTL_HEIGHT = 15.0  # m, Q_RTL_ALT
@@ -52,58 +49,6 @@ _BY_ROTORS = (
 )
 _AUTO = replace(PLANE_MODES["AUTO"], enter=VtolMission)
 MODES = {**PLANE_MODES, **{mode.name: mode for mode in (_AUTO, *_BY_ROTORS)}}
-
-
-def _take_off(pilot: SimQuadPlane, request: CommandRequest) -> int:
-    """Climb by the given height above its present position, in GUIDED; only as an offset."""
-    if request.frame is not None and request.frame != _OFFSET:
-        return DENIED
-    height = -request.altitude if request.frame is not None else request.altitude
-    if pilot.mode.name != "GUIDED":
-        pilot.say(INFO, "User Takeoff only in GUIDED mode")
-        return FAILED
-    if not pilot.armed:
-        pilot.say(INFO, "Must be armed for takeoff")
-        return FAILED
-    if pilot.flying:
-        pilot.say(INFO, "Already flying - no takeoff")
-        return FAILED
-    pilot.hover()
-    pilot.manoeuvre = Takeoff(pilot, pilot.body.down - height)
-    return ACCEPTED
-
-
-def _reposition(pilot: SimQuadPlane, request: CommandRequest) -> int:
-    """Go to a position: hover there with Q_GUIDED_MODE 1, else as a plane."""
-    if not pilot.hovers_in_guided:
-        result = PLANES[mav.MAV_CMD_DO_REPOSITION](pilot, request)
-        if result == ACCEPTED and pilot.flying and pilot.body.hovers:
-            pilot.go_forward(pilot.manoeuvre)
-        return FAILED if result is None else result
-    above = None if request.frame is None else _ABOVE_HOME.get(request.frame)
-    if above is None or pilot.home is None or not math.isfinite(request.latitude + request.longitude):
-        return DENIED
-    guided = pilot.modes["GUIDED"].custom
-    if pilot.mode.name != "GUIDED" and not (whole(request.p2) & 1 and pilot.change_mode(guided)):
-        return FAILED
-    if pilot.flying:
-        pilot.go_to(
-            *pilot.frame.ned_of(request.latitude, request.longitude, request.altitude + above * pilot.home[2])
-        )
-    return ACCEPTED
-
-
-def _transition(pilot: SimQuadPlane, _request: CommandRequest) -> int:
-    """Accept it in AUTO only."""
-    return ACCEPTED if pilot.mode.name == "AUTO" else FAILED
-
-
-COMMANDS: Mapping[int, CommandHandler] = {
-    **PLANES,
-    mav.MAV_CMD_NAV_TAKEOFF: _take_off,
-    mav.MAV_CMD_DO_REPOSITION: _reposition,
-    mav.MAV_CMD_DO_VTOL_TRANSITION: _transition,
-}
 
 
 class HoverSpeeds(ArduPilotSpeeds):

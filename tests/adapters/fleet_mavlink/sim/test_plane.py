@@ -6,7 +6,7 @@ import pytest
 
 from fleet_mavlink.sim.mission_items import Item
 
-ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
+ACCEPTED, REJECTED = 0, 1
 MODES = {"AUTO": 10, "RTL": 11, "LOITER": 12, "TAKEOFF": 13, "GUIDED": 15, "QLOITER": 19, "QLAND": 20}
 NAN = math.nan
 
@@ -53,12 +53,6 @@ def test_an_armed_plane_waits_for_its_takeoff_and_rolls_before_it_flies(plane):
     assert plane.body.north > 10.0
 
 
-def test_a_plane_takes_neither_the_takeoff_nor_the_landing_of_a_multirotor(plane):
-    assert plane.requests(22, 0, 0, 0, 0, 0, 0, 20) == [FAILED]
-    assert plane.requests(21) == [UNSUPPORTED]
-    assert plane.requests(193, 0) == [UNSUPPORTED]
-
-
 def test_a_held_plane_circles_and_never_stands(flying):
     enters(flying, "LOITER")
     north, east, height = flying.body.north, flying.body.east, flying.height
@@ -73,32 +67,6 @@ def test_a_plane_ignores_velocities(flying):
     enters(flying, "GUIDED")
     flying.stream(3.0, 0.0)
     assert flying.body.speed > flying.body.slowest
-
-
-def test_a_plane_takes_airspeeds_between_its_slowest_and_its_fastest(flying):
-    assert flying.requests(178, 0, 15, -1) == [FAILED], "not in TAKEOFF"
-    enters(flying, "GUIDED")
-    assert flying.requests(178, 0, 15, -1) == [ACCEPTED]
-    assert flying.requests(178, 0, 5, -1) == [FAILED]
-    assert flying.requests(178, 0, 40, -1) == [FAILED]
-    flying.run(10.0)
-    assert flying.body.speed == pytest.approx(15.0, abs=0.5)
-
-
-def test_a_plane_lands_by_the_landing_of_its_mission_and_not_without_one(flying):
-    assert flying.requests(189) == [FAILED]
-    assert "Unable to start landing sequence" in flying.texts
-    place = (473_977_420, 85_455_940)
-    zeros = (0.0, 0.0, 0.0, 0.0)
-    flying.pilot.missions._plans[0] = [
-        Item(0, 16, 1, *zeros, *place, 488.0),
-        Item(3, 189, 1, *zeros, 0, 0, 0.0),
-        Item(3, 21, 1, *zeros, *place, 0.0),
-    ]
-    assert flying.requests(189) == [ACCEPTED]
-    assert flying.mode == "AUTO"
-    flying.until(lambda: not flying.pilot.armed, 300.0)
-    assert flying.height == 0.0
 
 
 def test_a_plane_without_its_station_flies_home_and_circles_there(flying):
@@ -138,10 +106,6 @@ def test_a_hovering_quadplane_stands_in_guided_if_it_is_set_so_and_else_flies_fo
     hovering.run(10.0)
     assert hovering.body.speed > 10.0
     assert hovering.pilot.vtol_state() == 4
-
-
-def test_a_quadplane_takes_a_transition_by_command_in_auto_only(hovering):
-    assert hovering.requests(3000, 4) == [FAILED]
 
 
 def test_a_px4_vtol_on_its_wings_cannot_be_armed_on_the_ground(bench):
