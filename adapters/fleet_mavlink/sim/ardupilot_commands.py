@@ -53,7 +53,7 @@ def _arm(pilot: ArduPilot, request: CommandRequest) -> int:
         return _disarm(pilot, force=request.p2 == FORCE)
     if pilot.armed:
         return ACCEPTED
-    refusals = pilot.refusals_to_arm(force=request.p2 in {FORCE, _SKIP_CHECKS})
+    refusals = pilot.arming.refusals_to_arm(force=request.p2 in {FORCE, _SKIP_CHECKS})
     for refusal in refusals:
         pilot.say(CRITICAL, f"Arm: {refusal}")
     if refusals:
@@ -80,7 +80,7 @@ def _take_off(pilot: ArduPilot, request: CommandRequest) -> int:
     able = pilot.armed and pilot.mode.name == "GUIDED" and not pilot.flying
     if not able or not request.altitude > 0.0:
         return FAILED
-    pilot.manoeuvre = Takeoff(pilot, pilot.home_ned()[2] - request.altitude)
+    pilot.manoeuvre = Takeoff(pilot, pilot.home.ned()[2] - request.altitude)
     return ACCEPTED
 
 
@@ -128,18 +128,18 @@ def _reposition(pilot: ArduPilot, request: CommandRequest) -> int:
     if request.frame is None:
         return UNSUPPORTED
     above_home = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}.get(request.frame)
-    if above_home is None or pilot.home is None:
+    if above_home is None or pilot.home.place is None:
         return DENIED
     if pilot.mode.name != "GUIDED" and not (
         whole(request.p2) & 1 and pilot.change_mode(MODES["GUIDED"].custom)
     ):
         return DENIED
     place = pilot.frame.ned_of(
-        request.latitude, request.longitude, request.altitude + above_home * pilot.home[2]
+        request.latitude, request.longitude, request.altitude + above_home * pilot.home.place[2]
     )
     if not pilot.flying or not all(map(math.isfinite, place)):
         return DENIED
-    if pilot.outside_fence(place):
+    if pilot.fence.is_outside(place):
         return FAILED
     pilot.manoeuvre = GoToManoeuvre(*place, speed=request.p1 if request.p1 > 0.0 else None)
     return ACCEPTED
@@ -166,15 +166,15 @@ def _speed(pilot: ArduPilot, request: CommandRequest) -> int:
 
 def _home(pilot: ArduPilot, request: CommandRequest) -> int:
     """Set home here (param 1 = 1), or at a position."""
-    if not pilot.origin_set:
+    if not pilot.home.known:
         return FAILED
     if request.p1 == 1.0:
-        pilot.set_home()
+        pilot.home.set_here()
         return ACCEPTED
     place = (request.latitude, request.longitude, request.altitude)
     if not all(map(math.isfinite, place)) or place[:2] == (0.0, 0.0):
         return FAILED
-    pilot.home = place
+    pilot.home.place = place
     return ACCEPTED
 
 
@@ -230,7 +230,7 @@ def _check(pilot: ArduPilot, _command: CommandRequest) -> int:
     """RUN_PREARM_CHECKS: send the reasons against arming at once."""
     if pilot.armed:
         return TEMPORARILY_REJECTED
-    for refusal in pilot.refusals(force=False):
+    for refusal in pilot.arming.refusals(force=False):
         pilot.say(CRITICAL, f"PreArm: {refusal}")
     return ACCEPTED
 

@@ -33,7 +33,7 @@ class ArduPilotFailsafes:
             self._watch_gcs()
             self._watch_battery()
             self._watch_position()
-            pilot.watch_fence(self._broke_fence)
+            pilot.fence.watch(self._broke_fence)
         elif not pilot.armed:
             pilot.failsafe = ""
 

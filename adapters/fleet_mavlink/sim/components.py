@@ -108,7 +108,7 @@ class SimCamera(Component):
         """Return CAMERA_IMAGE_CAPTURED."""
         self._pictures += 1
         latitude, longitude, altitude = self._vehicle.pilot.geo()
-        height = self._vehicle.pilot.height_over_home()
+        height = self._vehicle.pilot.home.height()
         return mav.MAVLink_camera_image_captured_message(
             int(now * 1000),
             0,
@@ -141,7 +141,7 @@ class RemoteIdTransmitter(Component):
         if known is None or now - self._reported_at < 1.0 or "remote_id_silent" in self._vehicle.faults:
             return []
         self._reported_at = now
-        missing_data = known.missing_data(now, located=self._vehicle.pilot.origin_set)
+        missing_data = known.missing_data(now, located=self._vehicle.pilot.home.known)
         bad = mav.MAV_ODID_ARM_STATUS_PRE_ARM_FAIL_GENERIC
         status = bad if missing_data else mav.MAV_ODID_ARM_STATUS_GOOD_TO_ARM
         message = mav.MAVLink_open_drone_id_arm_status_message(status, missing_data.encode())

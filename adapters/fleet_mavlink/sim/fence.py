@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from fleet import Polygon, polygon_contains
+from fleet_mavlink.sim.local_frame import Ned
 from fleet_mavlink.sim.mission_items import FENCE, Item
+from fleet_mavlink.sim.params import Params
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -34,12 +37,42 @@ def _corner(pilot: Autopilot, item: Item) -> tuple[float, float]:
     return north, east
 
 
-def is_outside(
-    pilot: Autopilot, place: tuple[float, float, float], *, kinds: int, height: float, radius: float
-) -> bool:
-    """Return True if a local position (NED) is out of bounds; a height or radius of 0 is no bound."""
+@dataclass(frozen=True, slots=True)
+class FenceBounds:
+    """Bounds of a fence: the ``kinds`` that are checked, and metres above and around home; 0 is no bound."""
+
+    kinds: int
+    height: float
+    radius: float
+
+
+class FenceMonitor:
+    """The fence of one vehicle; ``bounds`` returns those that its parameters switch on, None for no fence."""
+
+    def __init__(self, pilot: Autopilot, bounds: Callable[[Params], FenceBounds | None]) -> None:
+        self._pilot = pilot
+        self._bounds = bounds
+        self._broken = False
+
+    def is_outside(self, place: Ned) -> bool:
+        """Return True if a local position is outside the fence that is switched on."""
+        bounds = self._bounds(self._pilot.params)
+        return bounds is not None and _is_outside(self._pilot, place, bounds)
+
+    def watch(self, breach: Callable[[], None]) -> None:
+        """Call ``breach`` once when the flying vehicle leaves the fence."""
+        body = self._pilot.body
+        outside = self.is_outside((body.north, body.east, body.down))
+        if outside and not self._broken:
+            breach()
+        self._broken = outside
+
+
+def _is_outside(pilot: Autopilot, place: Ned, bounds: FenceBounds) -> bool:
+    """Return True if a local position is out of bounds."""
     north, east, down = place
-    home_north, home_east, home_down = pilot.home_ned()
+    kinds, height, radius = bounds.kinds, bounds.height, bounds.radius
+    home_north, home_east, home_down = pilot.home.ned()
     over = kinds & HEIGHT and height > 0 and home_down - down > height
     away = kinds & CIRCLE and radius > 0 and math.hypot(north - home_north, east - home_east) > radius
     if over or away or not kinds & POLYGON:

@@ -222,7 +222,7 @@ class Return(Manoeuvre):
     """Climb to ``height`` above home, fly home, wait ``wait`` seconds, land; on the ground rest."""
 
     def __init__(self, pilot: Autopilot, height: float, wait: float) -> None:
-        home_north, home_east, home_down = pilot.home_ned()
+        home_north, home_east, home_down = pilot.home.ned()
         down = min(pilot.body.down, home_down - height)
         here = pilot.body
         self._legs = [
@@ -231,7 +231,7 @@ class Return(Manoeuvre):
         ]
         self._wait = wait
         self._land_at: float | None = None
-        self._land = Land(pilot) if pilot.landed else None
+        self._land = Land(pilot) if pilot.land_detector.landed else None
 
     def aim(self, pilot: Autopilot) -> Aim:
         """Return the motion of the present leg."""

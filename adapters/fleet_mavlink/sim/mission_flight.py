@@ -27,7 +27,7 @@ def place_of_item(pilot: Autopilot, item: Item) -> tuple[float, float, float]:
     """Return the position of an item; 0/0 means that of the vehicle."""
     altitude = item.z
     if item.frame in _RELATIVE_FRAMES:
-        altitude += pilot.home[2] if pilot.home is not None else pilot.place[2]
+        altitude += pilot.home.place[2] if pilot.home.place is not None else pilot.place[2]
     if item.x == 0 and item.y == 0:
         latitude, longitude, _ = pilot.geo()
     else:

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot import ArduPilot
-from fleet_mavlink.sim.autopilot import Autopilot, Boot, CommandHandler
+from fleet_mavlink.sim.ardupilot_arming import ArduPilotArming
+from fleet_mavlink.sim.autopilot import Autopilot, CommandHandler
+from fleet_mavlink.sim.land_detector import LandDetector
 from fleet_mavlink.sim.manoeuvres import Idle, Manoeuvre
 from fleet_mavlink.sim.modes import GUIDED_BASE, MANUAL_BASE, FlightMode
+from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.physics import Agility
 from fleet_mavlink.sim.plane_commands import COMMANDS
 from fleet_mavlink.sim.plane_failsafes import PlaneFailsafes
 from fleet_mavlink.sim.plane_mission import WingedMission
 from fleet_mavlink.sim.plane_moves import CircleManoeuvre, RunwayTakeoff
+from fleet_mavlink.sim.setpoints import SetpointControl
 from fleet_mavlink.sim.speaker import INFO
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 
@@ -63,13 +68,13 @@ def _home(pilot: Autopilot) -> Manoeuvre:
     """Circle over home at RTL_ALTITUDE; it does not land."""
     if pilot.body.grounded:
         return Idle()
-    north, east, down = pilot.home_ned()
+    north, east, down = pilot.home.ned()
     return CircleManoeuvre(north, east, down - pilot.params["RTL_ALTITUDE"], pilot.params["WP_LOITER_RAD"])
 
 
 def _take_off(pilot: Autopilot) -> Manoeuvre:
     """Take off to TKOFF_ALT; circle in the air."""
-    down = pilot.home_ned()[2] - pilot.params["TKOFF_ALT"]
+    down = pilot.home.ned()[2] - pilot.params["TKOFF_ALT"]
     return RunwayTakeoff(down) if pilot.body.grounded else circle_here(pilot)
 
 
@@ -87,6 +92,36 @@ _ALL = (
 MODES = {mode.name: mode for mode in _ALL}
 
 
+class PlaneArming(ArduPilotArming):
+    """Arming checks of one ArduPlane."""
+
+    def refusals(self, *, force: bool) -> list[str]:
+        """Return the refusals, also for a planned landing that RTL must not fly, or that was just flown."""
+        pilot = self._pilot
+        missions = pilot.missions
+        now = missions.items[missions.current] if missions.current < len(missions.items) else None
+        landed = now is not None and now.command in _LANDINGS
+        planned = any(item.command == mav.MAV_CMD_DO_LAND_START for item in missions.items)
+        unused = planned and not pilot.params["RTL_AUTOLAND"] and not force
+        found = super().refusals(force=force) + ["DO_LAND_START set and RTL_AUTOLAND disabled"] * unused
+        return found + ["In landing sequence"] * (landed and not force)
+
+
+class NoSetpoints(SetpointControl):
+    """No flight by setpoints."""
+
+    def receive(self, message: Any) -> None:
+        """Ignore it silently."""
+
+
+class PlaneLandDetector(LandDetector):
+    """Land detector of one ArduPlane."""
+
+    def state(self) -> int:
+        """Return on the ground, or in the air: no other states are reported."""
+        return int(mav.MAV_LANDED_STATE_ON_GROUND if self.landed else mav.MAV_LANDED_STATE_IN_AIR)
+
+
 class SimArduPlane(ArduPilot):
     """ArduPlane without lifting rotors."""
 
@@ -95,22 +130,15 @@ class SimArduPlane(ArduPilot):
     modes: ClassVar[Mapping[str, FlightMode]] = MODES
     first_mode: ClassVar[str] = "INITIALISING"
     switched_mode: ClassVar[str] = "MANUAL"
-    speeds_type: ClassVar[type[FlightSpeeds]] = PlaneSpeeds
+    parts: ClassVar[Parts] = replace(
+        ArduPilot.parts,
+        speeds=PlaneSpeeds,
+        arming=PlaneArming,
+        setpoints=lambda _pilot: NoSetpoints(),
+        failsafes=PlaneFailsafes,
+        land_detector=PlaneLandDetector,
+    )
     agility: ClassVar[Agility] = Agility(4.0, 3.0, 1.0)
-
-    def __init__(self, boot: Boot) -> None:
-        super().__init__(boot)
-        self.failsafes = PlaneFailsafes(self)
-
-    def refusals(self, *, force: bool) -> list[str]:
-        """Return the refusals, also for a planned landing that RTL must not fly, or that was just flown."""
-        missions = self.missions
-        now = missions.items[missions.current] if missions.current < len(missions.items) else None
-        landed = now is not None and now.command in _LANDINGS
-        planned = any(item.command == mav.MAV_CMD_DO_LAND_START for item in self.missions.items)
-        unused = planned and not self.params["RTL_AUTOLAND"] and not force
-        found = super().refusals(force=force) + ["DO_LAND_START set and RTL_AUTOLAND disabled"] * unused
-        return found + ["In landing sequence"] * (landed and not force)
 
     @property
     def airspeeds(self) -> FlightSpeeds:
@@ -126,13 +154,6 @@ class SimArduPlane(ArduPilot):
     def passes_within(self) -> float:
         """WP_RADIUS."""
         return self.params["WP_RADIUS"]
-
-    def landed_state(self) -> int:
-        """Return on the ground, or in the air: no other states are reported."""
-        return int(mav.MAV_LANDED_STATE_ON_GROUND if self.landed else mav.MAV_LANDED_STATE_IN_AIR)
-
-    def setpoint(self, message: object) -> None:
-        """Ignore it silently."""
 
     def supervise(self) -> None:
         """Circle at the end of a take-off; fly home at the end of a mission."""
@@ -151,7 +172,8 @@ class SimArduPlane(ArduPilot):
 
     def watch_idle(self) -> None:
         """Disarm some time after a landing."""
-        if self.touched_at is not None and self.time - self.touched_at > _LANDED_DISARM:
+        touched_at = self.land_detector.touched_at
+        if touched_at is not None and self.time - touched_at > _LANDED_DISARM:
             self.say(INFO, "Throttle disarmed")
             self.disarm()
 

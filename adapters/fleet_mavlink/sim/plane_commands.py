@@ -33,12 +33,12 @@ def _arm(pilot: SimArduPlane, request: CommandRequest) -> int:
 def _reposition(pilot: SimArduPlane, request: CommandRequest) -> int:
     """Circle a position, in GUIDED or with the flag that changes to it; param 3 is the radius."""
     above = None if request.frame is None else _ABOVE_HOME.get(request.frame)
-    if above is None or pilot.home is None or not math.isfinite(request.latitude + request.longitude):
+    if above is None or pilot.home.place is None or not math.isfinite(request.latitude + request.longitude):
         return DENIED
     north, east, down = pilot.frame.ned_of(
-        request.latitude, request.longitude, request.altitude + above * pilot.home[2]
+        request.latitude, request.longitude, request.altitude + above * pilot.home.place[2]
     )
-    if pilot.outside_fence((north, east, down)):
+    if pilot.fence.is_outside((north, east, down)):
         return DENIED
     guided = pilot.modes["GUIDED"].custom
     if pilot.mode.name != "GUIDED" and not (whole(request.p2) & 1 and pilot.change_mode(guided)):

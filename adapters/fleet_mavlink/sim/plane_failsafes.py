@@ -34,7 +34,7 @@ class PlaneFailsafes(ArduPilotFailsafes):
         self._lose("GCS", lost=silent and bool(pilot.params["FS_GCS_ENABL"]))
         self._lose("RC Long", lost=self.radio_lost)
         self._watch_battery()
-        pilot.watch_fence(self._broke_fence)
+        pilot.fence.watch(self._broke_fence)
 
     def _lose(self, what: str, *, lost: bool) -> None:
         """Track one loss; FS_LONG_ACTN is executed after FS_LONG_TIMEOUT."""

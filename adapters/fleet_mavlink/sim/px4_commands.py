@@ -16,6 +16,7 @@ from fleet_mavlink.sim.command_request import (
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     CommandRequest,
+    ack,
     whole,
 )
 from fleet_mavlink.sim.common_commands import (
@@ -37,6 +38,7 @@ from fleet_mavlink.sim.streams import BUILDERS
 if TYPE_CHECKING:
     from fleet_mavlink.sim.px4 import SimPx4
 
+_COMMANDER = 0.008  # seconds after the MAVLink module at which the commander answers
 _HOP = 0.6  # m climbed by a take-off to a height below the vehicle
 
 
@@ -48,7 +50,7 @@ def _arm(pilot: SimPx4, request: CommandRequest) -> int:
         return _disarm(pilot, force=request.p2 == FORCE)
     if pilot.armed or pilot.terminated:
         return ACCEPTED  # a terminated flight acknowledges without effect
-    refusals = pilot.refusals(force=request.p2 == FORCE)
+    refusals = pilot.arming.refusals(force=request.p2 == FORCE)
     for refusal in refusals:
         pilot.say(CRITICAL, f"Arming denied: {refusal}")
     if refusals:
@@ -59,7 +61,7 @@ def _arm(pilot: SimPx4, request: CommandRequest) -> int:
 
 
 def _disarm(pilot: SimPx4, *, force: bool) -> int:
-    if pilot.armed and not pilot.landed and not force:
+    if pilot.armed and not pilot.land_detector.landed and not force:
         pilot.say(CRITICAL, "Disarming denied: not landed")
         return TEMPORARILY_REJECTED
     if pilot.armed:
@@ -72,7 +74,7 @@ def _take_off(pilot: SimPx4, request: CommandRequest) -> int:
     """Take off to AMSL, whatever the frame; NaN keeps a value, 0/0 is a position in the Gulf of Guinea."""
     if pilot.terminated:
         return TEMPORARILY_REJECTED
-    pilot.take_off(_takeoff_manoeuvre(pilot, request))
+    pilot.takeoff.request(_takeoff_manoeuvre(pilot, request))
     return ACCEPTED
 
 
@@ -92,7 +94,9 @@ def _set_mode(pilot: SimPx4, request: CommandRequest) -> None:
     pilot.acknowledge(request, ACCEPTED)
     mode = MODES_BY_NUMBER.get((whole(request.p3) << 24 | whole(request.p2) << 16) & 0xFFFFFFFF)
     custom = whole(request.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    pilot.acknowledge_again(request, pilot.change_mode(mode) if custom and mode else ACCEPTED)
+    result = pilot.change_mode(mode) if custom and mode else ACCEPTED
+    if "no_ack" not in pilot.faults:
+        pilot.later(pilot.ack_delay + _COMMANDER, ack(request, result))
 
 
 def _return(pilot: SimPx4, _command: CommandRequest) -> int:
@@ -125,7 +129,7 @@ def _start_mission(pilot: SimPx4, _command: CommandRequest) -> int:
         return DENIED
     pilot.enter(MODES["MISSION"])
     if not pilot.armed:
-        refusals = pilot.refusals(force=False)
+        refusals = pilot.arming.refusals(force=False)
         if refusals:
             pilot.say(CRITICAL, f"Arming denied: {refusals[0]}")
             return TEMPORARILY_REJECTED
@@ -148,7 +152,7 @@ def _altitude(pilot: SimPx4, request: CommandRequest) -> int:
 
 def _go(pilot: SimPx4, place: Geo, *, heading: float, speed: float) -> int:
     """Change to LOITER at a position; NaN keeps a value."""
-    landed = pilot.landed  # until a take-off is detected, which is before it leaves the ground
+    landed = pilot.land_detector.landed  # until a take-off is detected, which is before it leaves the ground
     result = pilot.change_mode(MODES["LOITER"])
     if result != ACCEPTED or landed or not pilot.armed:
         return result
@@ -170,9 +174,9 @@ def _home(pilot: SimPx4, request: CommandRequest) -> int:
     """Set home here (param 1 = 1), or at a position."""
     place = (request.latitude, request.longitude, request.altitude)
     if request.p1 == 1.0:
-        pilot.set_home()
+        pilot.home.set_here()
     elif all(map(math.isfinite, place)):
-        pilot.home = place
+        pilot.home.place = place
     else:
         return DENIED
     return ACCEPTED
@@ -212,7 +216,7 @@ def _check(pilot: SimPx4, _command: CommandRequest) -> int:
     """RUN_PREARM_CHECKS: send the reasons against arming at once."""
     if pilot.armed:
         return TEMPORARILY_REJECTED
-    for refusal in pilot.refusals(force=False):
+    for refusal in pilot.arming.refusals(force=False):
         pilot.say(CRITICAL, f"Preflight Fail: {refusal}")
     return ACCEPTED
 

@@ -45,7 +45,7 @@ class Px4Failsafes:
             self._watch_gcs()
         self._watch_battery()
         if pilot.flying:
-            pilot.watch_fence(self._broke_fence)
+            pilot.fence.watch(self._broke_fence)
         self._go_on()
 
     def over(self, *whys: str) -> bool:
@@ -84,7 +84,7 @@ class Px4Failsafes:
     def _watch_offboard(self) -> None:
         """Act by COM_OBL_RC_ACT when the setpoints stop."""
         pilot = self._pilot
-        if pilot.mode.name == "OFFBOARD" and not pilot.stream_alive:
+        if pilot.mode.name == "OFFBOARD" and not pilot.setpoints.alive:
             self._fail("offboard", _OFFBOARD_LOSS.get(int(pilot.params["COM_OBL_RC_ACT"]), "LOITER"))
 
     def _watch_position(self) -> None:

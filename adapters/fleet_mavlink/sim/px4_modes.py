@@ -26,7 +26,7 @@ def _fall(_pilot: Autopilot) -> Manoeuvre:
 
 def _home(pilot: Autopilot) -> Manoeuvre:
     """Climb into a cone of 45 degrees around home, at most RTL_RETURN_ALT above it."""
-    north, east, _ = pilot.home_ned()
+    north, east, _ = pilot.home.ned()
     flat = max(abs(pilot.body.north - north), abs(pilot.body.east - east))
     height = min(pilot.params["RTL_RETURN_ALT"], max(_CONE_MIN, flat + _CONE_MIN))
     return Return(pilot, height, 0.0)

@@ -20,16 +20,18 @@ from fleet_mavlink.sim.command_request import (
 from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import TAKING_OFF, Idle, Manoeuvre
 from fleet_mavlink.sim.modes import FlightMode
+from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.physics import Agility
 from fleet_mavlink.sim.plane_mission import WingedMission
 from fleet_mavlink.sim.plane_moves import CircleDown, CircleManoeuvre, RunwayTakeoff
 from fleet_mavlink.sim.px4 import SimPx4
 from fleet_mavlink.sim.px4_commands import COMMANDS as COPTERS
 from fleet_mavlink.sim.px4_modes import MODES as COPTER_MODES
-from fleet_mavlink.sim.px4_takeoff import Px4Takeoff
+from fleet_mavlink.sim.px4_offboard import Px4Offboard
+from fleet_mavlink.sim.px4_takeoff import Px4LandDetector, Px4Takeoff, Px4TakeoffControl
 from fleet_mavlink.sim.setpoints import ReceivedSetpoint
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
-from fleet_mavlink.sim.speeds import FlightSpeeds, Px4Speeds
+from fleet_mavlink.sim.speeds import Px4Speeds
 
 _LOW = 3.0  # m below its height at which it circles for a long time
 _PASSES = 25.0  # m from a position
@@ -85,7 +87,7 @@ def _home(pilot: Autopilot) -> Manoeuvre:
     """Circle over home, at RTL_RETURN_ALT or at the present height if that is greater."""
     if pilot.body.grounded:
         return Idle()
-    north, east, down = pilot.home_ned()
+    north, east, down = pilot.home.ned()
     lowest = min(pilot.body.down, down - pilot.params["RTL_RETURN_ALT"])
     return CircleManoeuvre(north, east, lowest, pilot.params["NAV_LOITER_RAD"])
 
@@ -135,13 +137,58 @@ COMMANDS: Mapping[int, CommandHandler] = {
 }
 
 
+class RunwayTakeoffControl(Px4TakeoffControl):
+    """Take-off of one PX4 fixed wing from a runway."""
+
+    def _fly(self, requested: Manoeuvre) -> None:
+        """Roll along the nose and climb to the requested height; circle in the air."""
+        pilot = self._pilot
+        if isinstance(requested, Px4Takeoff) and pilot.body.grounded:
+            pilot.say(INFO, "Takeoff on runway")
+            pilot.manoeuvre = RunwayTakeoff(pilot.frame.down_of(requested.altitude))
+        elif isinstance(requested, Px4Takeoff):
+            pilot.enter(pilot.modes["LOITER"])
+        else:
+            pilot.manoeuvre = requested
+
+
+class RunwayLandDetector(Px4LandDetector):
+    """Land detector of one PX4 fixed wing."""
+
+    @property
+    def landed(self) -> bool:
+        """True on the ground, until its roll is detected as a take-off."""
+        body = self._pilot.body
+        return body.grounded and not (self._takes_off and body.speed > _DETECTED_AT)
+
+    def state(self) -> int:
+        """Return TAKEOFF until its height is reached."""
+        return TAKING_OFF if self._takes_off and not self.landed else super().state()
+
+    @property
+    def _takes_off(self) -> bool:
+        """True during a take-off from a runway."""
+        return isinstance(self._pilot.manoeuvre, RunwayTakeoff)
+
+
+class Px4PlaneOffboard(Px4Offboard):
+    """OFFBOARD of one PX4 fixed wing: accepted without effect."""
+
+    def manoeuvre(self, setpoint: ReceivedSetpoint) -> Manoeuvre:  # noqa: ARG002 - it has no effect
+        """Keep the present manoeuvre."""
+        return self._pilot.manoeuvre
+
+
 class SimPx4Plane(SimPx4):
     """PX4 fixed wing."""
 
     vehicle_type: ClassVar[int] = int(mav.MAV_TYPE_FIXED_WING)
     commands: ClassVar[Mapping[int, CommandHandler]] = COMMANDS
     modes: ClassVar[Mapping[str, FlightMode]] = MODES
-    speeds_type: ClassVar[type[FlightSpeeds]] = Px4PlaneSpeeds
+    parts: ClassVar[Parts] = replace(
+        SimPx4.parts, speeds=Px4PlaneSpeeds, setpoints=Px4PlaneOffboard, land_detector=RunwayLandDetector
+    )
+    takeoff_control: ClassVar[type[Px4TakeoffControl]] = RunwayTakeoffControl
     agility: ClassVar[Agility] = Agility(4.0, 3.0, 1.0)
 
     @property
@@ -173,37 +220,11 @@ class SimPx4Plane(SimPx4):
         )
         return ACCEPTED
 
-    def begin_takeoff(self) -> None:
-        """Roll along the nose and climb to the requested height."""
-        requested, self.takeoff = self.takeoff, None
-        if isinstance(requested, Px4Takeoff) and self.body.grounded:
-            self.say(INFO, "Takeoff on runway")
-            self.manoeuvre = RunwayTakeoff(self.frame.down_of(requested.altitude))
-        elif isinstance(requested, Px4Takeoff):
-            self.enter(self.modes["LOITER"])
-        elif requested is not None:
-            self.manoeuvre = requested
-
-    @property
-    def landed(self) -> bool:
-        """True on the ground, until its roll is detected as a take-off."""
-        rolls = isinstance(self.manoeuvre, RunwayTakeoff) and self.body.speed > _DETECTED_AT
-        return self.body.grounded and not rolls
-
-    def landed_state(self) -> int:
-        """Return TAKEOFF until its height is reached."""
-        rolls = isinstance(self.manoeuvre, RunwayTakeoff) and not self.landed
-        return TAKING_OFF if rolls else super().landed_state()
-
-    def fly_setpoint(self, setpoint: ReceivedSetpoint) -> Manoeuvre:  # noqa: ARG002 - OFFBOARD is accepted without effect
-        """Keep the present manoeuvre."""
-        return self.manoeuvre
-
     def supervise(self) -> None:
         """Change to LOITER at the end of a take-off."""
         flown = self.manoeuvre
         if isinstance(flown, RunwayTakeoff):
-            if not self.landed and not self.left_ground:
+            if not self.land_detector.landed and not self.land_detector.left_ground:
                 self.send_text_once(INFO, "Takeoff detected")
             if flown.done:
                 self.enter(self.modes["LOITER"])

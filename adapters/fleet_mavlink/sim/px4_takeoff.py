@@ -1,11 +1,13 @@
-"""PX4's take-off: reported before the vehicle lifts off, and ended below its height."""
+"""PX4's take-off: reported before the vehicle lifts off, and ended below its height; its land detector."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
-from fleet_mavlink.sim.manoeuvres import IN_AIR, GoToManoeuvre, Takeoff
+from fleet_mavlink.sim.land_detector import LandDetector
+from fleet_mavlink.sim.manoeuvres import IN_AIR, GoToManoeuvre, Manoeuvre, Takeoff
+from fleet_mavlink.sim.speaker import INFO
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -33,17 +35,63 @@ class Px4Takeoff(Takeoff):
             self.in_air_state = IN_AIR
 
 
-def watch(pilot: SimPx4) -> None:
-    """Detect a take-off, which sets home again, and end it NAV_MC_ALT_RAD below its height."""
-    flown = pilot.manoeuvre
-    if not isinstance(flown, Px4Takeoff):
-        return
-    if not flown.detected and pilot.time >= flown.detected_at:
-        flown.detected = True
-        pilot.takeoff_detected()
-        flown.down = pilot.frame.down_of(flown.altitude)
-    if pilot.flying and pilot.body.down - flown.down <= pilot.params["NAV_MC_ALT_RAD"]:
-        pilot.takeoff_ended(GoToManoeuvre(flown.north, flown.east, flown.down, heading=flown.heading))
+class Px4TakeoffControl:
+    """Take-off of one PX4: requested, begun once the motors are armed, ended by LOITER below its height."""
+
+    def __init__(self, pilot: SimPx4) -> None:
+        self._pilot = pilot
+        self._requested: Manoeuvre | None = None
+
+    def request(self, manoeuvre: Manoeuvre) -> None:
+        """Start a take-off now, or once the motors are armed."""
+        pilot = self._pilot
+        pilot.failsafes.over()
+        self._requested = manoeuvre
+        pilot.enter(pilot.modes["TAKEOFF"])
+        if pilot.armed:
+            self.begin()
+
+    def begin(self) -> None:
+        """Start the requested take-off; its delay counts from now."""
+        requested, self._requested = self._requested, None
+        if requested is not None:
+            self._fly(requested)
+
+    def _fly(self, requested: Manoeuvre) -> None:
+        """Start a take-off, or the manoeuvre that was requested in its place."""
+        pilot = self._pilot
+        pilot.manoeuvre = (
+            Px4Takeoff(pilot, requested.altitude) if isinstance(requested, Px4Takeoff) else requested
+        )
+
+    def watch(self) -> None:
+        """Detect a take-off, which sets home again, and end it NAV_MC_ALT_RAD below its height."""
+        pilot = self._pilot
+        flown = pilot.manoeuvre
+        if not isinstance(flown, Px4Takeoff):
+            return
+        if not flown.detected and pilot.time >= flown.detected_at:
+            flown.detected = True
+            pilot.say(INFO, "Takeoff detected")
+            pilot.home.set_here()
+            flown.down = pilot.frame.down_of(flown.altitude)
+        if pilot.flying and pilot.body.down - flown.down <= pilot.params["NAV_MC_ALT_RAD"]:
+            pilot.enter(pilot.modes["LOITER"])
+            pilot.manoeuvre = GoToManoeuvre(flown.north, flown.east, flown.down, heading=flown.heading)
+
+
+class Px4LandDetector(LandDetector):
+    """Land detector of one PX4 multirotor."""
+
+    @property
+    def landed(self) -> bool:
+        """True on the ground until a take-off is detected."""
+        flown = self._pilot.manoeuvre
+        return self._pilot.body.grounded and not (isinstance(flown, Px4Takeoff) and flown.detected)
+
+    def touch_down(self) -> None:
+        """Send the text of a landing."""
+        self._pilot.say(INFO, "Landing detected")
 
 
 def wander(amplitude: float, now: float) -> float:

@@ -14,13 +14,17 @@ from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, CommandRequest, 
 from fleet_mavlink.sim.local_frame import Geo
 from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Manoeuvre
 from fleet_mavlink.sim.modes import FlightMode
+from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.plane_moves import Ahead
 from fleet_mavlink.sim.plane_physics import VtolBody
 from fleet_mavlink.sim.px4 import SimPx4
+from fleet_mavlink.sim.px4_arming import Px4Arming
 from fleet_mavlink.sim.px4_modes import MODES as COPTER_MODES
+from fleet_mavlink.sim.px4_offboard import Px4Offboard
 from fleet_mavlink.sim.px4_plane import COMMANDS as PLANES
 from fleet_mavlink.sim.px4_plane import MODES as PLANE_MODES
 from fleet_mavlink.sim.px4_plane import Px4PlaneSpeeds, SimPx4Plane
+from fleet_mavlink.sim.px4_takeoff import Px4TakeoffControl
 from fleet_mavlink.sim.setpoints import ReceivedSetpoint
 from fleet_mavlink.sim.speeds import FlightSpeeds, Px4Speeds
 from fleet_mavlink.sim.vtol_mission import HoverMission, VtolMission
@@ -41,6 +45,31 @@ def _transition(pilot: SimPx4Vtol, request: CommandRequest) -> int:
     return ACCEPTED
 
 
+class Px4VtolArming(Px4Arming):
+    """Arming checks of one PX4 VTOL."""
+
+    def __init__(self, pilot: SimPx4Vtol) -> None:
+        super().__init__(pilot)
+        self._body = pilot.body
+
+    def refusals(self, *, force: bool) -> list[str]:
+        """Return the refusals, also for standing on the ground in its forward flight state."""
+        on_wings = [] if self._body.hovers else ["Resolve system health failures first"]
+        return super().refusals(force=force) or on_wings
+
+
+class Px4VtolOffboard(Px4Offboard):
+    """OFFBOARD of one PX4 VTOL: without effect on its wings."""
+
+    def __init__(self, pilot: SimPx4Vtol) -> None:
+        super().__init__(pilot)
+        self._body = pilot.body
+
+    def manoeuvre(self, setpoint: ReceivedSetpoint) -> Manoeuvre:
+        """Follow it in hover."""
+        return super().manoeuvre(setpoint) if self._body.hovers else self._pilot.manoeuvre
+
+
 class SimPx4Vtol(SimPx4Plane):
     """PX4 standard VTOL."""
 
@@ -49,6 +78,8 @@ class SimPx4Vtol(SimPx4Plane):
     modes: ClassVar[Mapping[str, FlightMode]] = PLANE_MODES | {
         "MISSION": replace(PLANE_MODES["MISSION"], enter=VtolMission)
     }
+    parts: ClassVar[Parts] = replace(SimPx4.parts, arming=Px4VtolArming, setpoints=Px4VtolOffboard)
+    takeoff_control: ClassVar[type[Px4TakeoffControl]] = SimPx4.takeoff_control
     agility = SimPx4.agility
     slows_within: ClassVar[float] = _SLOWS_WITHIN
     body: VtolBody
@@ -70,11 +101,6 @@ class SimPx4Vtol(SimPx4Plane):
         if self._goes_over is not None:
             return TO_FORWARD if self._leaves else TO_HOVER
         return HOVERS if self.body.hovers else FORWARD
-
-    def refusals(self, *, force: bool) -> list[str]:
-        """Return the refusals, also for standing on the ground in its forward flight state."""
-        on_wings = [] if self.body.hovers else ["Resolve system health failures first"]
-        return super().refusals(force=force) or on_wings
 
     def hover(self) -> None:
         """Begin the transition to hover."""
@@ -123,23 +149,6 @@ class SimPx4Vtol(SimPx4Plane):
                 north, east, down = self.frame.ned_of(*wanted)
                 self.manoeuvre = GoToManoeuvre(north, east, down, speed=speed if speed > 0.0 else None)
         return result
-
-    def begin_takeoff(self) -> None:
-        """Take off with its rotors."""
-        SimPx4.begin_takeoff(self)
-
-    @property
-    def landed(self) -> bool:
-        """True on the ground, like a multirotor."""
-        return bool(SimPx4.landed.fget(self))  # type: ignore[attr-defined]
-
-    def landed_state(self) -> int:
-        """Return that of a multirotor."""
-        return SimPx4.landed_state(self)
-
-    def fly_setpoint(self, setpoint: ReceivedSetpoint) -> Manoeuvre:
-        """Follow it in hover."""
-        return SimPx4.fly_setpoint(self, setpoint) if self.body.hovers else super().fly_setpoint(setpoint)
 
     def supervise(self) -> None:
         """End a transition when it is due."""

@@ -12,8 +12,9 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, CommandHandler
 from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, Idle, Land, Manoeuvre, Return, Sink
 from fleet_mavlink.sim.modes import GUIDED_BASE, FlightMode
+from fleet_mavlink.sim.parts import Parts
 from fleet_mavlink.sim.plane import MODES as PLANE_MODES
-from fleet_mavlink.sim.plane import PlaneSpeeds, SimArduPlane
+from fleet_mavlink.sim.plane import PlaneArming, PlaneLandDetector, PlaneSpeeds, SimArduPlane
 from fleet_mavlink.sim.plane_moves import Ahead, CircleManoeuvre, Pass
 from fleet_mavlink.sim.plane_physics import WING_SPEED, VtolBody
 from fleet_mavlink.sim.quadplane_commands import COMMANDS
@@ -70,16 +71,49 @@ class AssistedSpeeds(PlaneSpeeds):
         return helped + _PUSHED if requested < helped + _HELPS else requested
 
 
+class QuadPlaneArming(PlaneArming):
+    """Arming checks of one QuadPlane."""
+
+    def refusals(self, *, force: bool) -> list[str]:
+        """Return the refusals, also in AUTO for a mission that does not begin with a take-off."""
+        pilot = self._pilot
+        begins = next((item.command for item in pilot.missions.items[1:] if item.command < _NAV_LAST), None)
+        missing = pilot.mode.name == "AUTO" and begins not in _TAKEOFFS and not force
+        return super().refusals(force=force) + ["AUTO missing takeoff waypoint"] * missing
+
+
+class QuadPlaneLandDetector(PlaneLandDetector):
+    """Land detector of one QuadPlane."""
+
+    def __init__(self, pilot: SimQuadPlane) -> None:
+        super().__init__(pilot)
+        self._has_landed = False  # since it started
+
+    def state(self) -> int:
+        """Return in the air also where it stands armed in GUIDED, once it has landed with its rotors."""
+        pilot = self._pilot
+        if self._has_landed and pilot.armed and pilot.mode.name == "GUIDED":
+            return int(mav.MAV_LANDED_STATE_IN_AIR)
+        return super().state()
+
+    def touch_down(self) -> None:
+        """Remember it."""
+        self._has_landed = True
+        super().touch_down()
+
+
 class SimQuadPlane(SimArduPlane):
     """ArduPlane with Q_ENABLE 1."""
 
     commands: ClassVar[Mapping[int, CommandHandler]] = COMMANDS
     modes: ClassVar[Mapping[str, FlightMode]] = MODES
+    parts: ClassVar[Parts] = replace(
+        SimArduPlane.parts, arming=QuadPlaneArming, land_detector=QuadPlaneLandDetector
+    )
     body: VtolBody
 
     def __init__(self, boot: Boot) -> None:
         self._goes_over: tuple[float, Manoeuvre] | None = None  # end of the transition, next manoeuvre
-        self._has_landed = False  # since it started
         self._hover: FlightSpeeds = HoverSpeeds(boot.params)
         self._wings: FlightSpeeds = AssistedSpeeds(boot.params)
         super().__init__(boot)
@@ -100,12 +134,6 @@ class SimQuadPlane(SimArduPlane):
         """Its stopping distance from its cruise airspeed, m."""
         return float(self.params["AIRSPEED_CRUISE"] ** 2 / (2 * self.params["Q_TRANS_DECEL"]))
 
-    def refusals(self, *, force: bool) -> list[str]:
-        """Return the refusals, also in AUTO for a mission that does not begin with a take-off."""
-        begins = next((item.command for item in self.missions.items[1:] if item.command < _NAV_LAST), None)
-        missing = self.mode.name == "AUTO" and begins not in _TAKEOFFS and not force
-        return super().refusals(force=force) + ["AUTO missing takeoff waypoint"] * missing
-
     def vtol_state(self) -> int:
         """Return its flight state; forward on the ground, too."""
         if self._goes_over is not None:
@@ -113,17 +141,6 @@ class SimQuadPlane(SimArduPlane):
         if not self.body.hovers:
             return FORWARD
         return TO_HOVER if self.body.speed > WING_SPEED else HOVERS
-
-    def landed_state(self) -> int:
-        """Return in the air also where it stands armed in GUIDED, once it has landed with its rotors."""
-        if self._has_landed and self.armed and self.mode.name == "GUIDED":
-            return int(mav.MAV_LANDED_STATE_IN_AIR)
-        return super().landed_state()
-
-    def touched_ground(self) -> None:
-        """Remember it."""
-        self._has_landed = True
-        super().touched_ground()
 
     def hover(self) -> None:
         """Hover from now on; from the speed of its wings it slows down by Q_TRANS_DECEL."""
@@ -197,7 +214,8 @@ class SimQuadPlane(SimArduPlane):
     def watch_idle(self) -> None:
         """Disarm some time after a landing."""
         by_rotors = self.mode in _BY_ROTORS or (self.runs_mission and self.body.hovers)
-        if by_rotors and self.touched_at is not None and self.time - self.touched_at > _LANDED_DISARM:
+        touched_at = self.land_detector.touched_at
+        if by_rotors and touched_at is not None and self.time - touched_at > _LANDED_DISARM:
             self.say(INFO, "Throttle disarmed")
             self.disarm()
         else:

@@ -48,15 +48,14 @@ def _reposition(pilot: SimQuadPlane, request: CommandRequest) -> int:
             pilot.go_forward(pilot.manoeuvre)
         return FAILED if result is None else result
     above = None if request.frame is None else _ABOVE_HOME.get(request.frame)
-    if above is None or pilot.home is None or not math.isfinite(request.latitude + request.longitude):
+    if above is None or pilot.home.place is None or not math.isfinite(request.latitude + request.longitude):
         return DENIED
     guided = pilot.modes["GUIDED"].custom
     if pilot.mode.name != "GUIDED" and not (whole(request.p2) & 1 and pilot.change_mode(guided)):
         return FAILED
     if pilot.flying:
-        pilot.go_to(
-            *pilot.frame.ned_of(request.latitude, request.longitude, request.altitude + above * pilot.home[2])
-        )
+        altitude = request.altitude + above * pilot.home.place[2]
+        pilot.go_to(*pilot.frame.ned_of(request.latitude, request.longitude, altitude))
     return ACCEPTED
 
 

@@ -37,7 +37,7 @@ def _arm(pilot: SimArduRover, request: CommandRequest) -> int:
         return ACCEPTED
     if pilot.armed:
         return ACCEPTED
-    refusals = pilot.refusals_to_arm(force=request.p2 == FORCE)
+    refusals = pilot.arming.refusals_to_arm(force=request.p2 == FORCE)
     for refusal in refusals:
         pilot.say(CRITICAL, f"Arm: {refusal}")
     if refusals:

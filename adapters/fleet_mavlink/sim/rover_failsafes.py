@@ -36,7 +36,7 @@ class RoverFailsafes(ArduPilotFailsafes):
             return
         self._watch_battery()
         self._watch_position()
-        pilot.watch_fence(self._broke_fence)
+        pilot.fence.watch(self._broke_fence)
 
     def _lose(self, what: str, *, lost: bool) -> None:
         """Track one loss; FS_ACTION is executed after FS_TIMEOUT, unless it holds or returns already."""

@@ -24,7 +24,7 @@ def _roll(pilot: Autopilot, item: Item) -> Manoeuvre:
 
 
 def _home(pilot: Autopilot, _item: Item) -> Manoeuvre:
-    north, east, _ = pilot.home_ned()
+    north, east, _ = pilot.home.ned()
     return DriveToPosition(north, east)
 
 

@@ -30,7 +30,7 @@ def _guided(pilot: Autopilot) -> Manoeuvre:
 
 def _home(pilot: Autopilot) -> Manoeuvre:
     """Drive home and stand there, armed."""
-    north, east, _ = pilot.home_ned()
+    north, east, _ = pilot.home.ned()
     return DriveToPosition(north, east)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,6 +34,14 @@ class ReceivedSetpoint:
         return all(math.isfinite(number) for number in numbers) and all(
             abs(speed) <= 1000.0 for speed in self.velocity or ()
         )
+
+
+class SetpointControl(ABC):
+    """Flight by setpoints: GUIDED or OFFBOARD of one vehicle."""
+
+    @abstractmethod
+    def receive(self, message: Any) -> None:
+        """Obey or ignore SET_POSITION_TARGET_LOCAL_NED or _GLOBAL_INT."""
 
 
 def setpoint_of(message: Any) -> ReceivedSetpoint:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import all as mav
 
+from fleet_mavlink.sim.manoeuvres import GoToManoeuvre, place_of
 from fleet_mavlink.sim.physics import GRAVITY
 
 if TYPE_CHECKING:
@@ -24,13 +25,13 @@ def heartbeat(pilot: Autopilot) -> object:
     """HEARTBEAT: mode, armed, and system status."""
     base = pilot.mode.base | (mav.MAV_MODE_FLAG_SAFETY_ARMED if pilot.armed else 0)
     return mav.MAVLink_heartbeat_message(
-        pilot.vehicle_type, pilot.autopilot_id, base, pilot.mode.custom, pilot.system_status(), 3
+        pilot.vehicle_type, pilot.autopilot_id, base, pilot.mode.custom, pilot.status.state(), 3
     )
 
 
 def sys_status(pilot: Autopilot) -> object:
     """SYS_STATUS: sensor health with the PREARM_CHECK bit, battery."""
-    present, enabled, health = pilot.sensors()
+    present, enabled, health = pilot.status.sensors()
     battery = pilot.battery
     return mav.MAVLink_sys_status_message(
         present,
@@ -46,7 +47,7 @@ def sys_status(pilot: Autopilot) -> object:
 
 def gps_raw_int(pilot: Autopilot) -> object:
     """GPS_RAW_INT: measurement of the receiver, with noise."""
-    lost, loss = pilot.gps.lost_for, pilot.loss
+    lost, loss = pilot.gps.lost_for, pilot.gps.profile.loss
     if lost is not None and lost >= loss.shown:
         place = tuple(int(each * scale) for each, scale in zip(pilot.geo(), (1e7, 1e7, 1e3), strict=True))
         return mav.MAVLink_gps_raw_int_message(
@@ -61,7 +62,7 @@ def gps_raw_int(pilot: Autopilot) -> object:
     noise = pilot.random.gauss(0.0, 1.0)
     return mav.MAVLink_gps_raw_int_message(
         pilot.uptime.us,
-        pilot.fix_type,
+        pilot.gps.profile.fix_type,
         int(latitude * 1e7 + noise),
         int(longitude * 1e7 - noise),
         int(altitude * 1000 + 20 * noise),
@@ -79,7 +80,7 @@ def gps_raw_int(pilot: Autopilot) -> object:
 
 def global_position_int(pilot: Autopilot) -> object:
     """GLOBAL_POSITION_INT: the estimate; ArduPilot sends 0/0 before it has an origin."""
-    if not pilot.origin_set:
+    if not pilot.home.known:
         return mav.MAVLink_global_position_int_message(
             pilot.uptime.ms, 0, 0, 0, 0, 0, 0, 0, _heading_cdeg(pilot)
         )
@@ -90,7 +91,7 @@ def global_position_int(pilot: Autopilot) -> object:
         int(latitude * 1e7),
         int(longitude * 1e7),
         int(altitude * 1000),
-        int(pilot.height_over_home() * 1000),
+        int(pilot.home.height() * 1000),
         int(body.vn * 100),
         int((body.ve + pilot.gps.drift.speed) * 100),
         int(body.vd * 100),
@@ -104,7 +105,7 @@ def local_position_ned(pilot: Autopilot) -> object:
     Without satellites, ArduPilot stops sending it, PX4 drifts away.
     """
     gave_up = pilot.autopilot_id == mav.MAV_AUTOPILOT_ARDUPILOTMEGA and pilot.gps.drift.speed
-    if not pilot.origin_set or gave_up:
+    if not pilot.home.known or gave_up:
         return None
     body, drift = pilot.body, pilot.gps.drift
     place = (body.north, body.east + drift.east, body.down)
@@ -178,15 +179,15 @@ def battery_status(pilot: Autopilot) -> object:
 
 def extended_sys_state(pilot: Autopilot) -> object:
     """EXTENDED_SYS_STATE: VTOL state; on the ground, taking off, in the air, landing."""
-    return mav.MAVLink_extended_sys_state_message(pilot.vtol_state(), pilot.landed_state())
+    return mav.MAVLink_extended_sys_state_message(pilot.vtol_state(), pilot.land_detector.state())
 
 
 def home_position(pilot: Autopilot) -> object:
     """HOME_POSITION: None before home is known."""
-    if pilot.home is None:
+    if pilot.home.place is None:
         return None
-    north, east, down = pilot.home_ned()
-    latitude, longitude, altitude = pilot.home
+    north, east, down = pilot.home.ned()
+    latitude, longitude, altitude = pilot.home.place
     return mav.MAVLink_home_position_message(
         int(latitude * 1e7),
         int(longitude * 1e7),
@@ -244,7 +245,7 @@ def autopilot_version(pilot: Autopilot) -> object:
 
 def gps_global_origin(pilot: Autopilot) -> object:
     """GPS_GLOBAL_ORIGIN: origin of LOCAL_POSITION_NED; None before there is one."""
-    if not pilot.origin_set:
+    if not pilot.home.known:
         return None
     latitude, longitude, altitude = pilot.place
     return mav.MAVLink_gps_global_origin_message(
@@ -287,10 +288,10 @@ def esc_telemetry(pilot: Autopilot) -> object:
 
 def position_target(pilot: Autopilot) -> object:
     """POSITION_TARGET_GLOBAL_INT: target position of the vehicle, None without one."""
-    target = pilot.target()
-    if target is None:
+    flown = pilot.manoeuvre
+    if not isinstance(flown, GoToManoeuvre):
         return None
-    latitude, longitude, altitude = target
+    latitude, longitude, altitude = pilot.frame.geo_of(place_of(flown))
     return mav.MAVLink_position_target_global_int_message(
         pilot.uptime.ms, 0, 0xFDF8, int(latitude * 1e7), int(longitude * 1e7), altitude, *([0.0] * 8)
     )

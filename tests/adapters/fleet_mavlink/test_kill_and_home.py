@@ -69,7 +69,7 @@ def test_home_is_set_to_a_place_and_seen_there(run_in_sim_time, sim_flight, flav
         async with sim_flight(flavour) as it:
             await it.wait_until_known()
             await it.do("set_home_location", latitude=47.398, longitude=8.546, altitude=490.0)
-            assert it.sim.pilot.home == pytest.approx((47.398, 8.546, 490.0), abs=1e-4)
+            assert it.sim.pilot.home.place == pytest.approx((47.398, 8.546, 490.0), abs=1e-4)
             assert it.state.home.altitude == pytest.approx(490.0)
 
     run_in_sim_time(main())
@@ -81,11 +81,11 @@ def test_in_the_air_home_keeps_its_altitude(run_in_sim_time, sim_flight, flavour
         async with sim_flight(flavour) as it:
             await it.wait_until_known()
             await it.do("takeoff", altitude=5.0)
-            before = it.sim.pilot.home[2]
+            before = it.sim.pilot.home.place[2]
             with pytest.raises(Refused, match="keeps its altitude"):
                 await it.do("set_home_location", latitude=47.398, longitude=8.546, altitude=500.0)
             await it.do("set_home_location", latitude=47.398, longitude=8.546)
-            assert it.sim.pilot.home == pytest.approx((47.398, 8.546, before), abs=0.2)
+            assert it.sim.pilot.home.place == pytest.approx((47.398, 8.546, before), abs=0.2)
 
     run_in_sim_time(main())
 

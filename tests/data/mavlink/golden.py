@@ -216,12 +216,12 @@ class Flown:
             self._pass(at)
         else:
             by = at + PATIENCE
-            while self._vehicle.pilot.height_over_home() > max(down, 0.3) and self.now < by:
+            while self._vehicle.pilot.home.height() > max(down, 0.3) and self.now < by:
                 self._tick(self.STEP)
         if message.get_type().startswith("COMMAND") and message.command in FLIGHT:
             pilot = self._vehicle.pilot
             nose = math.degrees(pilot.body.heading) % 360
-            stands = message.command, pilot.height_over_home(), nose, pilot.landed_state()
+            stands = message.command, pilot.home.height(), nose, pilot.land_detector.state()
             self.seen.stands.append(stands)
         self._note(self._vehicle.handle(message, self.now))
         self._look()
@@ -249,4 +249,4 @@ class Flown:
         pilot = self._vehicle.pilot
         self.seen.change("mode", pilot.mode.custom, self.now)
         self.seen.change("armed", pilot.armed, self.now)
-        self.seen.change("landed", pilot.landed_state(), self.now)
+        self.seen.change("landed", pilot.land_detector.state(), self.now)

@@ -6,7 +6,6 @@ import pytest
 from pymavlink.dialects.v20 import all as mav
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS = 0, 2, 3, 4, 5
-HOLD_HEADING, NOSE_FREE = 0x5C7, 0xDC7
 
 
 @pytest.fixture
@@ -26,31 +25,6 @@ def test_only_heartbeats_and_texts_come_unasked(ap):
     assert 29 <= len(ap.said("HEARTBEAT")) <= 32
 
 
-def test_arming_is_refused_with_the_reason_until_the_start_is_over(bench):
-    ap = bench("ardupilot", ready_after=None)
-    ap.run(1.0)
-    assert ap.requests(400, 1) == [FAILED]
-    assert "Arm: System not initialised" in ap.texts
-
-
-def test_readiness_takes_as_long_as_the_real_one_and_depends_on_the_mode(bench):
-    ap = bench("ardupilot", ready_after=None)
-    ap.run(4)
-    ap.set_mode("GUIDED")
-    ap.run(26)
-    assert ap.pilot.home is not None
-    assert ap.requests(400, 1) == [FAILED]
-    assert "Arm: Need Position Estimate" in ap.texts
-    assert not ap.pilot.sensors()[2] & 0x10000000
-    ap.set_mode("STABILIZE")
-    ap.run(1.1)  # it checks itself once a second
-    assert ap.pilot.sensors()[2] & 0x10000000
-    ap.set_mode("GUIDED")
-    ap.run(14)
-    assert ap.pilot.sensors()[2] & 0x10000000
-    assert ap.requests(400, 1) == [ACCEPTED]
-
-
 def test_the_ekf_report_shows_a_usable_position(bench):
     ap = bench("ardupilot", ready_after=10.0)
     ap.run(1)
@@ -68,14 +42,6 @@ def test_a_mode_set_during_the_start_is_reset(bench):
     assert ap.last("HEARTBEAT").custom_mode == 4
     ap.run(3)
     assert ap.mode == "STABILIZE"
-
-
-def test_prearm_reasons_are_repeated(bench):
-    ap = bench("ardupilot", faults={"not_ready": 1.0})
-    ap.run(1)
-    ap.set_mode("GUIDED")
-    ap.run(70)
-    assert ap.texts.count("PreArm: Need Position Estimate") == 2
 
 
 def test_takeoff_needs_guided_and_armed_motors(ap):
@@ -117,110 +83,6 @@ def test_motors_stop_by_themselves_without_a_takeoff(ap):
     ap.set_mode("GUIDED")
     ap.requests(400, 1)
     assert 9.5 < ap.until(lambda: not ap.pilot.armed) < 10.5
-
-
-@pytest.mark.parametrize("mode", ["RTL", "LAND", "AUTO", "BRAKE"])
-def test_some_modes_are_not_armable(ap, mode):
-    ap.run(0.2)
-    ap.set_mode(mode)
-    assert ap.requests(400, 1) == [FAILED]
-
-
-def test_the_status_goes_by_being_landed(ap):
-    ap.run(0.2)
-    ap.set_mode("GUIDED")
-    ap.requests(400, 1)
-    ap.run(1.1)
-    assert ap.last("HEARTBEAT").system_status == mav.MAV_STATE_STANDBY
-    ap.requests(22, 0, 0, 0, 0, 0, 0, 10)
-    ap.run(6)
-    assert ap.last("HEARTBEAT").system_status == mav.MAV_STATE_ACTIVE
-
-
-@pytest.mark.parametrize(("frame", "north", "east"), [(1, 4, 0), (7, 4, 0), (8, 0, 4), (9, 0, 4), (12, 0, 0)])
-def test_velocity_frames(bench, frame, north, east):
-    ap = bench("ardupilot", home=(47.0, 8.0, 400.0, 90.0))
-    ap.climb()
-    ap.stream(4, 1.0, frame=frame)
-    assert ap.body.north == pytest.approx(north, abs=0.7)
-    assert ap.body.east == pytest.approx(east, abs=0.7)
-
-
-def test_a_strafe_with_the_yaw_rate_held_keeps_the_heading(flying):
-    flying.stream(4, 0.0, 1.0, mask=HOLD_HEADING)
-    assert flying.body.east == pytest.approx(4, abs=0.7)
-    assert flying.body.heading == pytest.approx(0, abs=0.01)
-
-
-def test_a_strafe_without_yaw_chases_its_own_nose(flying):
-    flying.stream(4, 0.0, 1.0, mask=NOSE_FREE)
-    assert abs(math.remainder(flying.body.heading, math.tau)) > 0.8
-    assert flying.body.east < 3.0
-
-
-def test_wp_yaw_behavior_0_keeps_the_nose(flying):
-    flying.set_param("WP_YAW_BEHAVIOR", 0)
-    flying.stream(2, 0.0, 1.0, mask=NOSE_FREE)
-    assert flying.body.heading == pytest.approx(0, abs=0.01)
-
-
-def test_yaw_in_a_body_frame_counts_from_the_nose_at_every_message(flying):
-    flying.stream(4, 0.0, mask=0x9C7, yaw=0.5)
-    assert math.degrees(flying.body.heading) > 90
-
-
-def test_the_last_velocity_is_held_for_3_seconds(flying):
-    flying.drive(2.0, 0.0, 0.0)
-    flying.run(2.9)
-    assert flying.body.speed == pytest.approx(2.0, abs=0.05)
-    flying.run(1.5)
-    assert flying.body.speed == pytest.approx(0.0, abs=0.05)
-    assert flying.mode == "GUIDED"
-
-
-def test_speed_and_acceleration_are_limited(flying):
-    flying.stream(1, 20.0)
-    assert flying.body.speed == pytest.approx(2.5, abs=0.3)
-    flying.stream(5, 20.0)
-    assert flying.body.speed == pytest.approx(10.0, abs=0.1)
-
-
-@pytest.mark.parametrize("speed", [math.nan, 5000.0])
-def test_insane_numbers_stop_the_vehicle(flying, speed):
-    flying.stream(2, 2.0)
-    flying.stream(2, speed)
-    assert flying.body.speed < 0.05
-
-
-def test_the_force_bit_stops_the_vehicle(flying):
-    flying.stream(2, 2.0, mask=0x7C7)
-    assert flying.body.speed < 0.05
-
-
-def test_setpoints_outside_guided_are_ignored(flying):
-    flying.set_mode("BRAKE")
-    flying.stream(2, 2.0)
-    assert flying.body.speed < 0.05
-
-
-def test_a_setpoint_for_another_system_is_ignored_and_for_all_is_obeyed(flying):
-    for system, moves in ((7, False), (0, True)):
-        flying.tell(
-            mav.MAVLink_set_position_target_local_ned_message(
-                0, system, 1, 1, 0x5C7, 0, 0, 0, 2.0, 0, 0, 0, 0, 0, 0, 0
-            )
-        )
-        flying.run(1)
-        assert (flying.body.speed > 0.5) is moves
-
-
-def test_a_global_target_above_home_is_reached(flying):
-    flying.tell(
-        mav.MAVLink_set_position_target_global_int_message(
-            0, 1, 1, 6, 3576, 473979420, 85455940, 15.0, 0, 0, 0, 0, 0, 0, 0, 0
-        )
-    )
-    flying.until(lambda: abs(flying.body.north - 22.2) < 0.6 and abs(flying.height - 15) < 0.5)
 
 
 def test_reposition_needs_command_int_and_takes_relative_altitude(flying):
@@ -432,11 +294,6 @@ def test_pause_and_continue(flying):
     flying.until(lambda: flying.body.north > 58)
 
 
-def test_a_home_set_in_flight_zeroes_the_relative_altitude(flying):
-    assert flying.requests(179, 1) == [ACCEPTED]
-    assert flying.pilot.height_over_home() == pytest.approx(0, abs=0.05)
-
-
 def test_an_unknown_command_is_unsupported(ap):
     ap.run(0.2)
     assert ap.requests(34, 5) == [UNSUPPORTED]
@@ -448,24 +305,6 @@ def test_the_mode_that_it_has_is_not_entered_again(flying):
     assert flying.set_mode("GUIDED") == [ACCEPTED]
     flying.run(1)
     assert flying.body.speed > 1.5
-
-
-@pytest.mark.parametrize("moves", ["velocity", "place"])
-def test_a_setpoint_before_it_leaves_the_ground_ends_a_takeoff(ap, moves):
-    ap.run(0.2)
-    ap.set_mode("GUIDED")
-    ap.requests(400, 1)
-    assert ap.requests(22, 0, 0, 0, 0, 0, 0, 5) == [ACCEPTED]
-    if moves == "velocity":
-        ap.drive(1.0, 0.0, 0.0)
-    else:
-        ap.tell(
-            mav.MAVLink_set_position_target_global_int_message(
-                0, 1, 1, 6, 3576, 473979420, 85455940, 15.0, 0, 0, 0, 0, 0, 0, 0, 0
-            )
-        )
-    ap.run(8)
-    assert ap.body.grounded
 
 
 @pytest.mark.parametrize(("mode", "seconds"), [("LAND", 2.0), ("RTL", 11.0)])

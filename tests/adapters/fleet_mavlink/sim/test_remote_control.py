@@ -85,11 +85,11 @@ def test_ardupilot_disarms_on_the_ground(bench):
 
 
 def test_ardupilot_tells_the_receivers_health(ardupilot):
-    present, _, healthy = ardupilot.pilot.sensors()
+    present, _, healthy = ardupilot.pilot.status.sensors()
     assert present & healthy & RECEIVER
     ardupilot.vehicle.set_fault("rc_loss", 1)
     ardupilot.run(0.1)
-    present, _, healthy = ardupilot.pilot.sensors()
+    present, _, healthy = ardupilot.pilot.status.sensors()
     assert present & RECEIVER
     assert not healthy & RECEIVER
 
@@ -139,7 +139,7 @@ def test_px4_that_has_no_control_does_not_miss_it(bench):
     made.vehicle.set_fault("rc_loss", 1)
     made.run(10)
     assert made.mode == "LOITER"
-    assert not made.pilot.sensors()[0] & RECEIVER
+    assert not made.pilot.status.sensors()[0] & RECEIVER
 
 
 def test_px4_that_was_armed_without_its_control_does_not_miss_it(bench):
