@@ -228,7 +228,9 @@ class _Attempt:
     async def _settle(self) -> None:
         """Let it settle at its height above the present home; raises TimedOut if it does not."""
         vehicle, flavour = self._vehicle, self._flight.flavour
-        if await vehicle.until(self._at_height, _SETTLES_WITHIN):
+        climbs_to = self._target - await self._flight.home.altitude()  # home may have moved meanwhile
+        aims_right = abs(climbs_to - self._altitude) <= _CLOSE
+        if aims_right and await vehicle.until(self._at_height, _SETTLES_WITHIN):
             return
         await self._go()
         by = vehicle.now() + _CORRECTED_WITHIN

@@ -55,6 +55,19 @@ def test_a_home_that_is_set_again_at_the_takeoff_is_made_good(run_in_sim_time, s
     run_in_sim_time(main())
 
 
+@pytest.mark.parametrize("wait", [2.0, 4.0])
+def test_it_does_not_climb_on_to_a_height_above_the_home_before(run_in_sim_time, sim_flight, wait):
+    async def main():
+        async with sim_flight("px4", faults={"wander": 0.5}) as it:
+            await it.wait_until_known()
+            await asyncio.sleep(wait)
+            await it.do("takeoff", altitude=5.0)
+            await asyncio.sleep(5.0)
+            assert it.state.relative_altitude == pytest.approx(5.0, abs=EXACT)
+
+    run_in_sim_time(main())
+
+
 @both
 @pytest.mark.parametrize("altitude", [1.0, 5.0])
 def test_a_takeoff_to_a_limit_is_not_refused_by_it(run_in_sim_time, sim_flight, flavour, altitude):
