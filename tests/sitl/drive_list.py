@@ -204,10 +204,11 @@ async def is_stopped_by_every_word_while_it_goes(it, _other):
 
 async def another_station_drives_it_and_it_is_stopped(it, other):
     """Have it driven at 4 m/s by another station, and stop it by each word."""
+    authority = it.adapter._session.authority
     for reason in ("stop", "emergency_stop", "hover"):
         other.request(176, 1, GUIDED)
-        await it.until(lambda: mode(it) == "GUIDED", LONG)
-        it.adapter._session.authority.lost_to = ""
+        await it.until(lambda: authority.lost_to == "GUIDED", LONG)  # the second heartbeat that shows it
+        authority.lost_to = ""
         async with other.driving(4.0):
             await it.until(lambda: speed(it) > 3.0, LONG)
             before = speed(it)
