@@ -70,10 +70,21 @@ def speed(it):
     return it.state.velocity.horizontal() if it.state.velocity else 0.0
 
 
+async def becomes_ready(it):
+    """Wait until nothing stands against a take-off; an old landing plan does not, though it blocks arming."""
+    for _ in range(100):
+        answer = await it.do("check_ready")
+        if answer["ready"]:
+            return
+        await asyncio.sleep(2.0)
+    raise AssertionError(f"not ready: {[each for each in answer['checks'] if not each['ok']]}")
+
+
 async def begins_to_move(it):
     """Get ready, and go up where it flies."""
     await it.until(lambda: it.robot.is_connected and it.state.home_altitude is not None, LONG)
-    await it.until(lambda: it.state.estimator_has_position and it.state.prearm_ok, LONG)
+    if not it.state.armed:
+        await becomes_ready(it)
     await it.until(lambda: set(vehicle(it).flavour.settings) <= {"Q_GUIDED_MODE", *it.state.settings}, LONG)
     if it.state.on_the_surface:
         await it.do("arm")
