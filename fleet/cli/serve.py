@@ -30,6 +30,7 @@ from fleet.host.runtime.termination_signals import end_by_signal
 from fleet.record.child import RecorderChild
 from fleet.robot_config import MAIN
 from fleet.runtime.event_loop import run as run_loop
+from fleet.runtime.realtime import NOT_PERMITTED, prefer_loop
 from fleet.spool.state_folder import state_folder
 from fleet.supervisor.client import SupervisorClient
 
@@ -61,6 +62,8 @@ def serve(
     logs.export()
     end_logs = start_logging(logs, kept / f"{MAIN}.jsonl")
     show_log(edge.id, kept, runtime_dir())
+    if edge.realtime and not prefer_loop(os.getppid() if supervised is not None else 0):
+        out.note(f"warning: {NOT_PERMITTED}")
     try:
         run_loop(_serve(loaded, out, started, supervised, link))
     finally:

@@ -6,6 +6,8 @@ import logging
 import threading
 from collections.abc import Callable
 
+from fleet.runtime.realtime import prefer_watcher
+
 logger = logging.getLogger(__name__)
 
 PERIOD = 0.01  # s between two checks; data that the loop leaves unread for so long is read here
@@ -33,6 +35,7 @@ class FallbackReader:
 
     def _run(self) -> None:
         """Check until stopped; an error in one check must not end the thread."""
+        prefer_watcher()
         found = False
         while not self._ended.wait(BUSY if found else PERIOD):
             found = False

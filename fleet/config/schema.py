@@ -94,6 +94,11 @@ class EdgeConfig(Model):
     site: Name | None = Field(None, description="Its site in `fleet top`; edges of one site share it.")
     spool: SpoolConfig = Field(SpoolConfig(), description="State that survives the edge, on its disk.")
     history: HistoryConfig = Field(HistoryConfig(), description="Limits of the history (`fleet history`).")
+    realtime: bool = Field(
+        False,
+        description="Run the event loops of the edge and its workers with real-time priority, before all "
+        "normal programs of the computer. It needs permission: `LimitRTPRIO=2`, which `fleet service` sets.",
+    )
 
 
 class WorkflowConfig(Model):

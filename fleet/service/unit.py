@@ -18,6 +18,7 @@ from fleet.config.load import Loaded
 from fleet.config.schema import Sections
 from fleet.errors import ConfigError
 from fleet.rollout.installation import CURRENT
+from fleet.runtime.realtime import WATCHER
 from fleet.service.devices import Devices, devices_of, unsafe_names
 
 USER = GROUP = "fleet"
@@ -38,6 +39,7 @@ class ServiceSpec(msgspec.Struct, frozen=True):
 
     ``file`` is its fleet file, ``python`` the interpreter of its environment, ``writable`` the folders that
     it writes besides those created by systemd. ``of_a_pair``: the file is for two edges; this is one of them.
+    ``realtime``: its event loops ask for real-time priority.
     """
 
     edge: str
@@ -46,6 +48,7 @@ class ServiceSpec(msgspec.Struct, frozen=True):
     devices: Devices = Devices()
     writable: tuple[Path, ...] = ()
     of_a_pair: bool = False
+    realtime: bool = False
 
     @property
     def unit(self) -> str:
@@ -70,7 +73,15 @@ def spec_of(loaded: Loaded, file: Path, python: Path) -> ServiceSpec:
     """
     config = loaded.config
     pair = config.pair is not None
-    spec = ServiceSpec(config.edge.id, file, python, devices_of(loaded), _writable(config), of_a_pair=pair)
+    spec = ServiceSpec(
+        config.edge.id,
+        file,
+        python,
+        devices_of(loaded),
+        _writable(config),
+        of_a_pair=pair,
+        realtime=config.edge.realtime,
+    )
     check_paths((spec.file, spec.python, *spec.writable), unsafe_names(spec.devices))
     return spec
 
@@ -199,6 +210,8 @@ def _devices(spec: ServiceSpec) -> list[str]:
     if spec.devices.interfaces:
         lines += [f"LimitRTPRIO={REALTIME}", "LimitMEMLOCK=infinity", "RestrictRealtime=no"]
         families += " AF_CAN"
+    elif spec.realtime:
+        lines += [f"LimitRTPRIO={WATCHER}", "RestrictRealtime=no"]
     else:
         lines.append("RestrictRealtime=yes")
     return ["DevicePolicy=closed", *lines, f"RestrictAddressFamilies={families}"]

@@ -6,6 +6,8 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable
 
+from fleet.runtime.realtime import prefer_watcher
+
 NAME = "fleet-call"
 HALT_WAIT = 0.02  # s that one robot's halt may delay the next one
 
@@ -15,7 +17,12 @@ def run_in_thread(call: Callable[[], None], *, wait: float = 0.0) -> None:
 
     If no thread can be started, the call is made here. ``call`` must not raise.
     """
-    thread = threading.Thread(target=call, name=NAME, daemon=True)
+
+    def make() -> None:
+        prefer_watcher()
+        call()
+
+    thread = threading.Thread(target=make, name=NAME, daemon=True)
     try:
         thread.start()
     except RuntimeError:

@@ -18,6 +18,7 @@ from fleet.clock import Clock
 from fleet.host.runtime.loop_monitor import LoopSilence
 from fleet.host.runtime.threads import HALT_WAIT, call_sequentially, run_in_thread
 from fleet.host.safety.deadman import DeadMan
+from fleet.runtime.realtime import prefer_watcher
 
 log = logging.getLogger(__name__)
 
@@ -110,6 +111,7 @@ class Watchdog:
 
     def _run(self) -> None:
         """Check until the end."""
+        prefer_watcher()
         patience = PERIOD
         while not self._ended.wait(patience):
             patience = PERIOD

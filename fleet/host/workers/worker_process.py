@@ -39,6 +39,7 @@ from fleet.host.workers.holding import HoldService
 from fleet.host.workers.reload import RELOADED, Reload
 from fleet.host.workers.worker_task import Importer, WorkerTask, read_task, task_of
 from fleet.runtime.event_loop import run as run_loop
+from fleet.runtime.realtime import NOT_PERMITTED, prefer_loop
 from fleet.supervisor.client import connect_supervisor
 
 log = logging.getLogger(__name__)
@@ -137,6 +138,8 @@ def main() -> int:
             task = read_task(sys.stdin.buffer.read())
         else:
             task = task_of(load(given.config, partial=True), given.name)
+        if task.realtime and not prefer_loop():
+            log.warning(NOT_PERMITTED)
         return run_loop(run(task, given.directory or runtime_dir(), given.parent))
     except FleetError as error:
         log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback

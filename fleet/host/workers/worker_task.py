@@ -45,7 +45,7 @@ class WorkerTask(msgspec.Struct, frozen=True):
     ``state``: the edge's folder of persistent state, with a ``history`` of these bounds; ``settle``: seconds
     to wait for other edges' claims; ``folder``: base of relative paths; ``names``: all robots of the edge;
     ``partners``: the other edges' robots by name, with their edge; ``held``: robots of this worker that a
-    stop input stops.
+    stop input stops; ``realtime``: whether its event loop is to have real-time priority.
     """
 
     worker: str
@@ -61,6 +61,7 @@ class WorkerTask(msgspec.Struct, frozen=True):
     held: tuple[str, ...] = ()
     site: GeoOrigin | None = None
     partners: dict[str, str] = {}
+    realtime: bool = False
 
 
 def task_of(loaded: Loaded, worker: str) -> WorkerTask:
@@ -82,6 +83,7 @@ def task_of(loaded: Loaded, worker: str) -> WorkerTask:
         held=robots_of(config.stop_inputs, config.members, (robot.name for robot in robots)),
         site=GeoOrigin(*origin) if origin else None,
         partners=partner_robots(config),
+        realtime=config.edge.realtime,
     )
 
 

@@ -7,6 +7,7 @@ import subprocess
 import threading
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from fleet.config.load import load
@@ -73,6 +74,12 @@ def test_can_and_real_time_are_open_for_robots_on_can_alone():
     assert settings(WITH_ALL)["LimitRTPRIO"] == ["40"]
     assert "AF_CAN" not in settings(PLAIN)["RestrictAddressFamilies"][0]
     assert settings(PLAIN)["RestrictRealtime"] == ["yes"]
+
+
+def test_real_time_is_permitted_where_the_file_asks_for_it():
+    asking = settings(msgspec.structs.replace(PLAIN, realtime=True))
+    assert (asking["LimitRTPRIO"], asking["RestrictRealtime"]) == (["2"], ["no"])
+    assert settings(msgspec.structs.replace(WITH_ALL, realtime=True))["LimitRTPRIO"] == ["40"]
 
 
 def test_it_runs_as_a_user_of_its_own_without_new_privileges():
