@@ -1,7 +1,7 @@
 """Real-time priority for the event loop, and for the threads that act while the loop is stuck (sched(7)).
 
 A thread of the normal policy that becomes runnable can wait for the rest of another one's time slice: with
-50 drones on two processors, one velocity in a hundred was written 4.0 ms after the cloud's command, and 1.6
+50 drones on two processors, one velocity in a hundred was written 4.0 ms after the cloud's command, and 2.6
 ms with real-time priority. Only a file that asks for it gets it (``edge.realtime``), since the loop then
 precedes every normal program of the computer.
 """

@@ -17,6 +17,7 @@ import msgspec
 
 from fleet.errors import StateError
 from fleet.link.base import Address
+from fleet.runtime.realtime import prefer_watcher
 from fleet.supervisor import protocol
 from fleet.supervisor.protocol import (
     LONGEST,
@@ -189,6 +190,7 @@ class SupervisorClient:
     def _run(self) -> None:
         """Body of the receiving thread: read messages, and send heartbeats."""
         assert self._sock is not None
+        prefer_watcher()
         while not self._closed.is_set():
             try:
                 data = self._sock.recv(LONGEST)

@@ -34,6 +34,7 @@ from fleet.host.runtime.watchdog import Watched
 from fleet.host.safety.deadman import DeadMan
 from fleet.host.safety.emergency_stop import EmergencyStopLatch
 from fleet.runtime.decoding import decode_json
+from fleet.runtime.realtime import prefer_watcher
 
 log = logging.getLogger(__name__)
 
@@ -101,6 +102,7 @@ class StopInput:
 
     def _run(self) -> None:
         """Open the device and listen; start again after any failure."""
+        prefer_watcher()
         while not self._ended.is_set():
             try:
                 self._listen_once()
